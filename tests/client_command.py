@@ -13,12 +13,12 @@ from tests.gateway_process import Served
 class Helios:
     """The command, against one gateway."""
 
-    def __init__(self, house: Served, capsys: pytest.CaptureFixture[str]) -> None:
-        self.house, self._capsys = house, capsys
+    def __init__(self, gateway: Served, capsys: pytest.CaptureFixture[str]) -> None:
+        self.gateway, self._capsys = gateway, capsys
         self.error = ""
 
     def __call__(self, *args: str, status: int = 0) -> str:
-        assert run([*args, "--port", str(self.house.port)]) == status
+        assert run([*args, "--port", str(self.gateway.port)]) == status
         said = self._capsys.readouterr()
         self.error = said.err
         return said.out

@@ -14,7 +14,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.topics import TASK, status_topic
 
-from tests.house import House
+from tests.stack import Stack
 
 
 @dataclass(frozen=True)
@@ -81,21 +81,21 @@ class _Witness:
 
 
 def restarted(
-    house: House,
+    stack: Stack,
     bus: Bus,
     task_id: str,
     within_s: float,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> Restart:
     """Kill the planner in the middle of a task, and wait until it has acted again."""
-    pid = house.pid("planner")
+    pid = stack.pid("planner")
     witness = _Witness(bus, task_id, pid)
     started_s = None
     try:
         killed_s = time.time()
         os.kill(pid, signal.SIGKILL)
         while not witness.acted.wait(0.02):
-            if started_s is None and house.pid("planner") not in (pid, 0):
+            if started_s is None and stack.pid("planner") not in (pid, 0):
                 started_s = time.time()
             meanwhile()
             assert time.time() - killed_s < within_s, f"it did not go on within {within_s:g} s"

@@ -82,9 +82,15 @@ class Hosted:
         assert a.world_epoch == b.world_epoch == c.world_epoch
 
     def test_the_bus_tells_the_drivers_state(self, rig: Rig, host: Host) -> None:
-        told, own = state_from_proto(host.state()), rig.driver.state()
-        np.testing.assert_allclose(told.T_world_base, own.T_world_base, atol=rig.tolerance_m / 5)
-        assert (told.held, told.stopped, told.moving) == (own.held, own.stopped, False)
+        published, own = state_from_proto(host.state()), rig.driver.state()
+        np.testing.assert_allclose(
+            published.T_world_base, own.T_world_base, atol=rig.tolerance_m / 5
+        )
+        assert (published.held, published.stopped, published.moving) == (
+            own.held,
+            own.stopped,
+            False,
+        )
 
     def test_state_and_keyframes_name_the_drivers_origin(self, rig: Rig, host: Host) -> None:
         own = rig.driver.state().origin_id

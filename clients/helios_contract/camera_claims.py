@@ -25,10 +25,10 @@ class CameraClaims:
         check_capture(rig.driver.capture())
 
     def test_the_calibration_is_the_one_described(self, rig: Rig) -> None:
-        seen, told = rig.driver.capture().camera, rig.robot.camera
-        assert (seen.width, seen.height) == (told.width, told.height)
-        assert seen.fx == pytest.approx(told.fx, rel=0.02)
-        assert seen.fy == pytest.approx(told.fy, rel=0.02)
+        seen, described = rig.driver.capture().camera, rig.robot.camera
+        assert (seen.width, seen.height) == (described.width, described.height)
+        assert seen.fx == pytest.approx(described.fx, rel=0.02)
+        assert seen.fy == pytest.approx(described.fy, rel=0.02)
 
     def test_depth_is_metres_with_0_where_there_is_none(self, rig: Rig) -> None:
         depth_m = rig.driver.capture().depth_m

@@ -138,13 +138,13 @@ class DetectorContract(BackEndContract[DetectorBench]):
         if not bench.deterministic:
             pytest.skip("it is said to be not deterministic")
         for frame in views(bench.pictures):
-            assert _told(_found(bench, frame)) == _told(_found(bench, frame))
+            assert _as_list(_found(bench, frame)) == _as_list(_found(bench, frame))
 
     def test_two_threads_at_once_get_what_one_gets(self, bench: DetectorBench) -> None:
         frames = views(bench.pictures) * 4
-        alone = [_told(_found(bench, frame)) for frame in frames]
+        alone = [_as_list(_found(bench, frame)) for frame in frames]
         with ThreadPoolExecutor(2) as pool:
-            together = list(pool.map(lambda frame: _told(_found(bench, frame)), frames))
+            together = list(pool.map(lambda frame: _as_list(_found(bench, frame)), frames))
         if bench.deterministic:
             assert together == alone
 
@@ -172,7 +172,7 @@ def _detections(bench: DetectorBench) -> Iterator[tuple[Frame, Detection]]:
             yield frame, d
 
 
-def _told(found: Findings) -> list[object]:
+def _as_list(found: Findings) -> list[object]:
     """The findings as what can be compared."""
     things = [(d.class_name, d.score, d.box_xyxy, d.mask.tobytes()) for d in found.detections]
     return [things, [(s.class_name, s.score) for s in found.seen]]

@@ -118,13 +118,13 @@ def report(
     if out is None and len(folders) > 1:
         raise UsageError("of several folders one report is written elsewhere: give --out FOLDER")
     into = out or folders[0]
-    records, told = merge_runs.episodes(folders), merge_runs.run(folders)
+    records, description = merge_runs.episodes(folders), merge_runs.run(folders)
     with run_folder.writing(into):
         if out is not None and records:
-            merge_runs.pack(out, records, told)
+            merge_runs.pack(out, records, description)
             records = read(out)  # what is reported is what can be reported anew
-        write_report_of(into, records, told)
-        results.write(into, records, results.picks_in(told))
+        write_report_of(into, records, description)
+        results.write(into, records, results.picks_in(description))
     print(f"written to {into / 'report.md'} and {into / 'report.html'}")
 
 

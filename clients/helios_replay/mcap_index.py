@@ -186,7 +186,7 @@ class _Reader:
 
         self.contexts = [Sought(s.context, moved(s.before)) for s in self.contexts]
         self.states = {moved(before): state for before, state in self.states.items()}
-        self.retired = [(told, moved(before)) for told, before in self.retired]
+        self.retired = [(retirement, moved(before)) for retirement, before in self.retired]
         self.keys = [self.keys[i] for i in kept]
 
     def forget_lost_searches(self) -> None:
@@ -231,9 +231,9 @@ def _retirements(reader: _Reader) -> list[Retirement]:
     is the last one that is."""
     order = {frame_id_from_proto(key.head.id): i for i, key in enumerate(reader.keys)}
     out: list[Retirement] = []
-    for told, before in reader.retired:
-        after = order.get(frame_id_from_proto(told.after), before - 1)
-        out.append(Retirement(told.request, max(after, out[-1].after if out else -1)))
+    for retirement, before in reader.retired:
+        after = order.get(frame_id_from_proto(retirement.after), before - 1)
+        out.append(Retirement(retirement.request, max(after, out[-1].after if out else -1)))
     return out
 
 

@@ -145,11 +145,11 @@ class RosBag(Images):
                 for t in message.transforms:
                     _add(poses, t.header, t.child_frame_id, t.transform, is_static)
         if "pose" in named:
-            connection, told = self._one("pose", named, POSES, (), ()), Poses()
+            connection, stored = self._one("pose", named, POSES, (), ()), Poses()
             for _, message in self._messages([connection]):
                 child = str(getattr(message, "child_frame_id", "")) or camera
-                _add(told, message.header, child, _pose(message), False)
-            poses.replace(told)
+                _add(stored, message.header, child, _pose(message), False)
+            poses.replace(stored)
         elif not tf:
             raise InvalidInput(
                 f"{self._path} has neither tf nor a named topic of poses; give --topics "

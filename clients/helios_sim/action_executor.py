@@ -108,7 +108,7 @@ class ActionExecutor:
         point = self._senses.true_point_m(believed_m)
         near = self._manipulation.within_grasp(point)
         try:
-            thing = self._manipulation.pick(point, _told(believed_m))
+            thing = self._manipulation.pick(point, _text(believed_m))
         except CannotDo as why:
             self._tracker.pick_tried(class_name, near, "", str(why))
             return Outcome(ActionResult(False, str(why)))
@@ -122,7 +122,7 @@ class ActionExecutor:
         self._pause()
         point = self._senses.true_point_m(believed_m)
         try:
-            thing, rest = self._manipulation.place(point, _told(believed_m))
+            thing, rest = self._manipulation.place(point, _text(believed_m))
         except CannotDo as why:
             self._tracker.place_tried(self.held_name, None, str(why))
             return Outcome(ActionResult(False, str(why)))
@@ -149,5 +149,5 @@ def _asked(stop_asked: Callable[[], str | None]) -> Callable[[], bool]:
     return lambda: stop_asked() is not None
 
 
-def _told(point: Point) -> str:
+def _text(point: Point) -> str:
     return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"

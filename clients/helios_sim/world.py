@@ -87,8 +87,10 @@ class World(RobotDriver):
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._settle()
         movable = [int(model.body(thing.name).id) for thing in home.objects]
-        self._senses = RobotSensors(model, self._data, robot, camera, home, movable, sensor)
-        self._deeds = ActionExecutor(model, self._data, robot, home, self._senses, self._tracker)
+        self._sensors = RobotSensors(model, self._data, robot, camera, home, movable, sensor)
+        self._executor = ActionExecutor(
+            model, self._data, robot, home, self._sensors, self._tracker
+        )
 
     # --- what a driver offers -----------------------------------------------------------------
     def describe(self) -> RobotDescription:
@@ -99,9 +101,9 @@ class World(RobotDriver):
         with self._stop_lock:
             reason = self._stop_reason
         return RobotState(
-            T_world_base=self._senses.T_world_base,
+            T_world_base=self._sensors.T_world_base,
             tilt_rad=float(self._data.qpos[self._robot.tilt_qpos]),
-            held=self._deeds.held_as,
+            held=self._executor.held_as,
             stopped=reason is not None,
             world_epoch=0,
             robot_boot_id=self._boot_id,
@@ -110,7 +112,7 @@ class World(RobotDriver):
 
     def capture(self) -> Capture:
         """RGB and depth of one pass, with the stamp of simulated time."""
-        return self._senses.capture(self._deeds.on)
+        return self._sensors.capture(self._executor.on)
 
     def act(self, action: Action, action_id: str) -> ActionResult:
         """Do it once; the same id again is answered from memory. A refusal is not remembered."""
@@ -121,9 +123,9 @@ class World(RobotDriver):
         why_not = self._refusal(action)
         if why_not:
             return ActionResult(False, why_not, steps=self.progress.steps)
-        outcome = self._deeds.do(action, lambda: self._stop_reason)
+        outcome = self._executor.do(action, lambda: self._stop_reason)
         self._measure(outcome)
-        moved_m, turned_rad = self._senses.feel_motion()
+        moved_m, turned_rad = self._sensors.feel_motion()
         result = replace(outcome.result, collided=bool(outcome.touched), steps=self.progress.steps)
         if isinstance(action, Forward | Turn):
             result = replace(result, moved_m=moved_m, turned_rad=turned_rad)
@@ -143,7 +145,7 @@ class World(RobotDriver):
 
     def close(self) -> None:
         """Give the graphics back; from the thread that made the world."""
-        self._senses.close()
+        self._sensors.close()
 
     # --- the truth ----------------------------------------------------------------------------
     @property
@@ -169,7 +171,7 @@ class World(RobotDriver):
     @property
     def held_name(self) -> str:
         """Body that the gripper holds; empty: none."""
-        return self._deeds.held_name
+        return self._executor.held_name
 
     def position_m(self, name: str) -> NDArray[np.float64]:
         """Where a body of the home is now [3]; the middle of a graspable thing's box."""
@@ -177,7 +179,7 @@ class World(RobotDriver):
 
     def things(self) -> tuple[TrueThing, ...]:
         """All furniture and movable things as they are now."""
-        return tuple(things_now(self._home, self._data, self._deeds.on))
+        return tuple(things_now(self._home, self._data, self._executor.on))
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -191,7 +193,7 @@ class World(RobotDriver):
     @property
     def T_believed_true(self) -> Matrix:
         """Takes points of the true world to where the robot believes them now [4, 4]."""
-        return self._senses.T_believed_true
+        return self._sensors.T_believed_true
 
     @property
     def trajectory_m(self) -> NDArray[np.float64]:
@@ -200,7 +202,7 @@ class World(RobotDriver):
 
     def segmentation(self, stamp_ns: int) -> Segmentation:
         """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
-        return self._senses.segmentation(stamp_ns)
+        return self._sensors.segmentation(stamp_ns)
 
     # --- actions ------------------------------------------------------------------------------
     def _refusal(self, action: Action) -> str:
@@ -216,14 +218,14 @@ class World(RobotDriver):
         asked = self._tracker.in_question((x, y), self.held_name)
         coverage: dict[str, float] = {}
         if asked:
-            ids = self._senses.bodies_in_view()
+            ids = self._sensors.bodies_in_view()
             counts = np.bincount(ids.ravel(), minlength=len(self._names)) / ids.size
             coverage = {name: float(counts[self._names.index(name)]) for name in asked}
         self._tracker.note(
             (x, y),
             coverage,
             self.held_name,
-            outcome.touched | self._deeds.touching(),
+            outcome.touched | self._executor.touching(),
             outcome.result.moved_m,
             outcome.released,
         )

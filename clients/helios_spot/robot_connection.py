@@ -86,8 +86,8 @@ class Link:
             state = self.client("robot-state").get_robot_state(timeout=self.settings.rpc_timeout_s)
             skew_s = self.robot.time_sync.endpoint.clock_skew.ToNanoseconds() / 1e9
         stamp_s = state.kinematic_state.acquisition_timestamp.ToNanoseconds() / 1e9
-        told_s = stamp_s - skew_s
-        off_s = told_s - min(max(told_s, before_s), time.time())  # 0 between question and answer
+        robot_s = stamp_s - skew_s
+        off_s = robot_s - min(max(robot_s, before_s), time.time())  # 0 between question and answer
         if stamp_s and abs(off_s) > CLOCK_SLACK_S:
             self._compare_clocks()
             raise Unavailable(

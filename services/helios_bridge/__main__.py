@@ -23,16 +23,18 @@ log = logging.getLogger(__name__)
 class RobotHost:
     """The bridge, from the moment its robot can be reached."""
 
-    def __init__(self, bus: Bus, health: Health, settings: Settings, crew: DriverExecutor) -> None:
+    def __init__(
+        self, bus: Bus, health: Health, settings: Settings, executor: DriverExecutor
+    ) -> None:
         self._ending = threading.Event()
-        self._crew = crew
+        self._executor = executor
         self._service: BridgeService | None = None
         driver = load_driver(settings, bus)  # wrong settings end the process here
 
         def connect() -> None:
             while not self._ending.is_set():
                 try:
-                    service = BridgeService(bus, driver, settings, health, crew=crew)
+                    service = BridgeService(bus, driver, settings, health, executor=executor)
                 except Unavailable as error:
                     health.waiting(f"the robot cannot be reached: {error.message}")
                     self._ending.wait(0.3)
@@ -49,22 +51,22 @@ class RobotHost:
                     service.start()
                 return
 
-        crew.start("connect", connect)
+        executor.start("connect", connect)
 
     def close(self) -> None:
         self._ending.set()
         if self._service is None:  # it may be about to be
-            self._crew.wait(END_WITHIN_S)
+            self._executor.wait(END_WITHIN_S)
         if self._service is not None:
             self._service.close()
 
 
 def main() -> int:
-    settings, crew = Settings.load(), DriverExecutor()
+    settings, executor = Settings.load(), DriverExecutor()
     status = run_service(
-        "bridge", settings, lambda bus, health: RobotHost(bus, health, settings, crew)
+        "bridge", settings, lambda bus, health: RobotHost(bus, health, settings, executor)
     )
-    if hanging := crew.wait(0.0):
+    if hanging := executor.wait(0.0):
         log.error("left behind, for the driver does not return: %s", ", ".join(hanging))
         logging.shutdown()
         os._exit(status or 1)

@@ -19,7 +19,7 @@ class ActionLog:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._results: OrderedDict[str, Future[pb.ActionResult]] = OrderedDict()
-        self._deeds: OrderedDict[str, ActionResult] = OrderedDict()
+        self._robot_results: OrderedDict[str, ActionResult] = OrderedDict()
         self.last_id = ""  # of the newest deed
 
     def once(self, action_id: str, do: Callable[[], pb.ActionResult]) -> pb.ActionResult:
@@ -46,13 +46,13 @@ class ActionLog:
         mine.set_result(result)
         return result
 
-    def deed(self, action_id: str, do: Callable[[], ActionResult]) -> ActionResult:
+    def robot_result(self, action_id: str, do: Callable[[], ActionResult]) -> ActionResult:
         """What the robot did, by `do` unless it did it before: what comes after a deed may fail,
         and be asked for again, without moving the robot twice."""
-        done = self._deeds.get(action_id)
+        done = self._robot_results.get(action_id)
         if done is None:
-            done = self._deeds[action_id] = do()
+            done = self._robot_results[action_id] = do()
             self.last_id = action_id
-            while len(self._deeds) > REMEMBERED:
-                self._deeds.popitem(last=False)
+            while len(self._robot_results) > REMEMBERED:
+                self._robot_results.popitem(last=False)
         return done

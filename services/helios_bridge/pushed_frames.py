@@ -95,7 +95,7 @@ class PushedFrameQueue:
         self,
         bus: Bus,
         driver: PushDriver,
-        lookout: FramePublisher,
+        publisher: FramePublisher,
         acks: KeyframeAcks,
         turn: threading.Lock,
         estimated_depth: bool,
@@ -103,7 +103,7 @@ class PushedFrameQueue:
     ) -> None:
         """turn: whoever holds it uses the driver. threshold: detector confidence from which what is
         looked for counts."""
-        self._bus, self._driver, self._lookout, self._acks = bus, driver, lookout, acks
+        self._bus, self._driver, self._publisher, self._acks = bus, driver, publisher, acks
         self._turn = turn
         self._estimated_depth, self._threshold = estimated_depth, threshold
         self._classes: tuple[str, ...] = ()
@@ -111,7 +111,7 @@ class PushedFrameQueue:
         self._sought = threading.Event()  # something is looked for
         bus.subscribe(CONTEXT, lambda _: self._sought.set())
 
-    def push(self, request: pb.PushRequest, told: Callable[[], None]) -> pb.PushReply:
+    def push(self, request: pb.PushRequest, publish_state: Callable[[], None]) -> pb.PushReply:
         """Make a keyframe of it and wait for the maps' answers. told: called when the state has
         changed.
 
@@ -134,11 +134,11 @@ class PushedFrameQueue:
             self._driver.offer(capture, *world)
             if world != self._world:  # the maps change worlds when the robot says so
                 self._world = world
-                told()
-            taken = self._lookout.take(keyframe=True)
+                publish_state()
+            taken = self._publisher.take(keyframe=True)
         finally:
             self._turn.release()
-        told()
+        publish_state()
         wanted = full_names(MapPart if self._sought.is_set() else {MapPart.OCCUPANCY})
         left_s = max(0.0, deadline_s - time.monotonic())
         missing = self._acks.wait(taken, wanted, left_s)

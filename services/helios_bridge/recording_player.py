@@ -33,7 +33,7 @@ class RecordingPlayer:
         self,
         bus: Bus,
         driver: RobotDriver,
-        lookout: FramePublisher,
+        publisher: FramePublisher,
         turn: threading.Lock,
         health: BridgeHealth,
         brings_contexts: bool,
@@ -41,7 +41,7 @@ class RecordingPlayer:
     ) -> None:
         """turn: whoever holds it uses the driver. brings_contexts: the recording says itself what
         is looked for; else it waits until somebody does. strict: see the module."""
-        self._driver, self._lookout, self._turn, self._health = driver, lookout, turn, health
+        self._driver, self._publisher, self._turn, self._health = driver, publisher, turn, health
         self._strict = strict
         self._ready: set[str] = set()
         self._context_known = threading.Event()
@@ -50,7 +50,7 @@ class RecordingPlayer:
         bus.subscribe(CONTEXT, lambda _: self._context_known.set())
         bus.subscribe(ANY_STATUS, self._note)
 
-    def run(self, ending: threading.Event, told: Callable[[], None]) -> None:
+    def run(self, ending: threading.Event, publish_state: Callable[[], None]) -> None:
         """Until the recording or the bridge ends. told: called when the state has changed."""
         while not (self._context_known.is_set() and self._ready >= VIEWERS):
             missing = ", ".join(sorted(VIEWERS - self._ready))
@@ -64,7 +64,7 @@ class RecordingPlayer:
             try:
                 with self._turn:
                     self._driver.act(Observe(), f"play-{shot}")
-                    self._lookout.look(keyframe=True)
+                    self._publisher.look(keyframe=True)
             except EndOfRecording:
                 break
             except InvalidInput as error:
@@ -83,10 +83,10 @@ class RecordingPlayer:
                 log.exception("a keyframe could not be made")
                 self._fail(f"the bridge failed ({type(error).__name__}: {error})")
                 return
-            told()
+            publish_state()
         if unreadable:
             self._health.ready(f"some frames were left out, the last: {unreadable}")
-        told()
+        publish_state()
 
     def _fail(self, why: str) -> None:
         log.error("the recording cannot go on: %s", why)

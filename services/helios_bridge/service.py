@@ -74,11 +74,11 @@ class BridgeService:
         settings: Settings,
         health: Health,
         first_number: int | None = None,
-        crew: DriverExecutor | None = None,
+        executor: DriverExecutor | None = None,
     ) -> None:
         """`first_number`: where frame and lease numbers start; they must rise from one start of the
         bridge to the next while the robot stays up, so by default they start at the clock's.
-        `crew`: whose threads use the driver. Raises InvalidInput when the driver describes a robot
+        `executor`: whose threads use the driver. Raises InvalidInput when the driver describes a robot
         that there can't be."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._settings = bus, settings
@@ -93,22 +93,24 @@ class BridgeService:
         self._stops = 0
         self._stop_late = False
         self._ending = threading.Event()
-        self._crew = crew or DriverExecutor()
+        self._executor = executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # as every service will check it
-        self._lookout = FramePublisher(bus, self._driver, settings, self._health, self._acks, first)
+        self._publisher = FramePublisher(
+            bus, self._driver, settings, self._health, self._acks, first
+        )
         self._player: RecordingPlayer | None = None
-        self._desk: PushedFrameQueue | None = None
+        self._push_queue: PushedFrameQueue | None = None
         if isinstance(driver, PushDriver):
-            self._desk = PushedFrameQueue(
-                bus, driver, self._lookout, self._acks, self._turn,
+            self._push_queue = PushedFrameQueue(
+                bus, driver, self._publisher, self._acks, self._turn,
                 settings.depth == "estimated", settings.watch_threshold,
             )  # fmt: skip
         elif not self._description.can_move and settings.autoplay:
             self._player = RecordingPlayer(
-                bus, self._driver, self._lookout, self._turn, self._health,
+                bus, self._driver, self._publisher, self._turn, self._health,
                 settings.contexts, settings.strict,
             )  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description)
@@ -124,14 +126,14 @@ class BridgeService:
 
     def start(self) -> None:
         """Start streaming, playing and watching. Without it the bridge acts only when asked."""
-        self._crew.start("watchdog", self._watchdog)
+        self._executor.start("watchdog", self._watchdog)
         player = self._player
         if player is not None:
-            self._crew.start("play", lambda: player.run(self._ending, self._publish_state))
-        elif self._desk is None and self._settings.stream_hz > 0:
-            self._crew.start("stream", self._stream)
+            self._executor.start("play", lambda: player.run(self._ending, self._publish_state))
+        elif self._push_queue is None and self._settings.stream_hz > 0:
+            self._executor.start("stream", self._stream)
         self._publish_state()
-        self._health.ready("waits for frames: POST /v1/frames" if self._desk else "")
+        self._health.ready("waits for frames: POST /v1/frames" if self._push_queue else "")
 
     # --- methods ------------------------------------------------------------------------------
     def lease(self, request: pb.LeaseRequest) -> pb.LeaseReply:
@@ -169,7 +171,7 @@ class BridgeService:
             self._stops += 1
             log.warning("stopped: %s", self._stopped_why)
             if not self._stop_hangs():
-                self._stop_call = self._crew.begin("stop", self._stop)
+                self._stop_call = self._executor.begin("stop", self._stop)
             call = self._stop_call
         assert call is not None
         futures.wait((call,), self._settings.stop_timeout_s)
@@ -203,9 +205,9 @@ class BridgeService:
         return pb.Empty()
 
     def push(self, request: pb.PushRequest) -> pb.PushReply:
-        if self._desk is None:
+        if self._push_queue is None:
             refuse_push(self._description.name)
-        reply = self._desk.push(request, self._publish_state)
+        reply = self._push_queue.push(request, self._publish_state)
         self._health.ready()
         return reply
 
@@ -219,10 +221,10 @@ class BridgeService:
             moving=self._busy_until_s is not None,
             stopped=s.stopped or bool(self._stopped_why),
             world_epoch=s.world_epoch,
-            robot_boot_id=self._lookout.boot_id(s),
+            robot_boot_id=self._publisher.boot_id(s),
             message=self._stopped_why or s.message,
-            finished=self._lookout.finished,
-            last_seq=self._lookout.last_keyframe,
+            finished=self._publisher.finished,
+            last_seq=self._publisher.last_keyframe,
             last_action_id=self._actions.last_id,
             origin_id=s.origin_id,
         )
@@ -231,9 +233,9 @@ class BridgeService:
         """End what runs and let go of the robot; the names of the threads that still hang."""
         self._ending.set()
         self._acks.end()
-        self._crew.wait(END_WITHIN_S)
-        letting_go = self._crew.begin("close", self._driver.close)
-        hanging = self._crew.wait(CLOSE_WITHIN_S)
+        self._executor.wait(END_WITHIN_S)
+        letting_go = self._executor.begin("close", self._driver.close)
+        hanging = self._executor.wait(CLOSE_WITHIN_S)
         if letting_go.done() and (error := letting_go.exception()) is not None:
             log.error("the driver could not let go of the robot: %s", error)
         return hanging
@@ -271,7 +273,7 @@ class BridgeService:
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
-                done = self._actions.deed(
+                done = self._actions.robot_result(
                     request.action_id, lambda: self._driver.act(action, request.action_id)
                 )
             finally:
@@ -295,10 +297,10 @@ class BridgeService:
         the stream of frames goes on at its rate."""
         try:
             if not request.no_keyframe:
-                return self._lookout.look(keyframe=True)
+                return self._publisher.look(keyframe=True)
             rate = self._settings.stream_hz
-            if rate > 0 and time.monotonic() - self._lookout.last_look_s >= 1.0 / rate:
-                self._lookout.look(keyframe=False)
+            if rate > 0 and time.monotonic() - self._publisher.last_look_s >= 1.0 / rate:
+                self._publisher.look(keyframe=False)
         except EndOfRecording:
             pass
         return None
@@ -312,12 +314,12 @@ class BridgeService:
     def _stream(self) -> None:
         period_s = 1.0 / self._settings.stream_hz
         while not self._ending.wait(period_s):
-            if time.monotonic() - self._lookout.last_look_s < period_s:
+            if time.monotonic() - self._publisher.last_look_s < period_s:
                 continue
             if not self._turn.acquire(blocking=False):
                 continue  # an action runs: its keyframe comes
             try:
-                self._lookout.look(keyframe=self._lookout.last_keyframe == 0)
+                self._publisher.look(keyframe=self._publisher.last_keyframe == 0)
                 self._health.ready()
             except EndOfRecording:
                 return

@@ -50,7 +50,7 @@ class RobotSlot:
         self._turn = threading.Lock()  # whoever holds it answers keyframes
         self._service: DetectorService | None = None
         self._not_yet = NotYet(bus, loading)
-        self._told, self._told_s = ("", ""), 0.0
+        self._reported, self._reported_s = ("", ""), 0.0
         self._fault = ""  # what nobody foresaw, at the last turn of the keeper
         self._closed = False
         self._keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
@@ -198,13 +198,13 @@ class RobotSlot:
 
     def _report(self, strangers: bool) -> None:
         now_s = time.monotonic()
-        state, reason = told = (
+        state, reason = report = (
             ("degraded", self._fault) if self._fault
             else (self._loading if self._service is None else self._health).state
         )  # fmt: skip
-        if told == self._told and now_s - self._told_s < REPORT_S:
+        if report == self._reported and now_s - self._reported_s < REPORT_S:
             return
-        self._told, self._told_s = told, now_s
+        self._reported, self._reported_s = report, now_s
         if strangers and state == "ready":
             state, reason = "degraded", (
                 "another detector is given another list of robots and both may answer; give all "
@@ -230,7 +230,7 @@ class Fleet:
         self._members = Members(me, robot_names(settings.robots))
         self._lock = threading.Lock()
         self._ending = threading.Event()
-        self._desks: list[RobotSlot] = []
+        self._slots: list[RobotSlot] = []
         self._models: Models | None = None
         self._service: DetectorService | None = None  # any: they share the models
         self._threads = [
@@ -244,10 +244,10 @@ class Fleet:
     def close(self) -> None:
         self._ending.set()
         deadline = time.monotonic() + FINISH_WITHIN_S
-        for desk in self._desks:
-            desk.stop()
-        for desk in self._desks:
-            desk.finish(deadline - time.monotonic())
+        for slot in self._slots:
+            slot.stop()
+        for slot in self._slots:
+            slot.finish(deadline - time.monotonic())
         if self._models is not None:
             self._models.close()
 
@@ -259,22 +259,22 @@ class Fleet:
 
     def _load(self) -> None:
         if not ended_well("the detector cannot be started", self._health, self._start):
-            for desk in self._desks:
-                desk.give_up()
+            for slot in self._slots:
+                slot.give_up()
 
     def _start(self) -> None:
         for robot in self._members.robots:
             bus = self._connect(robot)
             if bus is None:
                 return
-            self._desks.append(RobotSlot(robot, bus, self._members, self._lock, self._health))
+            self._slots.append(RobotSlot(robot, bus, self._members, self._lock, self._health))
         s = self._settings
         models = self._models = load_models(s, None, self._health, self._ending)
         if models is None:
             return
         workload = ModelUsage()
-        for desk in self._desks:
-            self._service = desk.begin(models, workload, s.preview_quality)
+        for slot in self._slots:
+            self._service = slot.begin(models, workload, s.preview_quality)
         self._bus.announce(TOKEN, self._members.me)  # from now on robots may be ours
         self._on_alive(TOKEN, self._members.me, True)
         self._health.ready(f"shares {', '.join(self._members.robots)}")

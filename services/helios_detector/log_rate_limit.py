@@ -22,18 +22,18 @@ class LogRateLimit:
     ) -> None:
         self._log, self._every_s, self._clock = log, every_s, clock or time.monotonic
         self._lock = threading.Lock()
-        self._told: dict[Hashable, tuple[float, int]] = {}  # kind -> (when, how often since)
+        self._logged: dict[Hashable, tuple[float, int]] = {}  # kind -> (when, how often since)
 
     def warn(self, kind: Hashable, message: str, error: BaseException | None = None) -> None:
         """Log the message, and the traceback of the error: the first of a kind, then one of them
         every so often."""
         now_s = self._clock()
         with self._lock:
-            told_s, since = self._told.get(kind, (None, 0))
-            due = told_s is None or now_s - told_s >= self._every_s
-            if len(self._told) >= MOST_KINDS:
-                self._told.clear()
-            self._told[kind] = (now_s, 0) if due else (told_s or now_s, since + 1)
+            logged_s, since = self._logged.get(kind, (None, 0))
+            due = logged_s is None or now_s - logged_s >= self._every_s
+            if len(self._logged) >= MOST_KINDS:
+                self._logged.clear()
+            self._logged[kind] = (now_s, 0) if due else (logged_s or now_s, since + 1)
         if due:
             more = f" (and {since} times since it was last said)" if since else ""
             self._log.warning("%s%s", message, more, exc_info=error)

@@ -279,10 +279,10 @@ class DetectorService:
 
     def _tell_health(self) -> None:
         with self._lock:
-            told = [*filter(None, self._troubles.values()), *self._refused.values()]
+            problems = [*filter(None, self._troubles.values()), *self._refused.values()]
             known = self._context is not None
-        if told:
-            self._health.degraded("; ".join(told))
+        if problems:
+            self._health.degraded("; ".join(problems))
         else:
             note = "" if known else "waits for a search context; the newest keyframe is held"
             self._health.ready(note)

@@ -50,7 +50,7 @@ class BusListener:
         self._ticking = threading.Lock()
         self._robot: api_models.RobotState | None = None
         self._description: api_models.RobotDescription | None = None
-        self._told: dict[str, object] = {}
+        self._published: dict[str, object] = {}
         self._tick_s = settings.tick_s
         self._ended = threading.Event()
         self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
@@ -142,8 +142,8 @@ class BusListener:
         now: api_models.Robot | api_map_models.MapChange | api_models.Service
         | api_models.Readiness,
     ) -> None:  # fmt: skip
-        if self._told.get(state_key) != now:
-            self._told[state_key] = now
+        if self._published.get(state_key) != now:
+            self._published[state_key] = now
             self.events.publish(type, now, state_key)
 
     def _run(self) -> None:

@@ -124,9 +124,9 @@ class EventHub:
                     f"{len(self._viewers)} event streams are open and no more are taken; "
                     "close one, or raise --max-viewers"
                 )
-        return self._told(last_id, wanted)
+        return self._stream(last_id, wanted)
 
-    async def _told(self, last_id: str | None, wanted: Wanted) -> AsyncGenerator[Event | None]:
+    async def _stream(self, last_id: str | None, wanted: Wanted) -> AsyncGenerator[Event | None]:
         viewer = _Viewer(asyncio.get_running_loop(), 2 * self._backlog, wanted)
         with self._lock:
             for event in self._missed(last_id):

@@ -25,7 +25,7 @@ def sentence(request: Request, error: RequestValidationError) -> str:
     route = request.scope.get("route")
     found = error.errors()[:MOST_ERRORS]
     if not isinstance(route, APIRoute):
-        return told(found)
+        return errors_text(found)
     whole = [e for e in found if tuple(e["loc"]) == ("body",) or e["type"] == "json_invalid"]
     if whole:
         return _whole_body(whole[0], route)
@@ -34,7 +34,7 @@ def sentence(request: Request, error: RequestValidationError) -> str:
     return f"{said}; for example {example}" if example else said
 
 
-def told(errors: Sequence[Mapping[str, Any]]) -> str:
+def errors_text(errors: Sequence[Mapping[str, Any]]) -> str:
     """Of a model that was read from JSON."""
     return "; ".join(_said(e, None) for e in errors[:MOST_ERRORS])
 

@@ -17,7 +17,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, is_rigid
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from helios_gateway.request_validation import told
+from helios_gateway.request_validation import errors_text
 
 MM = 0.001  # metres per unit of a depth image, as on the bus
 
@@ -93,7 +93,7 @@ def read_meta(text: str | bytes) -> FrameMeta:
         return FrameMeta.model_validate_json(text)
     except ValidationError as error:
         raise InvalidInput(
-            f"meta is wrong: {told(error.errors())}; send JSON with at least K and T_world_cam"
+            f"meta is wrong: {errors_text(error.errors())}; send JSON with at least K and T_world_cam"
         ) from error
 
 

@@ -48,7 +48,7 @@ class EpochMap:
         self.frame_id: FrameId | None = None
         self.stamp_ns = 0
         self.robot_pose: tuple[float, float, float] | None = None  # of the newest frame
-        self._told_pose: tuple[float, float, float] | None = None  # before there is one
+        self._reported_pose: tuple[float, float, float] | None = None  # before there is one
         self.trajectory = Trajectory(rules.trajectory_step_m)
         self.version = first_version + 1
         self.tiles = PublishedTiles()
@@ -156,14 +156,14 @@ class EpochMap:
         self.published = self.publish()
 
     def continue_as(
-        self, other: EpochMap | None, told_pose: tuple[float, float, float] | None
+        self, other: EpochMap | None, reported_pose: tuple[float, float, float] | None
     ) -> None:
         """Belong to the epoch and the place of another map, or of none yet: frames go on there.
 
         told_pose: where the robot says that it is (x, y in m, yaw in rad), if it has.
         """
         self.frame_id, self.stamp_ns, self.robot_pose = None, 0, None
-        self._told_pose = told_pose
+        self._reported_pose = reported_pose
         self.trajectory.part()
         self.order = FrameOrder()
         if other is not None:
@@ -192,7 +192,7 @@ class EpochMap:
             ground=self.tiles.ground,
             layers=self.tiles.layers,
             frontiers=self.stack.find_frontiers(robot_m, ground_changed=ground_changed),
-            robot_pose=self.robot_pose or self._told_pose,
+            robot_pose=self.robot_pose or self._reported_pose,
             trajectory_m=self.trajectory.points_m,
             next_frontier_id=self.stack.frontiers.next_id,
             trajectory_starts=self.trajectory.starts,
@@ -231,7 +231,7 @@ class EpochMap:
 
     def _robot_m(self) -> tuple[float, float]:
         """Where the robot is (world x, y); the middle of the map while nobody knows."""
-        pose = self.robot_pose or self._told_pose
+        pose = self.robot_pose or self._reported_pose
         if pose is not None:
             return pose[:2]
         grid = self.stack.grid

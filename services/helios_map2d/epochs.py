@@ -100,7 +100,7 @@ class EpochMaps:
             self._brought_back(key, boot_id)
         elif key == self.key:
             self._go_on_in(boot_id)
-        self._starts.told(boot_id)
+        self._starts.note_robot(boot_id)
 
     def is_of_another_world(self, state: EpochMap) -> bool:
         """Whether a map is parked, and the robot says that it is not in its world."""
@@ -125,7 +125,7 @@ class EpochMaps:
             or state.frame_id.world_epoch != key.world_epoch
         )
         if foreign or self.current is not None:
-            state.continue_as(self.current, self._told_pose(key))
+            state.continue_as(self.current, self._reported_pose(key))
         state.go_on_from(self.version)
         if self._context is not None:
             state.reset_search(self._context)
@@ -149,7 +149,7 @@ class EpochMaps:
         if back.frame_id is not None:
             self._starts.begin(back.frame_id.robot_boot_id)
         if back.frame_id is None or back.frame_id.robot_boot_id != boot_id:
-            back.continue_as(None, self._told_pose(key))
+            back.continue_as(None, self._reported_pose(key))
         back.go_on_from(self.version)
         if self._context is not None:
             back.reset_search(self._context)
@@ -157,7 +157,7 @@ class EpochMaps:
         self._starts.begin(boot_id)
         return back
 
-    def _told_pose(self, key: WorldId) -> tuple[float, float, float] | None:
+    def _reported_pose(self, key: WorldId) -> tuple[float, float, float] | None:
         """Where the robot itself says that it is in a world."""
         return self._robot_pose if key == self.robot_key else None
 

@@ -48,7 +48,7 @@ from helios_map2d.epochs import EpochMaps
 from helios_map2d.files.persistence import MapFiles
 from helios_map2d.map_queries import MapQueries
 from helios_map2d.settings import Settings
-from helios_map2d.snapshots.messages import Pose, told_pose
+from helios_map2d.snapshots.messages import Pose, reported_pose
 from helios_map2d.view_search import ViewMemoryService
 
 log = logging.getLogger(__name__)
@@ -156,7 +156,7 @@ class Map2DService:
             return
         boot_id = message.robot_boot_id
         world = WorldId.of(boot_id, message.world_epoch, message.origin_id)
-        pose = told_pose(message)
+        pose = reported_pose(message)
         with self._lock:
             another = self._robot is None or self._robot[:2] != (world, boot_id)
             self._robot = world, boot_id, pose

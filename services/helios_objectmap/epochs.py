@@ -52,7 +52,7 @@ class EpochMaps:
         Returns whether the present map is another one now.
         """
         self.robot_world = world
-        if self._starts.told(boot_id) and world == self.world:
+        if self._starts.note_robot(boot_id) and world == self.world:
             self.newest = None
         if not self.from_disk or world == self.world:
             return False

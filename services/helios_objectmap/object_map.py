@@ -385,13 +385,13 @@ class ObjectMap:
             past = shown.past
             counts = [i for i, name in enumerate(past.names) if name in store.class_names]
             columns = [store.class_names.index(past.names[i]) for i in counts]
-            told = rows[shown.points]
+            voted = rows[shown.points]
             kappa = shown.labels[:, None] == [OTHER_LABEL, *(1 + i for i in counts)]
             kappa[:, 0] |= ~kappa.any(axis=1)
-            weights = np.tile(past.weights[counts], (len(told), 1))
+            weights = np.tile(past.weights[counts], (len(voted), 1))
             eye_m = past.view.T_world_cam[:3, 3]
             viewing_sectors.tell(
-                store, told, kappa.astype(np.float32), columns, weights, eye_m, s.side_views,
+                store, voted, kappa.astype(np.float32), columns, weights, eye_m, s.side_views,
                 s.alpha_side,
             )  # fmt: skip
 

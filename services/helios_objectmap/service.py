@@ -266,13 +266,13 @@ class ObjectMapService:
                 else f"no object lies within {request.radius_m:g} m of the point"
             )
             log.warning("nothing was retired (%s): %s", request.reason, reply.reason)
-        told = pb.Retired(
+        retired = pb.Retired(
             request=request, retired_gaussians=count, object_id=reply.object_id,
             class_name=reply.class_name,
         )  # fmt: skip
         if after is not None:
-            told.after.CopyFrom(frame_id_to_proto(after))
-        self._bus.publish(RETIRED, told)
+            retired.after.CopyFrom(frame_id_to_proto(after))
+        self._bus.publish(RETIRED, retired)
         return reply
 
     def reset(self, _: pb.Empty) -> pb.Empty:

@@ -95,7 +95,7 @@ class Manipulation:
     placed_on: ObjectInstance | None = None  # as it was known when something was let go on it
 
     # --- pick ----------------------------------------------------------------------------------
-    def pick(self, thing: ObjectInstance, class_name: str, holds_up: Judged = still_there) -> Done:
+    def pick(self, thing: ObjectInstance, class_name: str, confirmed: Judged = still_there) -> Done:
         """Grasp a thing: up to `attempts` times, each from another place. What does not
         hold up as it is believed from there is doubted."""
         tried: list[tuple[float, float]] = []
@@ -105,7 +105,7 @@ class Manipulation:
                 return Done.FAILED if attempts else Done.OUT_OF_REACH
             tried.append(self.body.pose().xy)
             near = self.near = self.belief.from_near(thing, class_name, SAME_THING_M)
-            if not holds_up(near):
+            if not confirmed(near):
                 return Done.DOUBTED
             thing = near or thing
             if self._missing_m(thing.center_m) > 0:
@@ -185,7 +185,7 @@ class Manipulation:
 
     # --- place ---------------------------------------------------------------------------------
     def place(
-        self, receptacle: ObjectInstance, class_name: str, holds_up: Judged = still_there
+        self, receptacle: ObjectInstance, class_name: str, confirmed: Judged = still_there
     ) -> Done:
         """Put the held thing down on a receptacle, by the rule of the settings. What does not
         hold up as it is believed from there is doubted."""
@@ -201,7 +201,7 @@ class Manipulation:
                 continue
             stood = True
             near = self.near = self.belief.from_near(receptacle, class_name, GROWN_M)
-            if not holds_up(near):
+            if not confirmed(near):
                 return Done.DOUBTED
             receptacle = self.placed_on = near or receptacle
             point = self._point_from_here(receptacle, spot, failed)

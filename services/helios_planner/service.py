@@ -152,7 +152,7 @@ class PlannerService:
         with self._lock:
             self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is told
         try:
-            told = self._registry.add(task)  # before the worker can tell that it runs
+            changed = self._registry.add(task)  # before the worker can tell that it runs
         except Unavailable:
             with self._lock:
                 self._cancels.pop(id, None)
@@ -160,7 +160,7 @@ class PlannerService:
         with self._lock:
             self._queue.append(id)
             self._wake.notify_all()
-        return told
+        return changed
 
     def _waiting_words(self, instruction: Instruction) -> str:
         with self._lock:
@@ -192,11 +192,11 @@ class PlannerService:
         others = {s: a for s, a in started.items() if a and not same_settings(agent, a)}
         if not others:
             return ""
-        told = " and ".join(f"the {s} was started for {a!r}" for s, a in others.items())
+        changed = " and ".join(f"the {s} was started for {a!r}" for s, a in others.items())
         both = set(started.values()) - {""}
         instead = f", or submit the task for agent {both.pop()!r}" if len(both) == 1 else ""
         return (
-            f"agent {agent!r} needs other settings: {told}; start the services with helios up "
+            f"agent {agent!r} needs other settings: {changed}; start the services with helios up "
             f"--agent {agent}{instead}"
         )
 
@@ -376,12 +376,12 @@ class PlannerService:
                 changes["message"] = HELD if on_hold else words
                 if task.state.under_way:
                     changes["state"] = State.PAUSED if on_hold else State.RUNNING
-        told = self._registry.change(id, **changes)
+        changed = self._registry.change(id, **changes)
         with self._lock:
             if hold := self._holds.get(id):  # somebody else may have asked for the opposite
                 (hold.pause if self._registry.known(id).on_hold else hold.resume)()
             self._wake.notify_all()
-        return task_to_proto(told)
+        return task_to_proto(changed)
 
     def _pulse(self) -> None:
         """Say that the planner lives, so that the next one knows how long none did; while tasks

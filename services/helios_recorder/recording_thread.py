@@ -45,7 +45,7 @@ class Recording:
         self._again_s = 0.0  # when the disk is tried again
         self._files = 0
         self._unwritten = 0  # messages that no chunk on the disk holds yet
-        self._dropped = self._told_dropped = 0
+        self._dropped = self._logged_dropped = 0
         self._stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
         self._thread = threading.Thread(target=self._run, name="write", daemon=True)
         self._thread.start()
@@ -107,7 +107,7 @@ class Recording:
         self._health.set("file_mb", round(file.bytes / MB, 3))
         self._health.set("queue_mb", round(self.inbox.bytes / MB, 3))
         self._health.set("writer_cpu_s", round(time.thread_time(), 3))
-        if self._dropped != self._told_dropped:
+        if self._dropped != self._logged_dropped:
             self._tell(file)
 
     def _current(self, item: Item | None, entries: Sequence[Entry]) -> RecordingFile | None:
@@ -133,8 +133,8 @@ class Recording:
         return path
 
     def _tell(self, file: RecordingFile) -> None:
-        self._told_dropped = self._dropped
-        lost = f"; {self._told_dropped} messages were dropped" if self._told_dropped else ""
+        self._logged_dropped = self._dropped
+        lost = f"; {self._logged_dropped} messages were dropped" if self._logged_dropped else ""
         self._health.ready(f"recording to {file.path}{lost}")
 
     def _repeat(self, file: RecordingFile, item: Item | None, coming: set[str]) -> None:

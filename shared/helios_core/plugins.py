@@ -154,7 +154,7 @@ def make(
     except (Exception, SystemExit) as error:
         log.error("%s %s cannot be made", kind.name, named.spec, exc_info=error)
         raise InvalidInput(
-            f"{kind.name} {named.spec!r} cannot be made ({_told(error)}); its constructor may ask "
+            f"{kind.name} {named.spec!r} cannot be made ({_reason(error)}); its constructor may ask "
             f"for {', '.join(offered)} by name, and needs a default for anything else"
         ) from error
     if not isinstance(made, base):
@@ -223,7 +223,7 @@ def _not_found(kind: Kind, spec: str, module: str) -> str:
 def _not_imported(kind: Kind, named: Named, error: BaseException) -> str:
     return (
         f"{kind.name} {named.spec!r} cannot be loaded: the import of {named.module} failed "
-        f"({_told(error)}); mend that, or install what it needs"
+        f"({_reason(error)}); mend that, or install what it needs"
     )
 
 
@@ -232,7 +232,7 @@ def _offered(kind: Kind) -> str:
     return f" (installed packages offer {known})" if known else ""
 
 
-def _told(error: BaseException) -> str:
+def _reason(error: BaseException) -> str:
     """Its type and what it says, with the place where it is a slip in the text of a module."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{type(error).__name__} in {error.filename}, line {error.lineno}: {error.msg}"

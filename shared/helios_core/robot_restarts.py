@@ -22,7 +22,7 @@ class RobotStarts:
         """Whether anything came from this start yet."""
         return boot_id in self._known
 
-    def told(self, boot_id: str) -> bool:
+    def note_robot(self, boot_id: str) -> bool:
         """The robot itself says which start it is in; whether that is another one."""
         self._robots = boot_id
         return self.begin(boot_id)

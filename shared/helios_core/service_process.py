@@ -113,7 +113,7 @@ def run_service(
     bus = _connect(settings, stopped)
     if bus is None:
         return 0
-    told_settings = json.dumps(settings.described())
+    settings_json = json.dumps(settings.described())
     instance = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
     over = threading.Event()
     reporter = threading.Thread(
@@ -121,7 +121,7 @@ def run_service(
     )
     service: Closeable | None = None
     try:
-        bus.serve(settings_method(name), lambda _: pb.SettingsReply(json=told_settings))
+        bus.serve(settings_method(name), lambda _: pb.SettingsReply(json=settings_json))
         bus.announce(name, instance)
         reporter.start()
         service = build(bus, health)
@@ -167,14 +167,14 @@ def publish_status(
     bus: Bus,
     service: str,
     instance: str,
-    told: tuple[str, str],
+    published: tuple[str, str],
     metrics: Mapping[str, float],
     uptime_s: float = 0.0,
 ) -> None:
     """Say how a service is; told: (state, reason). One that cannot be sent is logged alone: the
     next one says the same."""
     status = pb.ServiceStatus(
-        service=service, instance=instance, state=told[0], reason=told[1], pid=os.getpid(),
+        service=service, instance=instance, state=published[0], reason=published[1], pid=os.getpid(),
         uptime_s=uptime_s, metrics=metrics,
     )  # fmt: skip
     try:
@@ -189,10 +189,10 @@ def _report(bus: Bus, name: str, instance: str, health: Health, over: threading.
     while not last:
         health.changed.clear()
         last = over.is_set()  # after the clearing, so that the end is not slept through
-        state, reason = told = health.state
-        if told != logged:
+        state, reason = published = health.state
+        if published != logged:
             log.info("%s%s", state, f": {reason}" if reason and reason != state else "")
-            logged = told
-        publish_status(bus, name, instance, told, health.metrics(), time.monotonic() - began)
+            logged = published
+        publish_status(bus, name, instance, published, health.metrics(), time.monotonic() - began)
         if not last:
             health.changed.wait(STATUS_PERIOD_S)

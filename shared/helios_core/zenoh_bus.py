@@ -111,14 +111,14 @@ class ZenohBus(Bus):
 
         # Threads of its own, so that slow methods (an action) keep no other (stop-now) waiting.
         pool = ThreadPoolExecutor(SERVE_THREADS, thread_name_prefix=f"serve {method.name}")
-        told: set[str] = set()  # what went wrong with replies, once each
+        logged: set[str] = set()  # what went wrong with replies, once each
 
         def reply(query: zenoh.Query) -> None:
             try:
                 answer(query, key, method, handler)
             except zenoh.ZError as error:
-                if not self._closed and str(error) not in told:
-                    told.add(str(error))
+                if not self._closed and str(error) not in logged:
+                    logged.add(str(error))
                     log.warning("a reply of %s could not be sent: %s", method.name, error)
 
         def accept() -> None:

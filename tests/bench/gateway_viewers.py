@@ -33,17 +33,17 @@ CAMERA_PERIOD_S, MAP_PERIOD_S = 0.5, 2.0
 
 def host(pipe: Connection) -> None:
     """The process of the gateway: lives until the pipe says so."""
-    with served(*FLAGS) as house:
+    with served(*FLAGS) as stack:
         ended = threading.Event()
-        threading.Thread(target=live, args=(house, ended), daemon=True).start()
-        pipe.send(house.port)
+        threading.Thread(target=live, args=(stack, ended), daemon=True).start()
+        pipe.send(stack.port)
         pipe.recv()
         ended.set()
 
 
-def live(house: Served, ended: threading.Event) -> None:
+def live(stack: Served, ended: threading.Event) -> None:
     """The robot looks and moves."""
-    backend, step = house.backend, 0
+    backend, step = stack.backend, 0
     while not ended.wait(0.1):
         step += 1
         backend.pose = (3.0 + step % 10 / 100, 2.2, 2.5)

@@ -23,8 +23,8 @@ from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 
-from tests.house import House
 from tests.restarts import Restart, restarted
+from tests.stack import Stack
 from tests.support import wait_until
 
 
@@ -35,26 +35,26 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=5)
     kills = parser.parse_args().kills
     with tempfile.TemporaryDirectory() as folder:
-        house = House(Path(folder))
+        stack = Stack(Path(folder))
         bus = None
         try:
-            wait_until(house.ready, 180, "all services are ready")
-            bus = ZenohBus(f"tcp/127.0.0.1:{house.router_port}")
+            wait_until(stack.ready, 180, "all services are ready")
+            bus = ZenohBus(f"tcp/127.0.0.1:{stack.router_port}")
             instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
-            id = house.post("/v1/tasks", {"instruction": instruction})["id"]
-            wait_until(lambda: house.task(id)["steps"] >= 20, 150, "it searches")
+            id = stack.post("/v1/tasks", {"instruction": instruction})["id"]
+            wait_until(lambda: stack.task(id)["steps"] >= 20, 150, "it searches")
             found: list[Restart] = []
             for _ in range(kills):
-                house.post(f"/v1/tasks/{id}/pause")  # else it would be done before the last kill
+                stack.post(f"/v1/tasks/{id}/pause")  # else it would be done before the last kill
                 time.sleep(STEADY_S + 1)
-                house.post(f"/v1/tasks/{id}/resume")
-                steps = house.task(id)["steps"]
-                wait_until(lambda n=steps: house.task(id)["steps"] > n + 1, 300, "it acts")
-                found.append(restarted(house, bus, id, 300))
+                stack.post(f"/v1/tasks/{id}/resume")
+                steps = stack.task(id)["steps"]
+                wait_until(lambda n=steps: stack.task(id)["steps"] > n + 1, 300, "it acts")
+                found.append(restarted(stack, bus, id, 300))
         finally:
             if bus is not None:
                 bus.close()
-            house.close()
+            stack.close()
     print("seconds after SIGKILL, and of processor time:")
     for name in (field.name for field in fields(Restart)):
         values = [getattr(restart, name) for restart in found]

@@ -197,15 +197,15 @@ class Forgetful(RoomRobot):
 
 def test_a_driver_that_cannot_tell_its_state_is_said_and_the_stream_goes_on() -> None:
     hub, robot, health = MemoryHub(), Forgetful(), Health()
-    told: list[pb.RobotState] = []
-    MemoryBus(hub).subscribe(ROBOT_STATE, told.append)
+    reported: list[pb.RobotState] = []
+    MemoryBus(hub).subscribe(ROBOT_STATE, reported.append)
     service = BridgeService(MemoryBus(hub), robot, Settings(stream_hz=50), health, first_number=0)
     service.start()
     with closing(service):
         robot.broken = True
         wait_until(lambda: "KeyError" in health.state[1], 20, "the bridge says so")
-        robot.broken, before = False, len(told)
-        wait_until(lambda: len(told) > before + 2, 20, "the stream goes on")
+        robot.broken, before = False, len(reported)
+        wait_until(lambda: len(reported) > before + 2, 20, "the stream goes on")
         wait_until(lambda: health.state[0] == "ready", 20, "the bridge is well again")
 
 

@@ -90,8 +90,8 @@ def test_replies_that_cannot_be_sent_are_told_once(
     with caplog.at_level(logging.WARNING), pytest.raises(Unavailable, match="nobody serves"):
         zenoh_bus.call(GET_TASK, pb.TaskRequest(), 5)
     assert len(asked) > 1
-    told = [record.getMessage() for record in caplog.records]
-    assert told == ["a reply of planner/get could not be sent: no way out"]
+    reported = [record.getMessage() for record in caplog.records]
+    assert reported == ["a reply of planner/get could not be sent: no way out"]
 
 
 def test_a_retained_topic_is_heard_from_an_ordinary_publisher_too(

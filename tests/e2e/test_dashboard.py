@@ -32,16 +32,16 @@ expect.set_options(timeout=DEADLINE_MS)
 
 
 @pytest.fixture
-def house() -> Iterator[Served]:
-    with served() as house:
-        house.backend.publish_observation(house.backend.publish_frame())
-        yield house
+def gateway() -> Iterator[Served]:
+    with served() as gateway:
+        gateway.backend.publish_observation(gateway.backend.publish_frame())
+        yield gateway
 
 
 @pytest.fixture
-def page(browser: Browser, house: Served) -> Iterator[Page]:
+def page(browser: Browser, gateway: Served) -> Iterator[Page]:
     faults: list[str] = []
-    page = opened(browser, house.url, faults)
+    page = opened(browser, gateway.url, faults)
     yield page
     assert faults == []
     page.close()
@@ -67,32 +67,32 @@ def phases(page: Page) -> list[str | None]:
     return [li.get_attribute("data-state") for li in page.locator("#phases li").all()]
 
 
-def test_a_task_is_submitted_and_watched_until_it_succeeds(page: Page, house: Served) -> None:
+def test_a_task_is_submitted_and_watched_until_it_succeeds(page: Page, gateway: Served) -> None:
     submit(page)
-    house.backend.change_task("t1", "running", phase="pick", message="drives to the mug",
+    gateway.backend.change_task("t1", "running", phase="pick", message="drives to the mug",
                               seeking="mug", progress=0.4)  # fmt: skip
     expect(page.locator("#task-message")).to_have_text("drives to the mug")
     assert phases(page) == ["done", "active", "waiting", "waiting"]
-    house.backend.decide()
+    gateway.backend.decide()
     expect(page.locator("#why-table tr.chosen")).to_contain_text("coffee table 2")
     expect(page.locator("#why-table tbody tr")).to_have_count(4)
-    house.backend.change_task("t1", "succeeded", message="the mug is on the kitchen counter")
+    gateway.backend.change_task("t1", "succeeded", message="the mug is on the kitchen counter")
     expect(page.locator("#task-state")).to_have_text("succeeded")
     assert phases(page) == ["done"] * 4
     expect(page.locator("#cancel")).to_be_hidden()
 
 
-def test_the_terms_of_a_decision_are_explained_and_said_once(page: Page, house: Served) -> None:
+def test_the_terms_of_a_decision_are_explained_and_said_once(page: Page, gateway: Served) -> None:
     submit(page)
     terms = {"class_score": 0.6, "score": 0.5, "in_place": 1.0, "total": 0.5}
     mug = pb.Candidate(kind="object", name="mug", terms=terms, chosen=True)
     made = pb.Decision(task_id="t1", index=0, rule="pick (eq. 7, 11)", candidates=[mug])
-    house.backend.bus.publish(DECISION, made)
+    gateway.backend.bus.publish(DECISION, made)
     heads = page.locator("#why-table th")
     expect(heads).to_have_text(["candidate", "class score", "in place", "score"])
     expect(heads.nth(2)).to_have_attribute("title", re.compile("where the task says that it is"))
     made.index, made.candidates[0].terms["total"] = 1, 0.3
-    house.backend.bus.publish(DECISION, made)
+    gateway.backend.bus.publish(DECISION, made)
     expect(heads).to_have_text(["candidate", "class score", "in place", "score", "total"])
 
 
@@ -113,7 +113,7 @@ def tried(page: Page) -> list[str]:
 
 
 def test_what_is_suggested_is_known_to_the_detector_and_within_the_robots_powers(
-    page: Page, house: Served
+    page: Page, gateway: Served
 ) -> None:
     expect(page.locator("#suggestions button").first).to_have_text(INSTRUCTION)
     assert tried(page)[1:] == ["Find the mug", "Go to the coffee table"]
@@ -123,25 +123,25 @@ def test_what_is_suggested_is_known_to_the_detector_and_within_the_robots_powers
     expect(page.locator("#seen-prompt")).to_have_attribute("placeholder", "table")
     armless = description()
     armless.can_pick = False
-    house.backend.bus.publish(ROBOT_DESCRIPTION, armless)  # heard without a reload
+    gateway.backend.bus.publish(ROBOT_DESCRIPTION, armless)  # heard without a reload
     expect(page.locator("#suggestions button").first).to_have_text("Find the mug")
 
 
-def test_a_task_is_cancelled(page: Page, house: Served) -> None:
+def test_a_task_is_cancelled(page: Page, gateway: Served) -> None:
     submit(page)
     page.click("#cancel")
     expect(page.locator("#task-state")).to_have_text("cancelled")
-    assert house.backend.tasks["t1"].state == "cancelled"
+    assert gateway.backend.tasks["t1"].state == "cancelled"
 
 
-def test_a_task_is_paused_and_goes_on(page: Page, house: Served) -> None:
+def test_a_task_is_paused_and_goes_on(page: Page, gateway: Served) -> None:
     submit(page)
     page.click("#pause")
     expect(page.locator("#pause")).to_have_text("Resume")
     expect(page.locator("#task-state")).to_have_text("queued")
     page.click("#pause")
     expect(page.locator("#pause")).to_have_text("Pause")
-    house.backend.change_task("t1", "running", phase="pick")
+    gateway.backend.change_task("t1", "running", phase="pick")
     expect(page.locator("#task-state")).to_have_text("running")
     page.click("#pause")
     expect(page.locator("#task-state")).to_have_text("paused")
@@ -150,13 +150,13 @@ def test_a_task_is_paused_and_goes_on(page: Page, house: Served) -> None:
     expect(page.locator("#task-state")).to_have_text("running")
 
 
-def test_a_service_that_dies_is_said(page: Page, house: Served) -> None:
+def test_a_service_that_dies_is_said(page: Page, gateway: Served) -> None:
     expect(page.locator("#ready")).to_have_text("ready")
-    house.backend.die("detector")
+    gateway.backend.die("detector")
     expect(page.locator("#ready")).to_have_text("not ready")
     expect(page.locator("#trouble")).to_contain_text("detector is down")
     expect(page.locator('#services [data-name="detector"]')).to_contain_text("down")
-    house.backend.alive("detector", 5000)
+    gateway.backend.alive("detector", 5000)
     expect(page.locator("#trouble")).to_be_hidden()
 
 
@@ -172,17 +172,17 @@ def test_a_lost_connection_is_said_and_comes_back(browser: Browser) -> None:
     page.close()
 
 
-def test_stop_now_is_in_sight_latches_and_is_lifted(page: Page, house: Served) -> None:
+def test_stop_now_is_in_sight_latches_and_is_lifted(page: Page, gateway: Served) -> None:
     page.set_viewport_size({"width": 420, "height": 700})
     page.mouse.wheel(0, 5000)
     expect(page.locator("#stop")).to_be_in_viewport()
     page.click("#stop")
     expect(page.locator("#stopped")).to_be_visible()
     expect(page.locator("#ready")).to_have_text("stopped")
-    assert house.backend.stopped
+    assert gateway.backend.stopped
     page.click("#clear-stop")
     expect(page.locator("#stopped")).to_be_hidden()
-    assert not house.backend.stopped
+    assert not gateway.backend.stopped
 
 
 def test_an_object_shows_its_views_and_scores(page: Page) -> None:
@@ -226,9 +226,9 @@ def test_the_camera_shows_detections(page: Page) -> None:
 
 def test_a_key_is_asked_for_and_kept(browser: Browser, tmp_path: Path) -> None:
     key = add_key(tmp_path / "keys.toml", "tablet", "operate")
-    with served("--keys", str(tmp_path / "keys.toml")) as house:
+    with served("--keys", str(tmp_path / "keys.toml")) as gateway:
         page = browser.new_page()
-        page.goto(house.url)
+        page.goto(gateway.url)
         expect(page.locator("#login")).to_be_visible()
         page.fill("#login-key", "a guess")
         page.click("#login button")
@@ -240,19 +240,19 @@ def test_a_key_is_asked_for_and_kept(browser: Browser, tmp_path: Path) -> None:
         page.close()
 
 
-def test_a_task_has_a_priority_and_limits(page: Page, house: Served) -> None:
+def test_a_task_has_a_priority_and_limits(page: Page, gateway: Served) -> None:
     page.click(".options summary")
     page.select_option("#ask-priority", "10")
     page.fill("#ask-limit", "2.5")
     page.fill("#ask-steps", "300")
     submit(page)
-    task = house.backend.tasks["t1"]
+    task = gateway.backend.tasks["t1"]
     assert (task.priority, task.max_steps) == (10, 300)
     expect(page.locator("#task-facts")).to_contain_text("priority")
 
 
 def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
-    page: Page, house: Served
+    page: Page, gateway: Served
 ) -> None:
     page.fill("#seen-prompt", "the red mug")
     page.press("#seen-prompt", "Enter")
@@ -262,7 +262,7 @@ def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
     before = page.locator("#map").screenshot()
     page.locator("#sights button", has_text="fits 0.82").click()
     wait_until(lambda: page.locator("#map").screenshot() != before, 30, "the map points at it")
-    house.backend.recalls = Unavailable("no view has been kept")
+    gateway.backend.recalls = Unavailable("no view has been kept")
     page.fill("#seen-prompt", "piano")
     page.click("#seen button")
     expect(page.locator("#seen-said")).to_contain_text("no object named in “piano”")
@@ -271,21 +271,21 @@ def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
 
 @pytest.mark.parametrize("kind", SIZES)
 def test_everybody_can_read_and_use_it(
-    kind: str, browser: Browser, house: Served, tmp_path: Path
+    kind: str, browser: Browser, gateway: Served, tmp_path: Path
 ) -> None:
     """No finding of axe, WCAG 2.1 A and AA, with a task, a decision and an object on show."""
     width, height = SIZES[kind]
     page = opened(
-        browser, house.url, [],
+        browser, gateway.url, [],
         viewport={"width": width, "height": height}, has_touch=kind == "tablet",
         color_scheme="dark" if kind == "dark" else "light", reduced_motion="reduce",
     )  # fmt: skip
     submit(page)
-    house.backend.change_task("t1", "running", phase="find_object", seeking="mug", steps=37,
+    gateway.backend.change_task("t1", "running", phase="find_object", seeking="mug", steps=37,
                               message="drives to where the coffee table shows",
                               progress=0.35)  # fmt: skip
-    house.backend.decide()
-    house.backend.publish_plan()
+    gateway.backend.decide()
+    gateway.backend.publish_plan()
     page.click("text=Value: pick")
     page.locator("#objects button", has_text="mug").first.click()
     expect(page.locator("#why-table")).to_be_visible()

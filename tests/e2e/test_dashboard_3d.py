@@ -27,11 +27,14 @@ def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(
 ) -> None:
     key = add_key(tmp_path / "keys.toml", "tablet", "read")
     hosts: set[str] = set()
-    with served("--keys", str(tmp_path / "keys.toml")) as house, beside(browser, *WEBGL) as drawing:
+    with (
+        served("--keys", str(tmp_path / "keys.toml")) as gateway,
+        beside(browser, *WEBGL) as drawing,
+    ):
         page = drawing.new_page(viewport={"width": 1300, "height": 950})
         page.set_default_timeout(120_000)
         page.on("request", lambda request: hosts.add(urlsplit(request.url).netloc))
-        page.goto(house.url)
+        page.goto(gateway.url)
         page.fill("#login-key", key)
         page.click("#login button")
         expect(page.locator("#ready")).to_have_text("ready")
@@ -50,12 +53,12 @@ def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(
         folder.mkdir(parents=True, exist_ok=True)
         page.screenshot(path=folder / "dashboard-3d.png")
         cameras = turn(page)
-        house.backend.change_objects()  # so that there is a newer scene
+        gateway.backend.change_objects()  # so that there is a newer scene
         wait_until(lambda: camera_of(page) == cameras[-1], 120, "it is shown as it was turned")
         wait_until(lambda: colourful_px(view.screenshot()) > 500, 120, "Gaussians are drawn again")
         page.click("#show-2d")
         expect(page.locator("#map")).to_be_visible()
-        assert hosts - {""} == {urlsplit(house.url).netloc}
+        assert hosts - {""} == {urlsplit(gateway.url).netloc}
         page.close()
 
 

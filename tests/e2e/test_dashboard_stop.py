@@ -14,13 +14,13 @@ expect.set_options(timeout=DEADLINE_MS)
 
 
 @pytest.fixture
-def house() -> Iterator[Served]:
-    with served() as house:
-        yield house
+def gateway() -> Iterator[Served]:
+    with served() as gateway:
+        yield gateway
 
 
 @pytest.fixture
-def page(browser: Browser, house: Served) -> Iterator[Page]:
+def page(browser: Browser, gateway: Served) -> Iterator[Page]:
     page = browser.new_page()
     page.set_default_timeout(DEADLINE_MS)
     yield page
@@ -28,9 +28,9 @@ def page(browser: Browser, house: Served) -> Iterator[Page]:
 
 
 def test_a_stop_without_an_answer_says_so_and_can_be_pressed_again(
-    page: Page, house: Served
+    page: Page, gateway: Served
 ) -> None:
-    page.goto(house.url)
+    page.goto(gateway.url)
     kept: list[Route] = []
     page.route("**/v1/robot/stop", lambda route: kept.append(route))  # it never answers
     page.click("#stop")
@@ -42,21 +42,21 @@ def test_a_stop_without_an_answer_says_so_and_can_be_pressed_again(
     page.click("#stop")
     expect(page.locator("#stopped")).to_be_visible()
     expect(page.locator("#failed")).to_be_hidden()
-    assert house.backend.stopped
+    assert gateway.backend.stopped
 
 
 def test_the_stop_button_works_though_the_rest_of_the_page_does_not(
-    page: Page, house: Served
+    page: Page, gateway: Served
 ) -> None:
     page.route("**/static/main.js", lambda route: route.abort())
-    page.goto(house.url)
+    page.goto(gateway.url)
     page.click("#stop")
     expect(page.locator("#stopped")).to_be_visible()
-    assert house.backend.stopped
+    assert gateway.backend.stopped
 
 
-def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, house: Served) -> None:
-    page.goto(house.url)
+def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, gateway: Served) -> None:
+    page.goto(gateway.url)
     pick = page.locator("#layers button", has_text="pick")
     expect(page.locator("#map-facts")).to_contain_text("version 41")
     pick.click()
@@ -68,7 +68,7 @@ def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, house: 
 
     page.route("**/v1/map", without_layers)
     page.route("**/v1/map/cells.png?layer=*", lambda route: route.fulfill(status=404, json={}))
-    house.backend.change_map()
+    gateway.backend.change_map()
     expect(page.locator("#map-facts")).to_contain_text("version 42")
     expect(page.locator("#layers button", has_text="Occupancy")).to_have_attribute(
         "aria-pressed", "true"
@@ -76,7 +76,7 @@ def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, house: 
     expect(page.locator("#scale")).to_be_hidden()
 
 
-def test_a_map_that_could_not_be_had_is_asked_for_again(page: Page, house: Served) -> None:
+def test_a_map_that_could_not_be_had_is_asked_for_again(page: Page, gateway: Served) -> None:
     page.route("**/v1/map/cells.png", lambda route: route.fulfill(status=504, json={}), times=1)
-    page.goto(house.url)
+    page.goto(gateway.url)
     expect(page.locator("#map-facts")).to_contain_text("version 41")

@@ -18,7 +18,7 @@ from helios_core.map_snapshot import UNKNOWN, MapView, decode_snapshot
 from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT, TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 
-from tests.house import House
+from tests.stack import Stack
 from tests.support import wait_until
 
 pytestmark = pytest.mark.timeout(420)
@@ -33,8 +33,8 @@ MAPS = tuple(KEPT)
 class Watched:
     """A house at work, and when which map took up which frame."""
 
-    def __init__(self, house: House, bus: Bus) -> None:
-        self.house, self.bus = house, bus
+    def __init__(self, stack: Stack, bus: Bus) -> None:
+        self.stack, self.bus = stack, bus
         self.taken: dict[str, list[tuple[float, int]]] = {name: [] for name in MAPS}
         bus.subscribe(OBJECTMAP_ACK, self._on_ack)
         bus.subscribe(MAP2D_ACK, self._on_ack)
@@ -45,8 +45,8 @@ class Watched:
 
     def works_on(self) -> None:
         """Give the task (again) unless it is being worked on."""
-        if not self.task or self.house.task(self.task)["state"] != "running":
-            self.task = self.house.post("/v1/tasks", {"instruction": self.instruction})["id"]
+        if not self.task or self.stack.task(self.task)["state"] != "running":
+            self.task = self.stack.post("/v1/tasks", {"instruction": self.instruction})["id"]
 
     def objects(self) -> pb.ObjectsReply:
         return self.bus.call(OBJECTS, pb.ObjectsRequest(), 10)
@@ -55,17 +55,17 @@ class Watched:
         return decode_snapshot(self.bus.call(SNAPSHOT, pb.SnapshotRequest(), 10))
 
     def kept(self, name: str) -> Path:
-        return self.house.state / KEPT[name]
+        return self.stack.state / KEPT[name]
 
     def kill(self, name: str) -> int:
         """Returns the process that is no more."""
-        pid = self.house.pid(name)
+        pid = self.stack.pid(name)
         self._logged[name] = len(self.log(name))
         os.kill(pid, signal.SIGKILL)
         return pid
 
     def log(self, name: str) -> bytes:
-        return (self.house.state / "logs" / f"{name}.log").read_bytes()
+        return (self.stack.state / "logs" / f"{name}.log").read_bytes()
 
     def back(self, name: str, killed_pid: int, says: str) -> re.Match[str]:
         """Wait until it is ready under another process and has said something (a pattern), in its
@@ -73,7 +73,7 @@ class Watched:
         found: list[re.Match[str]] = []
 
         def is_back() -> bool:
-            now = self.house.service(name)
+            now = self.stack.service(name)
             if now["state"] == "ready" and now["pid"] != killed_pid:
                 log = self.log(name)[self._logged[name] :].decode()
                 found.extend(re.finditer(says, f"{now['reason']}\n{log}"))
@@ -103,16 +103,16 @@ class Watched:
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
-    house = House(tmp_path_factory.mktemp("state"))
+    stack = Stack(tmp_path_factory.mktemp("state"))
     bus: ZenohBus | None = None
     try:
-        wait_until(house.ready, 180, "all services are ready")
-        bus = ZenohBus(f"tcp/127.0.0.1:{house.router_port}")
-        yield Watched(house, bus)
+        wait_until(stack.ready, 180, "all services are ready")
+        bus = ZenohBus(f"tcp/127.0.0.1:{stack.router_port}")
+        yield Watched(stack, bus)
     finally:
         if bus is not None:
             bus.close()
-        house.close()
+        stack.close()
 
 
 @pytest.mark.parametrize("name", MAPS)

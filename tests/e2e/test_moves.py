@@ -11,74 +11,74 @@ from typing import Any
 import pytest
 from helios_client.cli import run
 
-from tests.house import House
+from tests.stack import Stack
 from tests.support import wait_until
 
 pytestmark = pytest.mark.timeout(420)
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    house = House(tmp_path_factory.mktemp("state"))
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    stack = Stack(tmp_path_factory.mktemp("state"))
     try:
-        wait_until(house.ready, 180, "all services are ready")
-        yield house
+        wait_until(stack.ready, 180, "all services are ready")
+        yield stack
     finally:
-        house.close()
+        stack.close()
 
 
-def ended(house: House, id: str) -> dict[str, Any]:
+def ended(stack: Stack, id: str) -> dict[str, Any]:
     wait_until(
-        lambda: house.task(id)["state"] in ("succeeded", "failed", "cancelled"), 240, "it ended"
+        lambda: stack.task(id)["state"] in ("succeeded", "failed", "cancelled"), 240, "it ended"
     )
-    return house.task(id)
+    return stack.task(id)
 
 
-def pose(house: House) -> tuple[float, float]:
-    here = house.get("/v1/robot")["state"]["pose"]
+def pose(stack: Stack) -> tuple[float, float]:
+    here = stack.get("/v1/robot")["state"]["pose"]
     return here["x_m"], here["y_m"]
 
 
 def test_the_robot_explores_goes_and_comes_back(
-    house: House, capsys: pytest.CaptureFixture[str]
+    stack: Stack, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    port = house.address.rsplit(":", 1)[1]
-    start = pose(house)
-    explored = ended(house, house.post("/v1/robot/explore", {"time_limit_s": 15})["id"])
+    port = stack.address.rsplit(":", 1)[1]
+    start = pose(stack)
+    explored = ended(stack, stack.post("/v1/robot/explore", {"time_limit_s": 15})["id"])
     assert explored["state"] == "succeeded", explored["message"]
     assert "m² of floor are known" in explored["message"]
-    decisions = house.get(f"/v1/tasks/{explored['id']}/decisions")["decisions"]
+    decisions = stack.get(f"/v1/tasks/{explored['id']}/decisions")["decisions"]
     assert decisions
     assert all(d["why"] for d in decisions)
-    x, y = house.get("/v1/map")["trajectory_m"][-1]  # where it surely fits
+    x, y = stack.get("/v1/map")["trajectory_m"][-1]  # where it surely fits
     goal = start if (x, y) == start else (round(x, 2), round(y, 2))
     assert run(["go", str(goal[0]), str(goal[1]), "-90", "--port", port, "--json"]) == 0
     went = json.loads(capsys.readouterr().out)
     assert went["kind"] == "go_to_point"
     assert went["message"].startswith("stands at (")
-    assert max(abs(a - b) for a, b in zip(pose(house), goal, strict=True)) < 0.4
-    back = ended(house, house.post("/v1/tasks", {"instruction": "come back"})["id"])
+    assert max(abs(a - b) for a, b in zip(pose(stack), goal, strict=True)) < 0.4
+    back = ended(stack, stack.post("/v1/tasks", {"instruction": "come back"})["id"])
     assert back["state"] == "succeeded", back["message"]
-    assert max(abs(a - b) for a, b in zip(pose(house), start, strict=True)) < 0.65
+    assert max(abs(a - b) for a, b in zip(pose(stack), start, strict=True)) < 0.65
 
 
-def test_a_killed_planner_still_gets_there_though_the_detector_is_dead_too(house: House) -> None:
-    start = pose(house)
+def test_a_killed_planner_still_gets_there_though_the_detector_is_dead_too(stack: Stack) -> None:
+    start = pose(stack)
     far = max(
-        house.get("/v1/map")["trajectory_m"],
+        stack.get("/v1/map")["trajectory_m"],
         key=lambda p: (p[0] - start[0]) ** 2 + (p[1] - start[1]) ** 2,
     )
-    id = house.post("/v1/robot/go", {"x_m": far[0], "y_m": far[1]})["id"]
-    wait_until(lambda: house.task(id)["steps"] >= 2, 60, "it drives")
+    id = stack.post("/v1/robot/go", {"x_m": far[0], "y_m": far[1]})["id"]
+    wait_until(lambda: stack.task(id)["steps"] >= 2, 60, "it drives")
     for name in ("detector", "planner"):
-        os.kill(house.pid(name), signal.SIGKILL)
-    done = ended(house, id)
+        os.kill(stack.pid(name), signal.SIGKILL)
+    done = ended(stack, id)
     assert done["state"] == "succeeded", done["message"]
     assert done["message"].startswith("stands at (")
-    assert max(abs(a - b) for a, b in zip(pose(house), far, strict=True)) < 0.4
+    assert max(abs(a - b) for a, b in zip(pose(stack), far, strict=True)) < 0.4
 
 
-def test_a_point_that_nobody_can_reach_is_told_with_the_nearest_place(house: House) -> None:
-    done = ended(house, house.post("/v1/robot/go", {"x_m": 500.0, "y_m": 0.0})["id"])
+def test_a_point_that_nobody_can_reach_is_told_with_the_nearest_place(stack: Stack) -> None:
+    done = ended(stack, stack.post("/v1/robot/go", {"x_m": 500.0, "y_m": 0.0})["id"])
     assert (done["state"], done["cause"]) == ("failed", "goal unreachable")
     assert "m away; the robot is sent 100 m at most" in done["message"]

@@ -15,7 +15,7 @@ from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 
-from tests.house import House
+from tests.stack import Stack
 from tests.support import LOOPBACK, wait_until
 
 pytestmark = pytest.mark.timeout(420)
@@ -51,10 +51,10 @@ def fill(folder: Path) -> Path:
     return filler
 
 
-def refused(house: House, instruction: str) -> str:
+def refused(stack: Stack, instruction: str) -> str:
     """Why a task is not taken; empty where it is."""
     answer = LOOPBACK.post(
-        f"{house.address}/v1/tasks", json={"instruction": instruction}, timeout=10
+        f"{stack.address}/v1/tasks", json={"instruction": instruction}, timeout=10
     )
     return answer.json()["detail"] if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE else ""
 
@@ -62,40 +62,40 @@ def refused(house: House, instruction: str) -> str:
 def test_a_task_that_ended_on_a_full_disk_moves_nothing_after_the_planner_died(
     small_disk: Path, tmp_path: Path
 ) -> None:
-    house = House(tmp_path)
+    stack = Stack(tmp_path)
     try:
-        wait_until(house.ready, 180, "all services are ready")
-        bus = ZenohBus(f"tcp/127.0.0.1:{house.router_port}")
+        wait_until(stack.ready, 180, "all services are ready")
+        bus = ZenohBus(f"tcp/127.0.0.1:{stack.router_port}")
         instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
         bus.close()
-        id = house.post("/v1/tasks", {"instruction": instruction})["id"]
-        wait_until(lambda: house.task(id)["steps"] >= 5, 150, "it works")
+        id = stack.post("/v1/tasks", {"instruction": instruction})["id"]
+        wait_until(lambda: stack.task(id)["steps"] >= 5, 150, "it works")
         filler = fill(small_disk)
-        wait_until(lambda: "waits for its journal" in house.task(id)["message"], 60, "it stands")
-        assert "make room on that disk" in house.task(id)["message"]
-        reasons = LOOPBACK.get(f"{house.address}/readyz", timeout=10).json()["reasons"]
+        wait_until(lambda: "waits for its journal" in stack.task(id)["message"], 60, "it stands")
+        assert "make room on that disk" in stack.task(id)["message"]
+        reasons = LOOPBACK.get(f"{stack.address}/readyz", timeout=10).json()["reasons"]
         assert any("planner" in r and "tasks cannot be kept" in r for r in reasons)
-        assert "no task is taken now" in refused(house, instruction)
+        assert "no task is taken now" in refused(stack, instruction)
 
-        house.post(f"/v1/tasks/{id}/cancel")
-        wait_until(lambda: "told as cancelled" in house.task(id)["message"], 90, "it has ended")
-        steps, pose = house.task(id)["steps"], house.get("/v1/robot")["state"]["pose"]
-        old = house.pid("planner")
+        stack.post(f"/v1/tasks/{id}/cancel")
+        wait_until(lambda: "told as cancelled" in stack.task(id)["message"], 90, "it has ended")
+        steps, pose = stack.task(id)["steps"], stack.get("/v1/robot")["state"]["pose"]
+        old = stack.pid("planner")
         os.kill(old, signal.SIGKILL)
-        wait_until(lambda: house.pid("planner") not in (0, old), 60, "it is started again")
-        wait_until(lambda: house.task(id)["state"] == "failed", 60, "it is not gone on with")
-        assert "could not write down how its tasks went" in house.task(id)["message"]
-        assert refused(house, instruction)
-        assert house.get("/v1/robot")["state"]["pose"] == pytest.approx(pose, abs=0.01)
+        wait_until(lambda: stack.pid("planner") not in (0, old), 60, "it is started again")
+        wait_until(lambda: stack.task(id)["state"] == "failed", 60, "it is not gone on with")
+        assert "could not write down how its tasks went" in stack.task(id)["message"]
+        assert refused(stack, instruction)
+        assert stack.get("/v1/robot")["state"]["pose"] == pytest.approx(pose, abs=0.01)
 
         filler.unlink()
-        wait_until(lambda: not refused(house, instruction), 60, "tasks are taken again")
-        tasks = house.get("/v1/tasks")["tasks"]
+        wait_until(lambda: not refused(stack, instruction), 60, "tasks are taken again")
+        tasks = stack.get("/v1/tasks")["tasks"]
         running = [t["id"] for t in tasks if t["state"] in ("queued", "running")]
         assert id not in running
         assert len(running) == 1
-        wait_until(lambda: house.task(running[0])["steps"] >= 2, 60, "it works")
-        assert house.task(id)["state"] == "failed"
-        assert house.task(id)["steps"] <= steps  # the last ones could not be written down
+        wait_until(lambda: stack.task(running[0])["steps"] >= 2, 60, "it works")
+        assert stack.task(id)["state"] == "failed"
+        assert stack.task(id)["steps"] <= steps  # the last ones could not be written down
     finally:
-        house.close()
+        stack.close()

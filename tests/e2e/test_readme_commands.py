@@ -59,7 +59,7 @@ COMMANDS = [c for c in readme_commands() if why_exempt(c) is None]
 
 
 @dataclass
-class House:
+class Stack:
     """What `helios up` of the README started, and where."""
 
     folder: Path
@@ -84,13 +84,13 @@ class House:
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    house = House(tmp_path_factory.mktemp("readme"))
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    stack = Stack(tmp_path_factory.mktemp("readme"))
     [up] = [c for c in COMMANDS if c.startswith("helios up")][:1]
-    argv = [*shlex.split(house.adapted(up)), "--state", str(house.folder / "up")]
-    with started(argv, house.folder / "up.log", house.environment, house.folder):
-        wait_until(lambda: is_ready(house.port), 200, "all services are ready")
-        yield house
+    argv = [*shlex.split(stack.adapted(up)), "--state", str(stack.folder / "up")]
+    with started(argv, stack.folder / "up.log", stack.environment, stack.folder):
+        wait_until(lambda: is_ready(stack.port), 200, "all services are ready")
+        yield stack
 
 
 def test_each_command_is_run_or_left_out_for_a_reason() -> None:
@@ -101,13 +101,13 @@ def test_each_command_is_run_or_left_out_for_a_reason() -> None:
 
 
 @pytest.mark.timeout(600)
-def test_the_commands_work_in_their_order(house: House) -> None:
+def test_the_commands_work_in_their_order(stack: Stack) -> None:
     for command in COMMANDS:
         if command.startswith("helios up"):
             continue
         began_s = time.monotonic()
         done = subprocess.run(
-            ["bash", "-c", house.adapted(command)], env=house.environment, cwd=house.folder,
+            ["bash", "-c", stack.adapted(command)], env=stack.environment, cwd=stack.folder,
             capture_output=True, text=True, timeout=500, check=False,
         )  # fmt: skip
         print(f"{time.monotonic() - began_s:6.1f} s  {command}")
@@ -115,19 +115,19 @@ def test_the_commands_work_in_their_order(house: House) -> None:
         if command.startswith("curl"):
             assert '"type":"helios:' not in done.stdout, f"{command}\n{done.stdout}"
         if command.startswith("helios task "):
-            house.task_id = house.newest_task()["id"]
+            stack.task_id = stack.newest_task()["id"]
 
 
-def test_the_dashboard_shows_the_task_that_succeeded(house: House, tmp_path: Path) -> None:
-    assert house.task_id, "runs after the commands"
+def test_the_dashboard_shows_the_task_that_succeeded(stack: Stack, tmp_path: Path) -> None:
+    assert stack.task_id, "runs after the commands"
     with chromium() as browser:
         for name, (width, height) in SIZES.items():
             page = browser.new_page(
                 viewport={"width": width, "height": height}, has_touch=name == "tablet",
                 color_scheme="dark" if name == "dark" else "light",
             )  # fmt: skip
-            page.goto(f"http://localhost:{house.port}")
-            page.locator(f'#history [data-id="{house.task_id}"]').click()
+            page.goto(f"http://localhost:{stack.port}")
+            page.locator(f'#history [data-id="{stack.task_id}"]').click()
             page.locator("#task-state", has_text="succeeded").wait_for()
             page.locator("#why-table").wait_for()
             page.locator("#camera").wait_for()

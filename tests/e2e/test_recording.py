@@ -93,11 +93,11 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     chosen = Settings(out=folder, min_free_mb=0)
     with (
         closing(world),
-        InProcessStack(world, "helios", None, SEED, {}) as house,
-        closing(RecorderService(house.bus(), chosen, health)),
+        InProcessStack(world, "helios", None, SEED, {}) as stack,
+        closing(RecorderService(stack.bus(), chosen, health)),
     ):
-        task = house.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)
-        maps = Maps.of(house.bus())
+        task = stack.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)
+        maps = Maps.of(stack.bus())
     return Done(folder, maps, task, health.metrics())
 
 
@@ -150,8 +150,8 @@ def test_waiting_changes_nothing(done: Done) -> None:
 
 def test_the_replay_command_gives_them_too(done: Done, tmp_path: Path) -> None:
     """As processes, over the router."""
-    told = helios("replay", str(done.folder), "--out", str(tmp_path))
-    assert told.returncode == 0, told.stderr
+    reported = helios("replay", str(done.folder), "--out", str(tmp_path))
+    assert reported.returncode == 0, reported.stderr
     found = {o["id"]: o for o in json.loads((tmp_path / "objects.json").read_text())}
     assert set(found) == {o.id for o in done.maps.objects.objects}
     for o in done.maps.objects.objects:
@@ -168,10 +168,10 @@ def test_the_replay_command_gives_them_too(done: Done, tmp_path: Path) -> None:
 
 def test_a_free_running_replay_ends_and_leaves_what_it_found(done: Done, tmp_path: Path) -> None:
     """No promise of equality: only that nothing is waited for and every file is there."""
-    told = helios(
+    reported = helios(
         "replay", str(done.folder), "--free-running", "--rate", "4", "--out", str(tmp_path)
     )
-    assert told.returncode == 0, told.stderr
+    assert reported.returncode == 0, reported.stderr
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["frames"] > 0
     assert json.loads((tmp_path / "objects.json").read_text())
@@ -182,14 +182,14 @@ def test_rerun_opens_it(done: Done, tmp_path: Path) -> None:
     assert RERUN is not None
     (path,) = done.folder.glob("*.mcap")
     out = tmp_path / "recording.rrd"
-    told = subprocess.run(
+    reported = subprocess.run(
         [RERUN, "mcap", "convert", str(path), "-o", str(out)],
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
-    assert told.returncode == 0, told.stderr
+    assert reported.returncode == 0, reported.stderr
     assert out.stat().st_size > path.stat().st_size / 2
     for entity in ("/camera/keyframe/color", "/camera/keyframe/depth", "/tf", "/planner/task"):
-        assert entity in told.stderr
+        assert entity in reported.stderr
 
 
 # --- as processes ---------------------------------------------------------------------------------
@@ -198,10 +198,10 @@ class RecordedUp(Up):
 
     def services(self) -> dict[str, dict[str, Any]]:
         try:
-            told = json.loads((self.state / "supervisor.json").read_text())
+            reported = json.loads((self.state / "supervisor.json").read_text())
         except (OSError, ValueError):
             return {}
-        return {s["name"]: s for s in told["services"]} if told["ready"] else {}
+        return {s["name"]: s for s in reported["services"]} if reported["ready"] else {}
 
     @property
     def recordings(self) -> list[Path]:

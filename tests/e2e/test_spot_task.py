@@ -80,7 +80,7 @@ class ColourDetector(DetectorBackend):
         """It holds nothing."""
 
 
-class House:
+class Stack:
     """Every service on one memory bus, in lockstep, with Spot behind the bridge."""
 
     def __init__(self, folder: Path) -> None:
@@ -155,18 +155,18 @@ class Episode:
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
     """A person takes the robot once it moves, clears the stop too early, gives the robot back, and
     clears the stop: once, and at once."""
-    with closing(House(tmp_path_factory.mktemp("spot"))) as house:
-        world = house.fake.world
-        id = house.begin(INSTRUCTION)
+    with closing(Stack(tmp_path_factory.mktemp("spot"))) as stack:
+        world = stack.fake.world
+        id = stack.begin(INSTRUCTION)
         wait_until(lambda: world.moving, 60, "the robot moves")
-        house.fake.leases.give_to("the tablet")
-        wait_until(lambda: house.task(id).state == "paused", 60, "the task pauses")
-        then = house.task(id), world.moving, world.lease_owner
+        stack.fake.leases.give_to("the tablet")
+        wait_until(lambda: stack.task(id).state == "paused", 60, "the task pauses")
+        then = stack.task(id), world.moving, world.lease_owner
         with pytest.raises(Conflict) as refused:
-            house.clear_stop()
-        house.fake.leases.free()
-        house.clear_stop()
-        yield Episode(world, *then, refused.value.message, house.end(id))
+            stack.clear_stop()
+        stack.fake.leases.free()
+        stack.clear_stop()
+        yield Episode(world, *then, refused.value.message, stack.end(id))
 
 
 def test_a_task_pauses_while_the_tablet_has_the_robot(episode: Episode) -> None:

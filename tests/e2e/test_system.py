@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SERVICES = ("router", "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway")
 
 
-class House(Up):
+class Stack(Up):
     """A running `helios up` with the simulated robot."""
 
     def get(self, path: str) -> httpx.Response:
@@ -62,23 +62,23 @@ class House(Up):
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """In the end it must leave no process behind."""
     flags = ("--robot", "sim", "--seed", str(SEED))
-    with helios_up(tmp_path_factory.mktemp("state"), *flags, kind=House) as house:
-        wait_until(house.ready, 120, "all services are ready")
-        yield house
+    with helios_up(tmp_path_factory.mktemp("state"), *flags, kind=Stack) as stack:
+        wait_until(stack.ready, 120, "all services are ready")
+        yield stack
 
 
-def check_answer(house: House, path: str, kind: str) -> None:
-    answer = house.get(path)
+def check_answer(stack: Stack, path: str, kind: str) -> None:
+    answer = stack.get(path)
     assert answer.status_code == 200, answer.text
     assert answer.headers["content-type"].startswith(kind)
 
 
-def test_every_service_is_a_process_of_its_own_and_ready(house: House) -> None:
+def test_every_service_is_a_process_of_its_own_and_ready(stack: Stack) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "helios_client", "status", "--json", "--port", str(house.port)],
+        [sys.executable, "-m", "helios_client", "status", "--json", "--port", str(stack.port)],
         capture_output=True, text=True, timeout=20, check=False,
     )  # fmt: skip
     status = {s["name"]: s for s in json.loads(done.stdout)["services"]}
@@ -99,25 +99,25 @@ def test_every_service_is_a_process_of_its_own_and_ready(house: House) -> None:
     ],
 )
 def test_an_instruction_that_cannot_be_done_is_refused_with_a_sentence(
-    house: House, instruction: str, said: str
+    stack: Stack, instruction: str, said: str
 ) -> None:
     answer = LOOPBACK.post(
-        f"http://127.0.0.1:{house.port}/v1/tasks", json={"instruction": instruction}, timeout=10
+        f"http://127.0.0.1:{stack.port}/v1/tasks", json={"instruction": instruction}, timeout=10
     )
     assert 400 <= answer.status_code < 500
     assert re.search(said, answer.json()["detail"], re.IGNORECASE), answer.json()
 
 
 @pytest.mark.parametrize("name", [s for s in SERVICES if s not in ("world", "bridge")])
-def test_a_killed_service_is_back_and_said_to_be(house: House, name: str) -> None:
-    house.kill(name)
+def test_a_killed_service_is_back_and_said_to_be(stack: Stack, name: str) -> None:
+    stack.kill(name)
 
 
-def test_a_killed_bridge_is_back_and_the_world_as_it_was(house: House) -> None:
-    bus = ZenohBus(house.router)
+def test_a_killed_bridge_is_back_and_the_world_as_it_was(stack: Stack) -> None:
+    bus = ZenohBus(stack.router)
     try:
         before = bus.call(WORLD_STATE, pb.Empty(), 10)
-        house.kill("bridge")
+        stack.kill("bridge")
         after = bus.call(WORLD_STATE, pb.Empty(), 10)
         assert list(after.T_world_base.rows) == pytest.approx(list(before.T_world_base.rows))
         assert after.robot_boot_id == before.robot_boot_id
@@ -126,13 +126,13 @@ def test_a_killed_bridge_is_back_and_the_world_as_it_was(house: House) -> None:
 
 
 @pytest.mark.timeout(420)
-def test_a_language_task_succeeds_after_all_that(house: House) -> None:
-    bus = ZenohBus(house.router)
+def test_a_language_task_succeeds_after_all_that(stack: Stack) -> None:
+    bus = ZenohBus(stack.router)
     try:
         episode = bus.call(TRUTH_EPISODE, pb.Empty(), 10)
         done = subprocess.run(
             [sys.executable, "-m", "helios_client", "task", episode.instruction,
-             "--port", str(house.port), "--json"],
+             "--port", str(stack.port), "--json"],
             capture_output=True, text=True, timeout=400, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr[-2000:]
@@ -140,15 +140,15 @@ def test_a_language_task_succeeds_after_all_that(house: House) -> None:
         assert task["state"] == "succeeded"
         metrics = bus.call(TRUTH_METRICS, pb.Empty(), 10)
         assert metrics.success, metrics
-        decisions = house.get(f"/v1/tasks/{task['id']}/decisions").json()["decisions"]
+        decisions = stack.get(f"/v1/tasks/{task['id']}/decisions").json()["decisions"]
         assert decisions
         assert all(d["why"] for d in decisions)
-        check_answer(house, "/v1/map/value/pick.png", "image/png")
-        check_answer(house, "/v1/map/value/place.npz", "application/")
+        check_answer(stack, "/v1/map/value/pick.png", "image/png")
+        check_answer(stack, "/v1/map/value/place.npz", "application/")
         for setting, flips in ("alpha_d=0.001", False), ("alpha_d=0.01", None):
             why = subprocess.run(
                 [sys.executable, "-m", "helios_client", "why", task["id"], "--set", setting,
-                 "--port", str(house.port), "--json"],
+                 "--port", str(stack.port), "--json"],
                 capture_output=True, text=True, timeout=60, check=True,
             )  # fmt: skip
             again = [d["recomputed"] for d in json.loads(why.stdout)["decisions"]]
@@ -174,17 +174,17 @@ def test_a_language_task_succeeds_after_all_that(house: House) -> None:
         ("/", "text/html"),
     ],
 )
-def test_every_path_of_the_interface_answers(house: House, path: str, kind: str) -> None:
-    check_answer(house, path, kind)
+def test_every_path_of_the_interface_answers(stack: Stack, path: str, kind: str) -> None:
+    check_answer(stack, path, kind)
 
 
-def test_a_task_can_be_cancelled(house: House) -> None:
-    base = f"http://127.0.0.1:{house.port}/v1/tasks"
+def test_a_task_can_be_cancelled(stack: Stack) -> None:
+    base = f"http://127.0.0.1:{stack.port}/v1/tasks"
     task = LOOPBACK.post(base, json={"instruction": "Find the remote"}, timeout=10).json()
     cancelled = LOOPBACK.post(f"{base}/{task['id']}/cancel", timeout=10)
     assert cancelled.status_code == 200
     wait_until(
-        lambda: house.get(f"/v1/tasks/{task['id']}").json()["state"] in ("cancelled", "succeeded"),
+        lambda: stack.get(f"/v1/tasks/{task['id']}").json()["state"] in ("cancelled", "succeeded"),
         30, "the task has ended",
     )  # fmt: skip
 
@@ -251,12 +251,12 @@ def test_the_order_of_starting_does_not_matter(tmp_path: Path) -> None:
             process.wait()
 
 
-def test_a_missing_model_file_is_said_in_one_sentence(house: House, tmp_path: Path) -> None:
+def test_a_missing_model_file_is_said_in_one_sentence(stack: Stack, tmp_path: Path) -> None:
     log = tmp_path / "log"
     with log.open("wb") as out:
         process = subprocess.Popen(
             [sys.executable, "-m", "helios_detector", "--detector", "onnx:/no/such.onnx",
-             "--router", house.router, "--robot", "another"],
+             "--router", stack.router, "--robot", "another"],
             stderr=out, stdout=out,
         )  # fmt: skip
     try:
@@ -266,11 +266,11 @@ def test_a_missing_model_file_is_said_in_one_sentence(house: House, tmp_path: Pa
         process.wait()
 
 
-def test_a_port_in_use_is_said_by_number(house: House, tmp_path: Path) -> None:
+def test_a_port_in_use_is_said_by_number(stack: Stack, tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "helios_client", "up", "--robot", "sim", "--port", str(house.port),
+        [sys.executable, "-m", "helios_client", "up", "--robot", "sim", "--port", str(stack.port),
          "--state", str(tmp_path)],
         capture_output=True, text=True, timeout=30, check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    assert str(house.port) in done.stderr
+    assert str(stack.port) in done.stderr

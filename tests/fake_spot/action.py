@@ -40,8 +40,8 @@ class Commands(pb.servicer("RobotCommandService")):
         w, id = self._w, request.robot_command_id
         self.asked += 1
         processing = pb.basic.RobotCommandFeedbackStatus.STATUS_PROCESSING
-        told = reply.feedback.synchronized_feedback
-        legs, arm = told.mobility_command_feedback, told.arm_command_feedback
+        reported = reply.feedback.synchronized_feedback
+        legs, arm = reported.mobility_command_feedback, reported.arm_command_feedback
         legs.status = arm.status = processing
         with w.lock:
             w.step()

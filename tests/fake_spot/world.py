@@ -115,13 +115,13 @@ class World:
                 self.press_estop("software")
             if self.walk is None:
                 return
-            self._check_leash()
+            self._check_command_expiry()
             while dt > 0 and self.walk is not None:
                 part = min(dt, 0.01)
                 dt -= part
                 self._advance(part * self.hurry)
 
-    def _check_leash(self) -> None:
+    def _check_command_expiry(self) -> None:
         assert self.walk is not None
         if time.time() > self.walk.end_s:
             self.halt("the command ended")

@@ -148,8 +148,8 @@ def faults(page: str) -> list[str]:
     """What the page says that is not so, one sentence each."""
     everything = list(rows(page))
     out = [fault for row in everything for fault in [*of_row(row), *of_value(row)]]
-    told = {n for row in everything if row.code for n in equations_in(row.cells["paper"])}
-    out += [f"no row is of eq. {n}" for n in EQUATIONS if n not in told]
+    reported = {n for row in everything if row.code for n in equations_in(row.cells["paper"])}
+    out += [f"no row is of eq. {n}" for n in EQUATIONS if n not in reported]
     first = [row.cells["paper"] for row in everything]
     out += [f"no row is of {n}" for n in TABLES_AND_FIGURES if n not in first]
     constants = {r.cells["paper"]: r for r in everything if r.section.startswith("Table 3")}
@@ -185,8 +185,8 @@ def of_row(row: Row) -> Iterator[str]:
                 yield f"{row.name}: {len(where)} of the files above the table have {name}"
     for name in row.code:
         where, node = found_in(row.code_files, name)
-        told = equations_in(source_of(where[0], node)) if node else set(EQUATIONS)
-        for missing in sorted(equations_in(row.cells["paper"]) - told):
+        reported = equations_in(source_of(where[0], node)) if node else set(EQUATIONS)
+        for missing in sorted(equations_in(row.cells["paper"]) - reported):
             yield f"{row.name}: {name} does not mention eq. {missing}"
 
 

@@ -25,12 +25,12 @@ COMMAND = ["helios", "eval", "ovmm", "--out", "helios", "--agents", ",".join(OLD
 
 
 def line(agent: str) -> str:
-    told = {
+    reported = {
         "benchmark": "ovmm", "agent": agent, "semantics": "noisy", "preset": "ovmm-v1", "seed": 7,
         "instruction": "Find the hat", "path_m": 126.6152089463771, "wall_s": 1e-05,
         "message": "helios-next said: ü", "commit": "dc49a59",
     }  # fmt: skip
-    return json.dumps(told, separators=(",", ":"), ensure_ascii=False)
+    return json.dumps(reported, separators=(",", ":"), ensure_ascii=False)
 
 
 @pytest.fixture

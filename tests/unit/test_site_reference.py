@@ -32,8 +32,8 @@ def test_each_row_of_a_generated_table_has_a_meaning(name: str) -> None:
 def test_each_parameter_and_field_over_http_has_a_meaning() -> None:
     without = [
         f"{method} {path} {parameter['name']}"
-        for method, path, told in page_of_http.operations()
-        for parameter in told.get("parameters", ())
+        for method, path, reported in page_of_http.operations()
+        for parameter in reported.get("parameters", ())
         if not parameter.get("description")
     ]
     schemas = page_of_http.description()["components"]["schemas"]

@@ -20,8 +20,8 @@ def port_here(url: str, elsewhere: str) -> int:
         raise UsageError(str(error)) from error
     assert parts.hostname is not None
     if not _is_here(parts.hostname):
-        told = elsewhere.replace("HOST", parts.hostname)
-        raise UsageError(f"{url} is not on this machine, so {told}")
+        said_instead = elsewhere.replace("HOST", parts.hostname)
+        raise UsageError(f"{url} is not on this machine, so {said_instead}")
     return parts.port or STANDARD_PORTS[parts.scheme]
 
 

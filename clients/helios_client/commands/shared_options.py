@@ -128,8 +128,8 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
         command(**given)
 
     flattened = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in (*own, *spread)]
-    told: Any = run  # the parser asks what it takes
-    told.__signature__ = inspect.Signature(flattened)
+    parsed: Any = run  # the parser asks what it takes
+    parsed.__signature__ = inspect.Signature(flattened)
     run.__annotations__ = {p.name: p.annotation for p in flattened}
     return run
 

@@ -86,7 +86,7 @@ class Teleop:
             self._state = TeleopState.from_json(self._socket.recv(timeout=self._to.timeout_s))
         except BaseException as error:
             self._close()
-            raise _told(error, self._to.url) from error
+            raise _error_for(error, self._to.url) from error
         return self
 
     def __exit__(
@@ -108,7 +108,7 @@ class Teleop:
         except TimeoutError:
             return
         except Exception as error:
-            raise _told(error, self._to.url) from error
+            raise _error_for(error, self._to.url) from error
 
     def _close(self) -> None:
         socket, self._socket = self._socket, None
@@ -149,7 +149,7 @@ class AsyncTeleop:
                 self._state = TeleopState.from_json(await self._socket.recv())
         except BaseException as error:
             await self._close()
-            raise _told(error, self._to.url) from error
+            raise _error_for(error, self._to.url) from error
         return self
 
     async def __aexit__(
@@ -172,7 +172,7 @@ class AsyncTeleop:
         except TimeoutError:
             return
         except Exception as error:
-            raise _told(error, self._to.url) from error
+            raise _error_for(error, self._to.url) from error
 
     async def _close(self) -> None:
         socket, self._socket = self._socket, None
@@ -193,7 +193,7 @@ def _command(forward: float, turn: float) -> str:
     return json.dumps({"forward": forward, "turn": turn})
 
 
-def _told(error: BaseException, url: str) -> BaseException:
+def _error_for(error: BaseException, url: str) -> BaseException:
     """The typed error for what went wrong; what is none of ours as it is."""
     from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 

@@ -31,10 +31,10 @@ class MapTools(Tools):
         that fit, the best first, each with its picture."""
         found = await self.helios.seen(prompt, limit)
         views = [{k: v for k, v in one.raw.items() if k != "jpeg_base64"} for one in found.views]
-        told = found.raw | {"views": views}
-        content: list[ContentBlock] = [TextContent(type="text", text=json.dumps(told))]
+        answer = found.raw | {"views": views}
+        content: list[ContentBlock] = [TextContent(type="text", text=json.dumps(answer))]
         content += [_picture(view.jpeg) for view in found.views if view.jpeg]
-        return CallToolResult(content=content, structured_content=told)
+        return CallToolResult(content=content, structured_content=answer)
 
     @tool("The 2D map", READS)
     async def map_info(self) -> Map:

@@ -29,7 +29,7 @@ class Server(MCPServer):
             return await super().call_tool(name, arguments, context)
         except ToolError as error:
             if isinstance(error.__cause__, ValidationError):
-                raise ToolError(_told(name, error.__cause__.errors(), known)) from error
+                raise ToolError(_message(name, error.__cause__.errors(), known)) from error
             raise
 
 
@@ -44,7 +44,7 @@ def _unknown(tool: str, argument: str, known: Sequence[str]) -> str:
     return f"{tool} has no argument {argument[:MOST_CHARACTERS]!r}; {takes}"
 
 
-def _told(tool: str, errors: Sequence[Mapping[str, Any]], known: Mapping[str, Any]) -> str:
+def _message(tool: str, errors: Sequence[Mapping[str, Any]], known: Mapping[str, Any]) -> str:
     """Each argument once: of a union there is an error for every member."""
     said: dict[str, str] = {}
     for error in errors:

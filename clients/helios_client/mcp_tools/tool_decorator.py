@@ -83,13 +83,13 @@ def tool(
         method: Callable[Concatenate[S, P], Awaitable[R]],
     ) -> Callable[Concatenate[S, P], Awaitable[R]]:
         @functools.wraps(method)
-        async def told(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        async def with_errors(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
             try:
                 return await method(self, *args, **kwargs)
             except HeliosError as error:
                 raise ToolError(error.message) from error
 
-        setattr(told, _MARK, (title, effect))
-        return told
+        setattr(with_errors, _MARK, (title, effect))
+        return with_errors
 
     return mark

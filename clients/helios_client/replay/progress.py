@@ -97,7 +97,7 @@ class Classes:
     def __init__(self, detector: str, searches: Sequence[frozenset[str]]) -> None:
         """searches: the class names of each search that is to come."""
         self._detector, self._kinds = detector, frozenset(searches)
-        self._told: set[str] = set()
+        self._printed: set[str] = set()
 
     def check(self, board: ServiceTable, over: bool, console: Console) -> None:
         """Tell what is new. over: no search is still to come. Raises UsageError when none of the
@@ -113,8 +113,8 @@ class Classes:
                 f"{status.reason}"
             )
         refused = figure(board, "detector", "classes_refused")
-        if refused and status.reason not in self._told:
-            self._told.add(status.reason)
+        if refused and status.reason not in self._printed:
+            self._printed.add(status.reason)
             console.print(f"[yellow]not looked for[/]: {escape(status.reason)}", soft_wrap=True)
 
 

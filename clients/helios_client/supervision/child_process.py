@@ -11,7 +11,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from helios_client.supervision import parent_watch as leash_module
+from helios_client.supervision import parent_watch
 
 TAIL_BYTES = 4096
 KEEP_LOG_BYTES = 8_000_000  # a larger log is put aside at the next start
@@ -60,7 +60,7 @@ class Child:
         program = shutil.which(spec.argv[0])
         if program is None:
             raise FileNotFoundError(f"there is no program {spec.argv[0]}")
-        leash = (sys.executable, "-I", "-S", leash_module.__file__, str(os.getpid()))
+        watch = (sys.executable, "-I", "-S", parent_watch.__file__, str(os.getpid()))
         self.spec = spec
         self._log_path = log_path
         log_path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +69,7 @@ class Child:
         with log_path.open("ab") as log:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
-                (*leash, program, *spec.argv[1:]),
+                (*watch, program, *spec.argv[1:]),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

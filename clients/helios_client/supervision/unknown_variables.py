@@ -18,8 +18,8 @@ def unread(variables: Iterable[str]) -> str:
     names = sorted(name for name in variables if name.startswith(PREFIX) and not _is_read(name))
     if not names:
         return ""
-    told = (f"{name} (did you mean {near}?)" if (near := _near(name)) else name for name in names)
-    return f"nothing of HELIOS reads {', '.join(told)}; the services are {', '.join(SERVICES)}"
+    listed = (f"{name} (did you mean {near}?)" if (near := _near(name)) else name for name in names)
+    return f"nothing of HELIOS reads {', '.join(listed)}; the services are {', '.join(SERVICES)}"
 
 
 def _is_read(name: str) -> bool:

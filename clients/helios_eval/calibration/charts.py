@@ -173,8 +173,8 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
     axes.errorbar(wide.score, wide.true, spread, fmt=MARKER[name], ms=8, color=color,
                   capsize=3, lw=1.8, mec="white", mew=1,
                   label="bins of equal width, 95 % interval")  # fmt: skip
-    told = np.isfinite(row.ece_low)
-    spread_of_ece = f" ({row.ece_low:.3f}–{row.ece_high:.3f})" if told else ""
+    has_interval = np.isfinite(row.ece_low)
+    spread_of_ece = f" ({row.ece_low:.3f}–{row.ece_high:.3f})" if has_interval else ""
     lines = [
         f"ECE {row.ece:.3f}{spread_of_ece}, by chance ≤ {row.ece_by_chance:.3f}",
         f"widest gap {row.mce:.2f}    Brier {row.brier:.3f}    AUROC {_figure(row.auroc)}",

@@ -94,12 +94,14 @@ def by_setting(records: Iterable[EpisodeRecord]) -> dict[str, list[EpisodeRecord
     The name always tells the noise; agent, preset and other settings only where they differ.
     Sorted: ground truth, then by level and correlation.
     """
-    told = [(_facts(r), r) for r in records if r.beliefs]
-    names = dict.fromkeys(name for facts, _ in told for name in facts)
-    differ = [n for n in names if len({facts.get(n, _default(n)) for facts, _ in told} - {""}) > 1]
+    with_beliefs = [(_facts(r), r) for r in records if r.beliefs]
+    names = dict.fromkeys(name for facts, _ in with_beliefs for name in facts)
+    differ = [
+        n for n in names if len({facts.get(n, _default(n)) for facts, _ in with_beliefs} - {""}) > 1
+    ]
     out: dict[str, list[EpisodeRecord]] = {}
-    set_anywhere = any(r.noise and r.noise.correlation is not None for _, r in told)
-    for facts, record in sorted(told, key=lambda pair: _order(pair[1])):
+    set_anywhere = any(r.noise and r.noise.correlation is not None for _, r in with_beliefs)
+    for facts, record in sorted(with_beliefs, key=lambda pair: _order(pair[1])):
         extra = [facts.get(name, _default(name)) for name in differ]
         name = ", ".join(part for part in (_noise(record, set_anywhere), *extra) if part)
         out.setdefault(name, []).append(record)

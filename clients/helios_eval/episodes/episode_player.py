@@ -39,7 +39,7 @@ class Played:
     """The record, and what a picture needs where it failed."""
 
     record: EpisodeRecord
-    keepsake: FailureSnapshot | None = None
+    snapshot: FailureSnapshot | None = None
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class _Floor:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _Outcome:
     """What the agent made of its task, in its own eyes."""
 
     state: str
@@ -89,7 +89,7 @@ def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
 
 
 @contextmanager
-def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessStack]]:
+def running_stack(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessStack]]:
     """The world of an episode and the house of its agent, until the block ends.
 
     Raises HeliosError.
@@ -97,8 +97,8 @@ def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessStack]]:
     home = home_presets.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
-        with InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house:
-            yield thread, house
+        with InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings) as stack:
+            yield thread, stack
     finally:
         thread.close()
 
@@ -109,7 +109,7 @@ def _watched(world: object) -> TimedWorld:
 
 
 # --- agents -------------------------------------------------------------------------------------
-def _walk(world: TimedWorld, max_steps: int) -> _Told:
+def _walk(world: TimedWorld, max_steps: int) -> _Outcome:
     """The walker that knows the truth; on the world's thread."""
     began = time.perf_counter()
     done = GroundTruthSolver(world, max_steps).run()
@@ -122,7 +122,7 @@ def _walk(world: TimedWorld, max_steps: int) -> _Told:
         said = "failed", f"{max_steps} steps are used up", STEP_BUDGET
     else:
         said = "failed", "knows no other way", ""
-    return _Told(
+    return _Outcome(
         *said,
         wall_s,
         _Floor(plan, origin_m, _PLAN_CELL_M),
@@ -130,7 +130,7 @@ def _walk(world: TimedWorld, max_steps: int) -> _Told:
     )
 
 
-def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
+def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     """An agent of the planner, with every service."""
     world = thread.run(_watched)
     episode = world.episode
@@ -139,34 +139,34 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
     roles.pop("", None)
     beliefs: list[Belief] = []
 
-    def look(house: InProcessStack) -> tuple[ObjectInstance, ...]:
-        objects = tuple(house.objects())
+    def look(stack: InProcessStack) -> tuple[ObjectInstance, ...]:
+        objects = tuple(stack.objects())
         step = world.progress.steps
         beliefs.extend(judged(objects, thread.run(lambda w: w.things()), roles, step))
         return objects
 
     def on_step() -> None:
-        if house is not None and world.progress.steps % BELIEFS_EVERY == 0:
-            look(house)
+        if stack is not None and world.progress.steps % BELIEFS_EVERY == 0:
+            look(stack)
 
-    house: InProcessStack | None = None
-    house = InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
-    with house:
+    stack: InProcessStack | None = None
+    stack = InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
+    with stack:
         began = time.perf_counter()
-        task = house.run(episode.instruction, spec.max_steps, LONGEST_S)
+        task = stack.run(episode.instruction, spec.max_steps, LONGEST_S)
         wall_s = time.perf_counter() - began
-        objects = look(house)
-        view = house.map()
-        return _Told(
+        objects = look(stack)
+        view = stack.map()
+        return _Outcome(
             task.state,
             task.message,
             task.cause,
             wall_s,
             _Floor(view.occupancy, view.origin_m, view.cell_m),
-            _stages(world) | house.stage_ms(),
+            _stages(world) | stack.stage_ms(),
             tuple(beliefs),
             tuple(o for o in objects if o.class_score >= SHOWN_CLASS_SCORE),
-            house.camera_jpeg,
+            stack.camera_jpeg,
         )
 
 
@@ -180,10 +180,10 @@ def _stages(world: TimedWorld) -> dict[str, float]:
 
 
 # --- what came of it ----------------------------------------------------------------------------
-def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Told) -> Played:
+def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -> Played:
     done, episode = world.progress, world.episode
-    told = AgentReport(said.state, said.cause, said.message)
-    judged_as = verdict(spec.benchmark, world, told, spec.max_steps)
+    report = AgentReport(said.state, said.cause, said.message)
+    judged_as = verdict(spec.benchmark, world, report, spec.max_steps)
     record = EpisodeRecord(
         benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
         seed=spec.seed, noise=spec.noise, settings=spec.settings,
@@ -200,10 +200,10 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Told) -> P
         commit=commit, preset_hash=home_presets.digest_of(spec.preset),
         structure_hash=world.home.structure_hash(),
     )  # fmt: skip
-    return Played(record, None if record.success else _keepsake(record, world, said))
+    return Played(record, None if record.success else _failure_snapshot(record, world, said))
 
 
-def _keepsake(record: EpisodeRecord, world: TimedWorld, said: _Told) -> FailureSnapshot:
+def _failure_snapshot(record: EpisodeRecord, world: TimedWorld, said: _Outcome) -> FailureSnapshot:
     targets = world.tracker.targets
     return FailureSnapshot(
         key=record.key, agent=record.agent, semantics=record.semantics, seed=record.seed,

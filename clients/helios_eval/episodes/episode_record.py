@@ -64,8 +64,8 @@ def key_of(
     settings: Mapping[str, Setting],
 ) -> str:
     """What names an episode, before and after it is played."""
-    told = noise.model_dump_json() if noise else ""
-    parts = (benchmark, agent, semantics, preset, seed, told)
+    noise_json = noise.model_dump_json() if noise else ""
+    parts = (benchmark, agent, semantics, preset, seed, noise_json)
     return "|".join(map(str, (*parts, json.dumps(dict(settings), sort_keys=True))))
 
 

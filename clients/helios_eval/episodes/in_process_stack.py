@@ -41,7 +41,7 @@ from helios_sim.simulation_thread import WorldThread
 
 from helios_eval import kernel_compilation
 from helios_eval.episodes.episode_record import Noise, Setting
-from helios_eval.episodes.service_settings import of_house, of_service
+from helios_eval.episodes.service_settings import of_service, of_stack
 
 NEVER_S = 86_400.0
 LONGEST_ACTION_S = 600.0  # the bridge allows no more
@@ -86,7 +86,7 @@ class InProcessStack:
         semantics. settings: those that differ from what the agent's house runs with anyway.
         on_step: called after each action, when every map holds what was seen; it may ask the
         house."""
-        settings = of_house(agent, settings)
+        settings = of_stack(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
         self._hub = MemoryHub()

@@ -47,7 +47,7 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
     return out
 
 
-def of_house(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
+def of_stack(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
     """What an agent's house runs with: the given settings, else the agent's own."""
     return {**settings_for(agent), **settings}
 

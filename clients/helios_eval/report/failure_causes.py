@@ -143,8 +143,8 @@ def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.FailureSnapshot], li
     if not damaged:
         return by_key, []
     what = plural(len(damaged), "picture")
-    told = f"Without {what}: {', '.join(damaged)} cannot be read; delete what is damaged."
-    return by_key, [Notice(told)]
+    note = f"Without {what}: {', '.join(damaged)} cannot be read; delete what is damaged."
+    return by_key, [Notice(note)]
 
 
 Kept = tuple[EpisodeRecord, failure_snapshot.FailureSnapshot]

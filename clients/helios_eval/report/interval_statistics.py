@@ -44,7 +44,7 @@ class Interval:
     high: float
 
     @property
-    def told(self) -> bool:
+    def has_bounds(self) -> bool:
         """Whether there are bounds."""
         return not math.isnan(self.low)
 
@@ -96,7 +96,7 @@ def paired_difference(
     """
     a, b = _pair(first, second)
     difference = (a - b)[:, None]
-    if untold(a, b):
+    if why_unbounded(a, b):
         return Interval(float(difference.mean()), math.nan, math.nan)
     means = _resampled_sums(difference, draws, seed)[:, 0] / len(a)
     low, high = np.quantile(means, [0.025, 0.975])
@@ -113,7 +113,7 @@ def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = 
     a, b = _pair(first, second)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = float(a.sum() / b.sum())
-        if math.isnan(value) or untold(a, b):
+        if math.isnan(value) or why_unbounded(a, b):
             return Interval(value, math.nan, math.nan)
         sums = _resampled_sums(np.stack([a, b], axis=1), draws, seed)
         drawn = sums[:, 0] / sums[:, 1]
@@ -134,7 +134,7 @@ def sign_test(first: Values, second: Values) -> float:
     return min(1.0, 2 * tail / 2**n)
 
 
-def untold(first: Values, second: Values) -> str:
+def why_unbounded(first: Values, second: Values) -> str:
     """Why no interval is drawn from two paired samples [n]; empty where one is."""
     a, b = _pair(first, second)
     differ = sum(discordant(a, b))

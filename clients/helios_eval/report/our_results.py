@@ -15,7 +15,7 @@ from helios_eval.report.interval_statistics import (
     paired_difference,
     paired_ratio,
     sign_test,
-    untold,
+    why_unbounded,
     wilson,
 )
 from helios_eval.report.paper_figures import PICKS, picks_name
@@ -167,9 +167,11 @@ def _pair_row(name: str, x: Values, y: Values) -> list[Cell | str]:
         number_format.number(x.mean() * k, digits),
         number_format.number(y.mean() * k, digits),
         Cell(number_format.signed(d.value * k, digits), tone=tone_of(name, d)),
-        number_format.bounds(d.low * k, d.high * k, digits, plus=True) if d.told else untold(x, y),
+        number_format.bounds(d.low * k, d.high * k, digits, plus=True)
+        if d.has_bounds
+        else why_unbounded(x, y),
         number_format.number(ratio.value, 2),
-        number_format.bounds(ratio.low, ratio.high, 2) if ratio.told else number_format.NONE,
+        number_format.bounds(ratio.low, ratio.high, 2) if ratio.has_bounds else number_format.NONE,
         f"{more} : {less}",
         number_format.p_value(sign_test(x, y)),
     ]

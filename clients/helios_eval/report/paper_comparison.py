@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from helios_eval.report import number_format, paper_figures
 from helios_eval.report.agent_groups import Arm, in_common, plain_arm, swept_arm
-from helios_eval.report.interval_statistics import Interval, mean_sem, paired_ratio, untold
+from helios_eval.report.interval_statistics import Interval, mean_sem, paired_ratio, why_unbounded
 from helios_eval.report.our_results import asked_of, count
 from helios_eval.report.record_metrics import values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
@@ -30,9 +30,13 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         if math.isnan(ratio.value):
             ours = Cell(number_format.NONE, "nothing to divide by")
         else:
-            note = number_format.bounds(ratio.low, ratio.high, 2) if ratio.told else "no interval"
+            note = (
+                number_format.bounds(ratio.low, ratio.high, 2)
+                if ratio.has_bounds
+                else "no interval"
+            )
             ours = Cell(number_format.number(ratio.value, 2), note, "strong")
-        verdict = verdict_of(ratio, r.published) or untold(x, y)
+        verdict = verdict_of(ratio, r.published) or why_unbounded(x, y)
         rows.add([f"{r.metric}: {r.claim}",
                   Cell(number_format.number(r.published, 2), r.where), ours,
                   Cell(str(len(mine)), asked_of(top, bottom, len(mine))), verdict])  # fmt: skip
@@ -50,7 +54,7 @@ def relations(arms: Sequence[Arm]) -> Table | None:
 
 def verdict_of(ratio: Interval, published: float) -> str:
     """What our ratio says of the paper's; empty where it says nothing."""
-    if not ratio.told:
+    if not ratio.has_bounds:
         return ""
     if ratio.low > published:
         return "larger here"
@@ -77,10 +81,10 @@ def section(arms: Sequence[Arm]) -> Section:
     ):
         found = {id(row): _ours(arms, table, row) for row in table.rows}
         always = table.number in (1, 2, 4) and table.benchmark in benchmarks
-        telling = table.number < 5 or any(
+        worth_a_table = table.number < 5 or any(
             found[id(row)] for row in table.rows if row.agent == "helios-5050" or _changed(row)
         )
-        if always or (telling and any(found.values())):
+        if always or (worth_a_table and any(found.values())):
             blocks.append(_table(table, found))
         else:
             missing.append(str(table.number))

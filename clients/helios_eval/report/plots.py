@@ -90,7 +90,7 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
             colour = colors.SERIES[0 if d.sure else 7].light
             axes.plot(100 * d.value, y, "o", color=colour, markersize=7.5)
             label = number_format.signed(100 * d.value, 1)
-            if d.told:
+            if d.has_bounds:
                 axes.hlines(y, 100 * d.low, 100 * d.high, color=colour, linewidth=3, alpha=0.5)
                 label += f"  {number_format.bounds(100 * d.low, 100 * d.high, 1, plus=True)}"
             axes.text(1.015, y, label, va="center", fontsize=9.5, color=colors.MUTED.light,

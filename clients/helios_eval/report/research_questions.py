@@ -17,7 +17,7 @@ from helios_eval.report.interval_statistics import (
     Interval,
     paired_difference,
     paired_ratio,
-    untold,
+    why_unbounded,
     wilson,
 )
 from helios_eval.report.number_format import bounds, interval, number, scale, signed
@@ -129,11 +129,11 @@ def _row(
     rows.add([
         Cell(metric, "", "strong"), number(x.mean() * k, 1), number(y.mean() * k, 1),
         Cell(signed(d.value * k, 1), "", tone_of(metric, d)),
-        bounds(d.low * k, d.high * k, 1, plus=True) if d.told else number_format.NONE,
-        Cell(interval(ratio, 2) if ratio.told else number(ratio.value, 2),
+        bounds(d.low * k, d.high * k, 1, plus=True) if d.has_bounds else number_format.NONE,
+        Cell(interval(ratio, 2) if ratio.has_bounds else number(ratio.value, 2),
              f"paper {number(published[0], 2)}" if published else ""),
         Cell(str(len(mine)), of),
-        (_so(d) or untold(x, y)) + (SO_FAR if of else ""),
+        (_so(d) or why_unbounded(x, y)) + (SO_FAR if of else ""),
     ], group)  # fmt: skip
     where = "" if under == NOISY else f", {under}"
     return metric, f"{top.agent} − {bottom.agent}{where}", d
@@ -141,7 +141,7 @@ def _row(
 
 def _so(d: Interval) -> str:
     """What an interval settles; empty where there is none."""
-    if not d.told:
+    if not d.has_bounds:
         return ""
     return "not settled: holds 0" if not d.sure else ("ahead" if d.low > 0 else "behind")
 
@@ -212,7 +212,7 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
                 METRICS[metric].digits,
                 tone_of(metric, d),
             )
-            note = bounds(d.low * k, d.high * k, digits, plus=True) if d.told else ""
+            note = bounds(d.low * k, d.high * k, digits, plus=True) if d.has_bounds else ""
             cells.append(Cell(signed(d.value * k, digits), note, tone))
             if tone:
                 settled.append(f"{metric} {'better' if tone == 'good' else 'worse'}")

@@ -137,13 +137,13 @@ def _versions(arms: Sequence[Arm]) -> str:
     parts = [(arm.label, arm.records) for arm in arms]
     if len(parts) > MOST_NAMED:
         parts = [("all rows", [r for arm in arms for r in arm.records])]
-    told = []
+    described = []
     for label, records in parts:
         counts = Counter(r.commit for r in records)
         each = ", ".join(f"{n} by {commit}" for commit, n in counts.most_common())
-        told.append(f"{label} {each}")
+        described.append(f"{label} {each}")
     return (
-        f"The episodes come from more than one commit: {'; '.join(told)}. What changed between "
+        f"The episodes come from more than one commit: {'; '.join(described)}. What changed between "
         "them may be a part of a difference."
     )
 

@@ -101,8 +101,8 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
                 for spec, came in outcomes:
                     played = lost(spec, came, here) if isinstance(came, str) else came.record
                     with run_folder.writing(asked.out):
-                        if not isinstance(came, str) and came.keepsake is not None:
-                            _keep(asked.out, came.keepsake)
+                        if not isinstance(came, str) and came.snapshot is not None:
+                            _keep(asked.out, came.snapshot)
                         episode_record.append(asked.out, played)
                     known[spec.key] = played
                     board.add(played)
@@ -166,7 +166,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     before = [c for c in commands_of(former) if c != command]
     plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
     order = json.loads(json.dumps({key: plain[key] for key in KEYS}))
-    told: dict[str, Any] = (
+    description: dict[str, Any] = (
         plain
         | {k: former[k] for k in _KEPT if k in former}
         | {
@@ -190,7 +190,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
             "wall_s": None if wall_s is None else round(wall_s, 1),
         }
     )
-    write_file(asked.out / RUN, json.dumps(told, indent=1) + "\n")
+    write_file(asked.out / RUN, json.dumps(description, indent=1) + "\n")
 
 
 def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generator[Outcome]:

@@ -51,17 +51,19 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     runs = [run_of(folder) for folder in folders]
     if len(runs) == 1:
         return runs[0]
-    told = [r for r in runs if r]
+    described = [r for r in runs if r]
     shared = {
-        key: told[0][key]
+        key: described[0][key]
         for key in ("machine", "cores", "jobs", "versions")
-        if told and all(r.get(key) == told[0].get(key) for r in told) and key in told[0]
+        if described
+        and all(r.get(key) == described[0].get(key) for r in described)
+        and key in described[0]
     }
-    limits = max((r.get("picks", []) for r in told), key=len, default=[])
-    together = {"commands": [c for r in told for c in commands_of(r)], "picks": limits}
-    together |= {"asked": [order for r in told for order in orders_of(r)]}
+    limits = max((r.get("picks", []) for r in described), key=len, default=[])
+    together = {"commands": [c for r in described for c in commands_of(r)], "picks": limits}
+    together |= {"asked": [order for r in described for order in orders_of(r)]}
     ran: dict[str, Any] = {}
-    for r in told:
+    for r in described:
         ran = r.get("ran_with", {}) | ran
     return shared | together | ({"ran_with": ran} if ran else {})
 

@@ -97,7 +97,7 @@ def play_all(
                     if deaths[spec.key] < ATTEMPTS:
                         waiting.appendleft(spec)
                     else:
-                        yield spec, _obituary(worker)
+                        yield spec, _end_reason(worker)
                     continue
                 if isinstance(came, HeliosError):
                     raise came
@@ -143,7 +143,7 @@ def _tidy_up() -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _obituary(worker: _Worker) -> str:
+def _end_reason(worker: _Worker) -> str:
     code = worker.process.exitcode
     how = f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with {code}"
     return f"the process that played it {how}, {ATTEMPTS} times"

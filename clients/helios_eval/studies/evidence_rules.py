@@ -81,7 +81,7 @@ def arm_of(text: str) -> Arm:
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise UsageError(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
-    settings = service_settings.of_house(agent, service_settings.parsed(assignments))
+    settings = service_settings.of_stack(agent, service_settings.parsed(assignments))
     planner = PlannerSettings(**service_settings.of_service("planner", settings))
     of_map = ObjectMapSettings(**service_settings.of_service("objectmap", settings))
     thresholds = {

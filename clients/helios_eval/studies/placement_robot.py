@@ -35,8 +35,8 @@ class WorldBody(RobotInterface):
 
     listener = Unheard()
 
-    def __init__(self, world: World, told: Sequence[ObjectInstance]) -> None:
-        self._world, self._told = world, told
+    def __init__(self, world: World, objects_in_world: Sequence[ObjectInstance]) -> None:
+        self._world, self._objects = world, objects_in_world
         self.description = world.describe()
         pose = self.pose()
         self._start = pose.xy
@@ -80,7 +80,7 @@ class WorldBody(RobotInterface):
         return self._start
 
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
-        return [thing for thing in self._told if thing.class_name == class_name]
+        return [thing for thing in self._objects if thing.class_name == class_name]
 
     def sightings(self) -> Sequence[Sighting]:
         return ()

@@ -75,7 +75,7 @@ class Outcome:
     steps: int
 
 
-def told(item: Receptacle) -> ObjectInstance:
+def as_instance(item: Receptacle) -> ObjectInstance:
     """Furniture as the object map would tell it, without error."""
     c, s = math.cos(item.yaw_rad), math.sin(item.yaw_rad)
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
@@ -99,7 +99,7 @@ def trials(kind: str, seed0: int, per_home: int) -> Iterator[Trial]:
         found = 0
         for k in rng.permutation(len(home.receptacles)):
             item = home.receptacles[int(k)]
-            start = _start_near(told(item), free, room_m, origin_m, rng)
+            start = _start_near(as_instance(item), free, room_m, origin_m, rng)
             if start is not None and found < per_home:
                 found += 1
                 thing = home.objects[int(rng.integers(len(home.objects)))]
@@ -135,7 +135,7 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
     item = home.receptacle(trial.receptacle)
     world = World(*_prepared(home, trial, item))
     try:
-        furniture = told(item)
+        furniture = as_instance(item)
         body = WorldBody(world, [furniture])
         settings = Settings(place_rule=rule)
         base = BaseController(body, settings)

@@ -11,7 +11,7 @@ from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 
 from helios_eval.episodes.belief_truth import TrueThing
-from helios_eval.episodes.episode_player import housed
+from helios_eval.episodes.episode_player import running_stack
 from helios_eval.episodes.episode_record import Setting
 from helios_eval.studies.map_growth.observation_log import Seen, by_helios, recorded
 
@@ -50,11 +50,11 @@ def walk(
     Raises HeliosError.
     """
     settings = {**_ONLY_LOOKS, **{THRESHOLDS[role]: least for role, least in thresholds.items()}}
-    with housed(by_helios(preset, seed, settings)) as (thread, house):
+    with running_stack(by_helios(preset, seed, settings)) as (thread, stack):
         task = thread.run(lambda world: world.episode)
         things = thread.run(lambda world: tuple(world.things()))
         names = thread.run(lambda world: frozenset(world.tracker.targets.objects))
-        seen = recorded(house, task.instruction, max_steps, stride_px)
+        seen = recorded(stack, task.instruction, max_steps, stride_px)
     if not seen:
         raise UsageError(f"the walk of seed {seed} showed nothing in {max_steps} steps")
     return Walk(

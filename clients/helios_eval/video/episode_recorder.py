@@ -9,7 +9,7 @@ from pathlib import Path
 from helios_sim.failure_causes import AgentReport
 
 from helios_eval.episodes.episode_judgement import verdict
-from helios_eval.episodes.episode_player import LONGEST_S, housed
+from helios_eval.episodes.episode_player import LONGEST_S, running_stack
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.video.bus_observer import Watcher, glides
 from helios_eval.video.frame_content import Scene
@@ -23,7 +23,7 @@ def film(
     spec: EpisodeSpec, out: Path, fps: float, on_step: Callable[[int], None] = lambda _: None
 ) -> str:
     """Writes the video of an agent of the planner; returns the verdict. Raises HeliosError."""
-    with housed(spec) as (thread, house), VideoFile(out, WIDTH, HEIGHT, fps) as video:
+    with running_stack(spec) as (thread, stack), VideoFile(out, WIDTH, HEIGHT, fps) as video:
         world = thread.run(lambda w: w)
         last: Scene | None = None
 
@@ -46,20 +46,20 @@ def film(
             except Exception as error:
                 broken.append(error)
 
-        watcher = Watcher(house.bus(), _title(spec), shoot_or_note)
-        task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
+        watcher = Watcher(stack.bus(), _title(spec), shoot_or_note)
+        task = stack.run(world.episode.instruction, spec.max_steps, LONGEST_S)
         if broken:
             raise broken[0]
         said = AgentReport(task.state, task.cause, task.message)
         found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
-        told = "the truth: success" if found.success else f"the truth: {found.cause}"
+        verdict_line = "the truth: success" if found.success else f"the truth: {found.cause}"
         end = replace(
-            watcher.now(), task=task, step=world.progress.steps, verdict=told,
+            watcher.now(), task=task, step=world.progress.steps, verdict=verdict_line,
             right=found.success,
         )  # fmt: skip
         watcher.close()
         video.write(frame_picture(end), max(1, round(LAST_S * fps)))
-        return told
+        return verdict_line
 
 
 def _title(spec: EpisodeSpec) -> str:

@@ -33,8 +33,8 @@ def _lines(console: Console, what: str, most: int) -> Callable[[int], None]:
         nonlocal said
         if step // LINE_EVERY > said:
             said = step // LINE_EVERY
-            told = f"{what}: step {step} of at most {most}"
-            print(told, file=console.file, flush=True)
+            line = f"{what}: step {step} of at most {most}"
+            print(line, file=console.file, flush=True)
 
     on_step(0)
     return on_step

@@ -76,8 +76,10 @@ def bake(
     cache = cache or packs.default_cache()
     with open_libraries(source) as libraries:
         made_of = {library.name: library.sha256 for library in libraries}
-        told = json.dumps([packs.FORMAT, VERSION, digest(tuple(choices)), made_of], sort_keys=True)
-        recipe = hashlib.sha256(told.encode()).hexdigest()
+        inputs = json.dumps(
+            [packs.FORMAT, VERSION, digest(tuple(choices)), made_of], sort_keys=True
+        )
+        recipe = hashlib.sha256(inputs.encode()).hexdigest()
         there = _current(cache, recipe)
         if there is not None:
             return Baked(cache / "current", there, {}, fresh=False)

@@ -44,8 +44,8 @@ class HomePreset:
 
     def digest(self) -> str:
         """SHA-256 of all fields by name, the first 16 hexadecimal digits: for reports."""
-        told = "\n".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
-        return hashlib.sha256(told.encode()).hexdigest()[:16]
+        text = "\n".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 DEMO_V1 = HomePreset(

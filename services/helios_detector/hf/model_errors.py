@@ -114,13 +114,13 @@ def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
     )
 
 
-def check_whole(told: Mapping[str, Any], source: str, setting: str) -> None:
+def check_whole(loading_info: Mapping[str, Any], source: str, setting: str) -> None:
     """What the library told of loading: it gives random numbers to weights that the files lack.
 
     A model trained for something else, or whose files do not belong together, would answer at
     random. Raises InvalidInput.
     """
-    missing = {*told["missing_keys"], *(key for key, *_ in told["mismatched_keys"])}
+    missing = {*loading_info["missing_keys"], *(key for key, *_ in loading_info["mismatched_keys"])}
     needed = sorted(key for key in missing if not key.endswith(NOT_LEARNT))
     if needed:
         raise InvalidInput(

@@ -190,10 +190,10 @@ class HfModel:
         self._check_room(self._weights_dtype(torch).itemsize)
         try:
             processor = getattr(transformers, self._processor_class).from_pretrained(self.source)
-            model, told = getattr(transformers, self._model_class).from_pretrained(
+            model, loading_info = getattr(transformers, self._model_class).from_pretrained(
                 self.source, dtype=self._weights_dtype(torch), output_loading_info=True
             )
-            check_whole(told, self.source, self._setting)
+            check_whole(loading_info, self.source, self._setting)
             model = model.eval().to(self.device)
         except Exception as error:
             raise load_fault(error, self.source, self._setting) from error

@@ -19,7 +19,7 @@ from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, State, check, key_of, secured, state_of
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem_of, problems
 from helios_gateway.message_conversion import finite, pose_of
-from helios_gateway.request_validation import told
+from helios_gateway.request_validation import errors_text
 from helios_gateway.robot_registry import Served
 from helios_gateway.settings import Settings
 from helios_gateway.teleop.driver import TeleopDriver, check_may_drive, described
@@ -137,7 +137,7 @@ async def _commands(
             text = message.get("text") or message.get("bytes") or b""
             asked = TeleopCommand.model_validate_json(text)
         except ValidationError as error:
-            session.refuse(InvalidInput(f"the command is wrong: {told(error.errors())}"))
+            session.refuse(InvalidInput(f"the command is wrong: {errors_text(error.errors())}"))
             continue
         session.command(Command(asked.forward, asked.turn))
 

@@ -18,7 +18,7 @@ from helios_map2d.snapshots.tiles import in_mm, packed
 Pose = tuple[float, float, float]  # x, y (m), yaw (rad) in the world
 
 
-def told_pose(message: pb.RobotState) -> Pose | None:
+def reported_pose(message: pb.RobotState) -> Pose | None:
     """Where a robot says that it is; None while it does not know."""
     try:
         T_world_base = transform_from_proto(message.T_world_base, "T_world_base")

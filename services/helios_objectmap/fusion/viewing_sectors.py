@@ -53,7 +53,7 @@ def tell(
 
 
 def news(
-    told: NDArray[np.uint16],
+    votes_so_far: NDArray[np.uint16],
     means: Float32,
     kappas: Sequence[Float32],
     eyes_m: Sequence[NDArray[np.floating]],
@@ -65,8 +65,8 @@ def news(
     each view; eyes_m: [3] for each view. As far as a side was told, a view is expected to tell the
     same again, which changes no evidence.
     """
-    everyone, full = np.arange(len(told)), np.float32(side_views)
-    sides = told / np.float32(UNIT * side_views)  # told in full at 1
+    everyone, full = np.arange(len(votes_so_far)), np.float32(side_views)
+    sides = votes_so_far / np.float32(UNIT * side_views)  # told in full at 1
     before, more = np.minimum(sides, 1), sides.copy()
     alone = []
     for kappa, eye_m in zip(kappas, eyes_m, strict=True):
@@ -110,16 +110,16 @@ def tell_kernel(
             more = int(weights[k, j] * total * scale + 0.5)
             if more > 0:
                 column = columns[j]
-                own, all_told = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
-                own_before = own / max(all_told, full)
-                asked_before = all_told / max(all_told, full)
-                if all_told + more > most:
-                    own, all_told = own // 2, all_told // 2
+                own, all_votes = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
+                own_before = own / max(all_votes, full)
+                asked_before = all_votes / max(all_votes, full)
+                if all_votes + more > most:
+                    own, all_votes = own // 2, all_votes // 2
                 own += min(int(weights[k, j] * kappa[k, 1 + j] * scale + 0.5), more)
-                all_told += more
-                votes[row, column, side, 0], votes[row, column, side, 1] = own, all_told
-                positive[row, column] += alpha_side * (own / max(all_told, full) - own_before)
-                asked[row, column] += alpha_side * (all_told / max(all_told, full) - asked_before)
+                all_votes += more
+                votes[row, column, side, 0], votes[row, column, side, 1] = own, all_votes
+                positive[row, column] += alpha_side * (own / max(all_votes, full) - own_before)
+                asked[row, column] += alpha_side * (all_votes / max(all_votes, full) - asked_before)
                 some = True
         took[n] = k
         n += some

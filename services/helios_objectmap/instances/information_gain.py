@@ -38,7 +38,7 @@ class Member:
     opacity: Float32  # [n]
     positive: Float32  # [n, C] for the classes of the context
     asked: Float32  # [n] for the wanted class
-    told: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class
+    votes_so_far: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class
 
 
 @dataclass(frozen=True)
@@ -104,10 +104,10 @@ def what_if(
 ) -> tuple[list[Expected], Expected]:
     """Outcome of each view alone, and of all views together."""
     kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
-    if member.told is not None:
+    if member.votes_so_far is not None:
         eyes_m = [view.T_world_cam[:3, 3] for view in views]
         kappas, together = viewing_sectors.news(
-            member.told, member.means, kappas, eyes_m, rates.side_views
+            member.votes_so_far, member.means, kappas, eyes_m, rates.side_views
         )
     else:
         together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)

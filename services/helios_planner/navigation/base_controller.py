@@ -172,10 +172,10 @@ class BaseController:
 
     def _discs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What was felt, and what is taken as free: [n, 3] each."""
-        felt, trusted = (
+        contacts, trusted = (
             np.array(d, float).reshape(-1, 3) for d in (self.felt_obstacles, self.blind_zone.discs)
         )
-        return felt, trusted
+        return contacts, trusted
 
     @property
     def levels(self) -> range:

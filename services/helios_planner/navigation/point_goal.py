@@ -46,7 +46,7 @@ class PointGoal:
     ) -> None:
         """within_m: where the robot cannot stand on the point, the nearest place will do that is no
         further from it."""
-        self._legs, self.xy_m, self._within_m = base, xy_m, within_m
+        self._base, self.xy_m, self._within_m = base, xy_m, within_m
         self._on_stage = on_stage
         self.walls: list[XY] = []
 
@@ -60,12 +60,12 @@ class PointGoal:
     def drive(self, yaw_rad: float | None, purpose: str) -> float:
         """Go there and face that way; the distance that is left (m). Raises TaskFailed: why the
         point is out of reach, and which place near it is not."""
-        base = self._legs
+        base = self._base
         away_m = base.body.pose().distance_m(self.xy_m)
         if away_m > MOST_AWAY_M:
             raise TaskFailed(
                 Cause.UNREACHABLE,
-                f"{told(self.xy_m)} is {away_m:.0f} m away; the robot is sent {MOST_AWAY_M:.0f} m "
+                f"{point_text(self.xy_m)} is {away_m:.0f} m away; the robot is sent {MOST_AWAY_M:.0f} m "
                 "at most",
             )
         tries = stages = 0
@@ -84,18 +84,18 @@ class PointGoal:
 
     def _goal(self, yaw_rad: float | None) -> Pose2:
         """Any heading: that of the way there."""
-        pose = self._legs.body.pose()
+        pose = self._base.body.pose()
         on_the_way = pose.yaw_rad + pose.bearing_rad(self.xy_m)
         return Pose2(*self.xy_m, on_the_way if yaw_rad is None else yaw_rad)
 
     def _near(self) -> Reach | None:
         """With the widest margin that leads there over known ground."""
-        reaches = (self._legs.reach(level) for level in self._legs.levels)
+        reaches = (self._base.reach(level) for level in self._base.levels)
         return next((r for r in reaches if r.nearest(self.xy_m, self._within_m) is not None), None)
 
     def _stage(self) -> bool:
         """Look at the unknown ground where the known way ends; False when no way is left."""
-        base = self._legs
+        base = self._base
         ground = walled(spacious(base.body.ground(), self.xy_m), self.walls)
         barred = base.way_ends(ground, self.xy_m, self._within_m)
         if barred is None:
@@ -110,36 +110,36 @@ class PointGoal:
 
     def _seen_past(self, barred: BlockedPath) -> bool:
         """Whether the place beyond the known way can be reached by now."""
-        reached = self._legs.reach(self._legs.levels[-1])
+        reached = self._base.reach(self._base.levels[-1])
         return bool(np.isfinite(reached.at(np.array([barred.at])))[0])
 
     def _face(self, yaw_rad: float | None) -> None:
         if yaw_rad is None:
             return
-        self._legs.turn_to(yaw_rad)
-        pose = self._legs.body.pose()
-        least = max(FACED_RAD, self._legs.rules.min_turn_rad)
+        self._base.turn_to(yaw_rad)
+        pose = self._base.body.pose()
+        least = max(FACED_RAD, self._base.rules.min_turn_rad)
         if abs(wrap_angle(yaw_rad - pose.yaw_rad)) > least:
             raise TaskFailed(
                 Cause.UNREACHABLE,
-                f"stands at {told(pose.xy)} and has no room to turn to "
+                f"stands at {point_text(pose.xy)} and has no room to turn to "
                 f"{math.degrees(yaw_rad):.0f}°; it faces {math.degrees(pose.yaw_rad):.0f}°",
             )
 
     def _why_not(self) -> str:
         """What the point is, and the nearest place that is not."""
-        base = self._legs
+        base = self._base
         said = state_of(base.body.ground(), self.xy_m, base.body.description.inner_radius_m)
         place = nearest_reachable(base.reach(base.levels[-1]), self.xy_m)
         if place is None:
-            return f"{told(self.xy_m)} {said}"
+            return f"{point_text(self.xy_m)} {said}"
         return (
-            f"{told(self.xy_m)} {said}; the nearest place that can be reached is {told(place)}, "
+            f"{point_text(self.xy_m)} {said}; the nearest place that can be reached is {point_text(place)}, "
             f"{math.dist(place, self.xy_m):.2f} m from it"
         )
 
 
-def told(xy_m: XY) -> str:
+def point_text(xy_m: XY) -> str:
     """A point as sentences name it."""
     return f"({xy_m[0]:.2f}, {xy_m[1]:.2f}) m"
 

@@ -88,7 +88,7 @@ class Search(ABC):
         """The score from which something is acted on now."""
         return self.settings.tau_g
 
-    def holds_up(self, near: ObjectInstance | None) -> bool:
+    def confirmed(self, near: ObjectInstance | None) -> bool:
         """Whether what was chosen is acted on as it is believed from near; None: no longer."""
         return near is not None
 
@@ -98,12 +98,12 @@ class Search(ABC):
             return "from near it is no longer believed to be there"
         return f"from near it does not look like a {self.name}"
 
-    def settle_at_last(self, after: float) -> None:
+    def accept_likeliest_after(self, after: float) -> None:
         """In the end, and after that share of the task's steps, the likeliest will do; from 1 on it
         never does. To who has no threshold it always does."""
         return
 
-    def settled_for(self, thing: ObjectInstance) -> bool:
+    def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
         """Whether this was chosen only because it has come to that."""
         return False
 
@@ -112,7 +112,7 @@ class Search(ABC):
         """Whether it has come to that: no time is left to clear ways."""
         return False
 
-    def settle_for_less(self) -> bool:
+    def relax(self) -> bool:
         """With nothing left to explore: drop a condition, if there is one to drop."""
         return False
 
@@ -129,7 +129,7 @@ class Search(ABC):
                     self._acted_from = self.body.pose()
                     return self.chosen(decision)
                 more = self.explore() or self.clear_way() or self.patrol()
-                if not self.end_waiting() and not more and not self.settle_for_less():
+                if not self.end_waiting() and not more and not self.relax():
                     break
         raise self._not_found()
 
@@ -310,26 +310,26 @@ class RevisitSearch:
     """Goes to the nearest place that is `apart_m` from all places where it has looked around."""
 
     def __init__(self, base: BaseController, apart_m: float) -> None:
-        self._legs, self._apart_m = base, apart_m
+        self._base, self._apart_m = base, apart_m
         self.seen_from: list[tuple[float, float]] = []  # x, y in m
 
     def begin(self) -> None:
         """Anew, from where the robot has just looked around."""
-        self.seen_from = [self._legs.body.pose().xy]
+        self.seen_from = [self._base.body.pose().xy]
 
     def step(self, purpose: str, found: Callable[[], bool]) -> bool:
         """Go to one more place and look around there, until `found`; False when none is left."""
-        place = next_place(self._legs.reach(), self.seen_from, self._apart_m)
+        place = next_place(self._base.reach(), self.seen_from, self._apart_m)
         if place is None:
             return False
-        pose = self._legs.body.pose()
+        pose = self._base.body.pose()
         goal = Pose2(*place, pose.yaw_rad)
-        outcome = self._legs.go_to(goal, purpose, found, face=False)
+        outcome = self._base.go_to(goal, purpose, found, face=False)
         if outcome is Outcome.INTERRUPTED:
             return True
         self.seen_from.append(place)
         if outcome is Outcome.ARRIVED:
-            self._legs.turn_around(found)
+            self._base.turn_around(found)
         return True
 
 

@@ -15,7 +15,7 @@ from helios_planner.motion_planning.costmap import facing
 from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.motion_planning.unknown_borders import Border, borders_of, floor_m2
 from helios_planner.navigation.base_controller import BaseController, Outcome
-from helios_planner.navigation.point_goal import told
+from helios_planner.navigation.point_goal import point_text
 from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
@@ -28,7 +28,7 @@ class Exploration:
     """Of one task. `given_up`: middles of borders that stayed when they were looked at."""
 
     def __init__(self, base: BaseController, settings: Settings) -> None:
-        self._legs, self._body, self._settings = base, base.body, settings
+        self._base, self._body, self._settings = base, base.body, settings
         self.given_up: list[XY] = []
         self._ids: list[XY] = []  # of the borders that were chosen from, in the order of coming
         self._before_m2: float | None = None  # of floor that was known at the beginning
@@ -64,7 +64,7 @@ class Exploration:
         """With what could not be looked at."""
         if not self._left:
             return f"{self.said()}; nothing reachable is unknown"
-        named = ", ".join(told(xy).removesuffix(" m") for xy in self._left[:NAMED])
+        named = ", ".join(point_text(xy).removesuffix(" m") for xy in self._left[:NAMED])
         more = len(self._left) - NAMED
         rest = f" and {more} more" if more > 0 else ""
         return (
@@ -119,8 +119,8 @@ class Exploration:
     def _options(self) -> list[WayOption]:
         """With the widest margin that leads near to any."""
         borders = self._open()
-        for level in self._legs.levels:
-            reached = self._legs.reach(level)
+        for level in self._base.levels:
+            reached = self._base.reach(level)
             options = [o for b in borders if (o := self._option(b, reached)) is not None]
             if options:
                 return options
@@ -148,7 +148,7 @@ class Exploration:
 
     def _visit(self, xy_m: XY) -> None:
         """Drive near and look, until it is no border; what still is one then is given up."""
-        base, near = self._legs, self._place_near(xy_m)
+        base, near = self._base, self._place_near(xy_m)
         if near is not None:
             goal = facing(*near, xy_m)
             outcome = base.go_to(goal, "explore", lambda: not self._there(xy_m))
@@ -163,7 +163,7 @@ class Exploration:
             self.given_up.append(xy_m)
 
     def _place_near(self, xy_m: XY) -> XY | None:
-        reaches = (self._legs.reach(level) for level in self._legs.levels)
+        reaches = (self._base.reach(level) for level in self._base.levels)
         within_m = self._settings.frontier_reach_m
         return next((p for r in reaches if (p := r.nearest(xy_m, within_m)) is not None), None)
 
@@ -172,7 +172,7 @@ class Exploration:
         was any."""
         pose, within_m = self._body.pose(), self._settings.frontier_reach_m
         targets: Sequence[XY] = sorted((b.xy_m for b in self._open()), key=pose.distance_m)
-        return any(self._legs.clear_way(xy_m, within_m) for xy_m in targets)
+        return any(self._base.clear_way(xy_m, within_m) for xy_m in targets)
 
 
 def _way_m(reached: Reach, place: XY) -> float:

@@ -91,9 +91,9 @@ class ObjectSearch(ScoredSearch):
     def place_of(self, candidate: ObjectInstance) -> float:
         return 1.0 if self.start is None else place(candidate, self.body.objects(self.start))
 
-    def settle_for_less(self) -> bool:
+    def relax(self) -> bool:
         self._last_seen = ()
-        return super().settle_for_less()
+        return super().relax()
 
     def _something_to_do(self) -> bool:
         """Whether the search is to be interrupted for a candidate object."""

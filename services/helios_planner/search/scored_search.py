@@ -96,7 +96,7 @@ class ScoredSearch(Search):
     def _place(self, candidate: ObjectInstance) -> float:
         return self.place_of(candidate) if self._standards.by_place else 1.0
 
-    def holds_up(self, near: ObjectInstance | None) -> bool:
+    def confirmed(self, near: ObjectInstance | None) -> bool:
         """Views from near may take from its score what one more could bring back, tau_inc: large
         things are seen in parts from there. Who acted above the threshold asks for no more than it,
         and who goes back to what was believed once asks for nothing.
@@ -131,15 +131,15 @@ class ScoredSearch(Search):
         sure = thing.score * self._place(thing) >= standard.score
         return sure and (standard.anywhere or self.in_place(thing))
 
-    def settle_at_last(self, after: float) -> None:
+    def accept_likeliest_after(self, after: float) -> None:
         if after < 1:
             self._standards = in_the_end(self._standards, after)
 
-    def settled_for(self, thing: ObjectInstance) -> bool:
+    def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
         doubtful = self._from_memory or not self._meets(thing, self._standards.steps[-2])
         return self.at_last and doubtful
 
-    def settle_for_less(self) -> bool:
+    def relax(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first everything is searched once more
         last = self._standards.firm if again else len(self._standards.steps)
         if self._step >= last - 1:
@@ -219,9 +219,9 @@ class ReceptacleSearch(ScoredSearch):
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)
 
-    def holds_up(self, near: ObjectInstance | None) -> bool:
+    def confirmed(self, near: ObjectInstance | None) -> bool:
         """At last there is no time for another, whatever this one looks like from near."""
-        return self.at_last or super().holds_up(near)
+        return self.at_last or super().confirmed(near)
 
     def candidates(self) -> list[ObjectInstance]:
         return [

@@ -95,14 +95,14 @@ class TaskExecutor:
 
     def _left(self, body: RobotClient | None) -> str:
         """How the robot is left by a task that does not go on."""
-        if not self._journal.settled:
+        if not self._journal.is_settled:
             return "the robot has not answered its last action and may still be at it"
         held = self._held(body)
         return f"the robot stands; {held}" if held else "the robot stands"
 
     def _held(self, body: RobotClient | None) -> str:
         """What the robot still holds; empty for nothing, and where it is not asked."""
-        if body is None or not self._journal.settled:
+        if body is None or not self._journal.is_settled:
             return ""
         try:
             thing = body.held()

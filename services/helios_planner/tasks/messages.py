@@ -22,7 +22,7 @@ from helios_planner.task import Cause, Phase, State, Task
 def task_to_proto(task: Task) -> pb.Task:
     """As it is told and kept."""
     i = task.instruction
-    told = pb.Task(
+    task_message = pb.Task(
         id=task.id,
         instruction=task.text,
         state=task.state,
@@ -50,14 +50,14 @@ def task_to_proto(task: Task) -> pb.Task:
         unused=i.unused,
     )
     if task.seen_at_goal is not None:
-        told.seen_at_goal = task.seen_at_goal
+        task_message.seen_at_goal = task.seen_at_goal
     if task.eta_s is not None:
-        told.eta_low_s, told.eta_high_s = task.eta_s
+        task_message.eta_low_s, task_message.eta_high_s = task.eta_s
     if i.point is not None:
-        told.point.CopyFrom(pb.GoalPoint(x_m=i.point.x_m, y_m=i.point.y_m))
+        task_message.point.CopyFrom(pb.GoalPoint(x_m=i.point.x_m, y_m=i.point.y_m))
         if i.point.yaw_rad is not None:
-            told.point.yaw_rad = i.point.yaw_rad
-    return told
+            task_message.point.yaw_rad = i.point.yaw_rad
+    return task_message
 
 
 def task_from_proto(task: pb.Task) -> Task:

@@ -175,7 +175,7 @@ class Mission:
     def _pick(self, name: str, start: str | None) -> np.ndarray:
         """Until something is held; where it was."""
         search = self.agent.seek_object(self.tools, name, start)
-        search.settle_at_last(self.settings.pick_at_last)
+        search.accept_likeliest_after(self.settings.pick_at_last)
         self._begun(search)
         while True:
             try:
@@ -189,7 +189,7 @@ class Mission:
             self.target_m = np.asarray(found.center_m)
             self._note_if_unsure(search, found)
             self.body.listener.on_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
-            done = self.skills.pick(found, search.name, search.holds_up)
+            done = self.skills.pick(found, search.name, search.confirmed)
             if done is Done.SUCCEEDED:
                 return np.asarray(found.center_m)
             self._give_up(search, Act.PICK, found, done)
@@ -197,7 +197,7 @@ class Mission:
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
         """Until it is put down; and whether it is seen there then."""
         search = self.agent.seek_receptacle(self.tools, goal, not_at)
-        search.settle_at_last(self.settings.place_at_last)
+        search.accept_likeliest_after(self.settings.place_at_last)
         search.rounds = self.settings.rounds_held
         self._begun(search)
         while True:
@@ -213,7 +213,7 @@ class Mission:
             self.body.listener.on_phase(Phase.PLACE, goal, f"going to place on the {goal}")
             name = self.instruction.object or ""
             before = list(self.tools.belief.known(name))
-            done = self.skills.place(found, goal, search.holds_up)
+            done = self.skills.place(found, goal, search.confirmed)
             if done is Done.SUCCEEDED:
                 self.seen_at_goal = False  # until it is seen
                 receptacle = self.skills.placed_on or found
@@ -224,7 +224,7 @@ class Mission:
     def _note_if_unsure(self, search: Search, found: ObjectInstance) -> None:
         """Before it is acted on, so that a planner that dies in the act still tells it."""
         self.unsure.pop(search.phase, None)
-        if search.settled_for(found):
+        if search.accepted_as_likeliest(found):
             said = f"no surer {search.name} was found than this one ({found.score:.2f})"
             self.unsure[search.phase] = said
 

@@ -11,7 +11,7 @@ from helios_planner.decisions.acceptance import Candidate
 from helios_planner.decisions.decision import Decision, DecisionRule, Do
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.navigation.base_controller import BlockedPath, base_controller_for
-from helios_planner.navigation.point_goal import PointGoal, told
+from helios_planner.navigation.point_goal import PointGoal, point_text
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.exploration import Exploration
 from helios_planner.settings import Settings
@@ -78,17 +78,19 @@ class MoveMission:
 
     def _go(self, xy_m: tuple[float, float], yaw_rad: float | None, within_m: float, what: str,
             ) -> str:  # fmt: skip
-        self._tell(f"going to {told(xy_m)}", xy_m)
+        self._tell(f"going to {point_text(xy_m)}", xy_m)
         goal = PointGoal(self.base, xy_m, within_m, lambda barred: self._on_stage(xy_m, barred))
         goal.recall(self._recalled)
         self.point_goal = goal
-        left_m = goal.drive(yaw_rad, f"go to {told(xy_m)}")
+        left_m = goal.drive(yaw_rad, f"go to {point_text(xy_m)}")
         pose = self.body.pose()
         facing = "" if yaw_rad is None else f", facing {math.degrees(pose.yaw_rad):.0f}°"
-        return f"stands at {told(pose.xy)}{facing}, {left_m:.2f} m from {what}"
+        return f"stands at {point_text(pose.xy)}{facing}, {left_m:.2f} m from {what}"
 
     def _on_stage(self, xy_m: tuple[float, float], barred: BlockedPath) -> None:
-        why = explanations.way_ends(told(xy_m), *barred.stand, barred.before_m, barred.after_m)
+        why = explanations.way_ends(
+            point_text(xy_m), *barred.stand, barred.before_m, barred.after_m
+        )
         terms = {
             "way_m": barred.before_m, "unknown_m": barred.after_m,
             "total": -(barred.before_m + barred.after_m),
@@ -100,7 +102,7 @@ class MoveMission:
         self._tell(why, xy_m)
 
     def _tell(self, message: str, xy_m: tuple[float, float]) -> None:
-        self.body.listener.on_phase(Phase.GO, told(xy_m), message)
+        self.body.listener.on_phase(Phase.GO, point_text(xy_m), message)
 
     # --- exploring -----------------------------------------------------------------------------
     def _explore(self) -> str:

@@ -70,8 +70,8 @@ class TaskRegistry:
         kept; and of several that ran only the newest may."""
         away_s = time.time() - self._store.alive_s()
         just_left = away_s <= self._settings.resume_within_s
-        told = filter(None, map(_readable, self._store.tasks()))
-        self._tasks = {task.id: task for task in told}
+        readable = filter(None, map(_readable, self._store.tasks()))
+        self._tasks = {task.id: task for task in readable}
         newest = max((t.started_s for t in self._tasks.values()), default=0.0)
         again, queued = [], []
         for task in list(self._tasks.values()):
@@ -116,15 +116,15 @@ class TaskRegistry:
                 [task_to_proto(t) for t in rest if not t.state.ended],
                 [task_to_proto(t) for t in (*ends.values(), *rest) if t.state.ended],
             )
-            told: dict[str, Task] = {}
+            late: dict[str, Task] = {}
             if kept:
                 with self._lock:
                     self._unkept -= asked
                     known = self._tasks
-                    told = {t.id: t for t in rest if t.id in known and known[t.id].state.ended}
-                    self._tasks |= told
+                    late = {t.id: t for t in rest if t.id in known and known[t.id].state.ended}
+                    self._tasks |= late
         if kept:
-            for task in told.values():
+            for task in late.values():
                 self.publish(TASK, task_to_proto(task))
             for task in ends.values():
                 self._tell_end(task)
@@ -177,8 +177,8 @@ class TaskRegistry:
     def add(self, task: Task) -> pb.Task:
         """A new one, kept before it is told; of those that ended long ago the oldest is forgotten.
         Raises Unavailable where it cannot be kept."""
-        told = task_to_proto(task)
-        if not self._store.put(told, safe=True):
+        message = task_to_proto(task)
+        if not self._store.put(message, safe=True):
             raise self._not_taken()
         with self._lock:
             self._tasks[task.id] = task
@@ -189,8 +189,8 @@ class TaskRegistry:
                 self._unkept.discard(id)
         for id in gone:
             self._store.forget(id)
-        self.publish(TASK, told)
-        return told
+        self.publish(TASK, message)
+        return message
 
     def change(self, id: str, **changes: object) -> Task:
         """The task with these fields; one that has ended stays as it ended."""
@@ -399,9 +399,9 @@ class TaskReporter:
         places = sum(c.kind in PLACES for c in decision.candidates)
         if places:
             self._pace.on_choice(places)
-        told = decision_to_proto(kept, task, self._decisions, self._frame, time.time())
+        message = decision_to_proto(kept, task, self._decisions, self._frame, time.time())
         self._decisions += 1
-        self._registry.keep(told)
+        self._registry.keep(message)
 
     def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
         self._pace.on_way(float(np.hypot(*np.diff(route_m, axis=0).T).sum()) if len(route_m) else 0)

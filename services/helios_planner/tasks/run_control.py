@@ -38,7 +38,7 @@ class Journal:
         self.memory: Callable[[], Memory] = lambda: self.entry.memory
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Whether it is known what came of the newest action."""
         return self.entry.request is None or self.entry.result is not None
 

@@ -36,7 +36,7 @@ def pushed(**id_: Any) -> pb.Frame:
     return frame
 
 
-class House:
+class Rig:
     """A bridge that takes frames, and maps that answer what `parts` says."""
 
     def __init__(self, driver: RobotDriver | None = None, **settings: Any) -> None:

@@ -62,11 +62,11 @@ def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None
             return replace(super().state(), held="mug" if self.done else "")
 
     stage = Stage(Taking())
-    told: list[str] = []
-    stage.other.subscribe(ROBOT_STATE, lambda state: told.append(f"held: {state.held}"))
-    stage.other.subscribe(KEYFRAME, lambda _: told.append("keyframe"))
+    reported: list[str] = []
+    stage.other.subscribe(ROBOT_STATE, lambda state: reported.append(f"held: {state.held}"))
+    stage.other.subscribe(KEYFRAME, lambda _: reported.append("keyframe"))
     stage.drive("a")
-    assert "held: mug" in told[: told.index("keyframe")]
+    assert "held: mug" in reported[: reported.index("keyframe")]
     assert [frame_from_proto(k).held for k in stage.keyframes] == ["mug"]
 
 

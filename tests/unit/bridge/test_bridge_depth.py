@@ -55,7 +55,7 @@ class BlindRobot(RobotDriver):
         """Holds nothing."""
 
 
-class House:
+class Rig:
     """A bridge that asks for depth, and whoever makes it."""
 
     def __init__(self, depth: Literal["sensor", "estimated"] = "estimated") -> None:
@@ -86,55 +86,55 @@ class House:
 
 
 def test_a_frame_goes_out_with_the_depth_that_was_made_of_its_colour():
-    house = House()
-    house.serve()
-    house.look()
-    frame = frame_from_proto(house.frames[0])
+    rig = Rig()
+    rig.serve()
+    rig.look()
+    frame = frame_from_proto(rig.frames[0])
     assert (frame.depth_m == 2.5).all()
     assert frame.camera == CAMERA
-    (request,) = house.asked
+    (request,) = rig.asked
     assert request.calibration.K[0] == 8.0
     assert request.raw_color.data == b"\x07" * (12 * 16 * 3)
 
 
 def test_a_focal_length_of_the_models_own_becomes_the_frames():
-    house = House()
-    house.serve()
-    house.focal_px = 16.0
-    house.look()
-    camera = frame_from_proto(house.frames[0]).camera
+    rig = Rig()
+    rig.serve()
+    rig.focal_px = 16.0
+    rig.look()
+    camera = frame_from_proto(rig.frames[0]).camera
     assert (camera.fx, camera.fy, camera.cx) == (16.0, 18.0, 8.0)
 
 
 def test_with_its_own_sensor_nobody_is_asked():
-    house = House("sensor")
-    house.serve()
-    house.look()
-    assert house.asked == []
-    assert (frame_from_proto(house.frames[0]).depth_m == 0).all()
+    rig = Rig("sensor")
+    rig.serve()
+    rig.look()
+    assert rig.asked == []
+    assert (frame_from_proto(rig.frames[0]).depth_m == 0).all()
 
 
 def test_without_somebody_who_makes_depth_no_frame_goes_out_and_it_is_said():
-    house = House()
+    rig = Rig()
     with pytest.raises(Unavailable):
-        house.look()
-    assert house.frames == []
+        rig.look()
+    assert rig.frames == []
 
 
 def test_depth_of_another_size_is_refused():
-    house = House()
-    house.serve()
-    house.shape = (6, 8)
+    rig = Rig()
+    rig.serve()
+    rig.shape = (6, 8)
     with pytest.raises(InvalidInput, match=r"m made depth of \(6, 8\) for an image of \(12, 16\)"):
-        house.look()
-    assert house.frames == []
+        rig.look()
+    assert rig.frames == []
 
 
 @pytest.mark.parametrize("focal_px", [0.0, -8.0, float("nan"), float("inf")])
 def test_depth_with_a_focal_length_that_is_none_is_refused(focal_px: float):
-    house = House()
-    house.serve()
-    house.focal_px = focal_px
+    rig = Rig()
+    rig.serve()
+    rig.focal_px = focal_px
     with pytest.raises(InvalidInput, match="focal length"):
-        house.look()
-    assert house.frames == []
+        rig.look()
+    assert rig.frames == []

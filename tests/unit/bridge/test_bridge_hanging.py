@@ -123,15 +123,15 @@ def test_closing_names_what_hangs_and_does_not_wait_for_it() -> None:
 
 
 def test_ending_ends_the_wait_for_the_maps() -> None:
-    book, crew = KeyframeAcks(), DriverExecutor()
+    acks, executor = KeyframeAcks(), DriverExecutor()
 
     def wait() -> None:
-        book.wait(FrameId("a", 0, 1), full_names(MapPart), 60.0)
+        acks.wait(FrameId("a", 0, 1), full_names(MapPart), 60.0)
 
-    crew.start("wait", wait)
-    assert crew.wait(0.05) == ["wait"]
-    book.end()
-    assert crew.wait(5.0) == []
+    executor.start("wait", wait)
+    assert executor.wait(0.05) == ["wait"]
+    acks.end()
+    assert executor.wait(5.0) == []
 
 
 DRIVER = """

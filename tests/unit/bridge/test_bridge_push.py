@@ -14,15 +14,15 @@ from helios_core.geometry import base_below_camera
 from helios_core.topics import CONTEXT, DETECTOR_ACK, ESTIMATE_DEPTH, KEYFRAME, ROBOT_STATE
 
 from tests.support import wait_until
-from tests.unit.bridge.bridge_push_stage import ALL, T_WORLD_CAM, House, answered, pushed
+from tests.unit.bridge.bridge_push_stage import ALL, T_WORLD_CAM, Rig, answered, pushed
 
 
 def test_a_frame_becomes_a_keyframe_and_its_answer_says_which_maps_took_it() -> None:
-    house = House()
-    reply = house.push(pushed(), classes=("mug",))
+    rig = Rig()
+    reply = rig.push(pushed(), classes=("mug",))
     assert answered(reply) == ALL
     assert list(reply.unanswered) == []
-    (sent,) = house.keyframes
+    (sent,) = rig.keyframes
     assert sent.id == reply.id
     frame = frame_from_proto(sent)
     np.testing.assert_allclose(frame.T_world_cam, T_WORLD_CAM, atol=1e-9)
@@ -32,101 +32,101 @@ def test_a_frame_becomes_a_keyframe_and_its_answer_says_which_maps_took_it() -> 
 
 
 def test_frames_are_numbered_and_their_world_is_the_senders() -> None:
-    house = House()
-    ids = [house.push(pushed(robot_boot_id="me", world_epoch=3, seq=77)).id for _ in range(3)]
+    rig = Rig()
+    ids = [rig.push(pushed(robot_boot_id="me", world_epoch=3, seq=77)).id for _ in range(3)]
     assert ids[0].seq < ids[1].seq < ids[2].seq
     assert {(id.robot_boot_id, id.world_epoch) for id in ids} == {("me", 3)}
-    state = house.bridge.state()
+    state = rig.bridge.state()
     assert (state.robot_boot_id, state.world_epoch) == ("me", 3)
     assert state.last_seq == ids[2].seq
 
 
 def test_the_origin_of_a_sender_goes_with_its_frames_and_its_state() -> None:
-    house = House()
+    rig = Rig()
     for origin_id in ("kitchen", "garage", ""):
         frame = pushed(robot_boot_id="me")
         frame.origin_id = origin_id
-        house.push(frame)
-        assert house.keyframes[-1].origin_id == origin_id
-        assert house.bridge.state().origin_id == origin_id
+        rig.push(frame)
+        assert rig.keyframes[-1].origin_id == origin_id
+        assert rig.bridge.state().origin_id == origin_id
 
 
 def test_an_origin_with_too_long_a_name_is_refused() -> None:
     frame = pushed()
     frame.origin_id = "x" * 65
     with pytest.raises(InvalidInput, match="origin_id is longer than 64"):
-        House().push(frame)
+        Rig().push(frame)
 
 
 def test_the_maps_hear_of_a_new_world_before_its_first_frame() -> None:
-    house = House()
+    rig = Rig()
     heard: list[tuple[str, int]] = []
-    house.other.subscribe(ROBOT_STATE, lambda s: heard.append(("state", s.world_epoch)))
-    house.other.subscribe(KEYFRAME, lambda f: heard.append(("frame", f.id.world_epoch)))
+    rig.other.subscribe(ROBOT_STATE, lambda s: heard.append(("state", s.world_epoch)))
+    rig.other.subscribe(KEYFRAME, lambda f: heard.append(("frame", f.id.world_epoch)))
     for epoch in (1, 2):
-        house.push(pushed(robot_boot_id="me", world_epoch=epoch))
+        rig.push(pushed(robot_boot_id="me", world_epoch=epoch))
         assert heard.index(("state", epoch)) < heard.index(("frame", epoch))
 
 
 def test_the_robots_state_is_told_after_each_frame() -> None:
-    house = House()
-    told: list[pb.RobotState] = []
-    house.other.subscribe(ROBOT_STATE, told.append)
+    rig = Rig()
+    reported: list[pb.RobotState] = []
+    rig.other.subscribe(ROBOT_STATE, reported.append)
     for _ in range(2):
-        id = house.push(pushed(robot_boot_id="me")).id
-        assert (told[-1].robot_boot_id, told[-1].last_seq) == ("me", id.seq)
+        id = rig.push(pushed(robot_boot_id="me")).id
+        assert (reported[-1].robot_boot_id, reported[-1].last_seq) == ("me", id.seq)
 
 
 def test_without_a_world_of_its_own_all_frames_share_the_bridges() -> None:
-    house = House()
-    first, second = house.push(pushed()).id, house.push(pushed()).id
+    rig = Rig()
+    first, second = rig.push(pushed()).id, rig.push(pushed()).id
     assert first.robot_boot_id == second.robot_boot_id != ""
 
 
 def test_a_refusal_of_a_map_comes_back_with_its_reason() -> None:
-    house = House()
-    house.refusal = "another world epoch"
-    reply = house.push(pushed())
+    rig = Rig()
+    rig.refusal = "another world epoch"
+    reply = rig.push(pushed())
     assert {a.reason for a in reply.acks} == {"another world epoch"}
     assert answered(reply) == set()
 
 
 def test_a_map_that_does_not_answer_is_named() -> None:
-    house = House()
-    house.parts = {"map2d/occupancy"}
-    reply = house.push(pushed(), classes=("mug",))
+    rig = Rig()
+    rig.parts = {"map2d/occupancy"}
+    reply = rig.push(pushed(), classes=("mug",))
     assert list(reply.unanswered) == ["map2d/value", "objectmap/objects"]
 
 
 def test_what_the_detector_refused_is_not_waited_for_and_its_reason_comes_back() -> None:
-    house = House()
-    house.parts = {"map2d/occupancy"}
+    rig = Rig()
+    rig.parts = {"map2d/occupancy"}
 
     def refuse(frame: pb.Frame) -> None:
         ack = pb.Ack(service="detector", part="observation", id=frame.id, reason="no model")
-        house.other.publish(DETECTOR_ACK, ack)
+        rig.other.publish(DETECTOR_ACK, ack)
 
-    house.other.subscribe(KEYFRAME, refuse)
-    reply = house.push(pushed(), classes=("mug",), wait_s=LONGEST_WAIT_S)
+    rig.other.subscribe(KEYFRAME, refuse)
+    reply = rig.push(pushed(), classes=("mug",), wait_s=LONGEST_WAIT_S)
     assert list(reply.unanswered) == []
-    told = {(a.service, a.accepted, a.reason) for a in reply.acks}
+    reported = {(a.service, a.accepted, a.reason) for a in reply.acks}
     assert len(reply.acks) == 2
-    assert ("detector", False, "no model") in told
+    assert ("detector", False, "no model") in reported
 
 
 def test_while_nothing_is_looked_for_only_the_occupancy_is_waited_for() -> None:
-    house = House()
-    house.parts = {"map2d/occupancy"}
-    reply = house.push(pushed(), wait_s=LONGEST_WAIT_S)
+    rig = Rig()
+    rig.parts = {"map2d/occupancy"}
+    reply = rig.push(pushed(), wait_s=LONGEST_WAIT_S)
     assert answered(reply) == {"map2d/occupancy"}
     assert list(reply.unanswered) == []
 
 
 def test_a_search_that_somebody_else_began_is_waited_for_too() -> None:
-    house = House()
-    house.parts = {"map2d/occupancy"}
-    house.other.publish(CONTEXT, pb.SearchContext(id="a task"))
-    assert list(house.push(pushed()).unanswered) == ["map2d/value", "objectmap/objects"]
+    rig = Rig()
+    rig.parts = {"map2d/occupancy"}
+    rig.other.publish(CONTEXT, pb.SearchContext(id="a task"))
+    assert list(rig.push(pushed()).unanswered) == ["map2d/value", "objectmap/objects"]
 
 
 def test_a_frame_is_captured_once() -> None:
@@ -138,32 +138,32 @@ def test_a_frame_is_captured_once() -> None:
 
 
 def test_what_is_looked_for_is_announced_once_and_anew_when_it_changes() -> None:
-    house = House()
+    rig = Rig()
     for classes in (("mug", " dining  table "), ("mug", "dining table"), (), ("sofa",)):
-        house.push(pushed(), classes=classes)
-    assert [[c.name for c in context.classes] for context in house.contexts] == [
+        rig.push(pushed(), classes=classes)
+    assert [[c.name for c in context.classes] for context in rig.contexts] == [
         ["mug", "dining table"],
         ["sofa"],
     ]
-    assert len({context.id for context in house.contexts}) == 2
+    assert len({context.id for context in rig.contexts}) == 2
 
 
 def test_a_frame_without_depth_is_taken_where_depth_is_estimated() -> None:
-    house, frame = House(depth="estimated"), pushed()
+    rig, frame = Rig(depth="estimated"), pushed()
     frame.ClearField("raw_depth")
     depth = pushed().raw_depth
-    house.other.serve(
+    rig.other.serve(
         ESTIMATE_DEPTH, lambda _: pb.DepthReply(raw_depth=depth, focal_px=8.0, model="m")
     )
-    assert answered(house.push(frame))
-    np.testing.assert_allclose(frame_from_proto(house.keyframes[0]).depth_m, 1.5, atol=1e-6)
+    assert answered(rig.push(frame))
+    np.testing.assert_allclose(frame_from_proto(rig.keyframes[0]).depth_m, 1.5, atol=1e-6)
 
 
 def test_frames_that_come_together_are_taken_one_after_the_other() -> None:
-    house = House()
+    rig = Rig()
     replies: list[pb.PushReply] = []
     senders = [
-        threading.Thread(target=lambda: replies.append(house.push(pushed()))) for _ in range(8)
+        threading.Thread(target=lambda: replies.append(rig.push(pushed()))) for _ in range(8)
     ]
     for sender in senders:
         sender.start()
@@ -175,18 +175,18 @@ def test_frames_that_come_together_are_taken_one_after_the_other() -> None:
 
 def test_a_frame_that_has_to_wait_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("helios_bridge.pushed_frames.LONGEST_TURN_S", 0.05)
-    house = House()
+    rig = Rig()
     begun, go_on = threading.Event(), threading.Event()
 
     def hang(_: pb.Frame) -> None:
         begun.set()
         go_on.wait(10)
 
-    house.other.subscribe(KEYFRAME, hang)
-    slow = threading.Thread(target=lambda: house.push(pushed()))
+    rig.other.subscribe(KEYFRAME, hang)
+    slow = threading.Thread(target=lambda: rig.push(pushed()))
     slow.start()
     wait_until(begun.is_set, 5, "the first frame is being taken")
     with pytest.raises(DeadlineExceeded, match="slower"):
-        house.push(pushed())
+        rig.push(pushed())
     go_on.set()
     slow.join(10)

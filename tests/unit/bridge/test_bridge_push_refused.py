@@ -13,7 +13,7 @@ from helios_core.codec.frames import pose_to_proto
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.geometry import camera_on_base, se2_to_se3
 
-from tests.unit.bridge.bridge_push_stage import T_WORLD_CAM, House, answered, pushed
+from tests.unit.bridge.bridge_push_stage import T_WORLD_CAM, Rig, answered, pushed
 from tests.unit.bridge.bridge_stage import LineRobot
 
 
@@ -56,12 +56,12 @@ def _long_name(frame: pb.Frame) -> None:
 def test_a_frame_that_does_not_hold_together_is_refused_and_the_next_is_taken(
     spoil: Callable[[pb.Frame], None], said: str
 ) -> None:
-    house, frame = House(), pushed()
+    rig, frame = Rig(), pushed()
     spoil(frame)
     with pytest.raises(InvalidInput, match=said):
-        house.push(frame)
-    assert house.keyframes == []
-    assert answered(house.push(pushed()))
+        rig.push(frame)
+    assert rig.keyframes == []
+    assert answered(rig.push(pushed()))
 
 
 def posed(T_world_cam: np.ndarray, T_world_base: np.ndarray | None) -> pb.Frame:
@@ -104,11 +104,11 @@ ON_FLOOR = se2_to_se3(1.0, 2.0, 0.3)
 def test_poses_that_no_robot_has_are_refused(
     T_world_cam: np.ndarray, T_world_base: np.ndarray | None, said: str
 ) -> None:
-    house = House()
+    rig = Rig()
     with pytest.raises(InvalidInput, match=said):
-        house.push(posed(T_world_cam, T_world_base), classes=("mug",))
-    assert house.keyframes == []
-    assert house.contexts == []
+        rig.push(posed(T_world_cam, T_world_base), classes=("mug",))
+    assert rig.keyframes == []
+    assert rig.contexts == []
 
 
 @pytest.mark.parametrize(
@@ -123,33 +123,33 @@ def test_poses_that_no_robot_has_are_refused(
     ],
 )
 def test_unusual_robots_are_taken(T_world_cam: np.ndarray, T_world_base: np.ndarray | None) -> None:
-    house = House()
-    assert answered(house.push(posed(T_world_cam, T_world_base)))
+    rig = Rig()
+    assert answered(rig.push(posed(T_world_cam, T_world_base)))
 
 
 @pytest.mark.parametrize("wait_s", [-1.0, float("nan"), float("inf"), 1e6])
 def test_a_wait_that_makes_no_sense_is_refused(wait_s: float) -> None:
     with pytest.raises(InvalidInput, match="wait_s"):
-        House().push(pushed(), wait_s=wait_s)
+        Rig().push(pushed(), wait_s=wait_s)
 
 
 @pytest.mark.parametrize("classes", [("",), ("x" * 65,), tuple(f"c{i}" for i in range(65))])
 def test_names_that_make_no_sense_are_refused(classes: tuple[str, ...]) -> None:
-    house = House()
+    rig = Rig()
     with pytest.raises(InvalidInput, match="classes"):
-        house.push(pushed(), classes=classes)
-    assert house.contexts == []
+        rig.push(pushed(), classes=classes)
+    assert rig.contexts == []
 
 
 def test_a_claimed_size_allocates_nothing() -> None:
-    house, frame = House(depth="estimated"), pushed()
+    rig, frame = Rig(depth="estimated"), pushed()
     frame.ClearField("raw_depth")
     frame.calibration.width = frame.calibration.height = 2**32 - 1
     with pytest.raises(InvalidInput, match="smaller"):
-        house.push(frame)
+        rig.push(frame)
 
 
 def test_a_robot_with_a_camera_of_its_own_takes_no_frames() -> None:
-    house = House(LineRobot())
+    rig = Rig(LineRobot())
     with pytest.raises(Conflict, match="--robot push"):
-        house.push(pushed())
+        rig.push(pushed())

@@ -87,8 +87,8 @@ def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() ->
 
 
 def test_answers_of_the_newest_frames_are_remembered() -> None:
-    book = KeyframeAcks(remembered=2)
+    acks = KeyframeAcks(remembered=2)
     for seq in range(4):
         for part in ("occupancy", "value"):
-            book.add(pb.Ack(service="map2d", part=part, id=pb.FrameId(robot_boot_id="b", seq=seq)))
-    assert [len(book.answers(FrameId("b", 0, seq))) for seq in range(4)] == [0, 0, 2, 2]
+            acks.add(pb.Ack(service="map2d", part=part, id=pb.FrameId(robot_boot_id="b", seq=seq)))
+    assert [len(acks.answers(FrameId("b", 0, seq))) for seq in range(4)] == [0, 0, 2, 2]

@@ -12,12 +12,12 @@ from tests.gateway_process import Served, served
 
 
 @pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+def gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    with served() as house:
-        yield house
+    with served() as gateway:
+        yield gateway
 
 
 @pytest.fixture
-def helios(house: Served, capsys: pytest.CaptureFixture[str]) -> Helios:
-    return Helios(house, capsys)
+def helios(gateway: Served, capsys: pytest.CaptureFixture[str]) -> Helios:
+    return Helios(gateway, capsys)

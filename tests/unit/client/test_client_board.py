@@ -48,9 +48,9 @@ def test_the_word_of_an_earlier_process_does_not_count() -> None:
 def test_a_restart_is_told_with_its_reason() -> None:
     board = ServiceTable()
     board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
-    told = row(board, running(restarts=1, reason="ended by SIGKILL"))
-    assert (told.state, told.restarts) == ("ready", 1)
-    assert "ended by SIGKILL" in told.reason
+    reported = row(board, running(restarts=1, reason="ended by SIGKILL"))
+    assert (reported.state, reported.restarts) == ("ready", 1)
+    assert "ended by SIGKILL" in reported.reason
 
 
 def test_a_silent_service_is_degraded() -> None:

@@ -25,11 +25,11 @@ from tests.support import free_port, wait_until
 INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
 
 
-def test_tasks_are_listed_newest_first_and_by_state(house: Served, helios: Helios) -> None:
+def test_tasks_are_listed_newest_first_and_by_state(gateway: Served, helios: Helios) -> None:
     assert helios("tasks") == "no tasks yet\n"
     for _ in range(3):
-        house.backend.submit(INSTRUCTION)
-    house.backend.tasks["t1"].state = "succeeded"
+        gateway.backend.submit(INSTRUCTION)
+    gateway.backend.tasks["t1"].state = "succeeded"
     assert [t["id"] for t in helios.json("tasks")["tasks"]] == ["t3", "t2", "t1"]
     assert [t["id"] for t in helios.json("tasks", "--state", "succeeded")["tasks"]] == ["t1"]
     assert [t["id"] for t in helios.json("tasks", "--limit", "1")["tasks"]] == ["t3"]
@@ -37,9 +37,9 @@ def test_tasks_are_listed_newest_first_and_by_state(house: Served, helios: Helio
     helios("tasks", "--state", "asleep", status=2)
 
 
-def test_a_task_is_cancelled_by_its_id_or_how_that_begins(house: Served, helios: Helios) -> None:
-    house.backend.submit(INSTRUCTION)
-    house.backend.submit(INSTRUCTION)
+def test_a_task_is_cancelled_by_its_id_or_how_that_begins(gateway: Served, helios: Helios) -> None:
+    gateway.backend.submit(INSTRUCTION)
+    gateway.backend.submit(INSTRUCTION)
     assert "t1 is cancelled" in helios("cancel", "t1")
     helios("cancel", "t", status=2)
     assert "2 tasks begin" in helios.error
@@ -49,18 +49,18 @@ def test_a_task_is_cancelled_by_its_id_or_how_that_begins(house: Served, helios:
     assert "has ended" in helios.error
 
 
-def test_a_task_is_paused_and_goes_on(house: Served, helios: Helios) -> None:
-    house.backend.submit(INSTRUCTION)
+def test_a_task_is_paused_and_goes_on(gateway: Served, helios: Helios) -> None:
+    gateway.backend.submit(INSTRUCTION)
     assert helios("pause", "t1") == "task t1 is queued\n"
     assert helios.json("resume", "t1")["on_hold"] is False
-    house.backend.change_task("t1", "running", message="drives")
+    gateway.backend.change_task("t1", "running", message="drives")
     assert helios("pause", "t1") == "task t1 is paused: drives\n"
     assert helios.json("resume", "t1")["state"] == "running"
 
 
-def test_a_stop_latches_is_seen_and_lifted(house: Served, helios: Helios) -> None:
+def test_a_stop_latches_is_seen_and_lifted(gateway: Served, helios: Helios) -> None:
     assert "helios clear-stop" in helios("stop", "--reason", "a child in the way")
-    assert house.backend.stop_reason == "a child in the way"
+    assert gateway.backend.stop_reason == "a child in the way"
     assert "the robot is stopped (a child in the way): it will not move" in helios("status")
     assert helios.json("status")["stop_reason"] == "a child in the way"
     assert (helios.json("status")["ready"], helios.json("status")["stopped"]) == (False, True)
@@ -71,46 +71,46 @@ def test_a_stop_latches_is_seen_and_lifted(house: Served, helios: Helios) -> Non
 def test_a_robot_is_asked_by_an_address_without_scheme(
     helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("HELIOS_URL", f"localhost:{helios.house.port}")
+    monkeypatch.setenv("HELIOS_URL", f"localhost:{helios.gateway.port}")
     assert run(["tasks"]) == 0
     assert helios._capsys.readouterr().out == "no tasks yet\n"
 
 
-def test_what_was_seen_here_and_what_to_try_is_listed(house: Served, helios: Helios) -> None:
+def test_what_was_seen_here_and_what_to_try_is_listed(gateway: Served, helios: Helios) -> None:
     lines = helios("names", "--here").splitlines()
     assert [line.split()[:-2] for line in lines[1:4]] == [
         ["coffee", "table"], ["mug"], ["kitchen", "counter"]
     ]  # fmt: skip
     assert '  helios task "Move the mug from the coffee table to the kitchen counter"' in lines
     assert helios.json("names", "--here")["seen"][1]["objects"] == 2
-    house.backend.found.clear()
-    house.backend.change_objects()
-    told = helios("names", "--here")
-    assert told.startswith("nothing has been seen in this home yet")
-    assert "\nExamples that the detector knows:\n" in told
+    gateway.backend.found.clear()
+    gateway.backend.change_objects()
+    reported = helios("names", "--here")
+    assert reported.startswith("nothing has been seen in this home yet")
+    assert "\nExamples that the detector knows:\n" in reported
 
 
-def test_the_camera_s_picture_is_written(house: Served, helios: Helios, tmp_path: Path) -> None:
-    house.backend.publish_frame()
+def test_the_camera_s_picture_is_written(gateway: Served, helios: Helios, tmp_path: Path) -> None:
+    gateway.backend.publish_frame()
     file = tmp_path / "now.jpg"
     assert helios("camera", str(file)) == f"{file}\n"
     assert file.read_bytes().startswith(b"\xff\xd8")
 
 
 def test_what_is_typed_wins_over_the_variable(
-    house: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    gateway: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free_port()}")
-    for typed in (["--port", str(house.port)], ["--url", f"localhost:{house.port}"]):
+    for typed in (["--port", str(gateway.port)], ["--url", f"localhost:{gateway.port}"]):
         assert run(["tasks", *typed]) == 0
-    assert run(["tasks", "--port", str(house.port), "--url", "localhost:1"]) == 2
+    assert run(["tasks", "--port", str(gateway.port), "--url", "localhost:1"]) == 2
     assert capsys.readouterr().err == (
-        f"helios: --url localhost:1 names port 1, but --port is {house.port}; give one of them\n"
+        f"helios: --url localhost:1 names port 1, but --port is {gateway.port}; give one of them\n"
     )
 
 
-def test_names_are_taken_in_any_case(house: Served, helios: Helios) -> None:
-    house.backend.submit(INSTRUCTION)
+def test_names_are_taken_in_any_case(gateway: Served, helios: Helios) -> None:
+    gateway.backend.submit(INSTRUCTION)
     assert len(helios.json("tasks", "--state", "QUEUED")["tasks"]) == 1
     assert len(helios.json("objects", "--class", "Coffee Table")["objects"]) == 1
     assert "t1 is queued" in helios("pause", "T1")
@@ -175,10 +175,10 @@ def test_a_file_is_written_into_a_folder_that_is_there(
 
 
 def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
-    house: Served, helios: Helios, tmp_path: Path
+    gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     big = bytes(600_000)
-    house.backend.kept = {"map2d": big, "objects": big}
+    gateway.backend.kept = {"map2d": big, "objects": big}
     with small_disk(tmp_path / "disk") as disk:
         good = disk / "home.zip"
         good.write_bytes(b"a good map")
@@ -196,37 +196,37 @@ def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
         assert {p: p.read_bytes() for p in disk.rglob("*") if p.is_file()} == before
 
 
-def test_both_maps_are_forgotten_or_one(house: Served, helios: Helios) -> None:
+def test_both_maps_are_forgotten_or_one(gateway: Served, helios: Helios) -> None:
     assert helios("map", "reset", "--only", "objects").startswith("forgotten: objects; ")
-    assert house.backend.kept == {"map2d": b"walls", "objects": b""}
+    assert gateway.backend.kept == {"map2d": b"walls", "objects": b""}
     assert helios.json("map", "reset", "--yes") == {"reset": ["objects", "occupancy"]}
-    assert house.backend.kept == {"map2d": b"", "objects": b""}
+    assert gateway.backend.kept == {"map2d": b"", "objects": b""}
     helios("map", "reset", "--only", "walls", status=2)
-    house.backend.submit(INSTRUCTION)
+    gateway.backend.submit(INSTRUCTION)
     helios("map", "reset", status=1)
     assert "t1 is queued" in helios.error
 
 
 @pytest.mark.parametrize(("answer", "status"), [("y", 0), ("n", 1), ("", 1)])
 def test_at_a_terminal_it_asks_before_it_forgets(
-    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch, answer: str, status: int
+    gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch, answer: str, status: int
 ) -> None:
     terminal = io.StringIO(f"{answer}\n")
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stdin", terminal)
     helios("map", "reset", "--only", "occupancy", status=status)
     assert "Forget the map of occupancy" in helios.error
-    assert bool(house.backend.kept["map2d"]) == bool(status)
+    assert bool(gateway.backend.kept["map2d"]) == bool(status)
 
 
 def test_both_maps_are_saved_in_one_file_and_come_back(
-    house: Served, helios: Helios, tmp_path: Path
+    gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     file = tmp_path / "first.zip"
     assert helios("map", "save", str(file)) == f"{file}\n"
-    house.backend.kept = {"map2d": b"other", "objects": b"other"}
+    gateway.backend.kept = {"map2d": b"other", "objects": b"other"}
     assert helios.json("map", "load", str(file))["objects"] == 4
-    assert house.backend.kept == {"map2d": b"walls", "objects": b"things"}
+    assert gateway.backend.kept == {"map2d": b"walls", "objects": b"things"}
     assert "40 m² of ground, 4 objects" in helios("map", "load", str(file))
     helios("map", "load", str(tmp_path / "none.zip"), status=2)
     assert "No such file" in helios.error
@@ -237,27 +237,27 @@ def test_both_maps_are_saved_in_one_file_and_come_back(
 
 
 def test_where_something_was_seen_is_told_with_pictures(
-    house: Served, helios: Helios, tmp_path: Path
+    gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
-    told = helios("seen", "the mug", "--limit", "2", "--out", str(tmp_path))
-    assert "0.82" in told
-    assert "view-2.jpg" in told
+    reported = helios("seen", "the mug", "--limit", "2", "--out", str(tmp_path))
+    assert "0.82" in reported
+    assert "view-2.jpg" in reported
     assert (tmp_path / "view-1.jpg").read_bytes().startswith(b"\xff\xd8")
     assert [o["id"] for o in helios.json("seen", "mug")["objects"]] == [1, 4]
-    house.backend.recalls = Unavailable("no view has been kept")
-    told = helios("seen", "piano")
-    assert "the map has no object of that name: piano" in told
-    assert "past views were not asked: no view has been kept" in told.replace("\n", " ")
+    gateway.backend.recalls = Unavailable("no view has been kept")
+    reported = helios("seen", "piano")
+    assert "the map has no object of that name: piano" in reported
+    assert "past views were not asked: no view has been kept" in reported.replace("\n", " ")
 
 
-def test_a_task_has_a_priority_and_settings_of_its_own(house: Served, helios: Helios) -> None:
+def test_a_task_has_a_priority_and_settings_of_its_own(gateway: Served, helios: Helios) -> None:
     def end_it() -> None:
-        wait_until(lambda: "t1" in house.backend.tasks, 60, "the task was submitted")
-        house.backend.change_task("t1", "succeeded")
+        wait_until(lambda: "t1" in gateway.backend.tasks, 60, "the task was submitted")
+        gateway.backend.change_task("t1", "succeeded")
 
     threading.Thread(target=end_it, daemon=True).start()
-    told = helios.json("task", INSTRUCTION, "--priority", "7", "--set", "alpha_d=0.02")
-    assert (told["priority"], told["settings"]) == (7, {"alpha_d": "0.02"})
+    reported = helios.json("task", INSTRUCTION, "--priority", "7", "--set", "alpha_d=0.02")
+    assert (reported["priority"], reported["settings"]) == (7, {"alpha_d": "0.02"})
     assert "priority" in helios("tasks")
     helios("task", INSTRUCTION, "--set", "alpha_d", status=2)
     assert "NAME=VALUE" in helios.error
@@ -267,8 +267,8 @@ def test_a_task_has_a_priority_and_settings_of_its_own(house: Served, helios: He
 def test_what_can_be_asked_for_is_listed(helios: Helios, monkeypatch: pytest.MonkeyPatch) -> None:
     known = ["bowl", "coffee table", "kitchen counter", "mug", "sofa"]
     assert helios("names").splitlines() == known
-    told = helios.json("names")
-    assert (told["open"], told["names"]) == (False, known)
+    reported = helios.json("names")
+    assert (reported["open"], reported["names"]) == (False, known)
     monkeypatch.setenv("FORCE_COLOR", "1")  # as on a terminal
     monkeypatch.setenv("COLUMNS", "80")
     lines = helios("names").splitlines()
@@ -294,15 +294,15 @@ def test_who_asks_for_what_nobody_knows_is_told_where_the_names_are(
 
 
 def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
-    house: Served, helios: Helios, tmp_path: Path
+    gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
-    folder = tmp_path / "helios" / str(house.port)
+    folder = tmp_path / "helios" / str(gateway.port)
     state_file.write([folder], {"ready": True, "services": []})  # as a `helios up` leaves it
     helios("stop")
 
     def end_it() -> None:
-        wait_until(lambda: "t1" in house.backend.tasks, 30, "the task was submitted at once")
-        house.backend.change_task("t1", "succeeded")
+        wait_until(lambda: "t1" in gateway.backend.tasks, 30, "the task was submitted at once")
+        gateway.backend.change_task("t1", "succeeded")
 
     threading.Thread(target=end_it, daemon=True).start()
     helios.json("task", INSTRUCTION)
@@ -311,26 +311,26 @@ def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
 
 
 def test_an_interrupted_task_is_cancelled_first(
-    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+    gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("helios_client.commands.task_view._watch_lines", interrupted)
-    told = helios("task", INSTRUCTION, status=130)
-    assert "\ncancelling the task\n" in told
-    assert house.backend.tasks["t1"].state == "cancelled"
+    reported = helios("task", INSTRUCTION, status=130)
+    assert "\ncancelling the task\n" in reported
+    assert gateway.backend.tasks["t1"].state == "cancelled"
 
 
 def test_an_interrupt_while_the_stop_is_told_cancels_too(
-    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+    gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("helios_client.commands.task_view.say_stopped", interrupted)
     helios("task", INSTRUCTION, status=130)
-    assert house.backend.tasks["t1"].state == "cancelled"
+    assert gateway.backend.tasks["t1"].state == "cancelled"
 
 
 def test_another_robot_is_named(helios: Helios) -> None:
@@ -342,11 +342,11 @@ def test_another_robot_is_named(helios: Helios) -> None:
 def test_the_status_of_another_robot_is_its_own(helios: Helios, tmp_path: Path) -> None:
     row = {"name": "only-here", "state": "ready", "reason": "", "restarts": 0, "pid": 7}
     here = {"ready": True, "services": [row], "robot": "here"}  # as a `helios up` leaves it
-    state_file.write([tmp_path / "helios" / str(helios.house.port)], here)
+    state_file.write([tmp_path / "helios" / str(helios.gateway.port)], here)
     assert "only-here" in helios("status")
-    told = helios("status", "--robot", "robot")
-    assert "only-here" not in told
-    assert "gateway" in told
+    reported = helios("status", "--robot", "robot")
+    assert "only-here" not in reported
+    assert "gateway" in reported
 
 
 @pytest.mark.parametrize(
@@ -359,7 +359,7 @@ def test_what_helios_refuses_to_understand_is_wrong_use(args: list[str], helios:
 
 
 def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
-    house: Served, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    gateway: Served, capsys: pytest.CaptureFixture[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     free = free_port()
@@ -367,16 +367,16 @@ def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
         assert run([*args, "--port", str(free)]) == 1
         assert "or name its port with --port\n" in capsys.readouterr().err
     running = {"ready": True, "services": []}  # as a `helios up` leaves it
-    state_file.write([tmp_path / "helios" / str(house.port)], running)
+    state_file.write([tmp_path / "helios" / str(gateway.port)], running)
     (tmp_path / "helios" / "backup").mkdir()
     for args in (["task", INSTRUCTION], ["status"], ["objects"]):
         assert run([*args, "--port", str(free)]) == 1
-        told = capsys.readouterr().err
-        assert told.endswith(f"--port: one runs with --port {house.port}\n")
-        assert told.count("\n") == 1
+        reported = capsys.readouterr().err
+        assert reported.endswith(f"--port: one runs with --port {gateway.port}\n")
+        assert reported.count("\n") == 1
     monkeypatch.setenv("HELIOS_URL", f"127.0.0.1:{free}")  # this machine, too
     assert run(["tasks"]) == 1
-    assert capsys.readouterr().err.endswith(f"one runs with --port {house.port}\n")
+    assert capsys.readouterr().err.endswith(f"one runs with --port {gateway.port}\n")
     monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.2:{free}")  # as a machine elsewhere
     assert run(["tasks"]) == 1
     assert "--port" not in capsys.readouterr().err
@@ -396,7 +396,7 @@ def test_a_picture_is_named_as_what_it_is(helios: Helios, tmp_path: Path) -> Non
 
 def test_every_failure_is_one_sentence(helios: Helios) -> None:
     for args in (["cancel", "none"], ["tasks", "--robot", "x"], ["map", "export", "--only", "x"]):
-        assert run([*args, "--port", str(helios.house.port)]) in (1, 2)
+        assert run([*args, "--port", str(helios.gateway.port)]) in (1, 2)
         helios.error = helios._capsys.readouterr().err
         assert helios.error.startswith("helios: ")
         assert helios.error.count("\n") == 1

@@ -50,12 +50,12 @@ def test_control_characters_do_not_reach_the_terminal(
 def test_without_a_service_those_there_are_are_listed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = logs(capsys=capsys)
-    assert [line.split() for line in told] == [
+    reported = logs(capsys=capsys)
+    assert [line.split() for line in reported] == [
         [name, str(folder / f"{name}.log")] for name in ("map2d", "planner")
     ]
-    [told] = logs("plannner", capsys=capsys, status=2)
-    assert told.endswith(
+    [reported] = logs("plannner", capsys=capsys, status=2)
+    assert reported.endswith(
         "no service 'plannner' has a log; there are map2d, planner; did you mean planner?"
     )
 
@@ -78,9 +78,9 @@ def test_where_nothing_ran_it_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    [told] = logs("planner", capsys=capsys, status=1)
-    assert "there are no logs in" in told
-    assert "--state" in told
+    [reported] = logs("planner", capsys=capsys, status=1)
+    assert "there are no logs in" in reported
+    assert "--state" in reported
 
 
 def test_the_logs_of_a_state_folder_elsewhere_are_found(
@@ -98,11 +98,11 @@ def test_following_goes_on_across_a_new_file(folder: Path) -> None:
     file = folder / "planner.log"
     newest, opened = newest_lines(file, 1)
     assert newest == ["line 99"]
-    told: list[str] = []
+    reported: list[str] = []
 
     def follow(lines: Iterator[str]) -> None:
         for line in lines:
-            told.append(line)
+            reported.append(line)
             if line == "end":
                 return
 
@@ -111,11 +111,11 @@ def test_following_goes_on_across_a_new_file(folder: Path) -> None:
     with file.open("a") as log:
         log.write("one\ntw")
         log.flush()
-        wait_until(lambda: told == ["one"], 30, "the first line was told")
+        wait_until(lambda: reported == ["one"], 30, "the first line was told")
         log.write("o\n")
         log.flush()
         file.replace(folder / "planner.log.1")
         log.write("three\n")
     file.write_text("four\nend\n")
     reader.join(30)
-    assert told == ["one", "two", "three", "four", "end"]
+    assert reported == ["one", "two", "three", "four", "end"]

@@ -27,9 +27,9 @@ def used(act: Callable[[Served, Client], Awaitable[None]]) -> None:
     """Run `act` with a client of the server in this process."""
 
     async def run() -> None:
-        with served() as house:
-            async with AsyncHelios(house.url) as helios, Client(build(helios)) as client:
-                await act(house, client)
+        with served() as gateway:
+            async with AsyncHelios(gateway.url) as helios, Client(build(helios)) as client:
+                await act(gateway, client)
 
     asyncio.run(run())
 
@@ -94,22 +94,22 @@ def test_the_server_says_its_version() -> None:
 
 
 def test_answers_are_structured_by_a_schema_and_whole() -> None:
-    async def act(house: Served, client: Client) -> None:
+    async def act(gateway: Served, client: Client) -> None:
         tools = {tool.name: tool for tool in (await client.list_tools()).tools}
         pictures = {"map_picture", "camera"}
         assert {name for name, tool in tools.items() if tool.output_schema is None} == pictures
         submitted = await client.call_tool("submit_task", {"instruction": INSTRUCTION})
-        task = {"eta_s": None} | httpx.get(f"{house.url}/v1/tasks/t1").json()
+        task = {"eta_s": None} | httpx.get(f"{gateway.url}/v1/tasks/t1").json()
         assert submitted.structured_content == task
         listed = await client.call_tool("list_tasks", {"state": "queued"})
         assert listed.structured_content == {"result": [task]}
         for tool, path in (("vocabulary", "vocabulary"), ("robot", "robot"), ("status", "status")):
             answer = await client.call_tool(tool, {})
-            told = httpx.get(f"{house.url}/v1/{path}").json()
-            assert _steady(answer.structured_content) == _steady(told)
+            reported = httpx.get(f"{gateway.url}/v1/{path}").json()
+            assert _steady(answer.structured_content) == _steady(reported)
         objects = await client.call_tool("objects", {"min_score": 0.7})
-        told = httpx.get(f"{house.url}/v1/objects?min_score=0.7").json()["objects"]
-        assert objects.structured_content == {"result": told}
+        reported = httpx.get(f"{gateway.url}/v1/objects?min_score=0.7").json()["objects"]
+        assert objects.structured_content == {"result": reported}
         seen = await client.call_tool("where_seen", {"prompt": "mug"})
         assert seen.structured_content is not None
         assert len(seen.structured_content["views"]) == 3
@@ -143,9 +143,9 @@ def test_the_schemas_name_fields_that_the_interface_has() -> None:
 
 
 def test_an_agent_pauses_and_resumes_a_task() -> None:
-    async def act(house: Served, client: Client) -> None:
+    async def act(gateway: Served, client: Client) -> None:
         await said(client, "submit_task", instruction=INSTRUCTION)
-        house.backend.change_task("t1", "running")
+        gateway.backend.change_task("t1", "running")
         assert (await said(client, "pause_task", id="t1"))["state"] == "paused"
         assert (await said(client, "resume_task", id="t1"))["state"] == "running"
 
@@ -155,9 +155,13 @@ def test_an_agent_pauses_and_resumes_a_task() -> None:
 def test_an_agent_is_told_what_can_be_asked_for() -> None:
     async def act(_: Served, client: Client) -> None:
         assert (await said(client, "vocabulary"))["names"][0] == "bowl"
-        told = await said(client, "suggest_tasks", limit=2)
-        assert len(told["tasks"]) == 2
-        assert {one["name"] for one in told["seen"]} == {"mug", "coffee table", "kitchen counter"}
+        reported = await said(client, "suggest_tasks", limit=2)
+        assert len(reported["tasks"]) == 2
+        assert {one["name"] for one in reported["seen"]} == {
+            "mug",
+            "coffee table",
+            "kitchen counter",
+        }
 
     used(act)
 
@@ -172,11 +176,11 @@ def test_a_wait_for_a_task_that_is_not_there_says_so() -> None:
 
 
 def test_an_agent_gives_a_task_watches_it_and_asks_why() -> None:
-    async def act(house: Served, client: Client) -> None:
+    async def act(gateway: Served, client: Client) -> None:
         task = await said(client, "submit_task", instruction=INSTRUCTION)
-        house.backend.decide()
+        gateway.backend.decide()
         assert (await said(client, "wait_for_task", id="t1", timeout_s=0.1))["state"] == "queued"
-        house.backend.change_task("t1", "succeeded")
+        gateway.backend.change_task("t1", "succeeded")
         assert (await said(client, "wait_for_task", id=task["id"]))["state"] == "succeeded"
         assert (await said(client, "why", id="t1"))["rule"] == "global_search (eq. 10)"
         mugs = await said(client, "objects", class_name="mug")
@@ -192,8 +196,8 @@ def test_an_agent_gives_a_task_watches_it_and_asks_why() -> None:
 def test_an_agent_asks_where_something_was_seen_and_sees_it() -> None:
     async def act(_: Served, client: Client) -> None:
         answer = await client.call_tool("where_seen", {"prompt": "a mug", "limit": 2})
-        told, *pictures = answer.content
-        found = json.loads(text_of(told))
+        reported, *pictures = answer.content
+        found = json.loads(text_of(reported))
         assert [mug["id"] for mug in found["objects"]] == [1, 4]
         assert [view["score"] for view in found["views"]] == [0.82, 0.64]
         assert "jpeg_base64" not in found["views"][0]

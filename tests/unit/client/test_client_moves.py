@@ -25,14 +25,14 @@ TASK = {"id": "t1", "state": "queued", "kind": "go_to_point",
 
 
 @pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+def gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    with served() as house:
-        yield house
+    with served() as gateway:
+        yield gateway
 
 
-def no_wait(house: Served, *args: str) -> int:
-    return run([*args, "--no-wait", "--port", str(house.port)])
+def no_wait(gateway: Served, *args: str) -> int:
+    return run([*args, "--no-wait", "--port", str(gateway.port)])
 
 
 # --- the command line ---------------------------------------------------------------------------
@@ -48,16 +48,16 @@ def no_wait(house: Served, *args: str) -> int:
     ],
 )
 def test_a_command_submits_what_the_sentence_says(
-    args: list[str], sentence: str, house: Served, capsys: pytest.CaptureFixture[str]
+    args: list[str], sentence: str, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert no_wait(house, *args) == 0
+    assert no_wait(gateway, *args) == 0
     assert capsys.readouterr().out == "t1\n"
-    assert house.backend.tasks["t1"].instruction == sentence
+    assert gateway.backend.tasks["t1"].instruction == sentence
 
 
-def test_an_exploration_may_have_a_time(house: Served) -> None:
-    assert no_wait(house, "explore", "--time-limit-s", "90") == 0
-    assert house.backend.tasks["t1"].time_limit_s == 90
+def test_an_exploration_may_have_a_time(gateway: Served) -> None:
+    assert no_wait(gateway, "explore", "--time-limit-s", "90") == 0
+    assert gateway.backend.tasks["t1"].time_limit_s == 90
 
 
 @pytest.mark.parametrize(
@@ -75,24 +75,24 @@ def test_an_exploration_may_have_a_time(house: Served) -> None:
     ],
 )
 def test_wrong_numbers_are_wrong_use(
-    args: list[str], says: str, house: Served, capsys: pytest.CaptureFixture[str]
+    args: list[str], says: str, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert no_wait(house, *args) == 2
+    assert no_wait(gateway, *args) == 2
     assert says.lower() in capsys.readouterr().err.lower()
-    assert house.backend.tasks == {}
+    assert gateway.backend.tasks == {}
 
 
 @pytest.mark.parametrize(("state", "status"), [("succeeded", 0), ("failed", 1), ("cancelled", 1)])
 def test_the_exit_status_says_whether_it_got_there(
-    state: str, status: int, house: Served, capsys: pytest.CaptureFixture[str]
+    state: str, status: int, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def end() -> None:
-        wait_until(lambda: "t1" in house.backend.tasks, 20, "it is submitted")
-        house.backend.change_task("t1", state, message="stands at (3.20, 4.10) m")
+        wait_until(lambda: "t1" in gateway.backend.tasks, 20, "it is submitted")
+        gateway.backend.change_task("t1", state, message="stands at (3.20, 4.10) m")
 
     ending = threading.Thread(target=end)
     ending.start()
-    assert run(["go", "3.2", "4.1", "--port", str(house.port), "--json"]) == status
+    assert run(["go", "3.2", "4.1", "--port", str(gateway.port), "--json"]) == status
     ending.join()
     said = capsys.readouterr()
     assert json.loads(said.out)["state"] == state
@@ -145,17 +145,17 @@ def test_the_asynchronous_sdk_sends_the_same() -> None:
 # --- over MCP -----------------------------------------------------------------------------------
 def test_an_agent_sends_the_robot_and_lets_it_explore() -> None:
     async def act() -> None:
-        with served() as house:
-            async with AsyncHelios(house.url) as helios, Client(build(helios)) as client:
+        with served() as gateway:
+            async with AsyncHelios(gateway.url) as helios, Client(build(helios)) as client:
                 await client.call_tool("go_to_point", {"x_m": 1, "y_m": -2, "yaw_deg": 90})
                 await client.call_tool("explore", {"time_limit_s": 30})
                 await client.call_tool("go_home", {})
                 wrong = await client.call_tool("go_to_point", {"x_m": 1e6, "y_m": 0})
             assert wrong.is_error
             assert "less than or equal to 10000" in str(wrong.content)
-            told = [t.instruction for t in house.backend.tasks.values()]
-            assert told == ["go to 1, -2 facing 90 degrees", "explore the home",
+            reported = [t.instruction for t in gateway.backend.tasks.values()]
+            assert reported == ["go to 1, -2 facing 90 degrees", "explore the home",
                             "return to the start"]  # fmt: skip
-            assert house.backend.tasks["t2"].time_limit_s == 30
+            assert gateway.backend.tasks["t2"].time_limit_s == 30
 
     asyncio.run(act())

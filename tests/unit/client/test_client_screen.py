@@ -34,13 +34,13 @@ def controls(text: str) -> str:
 
 
 @pytest.mark.parametrize("environment", [{}, {"COLUMNS": "40"}])
-def test_in_a_pipe_no_table_is_cut(environment: dict[str, str], house: Served) -> None:
-    house.backend.report("planner", 4105, "degraded", f"written to {PATH}")
-    house.backend.submit(INSTRUCTION)
-    house.backend.tasks["t1"].instruction = "of many words " * 20
+def test_in_a_pipe_no_table_is_cut(environment: dict[str, str], gateway: Served) -> None:
+    gateway.backend.report("planner", 4105, "degraded", f"written to {PATH}")
+    gateway.backend.submit(INSTRUCTION)
+    gateway.backend.tasks["t1"].instruction = "of many words " * 20
     for args, words in ((["status"], PATH), (["tasks"], "of many words " * 19)):
         done = subprocess.run(
-            [sys.executable, "-m", "helios_client", *args, "--port", str(house.port)],
+            [sys.executable, "-m", "helios_client", *args, "--port", str(gateway.port)],
             capture_output=True, text=True, check=False, env=os.environ | environment,
         )  # fmt: skip
         assert any(words.strip() in line for line in done.stdout.splitlines()), done.stdout
@@ -87,33 +87,33 @@ def test_a_live_view_prints_none_either() -> None:
      ["names"], ["names", "--here"], ["cancel", "t1"], ["watch", "t2"]],
 )  # fmt: skip
 def test_no_command_prints_the_control_characters_of_others(
-    args: list[str], house: Served, helios: Helios
+    args: list[str], gateway: Served, helios: Helios
 ) -> None:
     for id in ("t1", "t2"):
-        house.backend.submit(INSTRUCTION)
-        house.backend.tasks[id].instruction = ESCAPE
-        house.backend.tasks[id].message = ESCAPE
-    house.backend.tasks["t2"].state = "failed"
-    house.backend.found[0].class_name = ESCAPE
-    house.backend.stopped = True
-    house.backend.publish_robot()
-    house.backend.bus.publish(ROBOT_STATE, pb.RobotState(stopped=True, message=ESCAPE))
-    house.backend.report("planner", 4105, "degraded", ESCAPE)
+        gateway.backend.submit(INSTRUCTION)
+        gateway.backend.tasks[id].instruction = ESCAPE
+        gateway.backend.tasks[id].message = ESCAPE
+    gateway.backend.tasks["t2"].state = "failed"
+    gateway.backend.found[0].class_name = ESCAPE
+    gateway.backend.stopped = True
+    gateway.backend.publish_robot()
+    gateway.backend.bus.publish(ROBOT_STATE, pb.RobotState(stopped=True, message=ESCAPE))
+    gateway.backend.report("planner", 4105, "degraded", ESCAPE)
     status = 1 if args[0] == "watch" else 0
-    told = helios(*args, status=status) + helios.error
-    assert controls(told) == ""
+    reported = helios(*args, status=status) + helios.error
+    assert controls(reported) == ""
 
 
-def test_json_is_exact_and_plain(house: Served, helios: Helios) -> None:
-    house.backend.submit(INSTRUCTION)
-    house.backend.tasks["t1"].instruction = ESCAPE
-    told = helios("tasks", "--json")
-    assert controls(told) == ""
-    answered = httpx.get(f"{house.url}/v1/tasks").json()["tasks"]
-    assert json.loads(told)["tasks"] == answered
+def test_json_is_exact_and_plain(gateway: Served, helios: Helios) -> None:
+    gateway.backend.submit(INSTRUCTION)
+    gateway.backend.tasks["t1"].instruction = ESCAPE
+    reported = helios("tasks", "--json")
+    assert controls(reported) == ""
+    answered = httpx.get(f"{gateway.url}/v1/tasks").json()["tasks"]
+    assert json.loads(reported)["tasks"] == answered
 
 
-def test_an_error_of_others_is_one_safe_line(house: Served, helios: Helios) -> None:
+def test_an_error_of_others_is_one_safe_line(gateway: Served, helios: Helios) -> None:
     helios("task", "dance \x1b[31m now", status=2)
     assert controls(helios.error) == ""
     assert helios.error.count("\n") == 1

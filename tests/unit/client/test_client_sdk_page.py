@@ -17,7 +17,7 @@ def methods(client: type) -> set[str]:
     return {name for name, _ in inspect.getmembers(client, callable) if not name.startswith("_")}
 
 
-def told() -> dict[str, list[str]]:
+def reported() -> dict[str, list[str]]:
     """Parameters by method, of the table under "From Python"."""
     section = PAGE.read_text().partition("\n## From Python\n")[2].partition("\n## ")[0]
     rows = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
@@ -27,10 +27,10 @@ def told() -> dict[str, list[str]]:
 
 
 def test_every_public_method_is_in_the_page() -> None:
-    assert set(told()) == methods(Helios) == methods(AsyncHelios)
+    assert set(reported()) == methods(Helios) == methods(AsyncHelios)
 
 
 def test_the_parameters_in_the_page_are_those_of_the_methods() -> None:
-    for name, parameters in told().items():
+    for name, parameters in reported().items():
         known = list(inspect.signature(getattr(Helios, name)).parameters)[1:]
         assert set(parameters) <= set(known), name

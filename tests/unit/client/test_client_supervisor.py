@@ -174,7 +174,7 @@ def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> 
 
 
 @pytest.mark.parametrize(
-    ("end", "told"),
+    ("end", "reported"),
     [
         ("os._exit(7)", "exit status 7; last log line: INFO ready"),
         ("os.kill(os.getpid(), 11)", "ended by SIGSEGV; last log line: INFO ready"),
@@ -182,12 +182,12 @@ def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> 
     ],
 )
 def test_the_reason_names_the_exit_status_or_signal_and_the_last_log_line(
-    bench: Bench, end: str, told: str
+    bench: Bench, end: str, reported: str
 ) -> None:
     supervisor = bench(f"import os; print('INFO ready', flush=True); {end}", restart=False)
     supervisor.start()
     wait_for_ending(supervisor)
-    assert supervisor.table()[0].reason == told
+    assert supervisor.table()[0].reason == reported
 
 
 def test_stop_ends_also_what_ignores_it_and_its_children(bench: Bench) -> None:

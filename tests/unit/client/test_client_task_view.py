@@ -69,28 +69,28 @@ def test_a_cancel_is_repeated_until_a_gateway_that_starts_again_hears_it(
     interrupted: Callable[[Helios], str],
 ) -> None:
     cancelled = task(state="cancelled", message="cancelled after 3 steps")
-    told = interrupted(helios([QUEUED, STARTING, STARTING, task(), cancelled]))
-    assert "cancelled after 3 steps" in told
-    assert "may go on" not in told
-    assert told.endswith("KeyboardInterrupt")
+    reported = interrupted(helios([QUEUED, STARTING, STARTING, task(), cancelled]))
+    assert "cancelled after 3 steps" in reported
+    assert "may go on" not in reported
+    assert reported.endswith("KeyboardInterrupt")
 
 
 def test_a_cancel_that_nobody_hears_is_said_with_what_to_do(
     interrupted: Callable[[Helios], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "CANCEL_S", 0.0)
-    told = interrupted(helios([QUEUED, STARTING, STARTING]))
-    assert "the task may go on; end it with: helios cancel t1" in told
-    assert told.endswith("Unavailable")
+    reported = interrupted(helios([QUEUED, STARTING, STARTING]))
+    assert "the task may go on; end it with: helios cancel t1" in reported
+    assert reported.endswith("Unavailable")
 
 
 def test_a_task_that_ended_before_its_cancel_is_told_as_it_ended(
     interrupted: Callable[[Helios], str],
 ) -> None:
     conflict = httpx.Response(409, json={"detail": "task t1 has ended"})
-    told = interrupted(helios([QUEUED, conflict, task(state="succeeded", message="done")]))
-    assert "done" in told
-    assert told.endswith("KeyboardInterrupt")
+    reported = interrupted(helios([QUEUED, conflict, task(state="succeeded", message="done")]))
+    assert "done" in reported
+    assert reported.endswith("KeyboardInterrupt")
 
 
 def test_the_longest_wait_bounds_the_wait_for_services_that_start(

@@ -22,19 +22,19 @@ INSTRUCTION = "move the mug to the kitchen counter"
 
 
 @pytest.fixture
-def house() -> Iterator[Served]:
-    with served() as house:
-        yield house
+def gateway() -> Iterator[Served]:
+    with served() as gateway:
+        yield gateway
 
 
 @pytest.fixture
-def helios(house: Served) -> Iterator[Helios]:
-    with Helios(house.url) as helios:
+def helios(gateway: Served) -> Iterator[Helios]:
+    with Helios(gateway.url) as helios:
         yield helios
 
 
-def test_what_is_held_drives_the_robot_until_it_is_let_go(house: Served, helios: Helios) -> None:
-    driving = house.backend.driving
+def test_what_is_held_drives_the_robot_until_it_is_let_go(gateway: Served, helios: Helios) -> None:
+    driving = gateway.backend.driving
     with helios.teleop() as drive:
         state = drive(forward=1.0, for_s=1.0)
         assert state.state in ("driving", "standing")
@@ -45,28 +45,28 @@ def test_what_is_held_drives_the_robot_until_it_is_let_go(house: Served, helios:
     wait_until(lambda: driving.kinds()[-1] == "observe", 20, "it is given back")
 
 
-def test_the_same_with_await(house: Served) -> None:
+def test_the_same_with_await(gateway: Served) -> None:
     async def run() -> None:
-        async with AsyncHelios(house.url) as helios:
+        async with AsyncHelios(gateway.url) as helios:
             async with helios.teleop() as drive:
                 await drive(forward=1.0, for_s=0.5)
             made = await helios.drive(turn_rad=0.2)
             assert made["turned_rad"] == pytest.approx(0.2)
 
     asyncio.run(run())
-    assert house.backend.driving.x_m >= 0.1
+    assert gateway.backend.driving.x_m >= 0.1
 
 
-def test_whoever_may_not_drive_is_told_so_on_entering(house: Served, helios: Helios) -> None:
-    house.backend.submit(INSTRUCTION)
-    house.backend.change_task("t1", "running")
+def test_whoever_may_not_drive_is_told_so_on_entering(gateway: Served, helios: Helios) -> None:
+    gateway.backend.submit(INSTRUCTION)
+    gateway.backend.change_task("t1", "running")
     with pytest.raises(Conflict, match="task t1 is running"), helios.teleop():
         pass
     with pytest.raises(Conflict, match="task t1 is running"):
         helios.drive(forward_m=0.2)
 
 
-def test_a_stop_ends_the_driving_with_its_reason(house: Served, helios: Helios) -> None:
+def test_a_stop_ends_the_driving_with_its_reason(gateway: Served, helios: Helios) -> None:
     with helios.teleop() as drive:
         drive(forward=1.0, for_s=0.2)
         helios.stop_robot("child on the floor")
@@ -76,11 +76,11 @@ def test_a_stop_ends_the_driving_with_its_reason(house: Served, helios: Helios) 
 
 @pytest.mark.parametrize("wrong", [{"forward": 1.5}, {"turn": -2}, {"forward": float("nan")}])
 def test_a_wrong_command_is_told_at_once_and_not_sent(
-    house: Served, helios: Helios, wrong: dict[str, float]
+    gateway: Served, helios: Helios, wrong: dict[str, float]
 ) -> None:
     with helios.teleop() as drive, pytest.raises(InvalidInput, match="-1 to 1"):
         drive(**wrong, for_s=20)
-    assert house.backend.driving.moves == []
+    assert gateway.backend.driving.moves == []
     with helios.teleop() as drive, pytest.raises(InvalidInput, match="0 or more"):
         drive(forward=1.0, for_s=-1.0)
 
@@ -99,10 +99,10 @@ def test_the_gateways_own_refusal_of_a_command_is_of_the_same_kind() -> None:
 
 
 def test_a_move_beyond_the_robot_is_wrong_whoever_has_the_robot(
-    house: Served, helios: Helios
+    gateway: Served, helios: Helios
 ) -> None:
-    house.backend.submit(INSTRUCTION)
-    house.backend.change_task("t1", "running")
+    gateway.backend.submit(INSTRUCTION)
+    gateway.backend.change_task("t1", "running")
     for wrong in (
         {"forward_m": 3.0},
         {"forward_m": float("nan")},
@@ -128,9 +128,9 @@ def test_a_move_without_an_amount_is_refused(helios: Helios) -> None:
         helios.drive()
 
 
-def test_an_agent_makes_one_short_move(house: Served) -> None:
+def test_an_agent_makes_one_short_move(gateway: Served) -> None:
     async def run() -> None:
-        async with AsyncHelios(house.url) as helios, Client(build(helios)) as client:
+        async with AsyncHelios(gateway.url) as helios, Client(build(helios)) as client:
             made = await client.call_tool("drive", {"forward_m": 0.3})
             [content] = made.content
             assert isinstance(content, TextContent)

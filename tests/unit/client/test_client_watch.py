@@ -25,37 +25,37 @@ from tests.support import ENDS_WITHIN_S, wait_until
 INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
 
 
-def end_task(house: Served, id: str, state: str) -> None:
+def end_task(gateway: Served, id: str, state: str) -> None:
     """End a task as soon as somebody has submitted it."""
 
     def end_it() -> None:
-        wait_until(lambda: id in house.backend.tasks, 60, "the task was submitted")
-        house.backend.change_task(id, state, message="done")
+        wait_until(lambda: id in gateway.backend.tasks, 60, "the task was submitted")
+        gateway.backend.change_task(id, state, message="done")
 
     threading.Thread(target=end_it, daemon=True).start()
 
 
-def test_without_waiting_the_id_is_printed_alone(house: Served, helios: Helios) -> None:
+def test_without_waiting_the_id_is_printed_alone(gateway: Served, helios: Helios) -> None:
     assert helios("task", INSTRUCTION, "--no-wait") == "t1\n"
-    assert house.backend.tasks["t1"].state == "queued"
-    told = helios.json("task", INSTRUCTION, "--no-wait")
-    assert (told["id"], told["state"]) == ("t2", "queued")
+    assert gateway.backend.tasks["t1"].state == "queued"
+    reported = helios.json("task", INSTRUCTION, "--no-wait")
+    assert (reported["id"], reported["state"]) == ("t2", "queued")
 
 
-def test_the_id_stands_in_the_first_line(house: Served, helios: Helios) -> None:
-    end_task(house, "t1", "succeeded")
+def test_the_id_stands_in_the_first_line(gateway: Served, helios: Helios) -> None:
+    end_task(gateway, "t1", "succeeded")
     assert helios("task", INSTRUCTION).startswith("task t1: ")
 
 
 @pytest.mark.parametrize(("state", "status"), [("succeeded", 0), ("failed", 1), ("cancelled", 1)])
 def test_a_task_is_watched_again_with_its_exit_status(
-    state: str, status: int, house: Served, helios: Helios
+    state: str, status: int, gateway: Served, helios: Helios
 ) -> None:
-    house.backend.submit(INSTRUCTION)
-    end_task(house, "t1", state)
+    gateway.backend.submit(INSTRUCTION)
+    end_task(gateway, "t1", state)
     for name in ("t1", "T1", "last"):
         assert helios("watch", name, status=status).startswith("task t1: ")
-    assert run(["watch", "--port", str(house.port), "--json"]) == status
+    assert run(["watch", "--port", str(gateway.port), "--json"]) == status
 
 
 def test_a_task_that_is_not_there_cannot_be_watched(helios: Helios) -> None:
@@ -66,27 +66,27 @@ def test_a_task_that_is_not_there_cannot_be_watched(helios: Helios) -> None:
 
 
 def test_an_interrupted_watch_leaves_the_task_going(
-    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+    gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("helios_client.commands.task_view._watch_lines", interrupted)
-    house.backend.submit(INSTRUCTION)
+    gateway.backend.submit(INSTRUCTION)
     assert "end it with: helios cancel t1" in helios("watch", status=130)
-    assert house.backend.tasks["t1"].state == "queued"
+    assert gateway.backend.tasks["t1"].state == "queued"
 
 
-def test_all_tasks_are_cancelled_and_counted(house: Served, helios: Helios) -> None:
+def test_all_tasks_are_cancelled_and_counted(gateway: Served, helios: Helios) -> None:
     assert helios("cancel", "--all") == "0 tasks cancelled\n"
     for _ in range(4):
-        house.backend.submit(INSTRUCTION)
-    house.backend.tasks["t1"].state = "succeeded"
-    house.backend.change_task("t2", "running")
+        gateway.backend.submit(INSTRUCTION)
+    gateway.backend.tasks["t1"].state = "succeeded"
+    gateway.backend.change_task("t2", "running")
     assert helios("cancel", "--all") == "3 tasks cancelled\n"
-    states = {id: task.state for id, task in house.backend.tasks.items()}
+    states = {id: task.state for id, task in gateway.backend.tasks.items()}
     assert states == {"t1": "succeeded", "t2": "cancelled", "t3": "cancelled", "t4": "cancelled"}
-    house.backend.submit(INSTRUCTION)
+    gateway.backend.submit(INSTRUCTION)
     assert [task["id"] for task in helios.json("cancel", "--all")["tasks"]] == ["t5"]
 
 
@@ -137,10 +137,10 @@ def test_the_live_panel_holds_id_and_time_left() -> None:
 
 
 # --- signals ------------------------------------------------------------------------------------
-def command(*args: str, house: Served, setup: str = "pass") -> list[str]:
+def command(*args: str, gateway: Served, setup: str = "pass") -> list[str]:
     """`helios` in a process of its own, after `setup`."""
     code = f"import sys, signal; {setup}; from helios_client.__main__ import main; sys.exit(main())"
-    return [sys.executable, "-c", code, *args, "--port", str(house.port)]
+    return [sys.executable, "-c", code, *args, "--port", str(gateway.port)]
 
 
 def watching(process: subprocess.Popen[str]) -> None:
@@ -156,42 +156,42 @@ def watching(process: subprocess.Popen[str]) -> None:
      (signal.SIGTERM, 130, "cancelled")],
 )  # fmt: skip
 def test_a_closed_terminal_leaves_the_task_going_and_an_interrupt_cancels_it(
-    number: int, status: int, state: str, house: Served
+    number: int, status: int, state: str, gateway: Served
 ) -> None:
     process = subprocess.Popen(
-        command("task", INSTRUCTION, house=house),
+        command("task", INSTRUCTION, gateway=gateway),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     watching(process)
     process.send_signal(number)
     _, error = process.communicate(timeout=ENDS_WITHIN_S)
     assert process.returncode == status
-    assert house.backend.tasks["t1"].state == state
+    assert gateway.backend.tasks["t1"].state == state
     assert ("helios watch t1" in error) is (number == signal.SIGHUP)
 
 
-def test_under_nohup_a_closed_terminal_changes_nothing(house: Served) -> None:
+def test_under_nohup_a_closed_terminal_changes_nothing(gateway: Served) -> None:
     ignored = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
     process = subprocess.Popen(
-        command("task", INSTRUCTION, house=house, setup=ignored),
+        command("task", INSTRUCTION, gateway=gateway, setup=ignored),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     watching(process)
     process.send_signal(signal.SIGHUP)
-    house.backend.change_task("t1", "succeeded")
+    gateway.backend.change_task("t1", "succeeded")
     _, error = process.communicate(timeout=ENDS_WITHIN_S)
     assert (process.returncode, error) == (0, "")
 
 
-def test_a_terminal_that_is_gone_ends_the_watching_without_a_traceback(house: Served) -> None:
+def test_a_terminal_that_is_gone_ends_the_watching_without_a_traceback(gateway: Served) -> None:
     main, terminal = pty.openpty()
     process = subprocess.Popen(
-        command("task", INSTRUCTION, house=house),
+        command("task", INSTRUCTION, gateway=gateway),
         stdin=terminal, stdout=terminal, stderr=subprocess.PIPE, start_new_session=True,
         preexec_fn=lambda: _own(terminal), text=True, env=os.environ | {"TERM": "xterm"},
     )  # fmt: skip
     os.close(terminal)
-    wait_until(lambda: "t1" in house.backend.tasks, ENDS_WITHIN_S, "the task was submitted")
+    wait_until(lambda: "t1" in gateway.backend.tasks, ENDS_WITHIN_S, "the task was submitted")
     shown = b""
     while b"queued" not in shown:
         shown += os.read(main, 4096)
@@ -199,7 +199,7 @@ def test_a_terminal_that_is_gone_ends_the_watching_without_a_traceback(house: Se
     _, error = process.communicate(timeout=ENDS_WITHIN_S)
     assert process.returncode == 129
     assert "Traceback" not in error
-    assert house.backend.tasks["t1"].state == "queued"
+    assert gateway.backend.tasks["t1"].state == "queued"
 
 
 def _own(terminal: int) -> None:
@@ -212,17 +212,17 @@ def _own(terminal: int) -> None:
 
 @pytest.mark.parametrize("args", [["task", INSTRUCTION], ["logs", "planner", "-f"]])
 def test_what_a_script_runs_in_its_background_hears_an_interrupt(
-    args: list[str], house: Served, tmp_path_factory: pytest.TempPathFactory,
+    args: list[str], gateway: Served, tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     """Such a shell starts it with SIGINT ignored."""
-    logs = tmp_path_factory.mktemp("state") / "helios" / str(house.port) / "logs"
+    logs = tmp_path_factory.mktemp("state") / "helios" / str(gateway.port) / "logs"
     logs.mkdir(parents=True)
     (logs / "planner.log").write_text("task t1\nqueued\n")
     monkeypatch.setenv("XDG_STATE_HOME", str(logs.parents[2]))
     ignored = "signal.signal(signal.SIGINT, signal.SIG_IGN)"
     process = subprocess.Popen(
-        command(*args, house=house, setup=ignored),
+        command(*args, gateway=gateway, setup=ignored),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
@@ -233,14 +233,14 @@ def test_what_a_script_runs_in_its_background_hears_an_interrupt(
 
 
 def test_time_is_told_while_a_task_is_watched(
-    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+    gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each line without a terminal ends with the time left, where it is known."""
     states = iter([
         Task(id="t1", state="running", message="drives", eta_s=[130, 280]),
         Task(id="t1", state="succeeded", message="done"),
     ])  # fmt: skip
-    house.backend.submit(INSTRUCTION)
+    gateway.backend.submit(INSTRUCTION)
     monkeypatch.setattr("helios_client.sdk.Helios.task", lambda *_: next(states))
-    told = helios("watch", "t1")
-    assert "drives (about 2 to 5 min left)\n" in told
+    reported = helios("watch", "t1")
+    assert "drives (about 2 to 5 min left)\n" in reported

@@ -54,8 +54,8 @@ def shown(decisions: list[dict[str, Any]], changes: tuple[str, ...] = (), top: i
           task: dict[str, Any] = TASK) -> str:  # fmt: skip
     out = io.StringIO()
     console = Console(file=out, width=width, color_system=None)
-    told = [Decision.from_json(d) for d in decisions]
-    console.print(report(Task.from_json(task), told, changes, top, everything))
+    reported = [Decision.from_json(d) for d in decisions]
+    console.print(report(Task.from_json(task), reported, changes, top, everything))
     return out.getvalue()
 
 
@@ -182,7 +182,7 @@ def test_json_holds_the_decisions_and_how_many_flip(
 ) -> None:
     sets = ["--set", "alpha_d=0.1", "--set", "tau_g=0.4"]
     assert run(["why", "abc", "--json", "--port", str(port), *sets]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["task"]["id"] == "abc123"
-    assert told["flips"] == 1
-    assert told["decisions"][0]["recomputed"]["why"] == FLIPPED["why"]
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["task"]["id"] == "abc123"
+    assert reported["flips"] == 1
+    assert reported["decisions"][0]["recomputed"]["why"] == FLIPPED["why"]

@@ -25,15 +25,15 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Build], tuple[int, list[tu
     (state, reason) that it told."""
 
     def run(build: Build) -> tuple[int, list[tuple[str, str]]]:
-        hub, told = MemoryHub(), []
+        hub, reported = MemoryHub(), []
 
         def heard(status: pb.ServiceStatus) -> None:
-            told.append((status.state, status.reason))
+            reported.append((status.state, status.reason))
 
         viewer = MemoryBus(hub)
         viewer.subscribe(status_topic("sample"), heard)
         monkeypatch.setattr(service_process, "_connect", lambda *_: MemoryBus(hub))
-        return run_service("sample", ServiceSettings.load([]), build), told
+        return run_service("sample", ServiceSettings.load([]), build), reported
 
     return run
 
@@ -69,10 +69,10 @@ def test_a_service_that_is_stopped_says_so_last(
 ) -> None:
     asked: list[threading.Event] = []
     monkeypatch.setattr(service_process, "stop_on_signals", asked.append)
-    status, told = run(lambda bus, health: Small(bus, health, asked[0]))
+    status, reported = run(lambda bus, health: Small(bus, health, asked[0]))
     assert status == 0
-    assert ("ready", "well") in told
-    assert told[-1] == ("stopping", "stopping")
+    assert ("ready", "well") in reported
+    assert reported[-1] == ("stopping", "stopping")
 
 
 @pytest.mark.parametrize(("error", "status"), [(InvalidInput, 2), (Unavailable, 1)])
@@ -84,9 +84,9 @@ def test_a_service_that_cannot_start_says_why_last(
     def build(bus: Bus, health: Health) -> service_process.Closeable:
         raise error("no map at /nowhere; name another one")
 
-    ended, told = run(build)
+    ended, reported = run(build)
     assert ended == status
-    assert told[-1] == ("degraded", "no map at /nowhere; name another one")
+    assert reported[-1] == ("degraded", "no map at /nowhere; name another one")
 
 
 def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
@@ -94,7 +94,7 @@ def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
 ) -> None:
     monkeypatch.setattr(service_process, "stop_on_signals", lambda stopped: stopped.set())
     buses: list[Bus] = []
-    told: list[pb.ServiceStatus] = []
+    reported: list[pb.ServiceStatus] = []
 
     class Stubborn:
         def close(self) -> None:
@@ -102,23 +102,23 @@ def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
 
     def build(bus: Bus, health: Health) -> service_process.Closeable:
         buses.append(bus)
-        bus.subscribe(status_topic("sample"), told.append)
+        bus.subscribe(status_topic("sample"), reported.append)
         return Stubborn()
 
     with pytest.raises(OSError, match="disk"):
         run(build)
-    assert told[-1].state == "stopping"
+    assert reported[-1].state == "stopping"
     with pytest.raises(Unavailable, match="closed"):
         buses[0].announce("sample", "1")
 
     def broken(bus: Bus, health: Health) -> service_process.Closeable:
-        bus.subscribe(status_topic("sample"), told.append)
+        bus.subscribe(status_topic("sample"), reported.append)
         raise ZeroDivisionError("oops")
 
     with pytest.raises(ZeroDivisionError):
         run(broken)
-    assert told[-1].state == "degraded"
-    assert "ZeroDivisionError: oops" in told[-1].reason
+    assert reported[-1].state == "degraded"
+    assert "ZeroDivisionError: oops" in reported[-1].reason
 
 
 def test_kernels_that_cannot_be_compiled_are_said_and_tried_again() -> None:

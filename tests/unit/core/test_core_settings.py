@@ -121,9 +121,9 @@ def test_a_file_that_is_no_toml_is_named_with_the_line(
     with pytest.raises(SystemExit) as ended:
         Settings.load(["--config", str(file)])
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert f"{file} is no " in told
-    assert words in told
+    reported = capsys.readouterr().err
+    assert f"{file} is no " in reported
+    assert words in reported
 
 
 def test_a_table_for_all_services_counts_where_their_own_says_nothing(
@@ -171,17 +171,21 @@ def test_a_service_tells_its_settings_with_their_meaning_and_without_secrets() -
         speed_m_s: float = Field(default=0.5, description="at most")
         password: SecretStr = Field(default=SecretStr("swordfish"), description="of the user")
 
-    told = json.dumps(Secretive.load(["--speed-m-s", "0.2"]).described())
-    assert json.loads(told)["speed_m_s"] == {"value": 0.2, "default": 0.5, "description": "at most"}
-    assert "swordfish" not in told
+    reported = json.dumps(Secretive.load(["--speed-m-s", "0.2"]).described())
+    assert json.loads(reported)["speed_m_s"] == {
+        "value": 0.2,
+        "default": 0.5,
+        "description": "at most",
+    }
+    assert "swordfish" not in reported
 
 
 def test_a_setting_without_a_default_is_told_without_one() -> None:
     class Needy(ServiceSettings):
         source: str = Field(description="to be named")
 
-    told = Needy.load(["--source", "here"]).described()
-    assert (told["source"]["value"], told["source"]["default"]) == ("here", None)
+    reported = Needy.load(["--source", "here"]).described()
+    assert (reported["source"]["value"], reported["source"]["default"]) == ("here", None)
 
 
 class ForSeveral(Settings):

@@ -214,23 +214,23 @@ def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
 
 def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_after():
     hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
-    told: list[str] = []
-    MemoryBus(hub, "ada").subscribe(status_topic("detector"), lambda s: told.append(s.state))
+    reported: list[str] = []
+    MemoryBus(hub, "ada").subscribe(status_topic("detector"), lambda s: reported.append(s.state))
     loading.waiting("loading the models")
-    desk = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), loading)
+    slot = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), loading)
     try:
-        wait_until(lambda: told[-1:] == ["waiting"], 10, "it is told to wait")
+        wait_until(lambda: reported[-1:] == ["waiting"], 10, "it is told to wait")
         models = Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
-        desk.begin(models, ModelUsage(), preview_quality=80)
+        slot.begin(models, ModelUsage(), preview_quality=80)
         members.change(members.me, True, 0.0)
-        wait_until(lambda: told[-1:] == ["ready"], 10, "it is told that they work")
-        del told[:]
+        wait_until(lambda: reported[-1:] == ["ready"], 10, "it is told that they work")
+        del reported[:]
         loading.waiting("said late")
-        wait_until(lambda: len(told) >= 2, 10, "it is told again")
-        assert set(told) == {"ready"}
+        wait_until(lambda: len(reported) >= 2, 10, "it is told again")
+        assert set(reported) == {"ready"}
     finally:
-        desk.stop()
-        desk.finish(1.0)
+        slot.stop()
+        slot.finish(1.0)
 
 
 def test_no_robot_has_the_name_under_which_detectors_meet():

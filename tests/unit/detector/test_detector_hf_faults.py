@@ -138,8 +138,8 @@ def test_a_missing_tokenizer_is_said(owl: Path, tmp_path: Path):
 def edited(folder: Path, to: Path, **config: Any) -> Path:
     """A copy with other entries in its configuration."""
     out = copy_of(folder, to)
-    told = json.loads((out / "config.json").read_text())
-    (out / "config.json").write_text(json.dumps(told | config))
+    reported = json.loads((out / "config.json").read_text())
+    (out / "config.json").write_text(json.dumps(reported | config))
     return out
 
 
@@ -166,8 +166,8 @@ def test_a_cut_configuration_is_said(owl: Path, tmp_path: Path):
 
 
 def test_weights_of_another_size_are_said(owl: Path, tmp_path: Path):
-    told = json.loads((owl / "config.json").read_text())
-    vision = told["vision_config"] | {"intermediate_size": 64}
+    reported = json.loads((owl / "config.json").read_text())
+    vision = reported["vision_config"] | {"intermediate_size": 64}
     folder = edited(owl, tmp_path, vision_config=vision)
     with pytest.raises(InvalidInput, match="do not belong together"), opened(folder).use():
         pass

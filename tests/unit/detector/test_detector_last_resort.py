@@ -77,24 +77,24 @@ def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_c
     hub, truth, members = MemoryHub(), SceneTruth(), Members("me", ["ada"])
     bus, answers = MemoryBus(hub, "ada"), []
     bus.subscribe(OBSERVATION, answers.append)
-    desk = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), Health())
+    slot = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), Health())
     try:
         members.change(members.me, True, -10.0)
-        desk.begin(Models(Moody(truth), LexicalScorer()), ModelUsage(), preview_quality=80)
+        slot.begin(Models(Moody(truth), LexicalScorer()), ModelUsage(), preview_quality=80)
         bus.publish(CONTEXT, context_to_proto(context_of("mug")))
         bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
         wait_until(lambda: len(answers) == 1, 10, "the keyframe is answered")
     finally:
-        desk.stop()
-        desk.finish(1.0)
+        slot.stop()
+        slot.finish(1.0)
 
 
 def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
     monkeypatch: pytest.MonkeyPatch,
 ):
     hub, health = MemoryHub(), Health()
-    told = {"ada": pb.ServiceStatus(), "bob": pb.ServiceStatus()}
-    for robot, status in told.items():
+    reported = {"ada": pb.ServiceStatus(), "bob": pb.ServiceStatus()}
+    for robot, status in reported.items():
         MemoryBus(hub, robot).subscribe(status_topic("detector"), status.CopyFrom)
 
     class Torn(MemoryBus):
@@ -116,9 +116,9 @@ def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
         wait_until(lambda: health.state[0] == "degraded", 10, "it is said")
         assert "cannot be started: RuntimeError: the session is torn" in health.state[1]
         wait_until(
-            lambda: all(s.state == "degraded" for s in told.values()), 10, "every robot is told"
+            lambda: all(s.state == "degraded" for s in reported.values()), 10, "every robot is told"
         )
-        assert all("the session is torn" in s.reason for s in told.values())
+        assert all("the session is torn" in s.reason for s in reported.values())
         MemoryBus(hub, "ada").publish(CONTEXT, context_to_proto(context_of("mug")))
         with pytest.raises(Unavailable, match=r"is not ready: .*torn"):
             MemoryBus(hub, "ada").call(VOCABULARY, pb.Empty(), 1.0)
@@ -136,16 +136,16 @@ def test_a_desk_outlives_what_nobody_foresaw_and_says_it_meanwhile():
             return super().serve(method, handler)
 
     hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
-    bus, told = Torn(hub, "ada"), pb.ServiceStatus()
-    MemoryBus(hub, "ada").subscribe(status_topic("detector"), told.CopyFrom)
-    desk = RobotSlot("ada", bus, members, threading.Lock(), loading)
+    bus, reported = Torn(hub, "ada"), pb.ServiceStatus()
+    MemoryBus(hub, "ada").subscribe(status_topic("detector"), reported.CopyFrom)
+    slot = RobotSlot("ada", bus, members, threading.Lock(), loading)
     try:
-        wait_until(lambda: "RuntimeError: the session is torn" in told.reason, 10, "it is told")
-        assert told.state == "degraded"
+        wait_until(lambda: "RuntimeError: the session is torn" in reported.reason, 10, "it is told")
+        assert reported.state == "degraded"
         bus.torn = False
-        desk.begin(models_that_work(), ModelUsage(), preview_quality=80)
+        slot.begin(models_that_work(), ModelUsage(), preview_quality=80)
         members.change(members.me, True, -10.0)
-        wait_until(lambda: told.state == "ready", 10, "it works")
+        wait_until(lambda: reported.state == "ready", 10, "it works")
     finally:
-        desk.stop()
-        desk.finish(1.0)
+        slot.stop()
+        slot.finish(1.0)

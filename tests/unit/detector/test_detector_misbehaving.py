@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from detector_house import House
+from detector_rig import Rig
 from detector_scene import SceneTruth, context_of
 from helios_core import proto as pb
 from helios_core.codec import observation_from_proto
@@ -47,14 +47,14 @@ class Scoring(LexicalScorer):
         return super().score(frame, seen, prompts) if self.given is None else self.given
 
 
-def slipping(slip: Slip | None = None) -> tuple[House, Slipping]:
+def slipping(slip: Slip | None = None) -> tuple[Rig, Slipping]:
     truth = SceneTruth()
     detector = Slipping(truth)
     detector.slip = slip
-    house = House(detector)
-    house.truth = truth
-    house.look_for(context_of("mug", "bowl"))
-    return house, detector
+    rig = Rig(detector)
+    rig.truth = truth
+    rig.look_for(context_of("mug", "bowl"))
+    return rig, detector
 
 
 def each(**changes: Any) -> Slip:
@@ -89,17 +89,17 @@ def small_masks(found: Findings) -> Findings:
     ],
 )
 def test_what_cannot_be_used_is_left_out_and_the_detector_says_why(slip: Slip, said: str) -> None:
-    house, detector = slipping(slip)
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert len(house.observations) == 1  # the frame is answered all the same
-    state, reason = house.health.state
+    rig, detector = slipping(slip)
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert len(rig.observations) == 1  # the frame is answered all the same
+    state, reason = rig.health.state
     assert state == "degraded"
     assert "the detector slipping gave in detect()" in reason
     assert said in reason
     assert "; see its log" in reason
     detector.slip = None
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert house.health.state == ("ready", "")
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert rig.health.state == ("ready", "")
 
 
 def test_what_is_good_of_a_frame_is_used() -> None:
@@ -107,21 +107,21 @@ def test_what_is_good_of_a_frame_is_used() -> None:
         first, *rest = found.detections
         return Findings((replace(first, score=float("nan")), *rest), found.seen)
 
-    house, _ = slipping(one_bad)
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert len(observation_from_proto(house.observations[0]).detections) == 1
-    assert house.count("detections_refused") == 1
+    rig, _ = slipping(one_bad)
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert len(observation_from_proto(rig.observations[0]).detections) == 1
+    assert rig.count("detections_refused") == 1
 
 
 def test_a_score_out_of_range_is_cut_and_said_and_one_of_rounding_is_not() -> None:
-    house, detector = slipping(each(score=3.0))
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert "3 as the score of a detection of" in house.health.state[1]
-    assert "it was cut to 1" in house.health.state[1]
+    rig, detector = slipping(each(score=3.0))
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert "3 as the score of a detection of" in rig.health.state[1]
+    assert "it was cut to 1" in rig.health.state[1]
     detector.slip = each(score=1.0000001)
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert house.health.state == ("ready", "")
-    assert [d.score for d in observation_from_proto(house.observations[1]).detections] == [1.0, 1.0]
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert rig.health.state == ("ready", "")
+    assert [d.score for d in observation_from_proto(rig.observations[1]).detections] == [1.0, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -135,26 +135,26 @@ def test_a_score_out_of_range_is_cut_and_said_and_one_of_rounding_is_not() -> No
 def test_findings_of_another_type_fail_the_frame_with_what_was_wanted(
     slip: Slip, said: str
 ) -> None:
-    house, detector = slipping(slip)
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert house.observations == []
-    assert house.count("keyframes_failed") == 1
-    assert house.health.state[0] == "degraded"
-    assert "the detector slipping gave what cannot be used, in detect(): " in house.health.state[1]
-    assert said in house.health.state[1]
+    rig, detector = slipping(slip)
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert rig.observations == []
+    assert rig.count("keyframes_failed") == 1
+    assert rig.health.state[0] == "degraded"
+    assert "the detector slipping gave what cannot be used, in detect(): " in rig.health.state[1]
+    assert said in rig.health.state[1]
     detector.slip = None
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert house.health.state == ("ready", "")
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert rig.health.state == ("ready", "")
 
 
 def test_a_frame_without_a_find_does_not_make_a_slipping_detector_ready() -> None:
-    house, detector = slipping(small_masks)
-    house.bus.publish(KEYFRAME, house.frame(1))
+    rig, detector = slipping(small_masks)
+    rig.bus.publish(KEYFRAME, rig.frame(1))
     detector.slip = lambda found: Findings((), ())
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert house.health.state[0] == "degraded"
-    house.look_for(context_of("mug", id="another search"))
-    assert house.health.state == ("ready", "")
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert rig.health.state[0] == "degraded"
+    rig.look_for(context_of("mug", id="another search"))
+    assert rig.health.state == ("ready", "")
 
 
 @pytest.mark.parametrize(
@@ -173,34 +173,34 @@ def test_a_scorers_wrong_answer_is_said_and_the_detections_are_used(
 ) -> None:
     scorer, context = Scoring(), context_of("mug")
     truth = SceneTruth()
-    house = House(GroundTruthDetector(truth), scorer)
-    house.truth = truth
-    house.look_for(SearchContext(context.id, context.classes, {"pick": "a mug"}))
+    rig = Rig(GroundTruthDetector(truth), scorer)
+    rig.truth = truth
+    rig.look_for(SearchContext(context.id, context.classes, {"pick": "a mug"}))
     scorer.given = given
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert len(house.observations[0].detections) == 1
-    assert dict(house.observations[0].layer_scores) == sent
-    assert house.health.state[0] == "degraded"
-    assert "the scorer scoring gave in score() " in house.health.state[1]
-    assert said in house.health.state[1]
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert len(rig.observations[0].detections) == 1
+    assert dict(rig.observations[0].layer_scores) == sent
+    assert rig.health.state[0] == "degraded"
+    assert "the scorer scoring gave in score() " in rig.health.state[1]
+    assert said in rig.health.state[1]
     scorer.given = None
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert house.health.state == ("ready", "")
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert rig.health.state == ("ready", "")
 
 
 @pytest.mark.parametrize("given", [[0.5], 0.5, "much"])
 def test_scores_of_another_type_fail_the_frame_with_what_was_wanted(given: Any) -> None:
     scorer, truth = Scoring(), SceneTruth()
-    house = House(GroundTruthDetector(truth), scorer)
-    house.truth = truth
+    rig = Rig(GroundTruthDetector(truth), scorer)
+    rig.truth = truth
     context = context_of("mug")
-    house.look_for(SearchContext(context.id, context.classes, {"pick": "a mug"}))
+    rig.look_for(SearchContext(context.id, context.classes, {"pick": "a mug"}))
     scorer.given = given
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert house.count("keyframes_failed") == 1
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert rig.count("keyframes_failed") == 1
     assert (
         f"type {type(given).__name__}, wanted a score of 0 to 1 for each of 'pick'"
-        in (house.health.state[1])
+        in (rig.health.state[1])
     )
 
 
@@ -210,12 +210,12 @@ def test_a_fault_is_logged_with_its_traceback_once_and_not_at_every_frame(
     def boom(_: Findings) -> Findings:
         raise RuntimeError("the GPU fell off")
 
-    house, _ = slipping(boom)
+    rig, _ = slipping(boom)
     with caplog.at_level(logging.WARNING):
         for number in range(1, 4):
-            house.bus.publish(KEYFRAME, house.frame(number))
+            rig.bus.publish(KEYFRAME, rig.frame(number))
     said = "the detector slipping failed in detect() (RuntimeError: the GPU fell off)"
-    assert f"{said}; the traceback is in its log" in house.health.state[1]
+    assert f"{said}; the traceback is in its log" in rig.health.state[1]
     assert [r.getMessage() for r in caplog.records if r.exc_info] == [said]
 
 
@@ -228,8 +228,8 @@ def test_a_reason_that_repeats_is_logged_again_after_a_while_with_how_often_it_c
         for now_s in (0.0, 1.0, 2.0, 31.0, 32.0):
             seldom.warn("masks", f"at {now_s:g}")
         seldom.warn("names", "another")
-    told = [r.getMessage() for r in caplog.records]
-    assert told == ["at 0", "at 31 (and 2 times since it was last said)", "another"]
+    reported = [r.getMessage() for r in caplog.records]
+    assert reported == ["at 0", "at 31 (and 2 times since it was last said)", "another"]
 
 
 @pytest.mark.parametrize(
@@ -237,10 +237,10 @@ def test_a_reason_that_repeats_is_logged_again_after_a_while_with_how_often_it_c
     [("mug", "type str ('mug'), wanted a tuple of names"), ((), "type tuple"), (7, "type int")],
 )
 def test_a_vocabulary_of_another_type_is_said_to_whoever_asks(given: Any, said: str) -> None:
-    house, detector = slipping()
+    rig, detector = slipping()
     detector.vocabulary = lambda: given
     with pytest.raises(Internal, match=r"the detector slipping .* in vocabulary") as error:
-        house.bus.call(VOCABULARY, pb.Empty(), 1.0)
+        rig.bus.call(VOCABULARY, pb.Empty(), 1.0)
     assert said in error.value.message
 
 
@@ -248,9 +248,9 @@ def test_refusals_of_another_type_are_said() -> None:
     truth = SceneTruth()
     detector = Slipping(truth)
     cast(Any, detector).refused = lambda context: ["mug"]
-    house = House(detector)
-    house.look_for(context_of("mug"))
-    assert house.health.state[0] == "degraded"
+    rig = Rig(detector)
+    rig.look_for(context_of("mug"))
+    assert rig.health.state[0] == "degraded"
     assert (
-        "in refused(): a value of type list, wanted a dict of class name" in (house.health.state[1])
+        "in refused(): a value of type list, wanted a dict of class name" in (rig.health.state[1])
     )

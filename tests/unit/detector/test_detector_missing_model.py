@@ -20,7 +20,7 @@ from helios_core.zenoh_bus import ZenohBus
 from tests.support import free_port, wait_until
 
 
-class House:
+class Rig:
     """A router, a gateway and a detector."""
 
     def __init__(self, folder: Path) -> None:
@@ -52,8 +52,8 @@ class House:
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
-    out = House(tmp_path)
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    out = Rig(tmp_path)
     yield out
     for process in reversed(out.processes):
         process.kill()
@@ -62,22 +62,22 @@ def house(tmp_path: Path) -> Iterator[House]:
 
 @pytest.mark.timeout(240)
 def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_shown(
-    house: House, tmp_path: Path
+    rig: Rig, tmp_path: Path
 ):
-    missing = house.detector("--detector", f"onnx:{tmp_path / 'model.onnx'}", "--retry-s", "0.2")
+    missing = rig.detector("--detector", f"onnx:{tmp_path / 'model.onnx'}", "--retry-s", "0.2")
     sentence = "model.onnx is not there; put a YOLOX model (ONNX)"
-    wait_until(lambda: sentence in house.said_by("/readyz"), 60, "/readyz says so")
-    ready = house.get("/readyz")
+    wait_until(lambda: sentence in rig.said_by("/readyz"), 60, "/readyz says so")
+    ready = rig.get("/readyz")
     assert ready is not None
     assert ready.status_code == 503
     assert any(r.startswith("detector is waiting: ") for r in ready.json()["reasons"])
-    status = house.get("/v1/status")  # what the dashboard and `helios status` show
+    status = rig.get("/v1/status")  # what the dashboard and `helios status` show
     assert status is not None
     row = next(s for s in status.json()["services"] if s["name"] == "detector")
     assert row["state"] == "waiting"
     assert sentence in row["reason"]
 
-    bus = ZenohBus(house.endpoint)
+    bus = ZenohBus(rig.endpoint)
     try:
         # Whoever asks the detector, as the planner does before a task, is told the same.
         with pytest.raises(Unavailable, match=r"the detector is not ready: .*put a YOLOX model"):
@@ -85,7 +85,7 @@ def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_show
         missing.kill()
         missing.wait()
 
-        house.detector("--detector", "patient:0.01", "--scorer", "half:1.5")
+        rig.detector("--detector", "patient:0.01", "--scorer", "half:1.5")
         robot = RobotDescription("r", 0.2, 1.3, frame_of().camera, 1.2, 0.8, 4.0)
         bus.publish(ROBOT_DESCRIPTION, description_to_proto(robot))
         bus.publish(CONTEXT, context_to_proto(context_of("mug")))
@@ -93,11 +93,11 @@ def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_show
         def figures() -> bool:
             bus.publish(KEYFRAME, frame_to_proto(frame_of()))
             bus.publish(FRAME, frame_to_proto(frame_of()))
-            text = house.said_by("/metrics")
+            text = rig.said_by("/metrics")
             return all(f'name="{name}"' in text for name in NAMES)
 
         wait_until(figures, 60, "time and memory per frame are in /metrics")
-        lines = [x for x in house.said_by("/metrics").splitlines() if 'service="detector"' in x]
+        lines = [x for x in rig.said_by("/metrics").splitlines() if 'service="detector"' in x]
         values = {x.split('name="')[1].split('"')[0]: float(x.split()[-1])
                   for x in lines if 'name="' in x}  # fmt: skip
         assert values["detect_ms_median"] >= 10

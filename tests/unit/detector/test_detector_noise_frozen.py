@@ -33,12 +33,12 @@ def said(level: float) -> str:
     truth = NamedTruth()
     detector = ViewDetector(truth, table.scaled(level), seed=5)
     context = context_of("mug", "bowl", "teapot", "book", "table", threshold=0.05)
-    told: list[list[object]] = []
+    reported: list[list[object]] = []
     for n, x in enumerate(np.linspace(-2, 1, 60), 1):
         found = detector.detect(truth.frame(looking(float(x)), n), context)
-        told.append([(s.class_name, round(s.score, 6)) for s in found.seen])
+        reported.append([(s.class_name, round(s.score, 6)) for s in found.seen])
         for d in found.detections:
             box = [round(float(v), 3) for v in d.box_xyxy]
             mask = hashlib.sha256(np.packbits(d.mask).tobytes()).hexdigest()
-            told.append([d.class_name, round(d.score, 6), box, mask])
-    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:16]
+            reported.append([d.class_name, round(d.score, 6), box, mask])
+    return hashlib.sha256(json.dumps(reported).encode()).hexdigest()[:16]

@@ -105,7 +105,7 @@ def each(edit: Edit) -> Callable[[], PaintDetector]:
     return make
 
 
-def told(change: Callable[[Findings, Frame, Any], Any]) -> Callable[[], PaintDetector]:
+def reported(change: Callable[[Findings, Frame, Any], Any]) -> Callable[[], PaintDetector]:
     """The findings go through a slip."""
 
     def make() -> PaintDetector:
@@ -233,13 +233,13 @@ SLIPS: list[tuple[Callable[[], PaintDetector], str]] = [
         lambda: Slip(detect=raise_key_error),
         "test_detect_raises_invalid_input_for_a_name_that_it_does_not_know",
     ),
-    (told(lambda x, f, c: list(x.detections)), "test_it_gives_findings_of_detections_and_seen"),
+    (reported(lambda x, f, c: list(x.detections)), "test_it_gives_findings_of_detections_and_seen"),
     (
-        told(lambda x, f, c: LOOSE(x.detections, ("table",))),
+        reported(lambda x, f, c: LOOSE(x.detections, ("table",))),
         "test_it_gives_findings_of_detections_and_seen",
     ),
     (
-        told(lambda x, f, c: Findings((*x.detections, speck(f, "zebra")), ())),
+        reported(lambda x, f, c: Findings((*x.detections, speck(f, "zebra")), ())),
         "test_only_what_was_asked_for_is_detected",
     ),
     (each(lambda d: replace(d, mask=d.mask[:10])), "test_masks_are_bool_and_as_large_as_the_image"),
@@ -262,21 +262,21 @@ SLIPS: list[tuple[Callable[[], PaintDetector], str]] = [
     (each(lambda d: replace(d, score=float("nan"))), "test_scores_are_numbers_from_0_to_1"),
     (each(lambda d: replace(d, score=80.0)), "test_scores_are_numbers_from_0_to_1"),
     (
-        told(lambda x, f, c: Findings((), (Seen("table", -1.0),))),
+        reported(lambda x, f, c: Findings((), (Seen("table", -1.0),))),
         "test_scores_are_numbers_from_0_to_1",
     ),
     (
-        told(lambda x, f, c: Findings((speck(f),), ())),
+        reported(lambda x, f, c: Findings((speck(f),), ())),
         "test_nothing_below_the_threshold_of_its_class_is_detected",
     ),
     (each(lambda d: replace(d, score=1.5)), "test_the_service_finds_nothing_to_refuse"),
     (always(Findings((), ())), "test_it_finds_something_in_the_pictures_that_were_given"),
     (
-        told(lambda x, f, c: Findings((speck(f),), ())),
+        reported(lambda x, f, c: Findings((speck(f),), ())),
         "test_a_search_for_nothing_detects_nothing",
     ),
-    (told(painted_over), "test_a_frame_stays_as_it_was"),
-    (told(Counting()), "test_the_same_frame_gives_the_same"),
+    (reported(painted_over), "test_a_frame_stays_as_it_was"),
+    (reported(Counting()), "test_the_same_frame_gives_the_same"),
     (lambda: Slip(detect=OneBuffer()), "test_two_threads_at_once_get_what_one_gets"),
     (Once, "test_warming_up_twice_is_as_once"),
     (Once, "test_it_works_again_after_its_memory_was_freed"),
@@ -318,7 +318,7 @@ def test_a_slip_at_an_odd_frame_breaks_its_claim(kind: str, slip: Any) -> None:
     check = DetectorContract().test_an_odd_frame_is_answered
     check(DetectorBench(PaintDetector), kind)
     with pytest.raises(AssertionError):
-        check(DetectorBench(told(slip)), kind)
+        check(DetectorBench(reported(slip)), kind)
 
 
 def test_every_claim_about_a_detector_has_a_slip() -> None:

@@ -42,14 +42,14 @@ def test_a_process_says_what_it_waits_for_then_answers_and_ends_when_told(tmp_pa
         model.symlink_to(tiny_models.write("owlv2", tmp_path / "owl"))
         wait_until(lambda: states[-1].state == "ready", 60, "the model works")
         bus.publish(CONTEXT, context_to_proto(context_of("mug", threshold=0.01)))
-        told_s = 0.0
+        reported_s = 0.0
 
         def answered() -> bool:
             """A keyframe that comes before its subscriber is known is lost: the bridge, too, looks
             again where no answer comes."""
-            nonlocal told_s
-            if time.monotonic() - told_s > 1:
-                told_s = time.monotonic()
+            nonlocal reported_s
+            if time.monotonic() - reported_s > 1:
+                reported_s = time.monotonic()
                 bus.publish(KEYFRAME, frame_to_proto(frame_of()))
             return bool(seen)
 

@@ -2,7 +2,7 @@
 
 import cv2
 import numpy as np
-from detector_house import CONTEXT_1, Faulty, House
+from detector_rig import CONTEXT_1, Faulty, Rig
 from detector_scene import MUG, SceneTruth
 from helios_core import proto as pb
 from helios_core.codec import context_to_proto, frame_to_proto, observation_from_proto
@@ -15,31 +15,31 @@ from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 
 def test_every_keyframe_is_answered_with_its_frame_context_masks_and_scores():
-    house = House()
-    house.look_for()
+    rig = Rig()
+    rig.look_for()
     for seq in (1, 2, 3):
-        house.bus.publish(KEYFRAME, house.frame(seq))
-    assert [o.frame.id.seq for o in house.observations] == [1, 2, 3]
-    observation = observation_from_proto(house.observations[0])
+        rig.bus.publish(KEYFRAME, rig.frame(seq))
+    assert [o.frame.id.seq for o in rig.observations] == [1, 2, 3]
+    observation = observation_from_proto(rig.observations[0])
     assert observation.context_id == "c1"
     assert (observation.detector, observation.scorer) == ("ground-truth", "lexical")
     assert sorted(d.class_name for d in observation.detections) == ["dining table", "mug"]
     mug = next(d for d in observation.detections if d.class_name == "mug")
-    np.testing.assert_array_equal(mug.mask, house.truth.ids[10**8] == MUG.id)
+    np.testing.assert_array_equal(mug.mask, rig.truth.ids[10**8] == MUG.id)
     assert observation.layer_scores.keys() == {"pick", "place"}
     assert observation.layer_scores["pick"] > observation.layer_scores["place"]
-    assert house.health.state == ("ready", "")
+    assert rig.health.state == ("ready", "")
 
 
 def test_the_newest_keyframe_is_held_until_a_context_is_known():
-    house = House()
-    house.bus.publish(KEYFRAME, house.frame(1))
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert house.observations == []
-    assert "waits for a search context" in house.health.state[1]
-    house.look_for()
-    assert [o.frame.id.seq for o in house.observations] == [2]
-    assert house.count("keyframes_replaced") == 1
+    rig = Rig()
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert rig.observations == []
+    assert "waits for a search context" in rig.health.state[1]
+    rig.look_for()
+    assert [o.frame.id.seq for o in rig.observations] == [2]
+    assert rig.count("keyframes_replaced") == 1
 
 
 def test_a_detector_that_starts_late_gets_the_retained_context():
@@ -54,11 +54,11 @@ def test_a_detector_that_starts_late_gets_the_retained_context():
 
 
 def test_stream_frames_become_previews_with_boxes_and_no_observation():
-    house = House()
-    house.look_for()
-    house.bus.publish(FRAME, house.frame())
-    (preview,) = house.previews
-    assert house.observations == []
+    rig = Rig()
+    rig.look_for()
+    rig.bus.publish(FRAME, rig.frame())
+    (preview,) = rig.previews
+    assert rig.observations == []
     assert {d.class_name for d in preview.detections} == {"mug", "dining table"}
     assert all(not d.mask.bits and d.mask.width for d in preview.detections)
     pixels = cv2.imdecode(np.frombuffer(preview.jpeg, np.uint8), cv2.IMREAD_COLOR)
@@ -67,30 +67,30 @@ def test_stream_frames_become_previews_with_boxes_and_no_observation():
 
 
 def test_a_stream_frame_before_any_context_is_shown_without_boxes():
-    house = House()
-    house.bus.publish(FRAME, house.frame())
-    assert len(house.previews) == 1
-    assert not house.previews[0].detections
+    rig = Rig()
+    rig.bus.publish(FRAME, rig.frame())
+    assert len(rig.previews) == 1
+    assert not rig.previews[0].detections
 
 
 def test_vocabulary_says_open_or_names():
-    house = House()
-    reply = house.bus.call(VOCABULARY, pb.Empty(), 1.0)
+    rig = Rig()
+    reply = rig.bus.call(VOCABULARY, pb.Empty(), 1.0)
     assert (reply.open, list(reply.names), reply.detector) == (True, [], "ground-truth")
-    reply = House(Faulty()).bus.call(VOCABULARY, pb.Empty(), 1.0)
+    reply = Rig(Faulty()).bus.call(VOCABULARY, pb.Empty(), 1.0)
     assert (reply.open, len(reply.names), reply.scorer) == (False, 80, "lexical")
 
 
 def test_nan_and_negative_depth_count_as_no_depth():
-    house = House()
-    house.look_for()
-    message = house.frame()
-    depth_m = house.truth.frame().depth_m.copy()
+    rig = Rig()
+    rig.look_for()
+    message = rig.frame()
+    depth_m = rig.truth.frame().depth_m.copy()
     depth_m[:10], depth_m[10:20], depth_m[20:30] = np.nan, -1.0, np.inf
     message.raw_depth.encoding, message.raw_depth.step = "32FC1", 4 * depth_m.shape[1]
     message.raw_depth.data = depth_m.astype("<f4").tobytes()
-    house.bus.publish(KEYFRAME, message)
-    frame = observation_from_proto(house.observations[0]).frame
+    rig.bus.publish(KEYFRAME, message)
+    frame = observation_from_proto(rig.observations[0]).frame
     assert (frame.depth_m[:30] == 0).all()
 
 
@@ -100,10 +100,10 @@ def test_memory_of_the_accelerator_is_told_per_frame():
             return 1234.0
 
     truth = SceneTruth()
-    house = House(Big(truth))
-    house.truth = truth
-    house.look_for()
-    house.bus.publish(KEYFRAME, house.frame())
-    assert house.count("accelerator_mb_median") == 1234
-    assert house.count("memory_mb") > 10
-    assert house.observations[0].detect_ms > 0
+    rig = Rig(Big(truth))
+    rig.truth = truth
+    rig.look_for()
+    rig.bus.publish(KEYFRAME, rig.frame())
+    assert rig.count("accelerator_mb_median") == 1234
+    assert rig.count("memory_mb") > 10
+    assert rig.observations[0].detect_ms > 0

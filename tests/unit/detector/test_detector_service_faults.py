@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 import pytest
-from detector_house import Faulty, House
+from detector_rig import Faulty, Rig
 from detector_scene import SceneTruth, context_of
 from helios_core import proto as pb
 from helios_core.bus import Bus
@@ -17,28 +17,28 @@ from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 
 def test_a_fault_of_the_back_end_is_counted_and_said():
-    house = House(Faulty())
-    house.look_for(context_of("cup"))
-    house.bus.publish(KEYFRAME, house.frame())
-    assert house.observations == []
-    assert house.count("keyframes_failed") == 1
-    assert house.health.state[0] == "degraded"
-    assert "ZeroDivisionError" in house.health.state[1]
+    rig = Rig(Faulty())
+    rig.look_for(context_of("cup"))
+    rig.bus.publish(KEYFRAME, rig.frame())
+    assert rig.observations == []
+    assert rig.count("keyframes_failed") == 1
+    assert rig.health.state[0] == "degraded"
+    assert "ZeroDivisionError" in rig.health.state[1]
 
 
 def test_while_the_world_is_away_keyframes_fail_with_the_reason_and_work_again_after():
-    house = House()
-    house.look_for()
-    first, second = house.frame(1), house.frame(2)
-    house.truth.down = True
-    house.bus.publish(KEYFRAME, first)
-    assert house.health.state == (
+    rig = Rig()
+    rig.look_for()
+    first, second = rig.frame(1), rig.frame(2)
+    rig.truth.down = True
+    rig.bus.publish(KEYFRAME, first)
+    assert rig.health.state == (
         "degraded", "the last keyframe could not be answered: the world is away"
     )  # fmt: skip
-    house.truth.down = False
-    house.bus.publish(KEYFRAME, second)
-    assert [o.frame.id.seq for o in house.observations] == [2]
-    assert house.health.state[0] == "ready"
+    rig.truth.down = False
+    rig.bus.publish(KEYFRAME, second)
+    assert [o.frame.id.seq for o in rig.observations] == [2]
+    assert rig.health.state[0] == "ready"
 
 
 def broken(what: str, good: pb.Frame) -> pb.Frame:
@@ -70,17 +70,17 @@ def broken(what: str, good: pb.Frame) -> pb.Frame:
     ["corrupt jpeg", "empty image", "sizes", "encoding", "bomb", "pose", "no depth", "no camera"],
 )
 def test_a_broken_frame_is_counted_and_the_next_one_answered(what):
-    house = House()
-    house.look_for()
-    good = house.frame()
-    house.bus.publish(KEYFRAME, broken(what, good))
-    house.bus.publish(FRAME, broken(what, good))
-    assert house.observations == []
-    assert house.count("keyframes_refused") == 1
-    assert house.count("previews_refused") == 1
-    house.bus.publish(KEYFRAME, good)
-    assert len(house.observations) == 1
-    assert house.health.state[0] == "ready"
+    rig = Rig()
+    rig.look_for()
+    good = rig.frame()
+    rig.bus.publish(KEYFRAME, broken(what, good))
+    rig.bus.publish(FRAME, broken(what, good))
+    assert rig.observations == []
+    assert rig.count("keyframes_refused") == 1
+    assert rig.count("previews_refused") == 1
+    rig.bus.publish(KEYFRAME, good)
+    assert len(rig.observations) == 1
+    assert rig.health.state[0] == "ready"
 
 
 class Leaking(GroundTruthDetector):
@@ -97,18 +97,18 @@ class Leaking(GroundTruthDetector):
 def test_a_fault_after_the_detection_is_counted_and_said_and_the_next_frame_answered():
     truth = SceneTruth()
     leaking = Leaking(truth)
-    house = House(leaking)
-    house.truth = truth
-    house.look_for()
+    rig = Rig(leaking)
+    rig.truth = truth
+    rig.look_for()
     leaking.fails = True
-    house.bus.publish(KEYFRAME, house.frame(1))
-    assert house.count("keyframes_failed") == 1
-    assert house.health.state[0] == "degraded"
-    assert "could not be answered: RuntimeError: CUDA error" in house.health.state[1]
+    rig.bus.publish(KEYFRAME, rig.frame(1))
+    assert rig.count("keyframes_failed") == 1
+    assert rig.health.state[0] == "degraded"
+    assert "could not be answered: RuntimeError: CUDA error" in rig.health.state[1]
     leaking.fails = False
-    house.bus.publish(KEYFRAME, house.frame(2))
-    assert [o.frame.id.seq for o in house.observations] == [2]
-    assert house.health.state == ("ready", "")
+    rig.bus.publish(KEYFRAME, rig.frame(2))
+    assert [o.frame.id.seq for o in rig.observations] == [2]
+    assert rig.health.state == ("ready", "")
 
 
 @pytest.mark.parametrize(("silent", "answered"), [(2, 1), (3, 0)])
@@ -123,14 +123,14 @@ def test_a_back_end_that_does_not_answer_is_asked_three_times(silent: int, answe
             return super().detect(frame, context)
 
     truth = SceneTruth()
-    house = House(Shy(truth))
-    house.truth = truth
-    house.look_for()
-    house.bus.publish(KEYFRAME, house.frame())
-    assert len(house.observations) == answered
-    assert house.count("detect_retries") == silent
-    assert house.count("keyframes_failed") == 1 - answered
-    assert ("the world does not answer" in house.health.state[1]) == (not answered)
+    rig = Rig(Shy(truth))
+    rig.truth = truth
+    rig.look_for()
+    rig.bus.publish(KEYFRAME, rig.frame())
+    assert len(rig.observations) == answered
+    assert rig.count("detect_retries") == silent
+    assert rig.count("keyframes_failed") == 1 - answered
+    assert ("the world does not answer" in rig.health.state[1]) == (not answered)
 
 
 def failing_at(topic: Topic[Any], bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,46 +146,46 @@ def failing_at(topic: Topic[Any], bus: Bus, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_an_observation_that_cannot_be_sent_counts_as_failed_alone(monkeypatch):
-    house = House()
-    house.look_for()
-    failing_at(OBSERVATION, house.service._bus, monkeypatch)
-    house.bus.publish(KEYFRAME, house.frame())
-    assert (house.count("keyframes_answered"), house.count("keyframes_failed")) == (0, 1)
-    assert "could not be answered: the session is closed" in house.health.state[1]
+    rig = Rig()
+    rig.look_for()
+    failing_at(OBSERVATION, rig.service._bus, monkeypatch)
+    rig.bus.publish(KEYFRAME, rig.frame())
+    assert (rig.count("keyframes_answered"), rig.count("keyframes_failed")) == (0, 1)
+    assert "could not be answered: the session is closed" in rig.health.state[1]
 
 
 def test_a_preview_that_cannot_be_sent_leaves_the_keyframe_answered(monkeypatch):
-    house = House()
-    house.look_for()
-    failing_at(PREVIEW, house.service._bus, monkeypatch)
-    house.bus.publish(KEYFRAME, house.frame())
-    assert len(house.observations) == 1
-    assert (house.count("keyframes_answered"), house.count("keyframes_failed")) == (1, 0)
-    assert (house.count("previews"), house.count("previews_refused")) == (0, 1)
-    assert house.health.state == ("ready", "")
+    rig = Rig()
+    rig.look_for()
+    failing_at(PREVIEW, rig.service._bus, monkeypatch)
+    rig.bus.publish(KEYFRAME, rig.frame())
+    assert len(rig.observations) == 1
+    assert (rig.count("keyframes_answered"), rig.count("keyframes_failed")) == (1, 0)
+    assert (rig.count("previews"), rig.count("previews_refused")) == (0, 1)
+    assert rig.health.state == ("ready", "")
 
 
 def test_models_that_cannot_be_unloaded_are_said_and_go_on_working(monkeypatch):
-    house = House()
-    house.look_for()
+    rig = Rig()
+    rig.look_for()
 
     def stuck() -> None:
         raise RuntimeError("device lost")
 
-    monkeypatch.setattr(house.service._models.detector, "unload", stuck)
+    monkeypatch.setattr(rig.service._models.detector, "unload", stuck)
     clock = time.monotonic() + 60
     monkeypatch.setattr("helios_detector.model_usage.time.monotonic", lambda: clock)
-    house.service.unload_if_idle(10.0)
-    assert house.health.state[0] == "degraded"
-    assert "the models cannot be unloaded: RuntimeError: device lost" in house.health.state[1]
-    house.bus.publish(KEYFRAME, house.frame())
-    assert len(house.observations) == 1
+    rig.service.unload_if_idle(10.0)
+    assert rig.health.state[0] == "degraded"
+    assert "the models cannot be unloaded: RuntimeError: device lost" in rig.health.state[1]
+    rig.bus.publish(KEYFRAME, rig.frame())
+    assert len(rig.observations) == 1
 
 
 def test_500_mutated_frames_kill_nothing():
-    house = House()
-    house.look_for()
-    good = house.frame()
+    rig = Rig()
+    rig.look_for()
+    good = rig.frame()
     data, rng = good.SerializeToString(), random.Random(0)
     handled = 0
     for _ in range(500):
@@ -197,11 +197,11 @@ def test_500_mutated_frames_kill_nothing():
             message = pb.Frame.FromString(bytes(mutated))
         except Exception:  # does not parse: the bus drops it before the service
             continue
-        house.service.on_keyframe(message)
+        rig.service.on_keyframe(message)
         handled += 1
-    answered = house.count("keyframes_answered")
+    answered = rig.count("keyframes_answered")
     assert handled > 50
-    failed = house.count("keyframes_refused") + house.count("keyframes_failed")
+    failed = rig.count("keyframes_refused") + rig.count("keyframes_failed")
     assert answered + failed == handled
-    house.bus.publish(KEYFRAME, good)
-    assert house.count("keyframes_answered") == answered + 1
+    rig.bus.publish(KEYFRAME, good)
+    assert rig.count("keyframes_answered") == answered + 1

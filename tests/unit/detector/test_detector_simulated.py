@@ -244,8 +244,8 @@ def test_the_published_table_errs_as_it_did(level, correlation, expected):
     for n, x in enumerate(np.linspace(-2, 1, 24), 1):
         found = detector.detect(truth.frame(looking(float(x)), n), context)
         for d in found.detections:
-            told = f"{d.class_name} {d.score:.6f} {d.box_xyxy} {np.count_nonzero(d.mask)}"
-            digest.update(told.encode())
+            reported = f"{d.class_name} {d.score:.6f} {d.box_xyxy} {np.count_nonzero(d.mask)}"
+            digest.update(reported.encode())
         for s in found.seen:
             digest.update(f"{s.class_name} {s.score:.6f}".encode())
     assert digest.hexdigest()[:16] == expected

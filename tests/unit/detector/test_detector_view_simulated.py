@@ -70,7 +70,7 @@ def haunted(on_structure: float, on_furniture: float) -> ViewTable:
     return replace(table, file=table.file.model_copy(update={"false_positive": false}))
 
 
-def told(found: Findings) -> list[tuple]:
+def reported(found: Findings) -> list[tuple]:
     return [(d.class_name, round(d.score, 9), d.box_xyxy, d.mask.sum()) for d in found.detections]
 
 
@@ -94,7 +94,7 @@ def test_level_0_is_the_truth_exactly():
         frame = truth.frame(looking(float(x)), n)
         got = ViewDetector(truth, NOISE.scaled(0), seed=n).detect(frame, CONTEXT)
         exact = GroundTruthDetector(truth).detect(frame, CONTEXT)
-        assert told(got) == told(exact)
+        assert reported(got) == reported(exact)
         assert got.seen == exact.seen
         for a, b in zip(got.detections, exact.detections, strict=True):
             np.testing.assert_array_equal(a.mask, b.mask)
@@ -104,7 +104,8 @@ def test_the_same_seed_errs_the_same_and_another_seed_does_not():
     truth = NamedTruth()
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 30), 1)]
     runs = [
-        [told(ViewDetector(truth, NOISE, s).detect(f, CONTEXT)) for f in frames] for s in (1, 1, 2)
+        [reported(ViewDetector(truth, NOISE, s).detect(f, CONTEXT)) for f in frames]
+        for s in (1, 1, 2)
     ]
     assert runs[0] == runs[1] != runs[2]
 
@@ -115,7 +116,7 @@ def test_body_numbers_do_not_matter():
         frame = here.frame(looking(0.1 * n), n)
         there.frame(looking(0.1 * n), n)
         found = [ViewDetector(t, NOISE, n).detect(frame, CONTEXT) for t in (here, there)]
-        assert told(found[0]) == told(found[1])
+        assert reported(found[0]) == reported(found[1])
 
 
 def test_another_process_finds_the_same():
@@ -136,7 +137,7 @@ def fingerprint() -> str:
     truth = NamedTruth()
     table = NOISE.scaled(2.0)
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 8), 1)]
-    return str([told(ViewDetector(truth, table, 5).detect(f, CONTEXT)) for f in frames])
+    return str([reported(ViewDetector(truth, table, 5).detect(f, CONTEXT)) for f in frames])
 
 
 def test_nothing_changes_when_other_things_enter_the_picture():

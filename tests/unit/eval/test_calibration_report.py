@@ -28,12 +28,12 @@ def test_the_last_belief_of_each_instance_counts():
         belief(1, False, step=20), belief(2, True, step=20), belief(1, True, 0.9, step=40),
         belief(3, False, step=60), belief(3, True, 0.8, step=60),
     )  # fmt: skip
-    told = record(0, beliefs)
-    samples = samples_of([told, record(1, beliefs[:1])])
+    reported = record(0, beliefs)
+    samples = samples_of([reported, record(1, beliefs[:1])])
     assert samples.class_score.tolist() == [0.9, 0.6, 0.8, 0.6]
     assert samples.correct.tolist() == [True, True, True, False]
     assert samples.episode.tolist() == [0, 0, 0, 1]
-    assert len(samples_of([told], every_step=True)) == 5
+    assert len(samples_of([reported], every_step=True)) == 5
 
 
 def test_every_count_of_views_has_one_group():
@@ -96,8 +96,10 @@ def test_groups_too_small_to_be_told_apart_by_views_have_no_picture_of_them():
 
 
 def test_beliefs_that_are_all_right_can_be_shown():
-    told = [record(k, tuple(belief(i, True, 0.5 + i / 50) for i in range(20))) for k in range(3)]
-    first, _ = figures(told)
+    reported = [
+        record(k, tuple(belief(i, True, 0.5 + i / 50) for i in range(20))) for k in range(3)
+    ]
+    first, _ = figures(reported)
     assert all(row["auroc"] is None for row in first.table)
 
 
@@ -116,11 +118,11 @@ def test_more_beliefs_of_the_same_homes_make_no_interval_narrower():
     """What one home holds depends on one another: whole episodes are drawn."""
 
     def rows(copies: int):
-        told = [
+        reported = [
             record(k, tuple(belief(i, k % 3 > 0, 0.3 + 0.02 * k) for i in range(copies)))
             for k in range(24)
         ]
-        return [r for r in rows_of({"": samples_of(told)}) if r.views == ALL]
+        return [r for r in rows_of({"": samples_of(reported)}) if r.views == ALL]
 
     for once, thrice in zip(rows(1), rows(3), strict=True):
         assert (once.samples, thrice.samples) == (24, 72)
@@ -149,9 +151,9 @@ def test_the_same_records_give_the_same_numbers(made):
 def test_the_command_compares_folders(tmp_path, capsys):
     folders = [tmp_path / "calm", tmp_path / "wild"]
     runs = episodes(12), episodes(12, noise=CORRELATED)
-    for folder, told in zip(folders, runs, strict=True):
+    for folder, reported in zip(folders, runs, strict=True):
         folder.mkdir()
-        for one in told:
+        for one in reported:
             append(folder, one)
     calibration(folders, tmp_path / "out")
     text = (tmp_path / "out" / "calibration.md").read_text()

@@ -41,13 +41,13 @@ def test_another_robot_that_is_ready_is_not_taken_for_the_one_that_ended(tmp_pat
 
 
 def test_the_end_names_the_commands_that_go_on_in_the_same_home() -> None:
-    told = demo.next_steps(RESULT, 8080)
-    assert "helios up --robot sim --seed 6 " in told
-    assert 'helios task "Find the mug" ' in told
-    assert "--port" not in told
+    reported = demo.next_steps(RESULT, 8080)
+    assert "helios up --robot sim --seed 6 " in reported
+    assert 'helios task "Find the mug" ' in reported
+    assert "--port" not in reported
 
 
 def test_another_preset_and_port_stand_in_the_commands_too() -> None:
-    told = demo.next_steps(RESULT | {"preset": "ovmm-v1"}, 8090)
-    assert "--seed 6 --preset ovmm-v1 --port 8090 " in told
-    assert 'helios task "Find the mug" --port 8090 ' in told
+    reported = demo.next_steps(RESULT | {"preset": "ovmm-v1"}, 8090)
+    assert "--seed 6 --preset ovmm-v1 --port 8090 " in reported
+    assert 'helios task "Find the mug" --port 8090 ' in reported

@@ -95,8 +95,8 @@ def test_a_folder_tells_every_command_that_was_given_in_it(
     for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
         monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])
         note(asked, "0" * 7, 0.0, None)
-    told = [c[-1] for c in commands_of(merge_runs.run([tmp_path]))]
-    assert told == ["alpha_d=0.1", "tau_g=0.3"]
+    reported = [c[-1] for c in commands_of(merge_runs.run([tmp_path]))]
+    assert reported == ["alpha_d=0.1", "tau_g=0.3"]
 
 
 def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path) -> None:

@@ -36,10 +36,10 @@ def test_an_episode_is_the_same_in_any_process(here: Played) -> None:
     for came in again:
         assert not isinstance(came, str)
         assert facts(came.record) == facts(here.record)
-        assert came.keepsake is not None
-        assert here.keepsake is not None
-        assert (came.keepsake.occupancy == here.keepsake.occupancy).all()
-        assert came.keepsake.beliefs == here.keepsake.beliefs
+        assert came.snapshot is not None
+        assert here.snapshot is not None
+        assert (came.snapshot.occupancy == here.snapshot.occupancy).all()
+        assert came.snapshot.beliefs == here.snapshot.beliefs
 
 
 def test_the_record_says_what_happened(here: Played) -> None:
@@ -55,7 +55,7 @@ def test_the_record_says_what_happened(here: Played) -> None:
 
 
 def test_a_failed_episode_is_kept_for_a_picture(here: Played) -> None:
-    kept = here.keepsake
+    kept = here.snapshot
     assert kept is not None
     assert {-1, 0, 100} == set(kept.occupancy.ravel().tolist())
     assert len(kept.trajectory_m) == 1 + here.record.steps

@@ -115,8 +115,8 @@ def test_a_setting_that_an_agent_runs_with_anyway_leaves_nothing_to_play(
 ) -> None:
     settings = {"planner.tau_g": 0.5, "objectmap.evidence": "hindsight"}
     agents = ("helios-paper", "helios")
-    told = Run("ovmm", agents, (1,), "noisy", "ovmm-v1", 2, 0, tmp_path, 1, NOISE, settings)
-    played = run(told, quiet())
+    reported = Run("ovmm", agents, (1,), "noisy", "ovmm-v1", 2, 0, tmp_path, 1, NOISE, settings)
+    played = run(reported, quiet())
     assert [tuple(r.settings) for r in played[:2]] == [("objectmap.evidence",), ("planner.tau_g",)]
     assert "Not complete" not in (tmp_path / "report.md").read_text()
 
@@ -150,8 +150,8 @@ def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Pat
     assert len(there) == 6
     merge_runs.pack(committed, there, merge_runs.run([after]))  # and so on
     assert len(records.read(committed)) == 6
-    told = json.loads((after / runs.RUN).read_text())["asked"]
-    assert [order["episodes"] for order in told] == [2, 3]
+    reported = json.loads((after / runs.RUN).read_text())["asked"]
+    assert [order["episodes"] for order in reported] == [2, 3]
 
 
 @pytest.mark.parametrize(

@@ -152,11 +152,11 @@ def test_what_is_drawn_are_the_named_things_or_those_that_were_believed():
 
 
 def test_the_figures_and_both_pictures_are_left_as_files(tmp_path):
-    told = json.loads(json.dumps(figures(FOUND)))
-    assert told["b"]["frames"] == [0, 4]
-    assert told["a"]["psi"][1] == {"mine": 0.7, "other cup": 0.1}
-    assert told["a"]["probabilities"][2]["mine"]["bowl"] == 0.05
-    assert told["a"]["center_m"][0] == {"mine": [1, 2, 3]}
+    reported = json.loads(json.dumps(figures(FOUND)))
+    assert reported["b"]["frames"] == [0, 4]
+    assert reported["a"]["psi"][1] == {"mine": 0.7, "other cup": 0.1}
+    assert reported["a"]["probabilities"][2]["mine"]["bowl"] == 0.05
+    assert reported["a"]["center_m"][0] == {"mine": [1, 2, 3]}
     draw_beliefs(FOUND, [], tmp_path / "psi.png")
     draw_counts(FOUND, tmp_path / "gaussians.png")
     for name, panels in (("psi.png", 2), ("gaussians.png", 1)):
@@ -178,6 +178,6 @@ def test_what_makes_no_sense_is_said(capsys, tmp_path):
         place("mug A=1,2,3")
     with pytest.raises(UsageError, match="colour"):
         arms_of(["colour=red"])
-    told = ["--detector", "onnx:x", "--classes", "cup", "--out", str(tmp_path)]
-    assert real_frames.main([str(tmp_path / "nowhere"), *told]) == 2
+    reported = ["--detector", "onnx:x", "--classes", "cup", "--out", str(tmp_path)]
+    assert real_frames.main([str(tmp_path / "nowhere"), *reported]) == 2
     assert "there is no data set" in capsys.readouterr().err

@@ -44,14 +44,14 @@ def row(table: Table, group: str, name: str) -> Row:
     return found
 
 
-def told(found: Row) -> list[str]:
+def reported(found: Row) -> list[str]:
     return [c.text for c in found.cells]
 
 
 def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
     tables, words = answered([*wins("helios-paper", 20), *wins("trusting", 8)])
     found = row(tables["Paired differences"], "Primary claim", "SR")
-    name, first, second, difference, interval, ratio, n, so = told(found)
+    name, first, second, difference, interval, ratio, n, so = reported(found)
     assert (name, first, second, difference) == ("SR", "66.7", "26.7", "+40.0")
     assert interval.startswith("[+")
     assert ratio.startswith("2.50 [")
@@ -63,14 +63,14 @@ def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
 
 def test_who_is_behind_is_said_as_plainly() -> None:
     tables, _ = answered([*wins("helios-paper", 8), *wins("no-global-objective", 20)])
-    assert told(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
-    level = {told(r)[0]: told(r)[-1] for r in tables[LEVEL].rows}
+    assert reported(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
+    level = {reported(r)[0]: reported(r)[-1] for r in tables[LEVEL].rows}
     assert level == {"HELIOS with the noise of the preset": "below, not settled"}
 
 
 def test_what_goes_beyond_the_paper_is_a_question_too() -> None:
     tables, _ = answered([*wins("helios-paper", 8), *wins("helios", 20)])
-    found = told(row(tables["Paired differences"], "Beyond the paper", "SR"))
+    found = reported(row(tables["Paired differences"], "Beyond the paper", "SR"))
     assert (found[1], found[2], found[-1]) == ("66.7", "26.7", "ahead")
 
 
@@ -93,10 +93,10 @@ def test_a_short_run_against_a_long_one_is_whole_when_it_is() -> None:
         order(["helios-paper"], 200), order(["helios-paper"], HOMES, settings=idea),
     )  # fmt: skip
     (found,) = tables[IDEAS].rows
-    assert told(found)[0] == "helios-paper · new=True"
-    assert (told(found)[-2], found.cells[-2].note) == (str(HOMES), "")
-    assert "SR better" in told(found)[-1]
-    assert "so far" not in told(found)[-1]
+    assert reported(found)[0] == "helios-paper · new=True"
+    assert (reported(found)[-2], found.cells[-2].note) == (str(HOMES), "")
+    assert "SR better" in reported(found)[-1]
+    assert "so far" not in reported(found)[-1]
 
 
 IDEAS = "Ideas beyond the paper, against the paper's method"
@@ -117,7 +117,7 @@ def test_ideas_are_what_the_paper_has_not() -> None:
         *wins("helios-paper", 20, settings=swept), *wins("helios-paper", 20, settings=new),
         *wins("helios-paper", 20, settings={"max_steps": 100}),
     ])  # fmt: skip
-    assert [told(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios-paper · tau_g=0.4"]
+    assert [reported(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios-paper · tau_g=0.4"]
 
 
 def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:
@@ -126,22 +126,22 @@ def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:
         *wins("helios-paper", 20), *wins("trusting", 8),
         *wins("helios-paper", 12, noise=louder), *wins("trusting", 4, noise=louder),
     ])  # fmt: skip
-    assert told(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
+    assert reported(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
 
 
 @pytest.mark.parametrize(
-    ("told_of", "changed"),
+    ("report_of", "changed"),
     [("noise ×2", {"level": 2.0}), ("correlation 0", {"correlation": 0.0})],
 )
 def test_a_run_of_another_noise_alone_is_not_told_as_that_of_the_preset(
-    told_of: str, changed: dict[str, float]
+    report_of: str, changed: dict[str, float]
 ) -> None:
     other = NOISE.model_copy(update=changed)
     tables, _ = answered(
         [*wins("helios-paper", 20, noise=other), *wins("trusting", 8, noise=other)]
     )
     (group,) = {r.group for r in tables["Paired differences"].rows}
-    assert group == f"Primary claim: HELIOS above the trusting agent, {told_of}"
+    assert group == f"Primary claim: HELIOS above the trusting agent, {report_of}"
     assert LEVEL not in tables  # what is wanted is wanted under the noise of the preset
 
 

@@ -15,7 +15,7 @@ from helios_eval.report.interval_statistics import (
     paired_difference,
     paired_ratio,
     sign_test,
-    untold,
+    why_unbounded,
     wilson,
 )
 from hypothesis import given
@@ -91,13 +91,13 @@ def test_exact_mcnemar_has_the_published_p():
 def test_an_interval_wants_six_homes_that_differ(homes, differ, why):
     first = np.ones(homes)
     second = first - (np.arange(homes) < differ)
-    assert untold(first, second) == why
+    assert why_unbounded(first, second) == why
     for found in (
         paired_difference(first, second),
         paired_ratio(first, second),
     ):
-        assert found.told == (why == "")
-        assert found.told or not found.sure
+        assert found.has_bounds == (why == "")
+        assert found.has_bounds or not found.sure
     assert paired_difference(first, second).value == pytest.approx(differ / homes)
 
 

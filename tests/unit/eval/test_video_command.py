@@ -20,9 +20,9 @@ from rich.console import Console
 def test_a_short_episode_is_filmed(tmp_path, capsys):
     path = tmp_path / "film.mp4"
     video(seed=4, out=path, preset="demo-v1", semantics="ground-truth", fps=8.0, max_steps=2)
-    told = capsys.readouterr().out
-    assert "home 4: step 0 of at most 2\n" in told
-    assert "written to" in told
+    reported = capsys.readouterr().out
+    assert "home 4: step 0 of at most 2\n" in reported
+    assert "written to" in reported
     reader = cv2.VideoCapture(str(path))
     frames = []
     while (got := reader.read())[0]:
@@ -35,17 +35,17 @@ def test_a_short_episode_is_filmed(tmp_path, capsys):
 
 
 def test_a_film_counts_its_steps_for_a_log_and_for_a_terminal():
-    told = {}
+    reported = {}
     for terminal in (False, True):
         out = io.StringIO()
         console = Console(file=out, force_terminal=terminal, width=100)
         with counted(console, "home 4", 500) as on_step:
             for step in (1, 24, 25, 26, 80, 81):
                 on_step(step)
-        told[terminal] = out.getvalue()
+        reported[terminal] = out.getvalue()
     lines = [f"home 4: step {step} of at most 500" for step in (0, 25, 80)]
-    assert told[False].splitlines() == lines
-    assert "step 81 of at most 500" in told[True]
+    assert reported[False].splitlines() == lines
+    assert "step 81 of at most 500" in reported[True]
 
 
 @pytest.mark.parametrize("agent", ["helios-paper", "helios"])
@@ -54,10 +54,10 @@ def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
     asked = []
     run = InProcessStack.run
 
-    def heard(house, *given):
+    def heard(stack, *given):
         asked.append([])
-        house.bus().subscribe(CONTEXT, lambda context: asked[-1].append(context.classes))
-        return run(house, *given)
+        stack.bus().subscribe(CONTEXT, lambda context: asked[-1].append(context.classes))
+        return run(stack, *given)
 
     monkeypatch.setattr(InProcessStack, "run", heard)
     spec = EpisodeSpec("ovmm", agent, "ground-truth", "demo-v1", 4, None, {"max_steps": 1})
@@ -87,7 +87,7 @@ def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "reported"),
     [
         ({"agent": "nobody"}, "nobody"),
         ({"preset": "castle"}, "castle"),
@@ -96,8 +96,8 @@ def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch
         ({"agent": "ground-truth-walker"}, "no maps"),
     ],
 )
-def test_wrong_use_is_told(tmp_path, wrong, told):
-    with pytest.raises(UsageError, match=told):
+def test_wrong_use_is_told(tmp_path, wrong, reported):
+    with pytest.raises(UsageError, match=reported):
         video(**{"seed": 1, "out": tmp_path / "a.mp4", "preset": "demo-v1", **wrong})
     with pytest.raises(UsageError, match=r"FILE\.mp4"):
         video(seed=1, out=tmp_path / "film.avi", preset="demo-v1")

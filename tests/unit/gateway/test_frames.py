@@ -36,8 +36,14 @@ from tests.unit.gateway.gateway_frames import (
 
 
 def test_a_frame_reaches_the_bridge_as_it_was_meant(client: TestClient, bridge: Bridge) -> None:
-    told = {"stamp_ns": 5, "classes": ["mug"], "wait_s": 2, "world_epoch": 4, "robot_boot_id": "me"}
-    answer = post(client, META | told)
+    reported = {
+        "stamp_ns": 5,
+        "classes": ["mug"],
+        "wait_s": 2,
+        "world_epoch": 4,
+        "robot_boot_id": "me",
+    }
+    answer = post(client, META | reported)
     assert answer.status_code == 200
     (request,) = bridge.requests
     assert (list(request.classes), request.wait_s) == (["mug"], 2.0)

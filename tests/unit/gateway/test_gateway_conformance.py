@@ -54,7 +54,7 @@ ENDLESS = "^/v1/events$"
 NAMES = {"id": "t1", "layer": "pick", "name": "planner"}  # of things that are there
 
 
-class House:
+class Rig:
     """The gateway of a robot whose services all answer, with keys asked for."""
 
     def __init__(self) -> None:
@@ -76,11 +76,11 @@ class House:
 
 
 @functools.cache
-def house() -> House:
-    return House()
+def rig() -> Rig:
+    return Rig()
 
 
-schema = schemathesis.openapi.from_asgi("/openapi.json", house().app).exclude(path_regex=ENDLESS)
+schema = schemathesis.openapi.from_asgi("/openapi.json", rig().app).exclude(path_regex=ENDLESS)
 
 
 def operations() -> Iterator[APIOperation]:
@@ -104,19 +104,19 @@ def test_every_answer_is_as_described(label: str) -> None:
 
 def ask(case: schemathesis.Case) -> None:
     """With whatever names the case has, then with those that there are."""
-    headers = {"authorization": f"Bearer {house().key}"}
-    house().backend.reset()  # a stop or a cancelled task of the case before is not in the way
+    headers = {"authorization": f"Bearer {rig().key}"}
+    rig().backend.reset()  # a stop or a cancelled task of the case before is not in the way
     case.call_and_validate(checks=CHECKS, headers=headers)
     for name in case.path_parameters or {}:
         case.path_parameters[name] = 1 if "objects" in case.path else NAMES[name]
-    house().backend.reset()
+    rig().backend.reset()
     response = case.call_and_validate(checks=CHECKS, headers=headers)
-    house().answered[case.operation.label] += response.status_code < 400
+    rig().answered[case.operation.label] += response.status_code < 400
 
 
 def test_every_operation_was_also_answered_with_success() -> None:
     """Else the test above had looked at refusals alone."""
-    answered = house().answered
+    answered = rig().answered
     if not answered:
         pytest.skip("runs after the test of the answers")
     # nobody knows a random key, no grammar understands random words, no random bytes are a picture,

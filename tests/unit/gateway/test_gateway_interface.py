@@ -43,10 +43,10 @@ def test_robots_are_told_apart_and_stopped_one_by_one(
 
 
 def test_settings_of_a_running_service_are_told(backend: Backend, client: TestClient) -> None:
-    told = {"agent": {"value": "helios", "default": "helios", "description": "who does tasks"}}
-    backend.serve_settings("planner", told)
+    reported = {"agent": {"value": "helios", "default": "helios", "description": "who does tasks"}}
+    backend.serve_settings("planner", reported)
     answer = client.get("/v1/services/planner/settings")
-    assert answer.json() == {"service": "planner", "settings": told}
+    assert answer.json() == {"service": "planner", "settings": reported}
     assert client.get("/v1/services/map2d/settings").status_code == 503
     router = client.get("/v1/services/router/settings")
     assert (router.status_code, "tells no settings" in router.json()["detail"]) == (404, True)

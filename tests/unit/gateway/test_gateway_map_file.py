@@ -91,8 +91,8 @@ def test_the_map_for_ros_is_two_files_of_one_version(client: TestClient, backend
     answer = client.get("/v1/map/ros.zip")
     assert answer.status_code == 200
     with zipfile.ZipFile(io.BytesIO(answer.content)) as files:
-        told = {name: files.read(name) for name in files.namelist()}
-    assert told == dict.fromkeys(("map.pgm", "map.yaml"), b"as map2d says it")
+        reported = {name: files.read(name) for name in files.namelist()}
+    assert reported == dict.fromkeys(("map.pgm", "map.yaml"), b"as map2d says it")
 
 
 def test_both_maps_are_loaded_or_neither(client: TestClient, backend: Backend) -> None:

@@ -37,11 +37,11 @@ def test_the_occupancy_arrives_as_arrays_with_its_place(
         assert file["occupancy"].shape == file["explored"].shape == (140, 180)
         assert file["cell_m"] == 0.05
         assert file["origin_m"].tolist() == [0.0, 0.0]
-        told = client.get("/v1/map/frontiers").json()["frontiers"]
-        assert told
-        assert file["frontier_id"].tolist() == [f["id"] for f in told]
-        assert file["frontier_center_m"].tolist() == [f["center_m"] for f in told]
-        assert file["frontier_reachable"].tolist() == [f["reachable"] for f in told]
+        reported = client.get("/v1/map/frontiers").json()["frontiers"]
+        assert reported
+        assert file["frontier_id"].tolist() == [f["id"] for f in reported]
+        assert file["frontier_center_m"].tolist() == [f["center_m"] for f in reported]
+        assert file["frontier_reachable"].tolist() == [f["reachable"] for f in reported]
     with np.load(io.BytesIO(client.get("/v1/map/value/pick.npz").content)) as file:
         assert file["value"].dtype == np.float32
         row, column = np.unravel_index(file["value"].argmax(), file["value"].shape)
@@ -73,8 +73,8 @@ def test_a_version_of_the_map_is_asked_for_once_however_many_look(
     assert backend.calls.count("picture") == 1
     backend.change_map()
     client.get("/v1/map/occupancy.png")
-    told = client.get("/v1/map").json()
-    assert (told["version"], told["map_id"]) == (42, "m1")
+    reported = client.get("/v1/map").json()
+    assert (reported["version"], reported["map_id"]) == (42, "m1")
     assert (backend.calls.count("snapshot"), backend.calls.count("picture")) == (2, 2)
 
 

@@ -67,8 +67,8 @@ def test_a_task_that_ends_while_it_is_asked_for_ends_the_stream(
             async with asyncio.timeout(10):
                 return (await there.get("/v1/events?types=task&task_id=t1")).text
 
-    told = [line for line in asyncio.run(run()).splitlines() if line.startswith("data: ")]
-    states = [json.loads(line.removeprefix("data: "))["state"] for line in told]
+    reported = [line for line in asyncio.run(run()).splitlines() if line.startswith("data: ")]
+    states = [json.loads(line.removeprefix("data: "))["state"] for line in reported]
     assert states == ["queued", "succeeded"]
     assert live.events.viewers == 0
 

@@ -30,8 +30,8 @@ def test_what_was_seen_is_moved_from_where_it_is_to_elsewhere() -> None:
 
 
 def test_a_robot_without_an_arm_moves_nothing() -> None:
-    told = suggestions(True, (), False, [COUNTER, MUG, TABLE], 20)
-    assert not any(text.startswith("Move") for text in told)
+    reported = suggestions(True, (), False, [COUNTER, MUG, TABLE], 20)
+    assert not any(text.startswith("Move") for text in reported)
 
 
 def test_where_nothing_was_seen_examples_and_known_names_stand_in() -> None:
@@ -50,15 +50,15 @@ def test_of_a_fresh_home_no_list_of_names_is_read_out_by_the_alphabet() -> None:
     ]  # fmt: skip
     for catalog in CATALOGS.values():
         known = sorted([*catalog.objects, *catalog.receptacles])
-        told = suggestions(False, known, True, [], 5)
-        assert told[0].startswith("Move the ")
-        assert f"Find the {known[0]}" not in told
+        reported = suggestions(False, known, True, [], 5)
+        assert reported[0].startswith("Move the ")
+        assert f"Find the {known[0]}" not in reported
 
 
 def test_of_what_is_about_as_sure_the_nearest_comes_first() -> None:
     far = Believed("cup", 0.73, (9.0, 9.0, 0.5), (0.1, 0.1, 0.1))
-    told = suggestions(False, KNOWN, False, [far, MUG], 1, (1.0, 1.0))
-    assert told == ["Find the mug"]
+    reported = suggestions(False, KNOWN, False, [far, MUG], 1, (1.0, 1.0))
+    assert reported == ["Find the mug"]
     assert suggestions(False, KNOWN, False, [far, MUG], 1, (8.0, 9.0)) == ["Find the cup"]
 
 
@@ -76,16 +76,16 @@ THINGS = st.builds(Believed, st.sampled_from(KNOWN), NUMBERS, PLACES, PLACES)
 def test_any_home_gets_at_most_so_many_each_once(
     any_name: bool, has_arm: bool, believed: list[Believed], most: int
 ) -> None:
-    told = suggestions(any_name, KNOWN, has_arm, believed, most)
-    assert len(told) == len(set(told)) <= most
+    reported = suggestions(any_name, KNOWN, has_arm, believed, most)
+    assert len(reported) == len(set(reported)) <= most
 
 
 def test_the_interface_tells_what_was_seen_and_what_to_try(
     backend: Backend, client: TestClient
 ) -> None:
-    told = client.get("/v1/suggestions").json()
-    assert told["tasks"][0] == "Move the mug from the coffee table to the kitchen counter"
-    assert told["seen"] == [
+    reported = client.get("/v1/suggestions").json()
+    assert reported["tasks"][0] == "Move the mug from the coffee table to the kitchen counter"
+    assert reported["seen"] == [
         {"name": "coffee table", "score": pytest.approx(0.82), "objects": 1},
         {"name": "mug", "score": pytest.approx(0.71), "objects": 2},
         {"name": "kitchen counter", "score": pytest.approx(0.58), "objects": 1},
@@ -112,9 +112,9 @@ def test_an_object_map_that_is_away_is_said(
         raise Unavailable("no object map")
 
     monkeypatch.setattr("helios_gateway.map_cache.MapCache.objects", away)
-    told = client.get("/v1/suggestions").json()
-    assert told["seen"] is None
-    assert told["tasks"]
+    reported = client.get("/v1/suggestions").json()
+    assert reported["seen"] is None
+    assert reported["tasks"]
 
 
 @pytest.mark.parametrize("name", ["MUG", "Mug", " mug "])

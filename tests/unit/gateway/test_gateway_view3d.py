@@ -71,10 +71,10 @@ def test_a_scene_holds_gaussians_ground_and_labels(client: TestClient, backend: 
     for by in ("color", "class", "probability", "uncertainty"):
         answer = client.get("/v1/objects.viser", params={"color": by})
         assert answer.headers["x-gaussians"] == str(40 * (7 + 12 + 5 + 2))
-        told = messages(answer.content)
-        named = {m["name"]: m for m in told if "name" in m}
+        reported = messages(answer.content)
+        named = {m["name"]: m for m in reported if "name" in m}
         assert named["/labels/2"]["type"] == "SetSceneNodeVisibilityMessage"
-        assert "coffee table 0.82" in str(told)
+        assert "coffee table 0.82" in str(reported)
         assert {"/gaussians", "/ground"} <= set(named)
         seen[by] = answer.content
     assert len(set(seen.values())) == 4

@@ -88,11 +88,11 @@ def test_a_step_is_within_the_robots_own_limits(low: float, high: float, back: f
 
     from tests.gateway_home import description
 
-    told = description()
-    told.min_forward_m, told.max_forward_m, told.max_back_m = low, low + high, back
-    told.min_turn_rad, told.max_turn_rad = low, low + high
-    moves = Moves.of(robot_description(told), 0.3, 0.6)
-    assert moves.step_m <= told.max_forward_m
+    reported = description()
+    reported.min_forward_m, reported.max_forward_m, reported.max_back_m = low, low + high, back
+    reported.min_turn_rad, reported.max_turn_rad = low, low + high
+    moves = Moves.of(robot_description(reported), 0.3, 0.6)
+    assert moves.step_m <= reported.max_forward_m
     assert moves.back_m <= back
-    assert moves.step_m >= min(low, told.max_forward_m)
-    assert math.isclose(moves.step_rad, min(max(math.radians(5), low), told.max_turn_rad))
+    assert moves.step_m >= min(low, reported.max_forward_m)
+    assert math.isclose(moves.step_rad, min(max(math.radians(5), low), reported.max_turn_rad))

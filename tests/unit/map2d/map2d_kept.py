@@ -8,11 +8,11 @@ from helios_core.topics import LOAD_MAP2D, SAVE_MAP2D
 from helios_core.types import WorldId
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
-from map2d_house import House
+from map2d_rig import Rig
 
 
-def state_of(house: House) -> EpochMap:
-    maps = house.service._maps
+def state_of(rig: Rig) -> EpochMap:
+    maps = rig.service._maps
     assert maps is not None
     assert maps.current is not None
     return maps.current
@@ -23,23 +23,23 @@ def parked(maps: EpochMaps) -> dict[WorldId, EpochMap]:
     return maps._parked.by_world()
 
 
-def saved(house: House, kind: str) -> list[pb.Map2DFile]:
-    return list(house.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format=kind), 10).files)
+def saved(rig: Rig, kind: str) -> list[pb.Map2DFile]:
+    return list(rig.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format=kind), 10).files)
 
 
-def load(house: House, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
-    return house.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files), 10)
+def load(rig: Rig, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
+    return rig.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files), 10)
 
 
-def walked(*flags: str) -> House:
+def walked(*flags: str) -> Rig:
     """A house that was looked at, with views that can be asked later."""
-    house = House(*flags)
-    house.say_epoch("boot")
-    house.search("first")
-    for frame in house.walk.look_around(2.0, 1.5):
-        house.keyframe(frame)
-        house.observe(frame, "first", {"pick": 0.3, "place": 0.6})
-    return house
+    rig = Rig(*flags)
+    rig.say_epoch("boot")
+    rig.search("first")
+    for frame in rig.walk.look_around(2.0, 1.5):
+        rig.keyframe(frame)
+        rig.observe(frame, "first", {"pick": 0.3, "place": 0.6})
+    return rig
 
 
 def assert_same_state(one: EpochMap, other: EpochMap) -> None:

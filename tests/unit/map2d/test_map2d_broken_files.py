@@ -14,23 +14,23 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_map2d.files.map_file import HEAD
-from map2d_house import House
 from map2d_kept import load, saved, state_of, walked
+from map2d_rig import Rig
 
 PICTURE = b"P5\n20 10\n255\n" + bytes([254] * 200)
 
 
 @pytest.fixture(scope="module")
-def house() -> House:
+def rig() -> Rig:
     return walked("--size-cells", "320")
 
 
-def refused(house: House, reason: str, *files: tuple[str, bytes]) -> None:
-    state = state_of(house)
+def refused(rig: Rig, reason: str, *files: tuple[str, bytes]) -> None:
+    state = state_of(rig)
     before = state.published
     with pytest.raises(InvalidInput, match=reason):
-        load(house, [pb.Map2DFile(name=name, data=data) for name, data in files])
-    assert state_of(house) is state
+        load(rig, [pb.Map2DFile(name=name, data=data) for name, data in files])
+    assert state_of(rig) is state
     assert state.published is before
 
 
@@ -56,8 +56,8 @@ def yaml(**other: str) -> bytes:
         (b"\xff\xfe\0", "no map_server YAML"),
     ],
 )
-def test_a_yaml_that_says_nothing_usable(house: House, about: bytes, reason: str) -> None:
-    refused(house, reason, ("m.yaml", about), ("m.pgm", PICTURE))
+def test_a_yaml_that_says_nothing_usable(rig: Rig, about: bytes, reason: str) -> None:
+    refused(rig, reason, ("m.yaml", about), ("m.pgm", PICTURE))
 
 
 @pytest.mark.parametrize(
@@ -71,13 +71,13 @@ def test_a_yaml_that_says_nothing_usable(house: House, about: bytes, reason: str
         b"P6\n20 10\n255\n" + bytes(200),
     ],
 )
-def test_a_picture_that_is_none_or_not_whole(house: House, picture: bytes) -> None:
-    refused(house, "no picture of a map", ("m.yaml", yaml()), ("m.pgm", picture))
+def test_a_picture_that_is_none_or_not_whole(rig: Rig, picture: bytes) -> None:
+    refused(rig, "no picture of a map", ("m.yaml", yaml()), ("m.pgm", picture))
 
 
-def test_two_maps_at_once(house: House) -> None:
-    (file,) = saved(house, "map")
-    refused(house, "send one map at a time", ("a.map", file.data), ("b.map", file.data))
+def test_two_maps_at_once(rig: Rig) -> None:
+    (file,) = saved(rig, "map")
+    refused(rig, "send one map at a time", ("a.map", file.data), ("b.map", file.data))
 
 
 Edit = Callable[[pb.KeptMap], object]
@@ -104,12 +104,12 @@ def moved(message: pb.KeptMap, row: int) -> None:
         (lambda m: setattr(m.views[0], "half_fov_rad", 0.0), "half a field of view of 0"),
     ],
 )
-def test_a_map_file_with_what_no_map_holds(house: House, edit: Edit, reason: str) -> None:
-    (file,) = saved(house, "map")
+def test_a_map_file_with_what_no_map_holds(rig: Rig, edit: Edit, reason: str) -> None:
+    (file,) = saved(rig, "map")
     message = pb.KeptMap.FromString(file.data[len(HEAD) + 32 :])
     edit(message)
     body = message.SerializeToString()
-    refused(house, reason, ("a.map", HEAD + hashlib.sha256(body).digest() + body))
+    refused(rig, reason, ("a.map", HEAD + hashlib.sha256(body).digest() + body))
 
 
 @pytest.mark.parametrize(
@@ -126,10 +126,8 @@ def test_a_map_file_with_what_no_map_holds(house: House, edit: Edit, reason: str
         ("grid", {"cell_m": 0.025, "corner": [0, 0]}, "'rows'"),
     ],
 )
-def test_an_export_with_what_no_map_says(
-    house: House, key: str, value: object, reason: str
-) -> None:
-    refused(house, reason, ("a.npz", exported(house, {key: value})))
+def test_an_export_with_what_no_map_says(rig: Rig, key: str, value: object, reason: str) -> None:
+    refused(rig, reason, ("a.npz", exported(rig, {key: value})))
 
 
 @pytest.mark.parametrize(
@@ -144,23 +142,23 @@ def test_an_export_with_what_no_map_says(
     ],
 )
 def test_an_export_with_cells_that_mean_nothing(
-    house: House, name: str, fill: np.generic, reason: str
+    rig: Rig, name: str, fill: np.generic, reason: str
 ) -> None:
-    refused(house, reason, ("a.npz", exported(house, {}, name, fill)))
+    refused(rig, reason, ("a.npz", exported(rig, {}, name, fill)))
 
 
-def test_an_export_that_unpacks_to_more_than_any_map_is_not_unpacked(house: House) -> None:
-    data = exported(house, {})
+def test_an_export_that_unpacks_to_more_than_any_map_is_not_unpacked(rig: Rig) -> None:
+    data = exported(rig, {})
     at = data.rindex(b"PK\x01\x02") + 24  # where the ZIP says how large its last part becomes
     bomb = data[:at] + (3 * 2**30).to_bytes(4, "little") + data[at + 4 :]
-    refused(house, r"unpacks to 3221\d+, wanted at most 2147483648", ("a.npz", bomb))
+    refused(rig, r"unpacks to 3221\d+, wanted at most 2147483648", ("a.npz", bomb))
 
 
 def exported(
-    house: House, meta: dict[str, object], name: str = "", fill: np.generic | None = None
+    rig: Rig, meta: dict[str, object], name: str = "", fill: np.generic | None = None
 ) -> bytes:
     """An export with some of its text replaced, and an array filled."""
-    (file,) = saved(house, "npz")
+    (file,) = saved(rig, "npz")
     with np.load(io.BytesIO(file.data)) as kept:
         arrays = dict(kept)
     arrays["meta"] = np.array(json.dumps({**json.loads(str(arrays["meta"])), **meta}))

@@ -13,22 +13,22 @@ from helios_core.map_replica import MapReplica
 from helios_core.map_snapshot import OCCUPIED, decode_snapshot
 from helios_core.topics import MAP_CHANGES, RESET_MAP2D
 from helios_map2d.snapshots import tiles
-from map2d_house import House
 from map2d_kept import state_of
+from map2d_rig import Rig
 
 
-def follow(house: House, mirror: MapReplica) -> int:
+def follow(rig: Rig, mirror: MapReplica) -> int:
     """Bring a mirror up to date; how many tiles that took."""
     taken = 0
     while True:
-        changes = house.bus.call(MAP_CHANGES, mirror.request(), 5)
+        changes = rig.bus.call(MAP_CHANGES, mirror.request(), 5)
         taken += len(changes.tiles)
         if not mirror.apply(changes):
             return taken
 
 
-def assert_same(house: House, mirror: MapReplica) -> None:
-    whole = decode_snapshot(house.snapshot())
+def assert_same(rig: Rig, mirror: MapReplica) -> None:
+    whole = decode_snapshot(rig.snapshot())
     got, origin_m = mirror.occupancy()
     row, column = (round((a - b) / whole.cell_m)
                    for a, b in zip(whole.origin_m[::-1], origin_m[::-1], strict=True))  # fmt: skip
@@ -44,92 +44,92 @@ def assert_same(house: House, mirror: MapReplica) -> None:
 
 
 def test_a_late_viewer_gets_the_whole_in_chunks_and_then_only_changes() -> None:
-    house = House()
-    house.settle()
+    rig = Rig()
+    rig.settle()
     mirror = MapReplica(layers=True, tiles_at_once=3)
-    whole = follow(house, mirror)
+    whole = follow(rig, mirror)
     assert whole > 6
-    assert_same(house, mirror)
-    assert follow(house, mirror) == 0
-    frame = house.walk.frame(2.0, 1.5, 0.0)
-    house.walk.blocks = house.walk.blocks[:4]  # the table is gone
-    house.keyframe(house.walk.frame(2.0, 1.5, math.pi / 4))
-    house.observe(frame, "first")
-    assert 0 < follow(house, mirror) < whole
-    assert_same(house, mirror)
+    assert_same(rig, mirror)
+    assert follow(rig, mirror) == 0
+    frame = rig.walk.frame(2.0, 1.5, 0.0)
+    rig.walk.blocks = rig.walk.blocks[:4]  # the table is gone
+    rig.keyframe(rig.walk.frame(2.0, 1.5, math.pi / 4))
+    rig.observe(frame, "first")
+    assert 0 < follow(rig, mirror) < whole
+    assert_same(rig, mirror)
 
 
 def test_a_map_that_changes_while_it_is_read_is_read_right() -> None:
-    house = House()
-    house.search("first")
+    rig = Rig()
+    rig.search("first")
     mirror = MapReplica(layers=True, tiles_at_once=2)
-    for frame in house.walk.look_around(2.0, 1.5):
-        house.keyframe(frame)
-        house.observe(frame, "first")
-        mirror.apply(house.bus.call(MAP_CHANGES, mirror.request(), 5))
-    follow(house, mirror)
-    assert_same(house, mirror)
+    for frame in rig.walk.look_around(2.0, 1.5):
+        rig.keyframe(frame)
+        rig.observe(frame, "first")
+        mirror.apply(rig.bus.call(MAP_CHANGES, mirror.request(), 5))
+    follow(rig, mirror)
+    assert_same(rig, mirror)
 
 
 def test_another_search_and_another_map_are_noticed() -> None:
-    house = House()
-    house.settle()
+    rig = Rig()
+    rig.settle()
     mirror = MapReplica(layers=True)
-    follow(house, mirror)
+    follow(rig, mirror)
     assert set(mirror.values) == {"pick", "place"}
-    house.search("second", {"third": "a sofa"})
-    follow(house, mirror)
+    rig.search("second", {"third": "a sofa"})
+    follow(rig, mirror)
     assert not mirror.values
-    assert_same(house, mirror)
-    house.bus.call(RESET_MAP2D, pb.Empty(), 5)
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    follow(house, mirror)
-    assert_same(house, mirror)
+    assert_same(rig, mirror)
+    rig.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    follow(rig, mirror)
+    assert_same(rig, mirror)
 
 
 def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    house = House()
-    house.settle()
+    rig = Rig()
+    rig.settle()
     packed, calls = tiles.packed, []
     monkeypatch.setattr(tiles, "packed", lambda array: (calls.append(1), packed(array))[1])
-    follow(house, MapReplica(layers=True))
+    follow(rig, MapReplica(layers=True))
     first = len(calls)
     assert first > 0
     for _ in range(5):
-        follow(house, MapReplica(layers=True))
+        follow(rig, MapReplica(layers=True))
     assert len(calls) == first
 
 
 def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch) -> None:
     from helios_map2d.snapshots import messages
 
-    house = House()
-    house.settle()
+    rig = Rig()
+    rig.settle()
     packed, calls = messages.packed, []
     monkeypatch.setattr(messages, "packed", lambda array: (calls.append(1), packed(array))[1])
-    house.snapshot()
+    rig.snapshot()
     first = len(calls)
     for _ in range(5):
-        house.snapshot()
+        rig.snapshot()
     assert len(calls) == first > 0
 
 
 def test_before_the_first_keyframe_there_is_nothing_to_mirror() -> None:
-    house, mirror = House(), MapReplica()
-    assert follow(house, mirror) == 0
+    rig, mirror = Rig(), MapReplica()
+    assert follow(rig, mirror) == 0
     assert mirror.occupancy()[0].size == 0
 
 
 def test_the_lowest_obstacles_heights_travel_with_the_whole_and_with_the_changes() -> None:
     """Those who plan over and under things ask for them; nobody in HELIOS does."""
-    house = House()
-    house.settle()
+    rig = Rig()
+    rig.settle()
     mirror = MapReplica()
-    follow(house, mirror)
-    published = state_of(house).published
-    whole = np.frombuffer(zlib.decompress(house.snapshot().bottom_mm), "<u2")
+    follow(rig, mirror)
+    published = state_of(rig).published
+    whole = np.frombuffer(zlib.decompress(rig.snapshot().bottom_mm), "<u2")
     low_mm = np.rint(published.z_low_m * 1000)
     np.testing.assert_array_equal(whole.reshape(published.grid.shape), low_mm)
     assert low_mm.max() > 500  # a table's top

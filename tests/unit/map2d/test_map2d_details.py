@@ -71,9 +71,9 @@ def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_told(
     assert (floor_seen[disc] == 1).all()
     assert not occupancy[disc].any()
     assert (evidence[~disc] == kept[~disc]).all()
-    told = np.zeros(shape, bool)
-    told[1:23, 2:20] = came_of_it == MEMORY
-    assert (told == (disc & before)).all()
+    reported = np.zeros(shape, bool)
+    reported[1:23, 2:20] = came_of_it == MEMORY
+    assert (reported == (disc & before)).all()
 
 
 def test_a_viewer_of_another_map_gets_all_of_this_one() -> None:

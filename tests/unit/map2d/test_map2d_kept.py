@@ -13,43 +13,43 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput, Unavailable
 from helios_core.topics import RECALL
-from map2d_house import House
 from map2d_kept import assert_same_state, load, saved, state_of, walked
+from map2d_rig import Rig
 
 
 def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
-    house, other = walked(), House()
+    rig, other = walked(), Rig()
     other.say_epoch("boot")
     other.search("first")
-    reply = load(other, saved(house, "map"))
+    reply = load(other, saved(rig, "map"))
     assert reply.known_m2 > 5
     assert reply.occupied_m2 > 0.3
     assert reply.views == 12
-    assert_same_state(state_of(house), state_of(other))
+    assert_same_state(state_of(rig), state_of(other))
     # What is not shown, such as evidence, is there too: the next frames change both alike.
-    house.walk.blocks = house.walk.blocks[:4]
-    for frame in house.walk.look_around(2.2, 1.4):
-        for each in (house, other):
+    rig.walk.blocks = rig.walk.blocks[:4]
+    for frame in rig.walk.look_around(2.2, 1.4):
+        for each in (rig, other):
             each.keyframe(frame)
-    assert_same_state(state_of(house), state_of(other))
+    assert_same_state(state_of(rig), state_of(other))
 
 
 def test_values_beyond_all_known_ground_come_back_too() -> None:
-    house, other = House(), House()
-    for each in (house, other):
+    rig, other = Rig(), Rig()
+    for each in (rig, other):
         each.say_epoch("boot")
         each.search("first")
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    house.walk.blocks = []
-    house.observe(house.walk.frame(12.0, 9.0, 0.0), "first", {"pick": 0.3, "place": 0.6})
-    assert state_of(house).published.grid.columns > 400
-    load(other, saved(house, "map"))
-    assert_same_state(state_of(house), state_of(other))
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    rig.walk.blocks = []
+    rig.observe(rig.walk.frame(12.0, 9.0, 0.0), "first", {"pick": 0.3, "place": 0.6})
+    assert state_of(rig).published.grid.columns > 400
+    load(other, saved(rig, "map"))
+    assert_same_state(state_of(rig), state_of(other))
 
 
 def test_a_map_of_another_day_is_taken_into_the_robots_present_world() -> None:
     files = saved(walked(), "map")
-    today = House()
+    today = Rig()
     with pytest.raises(Conflict, match="start its bridge"):
         load(today, files)
     today.say_epoch("another boot")
@@ -65,11 +65,11 @@ def test_a_map_of_another_day_is_taken_into_the_robots_present_world() -> None:
 
 
 def test_an_export_comes_back_with_occupancy_heights_and_values() -> None:
-    house, other = walked(), House()
+    rig, other = walked(), Rig()
     other.say_epoch("boot")
     other.search("first")
-    load(other, saved(house, "npz"))
-    a, b = state_of(house).published, state_of(other).published
+    load(other, saved(rig, "npz"))
+    a, b = state_of(rig).published, state_of(other).published
     for name in ("occupancy", "explored_for_search", "z_low_m", "z_high_m"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
     np.testing.assert_array_equal(a.values["pick"], b.values["pick"])
@@ -77,15 +77,15 @@ def test_an_export_comes_back_with_occupancy_heights_and_values() -> None:
 
 
 def test_a_map_goes_through_ros_map_server_and_back() -> None:
-    house, other = walked(), House()
-    files = saved(house, "ros")
+    rig, other = walked(), Rig()
+    files = saved(rig, "ros")
     by_name = {f.name: f.data for f in files}
     assert set(by_name) == {"map.pgm", "map.yaml"}
     text = by_name["map.yaml"].decode()
     assert "image: map.pgm" in text
     assert "resolution: 0.025" in text
     picture = cv2.imdecode(np.frombuffer(by_name["map.pgm"], np.uint8), cv2.IMREAD_GRAYSCALE)
-    before = state_of(house).published
+    before = state_of(rig).published
     assert picture is not None
     assert picture.shape == before.occupancy.shape
     np.testing.assert_array_equal(picture[::-1] == 0, before.occupancy == 100)  # top row: high y
@@ -97,7 +97,7 @@ def test_a_map_goes_through_ros_map_server_and_back() -> None:
 
 
 def test_obstacles_of_a_ros_map_fill_the_height_band_of_the_service() -> None:
-    other = House("--band-lo-m", "0.2", "--band-hi-m", "1.1")
+    other = Rig("--band-lo-m", "0.2", "--band-hi-m", "1.1")
     other.say_epoch("boot")
     load(other, saved(walked(), "ros"))
     after = state_of(other).published
@@ -108,32 +108,32 @@ def test_obstacles_of_a_ros_map_fill_the_height_band_of_the_service() -> None:
 
 
 def test_ground_of_a_ros_map_is_searched_only_while_nothing_is_sought() -> None:
-    house = House()
-    house.say_epoch("boot")
-    load(house, saved(walked(), "ros"))
-    known = state_of(house).published
+    rig = Rig()
+    rig.say_epoch("boot")
+    load(rig, saved(walked(), "ros"))
+    known = state_of(rig).published
     np.testing.assert_array_equal(known.explored_for_search, known.occupancy != -1)
-    house.search("first")
-    assert not state_of(house).published.explored_for_search.any()
-    assert not state_of(house).published.frontiers
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    assert state_of(house).published.frontiers
+    rig.search("first")
+    assert not state_of(rig).published.explored_for_search.any()
+    assert not state_of(rig).published.frontiers
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    assert state_of(rig).published.frontiers
 
 
 def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
-    house = walked()
-    house.keyframe(house.walk.frame(2.25, 1.5, 0.5))
-    published = state_of(house).published
-    (npz,) = saved(house, "npz")
+    rig = walked()
+    rig.keyframe(rig.walk.frame(2.25, 1.5, 0.5))
+    published = state_of(rig).published
+    (npz,) = saved(rig, "npz")
     with np.load(io.BytesIO(npz.data)) as arrays:
         of_npz = json.loads(str(arrays["meta"]))
-    (png,) = saved(house, "png")
+    (png,) = saved(rig, "png")
     at = png.data.index(b"tEXthelios\0")
     length = int.from_bytes(png.data[at - 4 : at], "big")
     chunk = png.data[at : at + 4 + length]
     assert int.from_bytes(png.data[at + 4 + length :][:4], "big") == zlib.crc32(chunk)
     assert cv2.imdecode(np.frombuffer(png.data, np.uint8), cv2.IMREAD_COLOR) is not None
-    yaml = next(f.data for f in saved(house, "ros") if f.name.endswith(".yaml")).decode()
+    yaml = next(f.data for f in saved(rig, "ros") if f.name.endswith(".yaml")).decode()
     of_ros = json.loads(yaml.splitlines()[0].removeprefix("# HELIOS: "))
     assert of_ros == json.loads(chunk[len(b"tEXthelios\0") :])
     assert of_ros == {name: of_npz[name] for name in of_ros}
@@ -144,17 +144,17 @@ def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
 
 
 def test_numbers_of_frontiers_and_of_frames_go_on_after_a_load() -> None:
-    house, other = walked(), House()
+    rig, other = walked(), Rig()
     other.say_epoch("boot")
-    load(other, saved(house, "map"))
-    one, two = state_of(house), state_of(other)
+    load(other, saved(rig, "map"))
+    one, two = state_of(rig), state_of(other)
     assert two.stack.frontiers.next_id == one.stack.frontiers.next_id > 1
     assert two.order.newest == one.order.newest
 
 
 def test_a_negated_ros_map_is_read_the_other_way_round() -> None:
-    house, other = walked(), House()
-    files = {f.name: f.data for f in saved(house, "ros")}
+    rig, other = walked(), Rig()
+    files = {f.name: f.data for f in saved(rig, "ros")}
     grey = cv2.imdecode(np.frombuffer(files["map.pgm"], np.uint8), cv2.IMREAD_GRAYSCALE)
     assert grey is not None
     _, png = cv2.imencode(".png", 255 - grey)
@@ -162,22 +162,22 @@ def test_a_negated_ros_map_is_read_the_other_way_round() -> None:
     other.say_epoch("boot")
     load(other, [pb.Map2DFile(name="m.yaml", data=about),
                  pb.Map2DFile(name="m.png", data=png.tobytes())])  # fmt: skip
-    before = state_of(house).published.occupancy
+    before = state_of(rig).published.occupancy
     np.testing.assert_array_equal(state_of(other).published.occupancy, before)
 
 
 def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_cell() -> None:
-    house = House()
-    house.say_epoch("boot")
+    rig = Rig()
+    rig.say_epoch("boot")
     grey = np.full((40, 60), 205, np.uint8)
     grey[10, 20] = 0
     ok, png = cv2.imencode(".png", grey)
     assert ok
     about = (b"image: floor.png\nresolution: 0.025\norigin:\n- -1.02\n- 2.004\n- 0.0\n"
              b"negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n")  # fmt: skip
-    load(house, [pb.Map2DFile(name="floor.yaml", data=about),
+    load(rig, [pb.Map2DFile(name="floor.yaml", data=about),
                  pb.Map2DFile(name="floor.png", data=png.tobytes())])  # fmt: skip
-    after = state_of(house).published
+    after = state_of(rig).published
     ((row, column),) = np.argwhere(after.occupancy == 100)
     x, y = after.grid.centre_of(int(row), int(column))
     assert x == pytest.approx(-1.02 + 20.5 * 0.025, abs=0.0126)
@@ -196,11 +196,11 @@ def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_ce
 def test_a_file_that_is_no_map_is_refused_and_changes_nothing(
     name: str, data: bytes, reason: str
 ) -> None:
-    house = walked()
-    before = state_of(house).published
+    rig = walked()
+    before = state_of(rig).published
     with pytest.raises(InvalidInput, match=reason):
-        load(house, [pb.Map2DFile(name=name, data=data)])
-    assert state_of(house).published is before
+        load(rig, [pb.Map2DFile(name=name, data=data)])
+    assert state_of(rig).published is before
 
 
 @pytest.mark.parametrize(
@@ -220,28 +220,28 @@ def test_a_file_that_is_no_map_is_refused_and_changes_nothing(
     ],
 )
 def test_a_ros_map_that_does_not_fit_is_refused(about: bytes, reason: str) -> None:
-    house = House()
-    house.say_epoch("boot")
+    rig = Rig()
+    rig.say_epoch("boot")
     files = [pb.Map2DFile(name="m.yaml", data=about), pb.Map2DFile(name="m.pgm", data=b"P5")]
     with pytest.raises(InvalidInput, match=reason):
-        load(house, files)
+        load(rig, files)
 
 
 def test_there_is_nothing_to_save_before_the_first_keyframe() -> None:
     with pytest.raises(Unavailable, match="no keyframe"):
-        saved(House(), "map")
+        saved(Rig(), "map")
     with pytest.raises(InvalidInput, match="map, npz, ros or png"):
         saved(walked(), "jpeg2000")
 
 
 def test_views_come_back_with_a_saved_map() -> None:
-    house, other = walked(), House()
+    rig, other = walked(), Rig()
     other.say_epoch("boot")
-    load(other, saved(house, "map"))
-    for each in (house, other):
+    load(other, saved(rig, "map"))
+    for each in (rig, other):
         each.scorer.serve(each.bus)
     asked = pb.RecallRequest(prompt="a teapot", most_places=3)
-    one, two = (each.bus.call(RECALL, asked, 5) for each in (house, other))
+    one, two = (each.bus.call(RECALL, asked, 5) for each in (rig, other))
     assert one.views == two.views == 12
     assert [(p.id, p.score, p.jpeg) for p in one.places] == [
         (p.id, p.score, p.jpeg) for p in two.places

@@ -51,19 +51,19 @@ def test_a_map_of_any_frames_has_a_version_without_nan(data: st.DataObject) -> N
         state.integrate_frame(frame)
         score = data.draw(st.floats(0, 1))
         state.integrate_values(Observation(frame, "search", (), {"pick": score}, "test"))
-        told = state.published
-        shape = told.occupancy.shape
+        reported = state.published
+        shape = reported.occupancy.shape
         assert min(shape) >= 1
-        assert set(np.unique(told.occupancy)) <= {-1, 0, 100}
-        for layer in (told.z_low_m, told.z_high_m, told.values["pick"]):
+        assert set(np.unique(reported.occupancy)) <= {-1, 0, 100}
+        for layer in (reported.z_low_m, reported.z_high_m, reported.values["pick"]):
             assert layer.shape == shape
             assert np.isfinite(layer).all()
-        for frontier in told.frontiers:
+        for frontier in reported.frontiers:
             assert np.isfinite([*frontier.centre_m, frontier.size_m]).all()
             assert np.isfinite(list(frontier.values.values())).all()
         ends = np.array([data.draw(poses)[:2], data.draw(poses)[:2]])
-        cost = cost_along(told, ends, footprint_m, 0.5)
+        cost = cost_along(reported, ends, footprint_m, 0.5)
         assert np.isfinite([cost.length_m, cost.least_clearance_m, cost.unknown_m]).all()
         assert not math.isnan(cost.cost_m)
         eye, target = ((*xy, data.draw(st.floats(0, 2))) for xy in ends.tolist())
-        assert told.line_of_sight(eye, target) in (True, False)
+        assert reported.line_of_sight(eye, target) in (True, False)

@@ -22,36 +22,36 @@ from helios_map2d.view_memory.detected_names import DetectedNames
 from helios_map2d.view_memory.ranking import Question, questions, scored
 from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, read_view
 from helios_map2d.view_search import MOST_LATE_LAYERS
-from map2d_house import House
+from map2d_rig import Rig
 from map2d_scene import CAMERA, Walk, room
 from numpy.typing import NDArray
 
 PROMPTS = {"pick": "a blue mug", "place": "a wooden counter"}
 
 
-def look(house: House, context_id: str, prompts: dict[str, str], places: list[float]) -> None:
+def look(rig: Rig, context_id: str, prompts: dict[str, str], places: list[float]) -> None:
     """Looking around at some places, as a detector with an embedding scorer reports it."""
     for x in places:
-        for frame in house.walk.look_around(x, 1.4):
-            house.keyframe(frame)
-            scores = {name: house.scorer.score(frame, p) for name, p in prompts.items()}
-            house.observe(frame, context_id, scores)
+        for frame in rig.walk.look_around(x, 1.4):
+            rig.keyframe(frame)
+            scores = {name: rig.scorer.score(frame, p) for name, p in prompts.items()}
+            rig.observe(frame, context_id, scores)
 
 
-def asked_from_the_start() -> House:
-    house = House()
-    house.scorer.serve(house.bus)
-    house.search("search", PROMPTS)
-    look(house, "search", PROMPTS, [1.2, 2.0, 2.8])
-    return house
+def asked_from_the_start() -> Rig:
+    rig = Rig()
+    rig.scorer.serve(rig.bus)
+    rig.search("search", PROMPTS)
+    look(rig, "search", PROMPTS, [1.2, 2.0, 2.8])
+    return rig
 
 
-def layers(house: House) -> dict[str, NDArray[np.float32]]:
-    return dict(decode_snapshot(house.snapshot()).values)
+def layers(rig: Rig) -> dict[str, NDArray[np.float32]]:
+    return dict(decode_snapshot(rig.snapshot()).values)
 
 
 def test_a_layer_asked_for_afterwards_equals_the_one_from_the_start() -> None:
-    start, later = asked_from_the_start(), House()
+    start, later = asked_from_the_start(), Rig()
     later.scorer.serve(later.bus)
     later.search("idle", {"other": "a plant"})
     look(later, "idle", {"other": "a plant"}, [1.2, 2.0, 2.8])
@@ -65,7 +65,7 @@ def test_a_layer_asked_for_afterwards_equals_the_one_from_the_start() -> None:
 
 
 def test_a_layer_goes_on_with_what_is_seen_next() -> None:
-    start, later = asked_from_the_start(), House()
+    start, later = asked_from_the_start(), Rig()
     later.scorer.serve(later.bus)
     later.search("idle", {})
     look(later, "idle", {}, [1.2, 2.0])
@@ -76,8 +76,8 @@ def test_a_layer_goes_on_with_what_is_seen_next() -> None:
 
 
 def test_where_a_thing_was_seen_is_answered_with_pictures_best_first() -> None:
-    house = asked_from_the_start()
-    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", most_places=4), 5)
+    rig = asked_from_the_start()
+    reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", most_places=4), 5)
     assert reply.views == 36
     assert 1 < len(reply.places) <= 4
     scores = [p.score for p in reply.places]
@@ -89,66 +89,66 @@ def test_where_a_thing_was_seen_is_answered_with_pictures_best_first() -> None:
     assert picture.shape == (120, 160, 3)
     ahead = math.atan2(best.y_m - best.camera.y_m, best.x_m - best.camera.x_m)
     assert abs(math.remainder(ahead - best.camera.yaw_rad, math.tau)) < 0.6
-    assert set(layers(house)) == set(PROMPTS)  # no layer was asked for
+    assert set(layers(rig)) == set(PROMPTS)  # no layer was asked for
 
 
 def test_a_recalled_layer_is_kept_under_its_name() -> None:
-    house = asked_from_the_start()
-    before = house.snapshot().version
-    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer="tea"), 5)
+    rig = asked_from_the_start()
+    before = rig.snapshot().version
+    reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer="tea"), 5)
     assert reply.version > before
-    assert layers(house)["tea"].max() > 0
-    frontier_values = [dict(f.values) for f in house.snapshot().frontiers]
+    assert layers(rig)["tea"].max() > 0
+    frontier_values = [dict(f.values) for f in rig.snapshot().frontiers]
     assert all("tea" in values for values in frontier_values)
 
 
 @pytest.mark.parametrize("layer", ["occupancy", "pick", "a/b", "a b", "x" * 41, ".." * 30])
 def test_a_recalled_layer_takes_no_name_that_is_taken_or_fits_no_address(layer: str) -> None:
-    house = asked_from_the_start()
-    before = house.snapshot().version
+    rig = asked_from_the_start()
+    before = rig.snapshot().version
     with pytest.raises(InvalidInput, match="layer"):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer=layer), 5)
-    assert house.snapshot().version == before
+        rig.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer=layer), 5)
+    assert rig.snapshot().version == before
 
 
 def test_so_many_layers_are_asked_for_in_a_search_and_then_one_of_them_again() -> None:
-    house = asked_from_the_start()
+    rig = asked_from_the_start()
 
     def ask(layer: str) -> int:
         request = pb.RecallRequest(prompt="a teapot", layer=layer)
-        return house.bus.call(RECALL, request, 5).version
+        return rig.bus.call(RECALL, request, 5).version
 
     for k in range(MOST_LATE_LAYERS):
         ask(f"late-{k}")
     with pytest.raises(InvalidInput, match=r"8 layers .*late-0, late-1.*begin another search"):
         ask("one-more")
-    version = house.snapshot().version
+    version = rig.snapshot().version
     assert ask("late-3") > version
-    house.search("another", PROMPTS)
+    rig.search("another", PROMPTS)
     ask("one-more")
 
 
 def test_without_views_or_without_a_text_model_the_question_is_refused_with_what_to_do() -> None:
-    house = House()
+    rig = Rig()
     with pytest.raises(Unavailable, match="no keyframe"):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
-    house.settle()  # by a scorer that does not embed
+        rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+    rig.settle()  # by a scorer that does not embed
     with pytest.raises(Unavailable, match="does not embed"):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+        rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
     with pytest.raises(InvalidInput, match="empty prompt"):
-        house.bus.call(RECALL, pb.RecallRequest(prompt=" "), 5)
-    look(house, "first", {}, [2.0])  # by one that does, and then is away
-    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+        rig.bus.call(RECALL, pb.RecallRequest(prompt=" "), 5)
+    look(rig, "first", {}, [2.0])  # by one that does, and then is away
+    reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
     assert (len(reply.places), reply.views) == (0, 0)
     assert "names alone" in reply.note
     with pytest.raises(Unavailable, match="no value layer can be made of 'a mug'"):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
+        rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
     other = pb.EmbedTextReply(embeddings=[embedding_to_proto(replace(SEEN, model="another"))])
-    house.bus.serve(EMBED_TEXT, lambda _: other)
+    rig.bus.serve(EMBED_TEXT, lambda _: other)
     with pytest.raises(Unavailable, match=r"seen by the model test-clip, .* is another now"):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
-    house.search("second", PROMPTS)  # and a search begins all the same
-    assert house.snapshot().context_id == "second"
+        rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
+    rig.search("second", PROMPTS)  # and a search begins all the same
+    assert rig.snapshot().context_id == "second"
 
 
 def box_detection(class_name: str, score: float, box: tuple[int, int, int, int]) -> Detection:
@@ -158,18 +158,18 @@ def box_detection(class_name: str, score: float, box: tuple[int, int, int, int])
 
 
 def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named() -> None:
-    house = House()
-    house.search("search")
-    near, far = (house.walk.frame(x, 2.4, 0.0) for x in (1.0, 0.5))  # the table's edge: x 2.1 m
+    rig = Rig()
+    rig.search("search")
+    near, far = (rig.walk.frame(x, 2.4, 0.0) for x in (1.0, 0.5))  # the table's edge: x 2.1 m
     on_it = (75, 40, 85, 50)  # pixels
     for frame, score in ((far, 0.5), (near, 0.75)):
-        house.keyframe(frame)
+        rig.keyframe(frame)
         found = box_detection("coffee table", score, on_it), box_detection("mug", 0.9, (0, 0, 2, 2))
-        house.observe(frame, "search", detections=found)
-    nothing = house.walk.frame(1.0, 2.4, math.pi)
-    house.keyframe(nothing)
-    house.observe(nothing, "search")
-    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="my coffee-table"), 5)
+        rig.observe(frame, "search", detections=found)
+    nothing = rig.walk.frame(1.0, 2.4, math.pi)
+    rig.keyframe(nothing)
+    rig.observe(nothing, "search")
+    reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="my coffee-table"), 5)
     assert "names alone: the detector's scorer does not embed images" in reply.note
     assert reply.views == 2, "nothing is kept of a view in which nothing is named"
     (best,) = reply.places[:1]
@@ -177,7 +177,7 @@ def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named
     seen = lift_pixels(near.depth_m, near.camera, near.T_world_cam)[40:50, 75:85, :2]
     np.testing.assert_allclose([best.x_m, best.y_m], np.median(seen.reshape(-1, 2), 0), atol=0.02)
     assert best.jpeg.startswith(b"\xff\xd8")
-    assert not house.bus.call(RECALL, pb.RecallRequest(prompt="a piano"), 5).places
+    assert not rig.bus.call(RECALL, pb.RecallRequest(prompt="a piano"), 5).places
 
 
 SEEN = Embedding("model", np.array([[1.0, 0.0]], np.float32))

@@ -18,7 +18,7 @@ from helios_gateway.settings import Settings as GatewaySettings
 from helios_gateway.web_app import create_app
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
-from map2d_house import House
+from map2d_rig import Rig
 from numpy.typing import NDArray
 
 from tests.support import wait_until
@@ -27,15 +27,15 @@ ZIP = {"content-type": "application/zip"}
 
 
 @contextmanager
-def front_door(house: House) -> Iterator[TestClient]:
+def front_door(rig: Rig) -> Iterator[TestClient]:
     """A gateway over the house's map, an object map and an idle planner."""
-    ObjectMapService(house.bus, ObjectMapSettings.load([]), Health())
-    house.bus.serve(RESERVE, lambda _: pb.ReserveReply(token="r"))
-    house.scorer.serve(house.bus)
+    ObjectMapService(rig.bus, ObjectMapSettings.load([]), Health())
+    rig.bus.serve(RESERVE, lambda _: pb.ReserveReply(token="r"))
+    rig.scorer.serve(rig.bus)
     settings = GatewaySettings.load([])
-    live = BusListener(house.bus, settings)
+    live = BusListener(rig.bus, settings)
     yield TestClient(
-        create_app(RobotRegistry({"robot": Served(house.bus, live)}), settings), "http://localhost"
+        create_app(RobotRegistry({"robot": Served(rig.bus, live)}), settings), "http://localhost"
     )
     live.close()
 
@@ -47,7 +47,7 @@ def occupancy(door: TestClient) -> NDArray:
 
 
 def test_a_home_that_was_seen_is_known_to_new_processes_by_a_file() -> None:
-    first, second = House(), House()
+    first, second = Rig(), Rig()
     with front_door(first) as door, front_door(second) as other:
         empty = door.get("/v1/map.zip")
         assert empty.status_code == 503

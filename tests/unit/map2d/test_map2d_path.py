@@ -13,7 +13,7 @@ from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.snapshots.path_cost import cost_along
 from helios_map2d.snapshots.snapshot import MapSnapshot
-from map2d_house import House
+from map2d_rig import Rig
 from map2d_scene import Walk, room
 
 
@@ -78,11 +78,11 @@ def test_a_way_that_is_none_is_refused(way: list[list[float]], reason: str) -> N
 
 
 def test_the_bus_answers_with_the_robots_own_radius() -> None:
-    house = House()
-    house.settle()
+    rig = Rig()
+    rig.settle()
     way = [1.0, 1.2, 3.0, 1.2]
-    own = house.bus.call(PATH_COST, pb.PathCostRequest(path_m=way), 5)
-    given = house.bus.call(PATH_COST, pb.PathCostRequest(path_m=way, radius_m=0.2), 5)
+    own = rig.bus.call(PATH_COST, pb.PathCostRequest(path_m=way), 5)
+    given = rig.bus.call(PATH_COST, pb.PathCostRequest(path_m=way, radius_m=0.2), 5)
     assert own == given
     assert own.length_m == pytest.approx(2.0, abs=1e-5)
     assert len(own.samples_m) == 2 * len(own.clearance_m)

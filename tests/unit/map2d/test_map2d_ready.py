@@ -16,7 +16,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_DESCRIPTION, Topic
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
-from map2d_house import ROBOT
+from map2d_rig import ROBOT
 
 from tests.support import wait_until
 

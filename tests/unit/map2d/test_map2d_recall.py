@@ -16,7 +16,7 @@ from helios_map2d.view_memory.detected_names import sighted
 from helios_map2d.view_memory.localization import CELL_M, MOST_CELLS, Localization
 from helios_map2d.view_memory.ranking import Answer, best_places
 from helios_map2d.view_memory.stored_views import SeenView
-from map2d_house import MODEL, House, Scorer
+from map2d_rig import MODEL, Rig, Scorer
 from map2d_scene import Block, Walk, cast, room
 from numpy.typing import NDArray
 
@@ -58,21 +58,21 @@ def masks(frame: Frame) -> dict[str, NDArray[np.bool_]]:
 
 
 @functools.cache
-def walked(*, embeds: bool) -> House:
+def walked(*, embeds: bool) -> Rig:
     """A walk through a home of two rooms, by a scorer that embeds or a detector that names."""
-    house = House()
-    house.scorer = Ideal()
+    rig = Rig()
+    rig.scorer = Ideal()
     if embeds:
-        house.scorer.serve(house.bus)
+        rig.scorer.serve(rig.bus)
     walls = [Block((3.9, 0, 0), (4.1, 2.0, 2.5)), Block((3.9, 4.0, 0), (4.1, 6.0, 2.5))]
-    house.walk = Walk([*room(8.0, 6.0), *walls, *(block(*at) for at in THINGS_M.values())])
-    house.search("idle", {})
+    rig.walk = Walk([*room(8.0, 6.0), *walls, *(block(*at) for at in THINGS_M.values())])
+    rig.search("idle", {})
     for x, y in STOPS_M:
-        for frame in house.walk.look_around(x, y)[::2]:
-            house.keyframe(frame)
+        for frame in rig.walk.look_around(x, y)[::2]:
+            rig.keyframe(frame)
             named = () if embeds else detections(frame)
-            house.observe(frame, "idle", {} if embeds else None, detections=named)
-    return house
+            rig.observe(frame, "idle", {} if embeds else None, detections=named)
+    return rig
 
 
 def detections(frame: Frame) -> tuple[Detection, ...]:
@@ -95,8 +95,8 @@ def off_m(place: pb.SeenPlace, name: str) -> float:
 @pytest.mark.parametrize("embeds", [True, False])
 @pytest.mark.parametrize("name", THINGS_M)
 def test_a_thing_is_told_at_its_place_with_a_picture_that_shows_it(name: str, embeds: bool) -> None:
-    house = walked(embeds=embeds)
-    best, *others = house.bus.call(RECALL, pb.RecallRequest(prompt=name, most_places=3), 5).places
+    rig = walked(embeds=embeds)
+    best, *others = rig.bus.call(RECALL, pb.RecallRequest(prompt=name, most_places=3), 5).places
     # The ball is seen from three stops, the others from one, which tells the distance less well.
     within_m = (0.6 if name == "ball" else 1.0) if embeds else 0.25
     assert off_m(best, name) < within_m

@@ -12,16 +12,16 @@ from helios_core.map_autosave import KeptFile
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
 from helios_map2d.files.map_file import FILE_NAME
-from map2d_house import House
 from map2d_kept import assert_same_state, load, saved, state_of, walked
+from map2d_rig import Rig
 
 
 def kept(tmp_path: Path) -> tuple[str, ...]:
     return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
 
 
-def keeper(house: House) -> KeptFile:
-    found = house.service._keeping._kept
+def persistence(rig: Rig) -> KeptFile:
+    found = rig.service._keeping._kept
     assert found is not None
     return found
 
@@ -29,20 +29,26 @@ def keeper(house: House) -> KeptFile:
 def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_world(
     tmp_path: Path,
 ) -> None:
-    house = walked(*kept(tmp_path))
-    assert keeper(house).write()
-    assert not keeper(house).write()  # nothing has changed
-    before = house.snapshot()
-    again = House(*kept(tmp_path))  # the first one is never closed: it was killed
+    rig = walked(*kept(tmp_path))
+    assert persistence(rig).write()
+    assert not persistence(rig).write()  # nothing has changed
+    before = rig.snapshot()
+    again = Rig(*kept(tmp_path))  # the first one is never closed: it was killed
     assert again.snapshot().cell_m == 0  # it may be another world
     assert again.health.state == ("ready", "")
     again.say_epoch("boot")
-    assert_same_state(state_of(house), state_of(again))
-    told = again.snapshot()
-    assert (told.id, told.robot, told.occupancy) == (before.id, before.robot, before.occupancy)
-    assert told.version > before.version + 1000  # higher than any that the dead one may have told
+    assert_same_state(state_of(rig), state_of(again))
+    reported = again.snapshot()
+    assert (reported.id, reported.robot, reported.occupancy) == (
+        before.id,
+        before.robot,
+        before.occupancy,
+    )
+    assert (
+        reported.version > before.version + 1000
+    )  # higher than any that the dead one may have told
     said = again.health.state[1]
-    newest = state_of(house).published.frame_id
+    newest = state_of(rig).published.frame_id
     assert newest is not None
     assert re.search(
         r"was restored as it was written at \d{4}(-\d\d){2} \d\d(:\d\d){2}: \d+ m² known, 12 views",
@@ -50,23 +56,23 @@ def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_wo
     )
     assert said.endswith(f"frames up to number {newest.seq}")
     again.search("first")
-    assert_same_state(state_of(house), state_of(again))
+    assert_same_state(state_of(rig), state_of(again))
     assert again.health.state == ("ready", said)
-    again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    again.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
     assert again.health.state == ("ready", "")  # it is another map now
 
 
 def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
-    house = walked(*kept(tmp_path))
-    house.service.close()
-    again = House(*kept(tmp_path))
+    rig = walked(*kept(tmp_path))
+    rig.service.close()
+    again = Rig(*kept(tmp_path))
     again.say_epoch("another boot")
     assert again.snapshot().cell_m == 0
     assert "is of another world and is not used" in again.health.state[1]
     frame = again.walk.frame(2.0, 1.5, 0.0)
     again.keyframe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")))
-    assert again.snapshot().version > house.snapshot().version
+    assert again.snapshot().version > rig.snapshot().version
     assert "is of another world and is not used" in again.health.state[1]  # a glance would miss it
     again.search("first")
     again.observe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")), "first")
@@ -77,13 +83,13 @@ def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
 @pytest.mark.parametrize("supersede", ["load", "reset"])
 @pytest.mark.parametrize("boot", ["boot", "another boot"])
 def test_what_is_said_of_a_kept_map_ends_with_it(tmp_path: Path, boot: str, supersede: str) -> None:
-    house = walked(*kept(tmp_path))
-    house.service.close()
-    again = House(*kept(tmp_path))
+    rig = walked(*kept(tmp_path))
+    rig.service.close()
+    again = Rig(*kept(tmp_path))
     again.say_epoch(boot)
     assert again.health.state[1]
     if supersede == "load":
-        load(again, saved(house, "map"))
+        load(again, saved(rig, "map"))
     else:
         again.bus.call(RESET_MAP2D, pb.Empty(), 5)
     assert again.health.state == ("ready", "")
@@ -91,14 +97,14 @@ def test_what_is_said_of_a_kept_map_ends_with_it(tmp_path: Path, boot: str, supe
 
 @pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
 def test_a_damaged_kept_map_is_put_aside_and_told_of(tmp_path: Path, damage: str) -> None:
-    house = walked(*kept(tmp_path))
-    house.service.close()
+    rig = walked(*kept(tmp_path))
+    rig.service.close()
     path = tmp_path / FILE_NAME
     data = path.read_bytes()
     bad = {"cut": data[:-100], "changed": data[:-5] + b"12345", "foreign": b"\x7fELF" * 100,
            "empty": b""}[damage]  # fmt: skip
     path.write_bytes(bad)
-    again = House(*kept(tmp_path))
+    again = Rig(*kept(tmp_path))
     state, reason = again.health.state
     assert state == "ready"
     assert "put aside as" in reason
@@ -115,90 +121,90 @@ def test_a_state_directory_that_cannot_be_written_is_told_of_and_ends_nothing(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "file").write_text("no directory")
-    house = walked(*kept(tmp_path / "file"))
-    assert not keeper(house).write()
-    assert "cannot be" in house.health.state[1]
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.1))
-    assert house.acks[-1].accepted
+    rig = walked(*kept(tmp_path / "file"))
+    assert not persistence(rig).write()
+    assert "cannot be" in rig.health.state[1]
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
+    assert rig.acks[-1].accepted
 
 
 def test_a_frame_of_its_world_brings_a_kept_map_back_before_the_robot_says_where_it_is(
     tmp_path: Path,
 ) -> None:
-    house = walked(*kept(tmp_path))
-    house.service.close()
-    again = House(*kept(tmp_path))
-    again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    rig = walked(*kept(tmp_path))
+    rig.service.close()
+    again = Rig(*kept(tmp_path))
+    again.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
-    assert again.snapshot().occupied_m2 >= 0.9 * house.snapshot().occupied_m2
+    assert again.snapshot().occupied_m2 >= 0.9 * rig.snapshot().occupied_m2
 
 
 @pytest.mark.parametrize("kind", ["map", "npz", "ros"])
 def test_a_loaded_map_is_told_at_once_with_the_robot_where_it_says_that_it_is(kind: str) -> None:
-    house, other = walked(), House()
+    rig, other = walked(), Rig()
     other.say_epoch("another boot", at=(1.0, 0.5, 0.3))
-    load(other, saved(house, kind))
-    told, before = decode_snapshot(other.snapshot()), decode_snapshot(house.snapshot())
-    assert told.robot_pose == pytest.approx((1.0, 0.5, 0.3))
-    assert told.frame_id.robot_boot_id == ""  # no frame of this world yet
-    assert told.occupied_m2 == pytest.approx(before.occupied_m2)
-    assert told.origin_m == pytest.approx(before.origin_m)
-    assert (told.occupancy == before.occupancy).all()
-    assert told.frontiers
+    load(other, saved(rig, kind))
+    reported, before = decode_snapshot(other.snapshot()), decode_snapshot(rig.snapshot())
+    assert reported.robot_pose == pytest.approx((1.0, 0.5, 0.3))
+    assert reported.frame_id.robot_boot_id == ""  # no frame of this world yet
+    assert reported.occupied_m2 == pytest.approx(before.occupied_m2)
+    assert reported.origin_m == pytest.approx(before.origin_m)
+    assert (reported.occupancy == before.occupancy).all()
+    assert reported.frontiers
     changes = other.bus.call(MAP_CHANGES, pb.MapChangesRequest(), 5)
     assert (changes.robot.x_m, len(changes.tiles) > 0) == (1.0, True)
     assert other.bus.call(PICTURE, pb.PictureRequest(), 5).png
 
 
 def test_a_map_that_is_loaded_in_mid_run_leaves_the_robot_where_its_newest_frame_says() -> None:
-    house = walked()
-    files = saved(house, "map")
-    house.keyframe(house.walk.frame(2.3, 1.2, 0.5))
-    before, newest = house.snapshot(), house.acks[-1].id.seq
-    load(house, files)
-    after = house.snapshot()
+    rig = walked()
+    files = saved(rig, "map")
+    rig.keyframe(rig.walk.frame(2.3, 1.2, 0.5))
+    before, newest = rig.snapshot(), rig.acks[-1].id.seq
+    load(rig, files)
+    after = rig.snapshot()
     assert (after.robot, after.id) == (before.robot, before.id)
     assert after.version > before.version
-    house.keyframe(house.walk.frame(2.3, 1.2, 0.7))
-    assert house.acks[-1].accepted
-    assert house.snapshot().id.seq > newest
+    rig.keyframe(rig.walk.frame(2.3, 1.2, 0.7))
+    assert rig.acks[-1].accepted
+    assert rig.snapshot().id.seq > newest
 
 
 def test_a_loaded_map_that_no_frame_has_come_to_yet_survives_a_kill(tmp_path: Path) -> None:
-    house = House(*kept(tmp_path))
-    house.say_epoch("boot", at=(1.0, 0.5, 0.0))
-    load(house, saved(walked(), "ros"))
-    assert keeper(house).write()
-    again = House(*kept(tmp_path))
+    rig = Rig(*kept(tmp_path))
+    rig.say_epoch("boot", at=(1.0, 0.5, 0.0))
+    load(rig, saved(walked(), "ros"))
+    assert persistence(rig).write()
+    again = Rig(*kept(tmp_path))
     again.say_epoch("boot", at=(1.2, 0.5, 0.0))
-    assert again.snapshot().occupancy == house.snapshot().occupancy
+    assert again.snapshot().occupancy == rig.snapshot().occupancy
     assert again.snapshot().robot.x_m == pytest.approx(1.2)
     again.keyframe(again.walk.frame(2.0, 1.5, 0.0))
     assert again.acks[-1].accepted
 
 
 def test_what_was_forgotten_on_purpose_does_not_come_back_after_a_kill(tmp_path: Path) -> None:
-    house = walked(*kept(tmp_path))
-    assert keeper(house).write()
-    house.bus.call(RESET_MAP2D, pb.Empty(), 5)
-    again = House(*kept(tmp_path))
+    rig = walked(*kept(tmp_path))
+    assert persistence(rig).write()
+    rig.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    again = Rig(*kept(tmp_path))
     again.say_epoch("boot")
     assert again.snapshot().cell_m == 0
 
 
 def test_who_knows_a_version_of_an_earlier_process_is_told_the_whole_map() -> None:
-    house = walked()
-    assert house.snapshot(if_newer=house.snapshot().version).unchanged
-    assert not house.snapshot(if_newer=10**6).unchanged
+    rig = walked()
+    assert rig.snapshot(if_newer=rig.snapshot().version).unchanged
+    assert not rig.snapshot(if_newer=10**6).unchanged
 
 
 def test_a_search_that_is_under_way_learns_from_the_views_of_a_loaded_map() -> None:
-    house, other = walked(), House()
+    rig, other = walked(), Rig()
     other.scorer.serve(other.bus)
     other.say_epoch("another boot")
     other.search("tea", {"pick": "a teapot"})
-    load(other, saved(house, "map"))
-    house.scorer.serve(house.bus)
-    house.search("tea", {"pick": "a teapot"})
-    assert house.snapshot().values["pick"] == other.snapshot().values["pick"]
+    load(other, saved(rig, "map"))
+    rig.scorer.serve(rig.bus)
+    rig.search("tea", {"pick": "a teapot"})
+    assert rig.snapshot().values["pick"] == other.snapshot().values["pick"]
     assert decode_snapshot(other.snapshot()).values["pick"].max() > 0

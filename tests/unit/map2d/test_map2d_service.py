@@ -20,24 +20,24 @@ from helios_core.topics import (
     SIGHT,
 )
 from helios_core.types import FrameId, RobotState
-from map2d_house import House
+from map2d_rig import Rig
 from map2d_scene import Block, Walk, room
 
 
 @pytest.fixture
-def house() -> House:
-    return House()
+def rig() -> Rig:
+    return Rig()
 
 
-def test_keyframes_and_observations_are_answered_and_the_map_decodes(house: House) -> None:
-    house.settle()
-    assert [(a.part, a.accepted) for a in house.acks] == [
+def test_keyframes_and_observations_are_answered_and_the_map_decodes(rig: Rig) -> None:
+    rig.settle()
+    assert [(a.part, a.accepted) for a in rig.acks] == [
         ("occupancy", True),
         ("value", True),
     ] * 12
-    versions = [a.version for a in house.acks]
+    versions = [a.version for a in rig.acks]
     assert versions == sorted(set(versions))
-    view = decode_snapshot(house.snapshot())
+    view = decode_snapshot(rig.snapshot())
     assert view.version == versions[-1]
     assert set(view.values) == {"pick", "place"}
     assert (view.occupancy == 100).sum() > 200
@@ -45,129 +45,129 @@ def test_keyframes_and_observations_are_answered_and_the_map_decodes(house: Hous
     assert view.robot_pose[:2] == pytest.approx((2.0, 1.5))
     assert view.context_id == "first"
     assert view.explored_m2 > 5
-    unchanged = house.snapshot(if_newer=view.version)
+    unchanged = rig.snapshot(if_newer=view.version)
     assert unchanged.unchanged
     assert not unchanged.occupancy
 
 
 def test_keyframes_that_come_before_the_robots_description_are_kept() -> None:
-    house = House(described=False)
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    assert not house.acks
-    assert house.health.state == ("ready", "waits for the robot's description")
-    house.describe()
-    assert [(a.part, a.accepted) for a in house.acks] == [("occupancy", True)]
-    assert house.health.state == ("ready", "")
+    rig = Rig(described=False)
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    assert not rig.acks
+    assert rig.health.state == ("ready", "waits for the robot's description")
+    rig.describe()
+    assert [(a.part, a.accepted) for a in rig.acks] == [("occupancy", True)]
+    assert rig.health.state == ("ready", "")
 
 
-def test_observations_wait_for_their_context_and_old_ones_are_refused(house: House) -> None:
-    house.search("first")
-    early = house.walk.frame(2.0, 1.5, 0.0)
-    house.observe(early, "second")
-    assert not house.acks
-    house.search("second")
-    assert [(a.part, a.accepted, a.context_id) for a in house.acks] == [("value", True, "second")]
-    house.observe(house.walk.frame(2.0, 1.5, 0.1), "first")
-    assert not house.acks[-1].accepted
-    assert "'first'" in house.acks[-1].reason
+def test_observations_wait_for_their_context_and_old_ones_are_refused(rig: Rig) -> None:
+    rig.search("first")
+    early = rig.walk.frame(2.0, 1.5, 0.0)
+    rig.observe(early, "second")
+    assert not rig.acks
+    rig.search("second")
+    assert [(a.part, a.accepted, a.context_id) for a in rig.acks] == [("value", True, "second")]
+    rig.observe(rig.walk.frame(2.0, 1.5, 0.1), "first")
+    assert not rig.acks[-1].accepted
+    assert "'first'" in rig.acks[-1].reason
 
 
 def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_taken(
-    house: House,
+    rig: Rig,
 ) -> None:
-    good = house.walk.frame(2.0, 1.5, 0.0)
-    house.keyframe(good)
+    good = rig.walk.frame(2.0, 1.5, 0.0)
+    rig.keyframe(good)
     far = good.T_world_base.copy()
     far[0, 3] = 300.0
-    bad = dataclasses.replace(house.walk.frame(2.0, 1.5, 0.0), T_world_base=far)
-    house.keyframe(bad)
-    assert not house.acks[-1].accepted
-    assert "send both poses in one world" in house.acks[-1].reason
-    house.bus.publish(KEYFRAME, pb.Frame(id=pb.FrameId(robot_boot_id="boot", seq=77)))
-    assert not house.acks[-1].accepted
-    assert house.acks[-1].reason
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    assert house.acks[-1].accepted
+    bad = dataclasses.replace(rig.walk.frame(2.0, 1.5, 0.0), T_world_base=far)
+    rig.keyframe(bad)
+    assert not rig.acks[-1].accepted
+    assert "send both poses in one world" in rig.acks[-1].reason
+    rig.bus.publish(KEYFRAME, pb.Frame(id=pb.FrameId(robot_boot_id="boot", seq=77)))
+    assert not rig.acks[-1].accepted
+    assert rig.acks[-1].reason
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    assert rig.acks[-1].accepted
 
 
 @pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
 def test_what_the_frame_says_is_held_counts_whatever_was_told_since(
-    house: House, by_then: str, now: str
+    rig: Rig, by_then: str, now: str
 ) -> None:
-    house.walk = Walk([*room(), Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))])  # as in a hand
+    rig.walk = Walk([*room(), Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))])  # as in a hand
     for _ in range(3):
-        frame = house.walk.frame(2.0, 1.5, 0.0)
+        frame = rig.walk.frame(2.0, 1.5, 0.0)
         state = RobotState(
             frame.T_world_base, held=now,
             robot_boot_id=frame.id.robot_boot_id, world_epoch=frame.id.world_epoch,
         )  # fmt: skip
-        house.bus.publish(ROBOT_STATE, state_to_proto(state))
-        house.keyframe(dataclasses.replace(frame, held=by_then))
-    view = decode_snapshot(house.snapshot())
+        rig.bus.publish(ROBOT_STATE, state_to_proto(state))
+        rig.keyframe(dataclasses.replace(frame, held=by_then))
+    view = decode_snapshot(rig.snapshot())
     column, row = (
         int((at - low) / view.cell_m) for at, low in zip((2.36, 1.5), view.origin_m, strict=True)
     )
     assert (view.occupancy[row, column] == 100) == (by_then == "")
 
 
-def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(house: House) -> None:
-    house.settle()
-    before = house.snapshot()
-    house.walk.epoch = 1
-    house.keyframe(house.walk.frame(0.5, 0.5, 0.0))
-    after = house.snapshot()
+def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(rig: Rig) -> None:
+    rig.settle()
+    before = rig.snapshot()
+    rig.walk.epoch = 1
+    rig.keyframe(rig.walk.frame(0.5, 0.5, 0.0))
+    after = rig.snapshot()
     assert after.id.world_epoch == 1
     assert after.version > before.version
     assert after.explored_m2 < before.explored_m2
-    house.walk.epoch = 0
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    assert not house.acks[-1].accepted
-    assert "is over" in house.acks[-1].reason
+    rig.walk.epoch = 0
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    assert not rig.acks[-1].accepted
+    assert "is over" in rig.acks[-1].reason
 
 
 @pytest.mark.parametrize("stranger", [("stranger", 0), (None, 999)])
 def test_a_strangers_frame_does_not_blind_the_robot(
-    house: House, stranger: tuple[str | None, int]
+    rig: Rig, stranger: tuple[str | None, int]
 ) -> None:
-    house.settle()
-    before, mine = house.snapshot(), house.walk.frame(2.0, 1.5, 0.0)
-    house.bus.publish(
+    rig.settle()
+    before, mine = rig.snapshot(), rig.walk.frame(2.0, 1.5, 0.0)
+    rig.bus.publish(
         ROBOT_STATE,
         pb.RobotState(robot_boot_id=mine.id.robot_boot_id, world_epoch=mine.id.world_epoch),
     )
     boot = stranger[0] or mine.id.robot_boot_id
-    house.keyframe(dataclasses.replace(mine, id=FrameId(boot, stranger[1], 1)))
-    house.search("second")
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.3))
-    house.observe(house.walk.frame(2.0, 1.5, 0.3), "second")
-    assert [a.accepted for a in house.acks[-2:]] == [True, True], house.acks[-1].reason
-    after = house.snapshot()
+    rig.keyframe(dataclasses.replace(mine, id=FrameId(boot, stranger[1], 1)))
+    rig.search("second")
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.3))
+    rig.observe(rig.walk.frame(2.0, 1.5, 0.3), "second")
+    assert [a.accepted for a in rig.acks[-2:]] == [True, True], rig.acks[-1].reason
+    after = rig.snapshot()
     assert after.version > before.version
     assert after.explored_m2 >= before.explored_m2
     assert after.context_id == "second"
 
 
-def test_an_empty_map_says_so_and_a_reset_empties_it(house: House) -> None:
-    assert house.snapshot().cell_m == 0
+def test_an_empty_map_says_so_and_a_reset_empties_it(rig: Rig) -> None:
+    assert rig.snapshot().cell_m == 0
     with pytest.raises(Unavailable, match="no keyframe"):
-        house.bus.call(PICTURE, pb.PictureRequest(), 5)
-    house.settle()
-    version = house.snapshot().version
-    house.bus.call(RESET_MAP2D, pb.Empty(), 5)
-    assert house.snapshot().cell_m == 0
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
-    again = house.snapshot()
+        rig.bus.call(PICTURE, pb.PictureRequest(), 5)
+    rig.settle()
+    version = rig.snapshot().version
+    rig.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    assert rig.snapshot().cell_m == 0
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
+    again = rig.snapshot()
     assert again.version > version
     assert again.context_id == "first"
 
 
 @pytest.mark.parametrize("layer", ["", "occupancy", "pick"])
-def test_a_picture_is_a_png_of_the_size_asked_for(house: House, layer: str) -> None:
-    house.settle()
+def test_a_picture_is_a_png_of_the_size_asked_for(rig: Rig, layer: str) -> None:
+    rig.settle()
     mug = pb.MarkedObject(label="mug", score=0.7, center_m=pb.Vector3(x=2.5, y=2.4, z=0.8),
                           size_m=pb.Vector3(x=0.1, y=0.1, z=0.1))  # fmt: skip
     request = pb.PictureRequest(layer=layer, size_px=400, path_m=[1, 1, 2, 1], objects=[mug])
-    png = house.bus.call(PICTURE, request, 5).png
+    png = rig.bus.call(PICTURE, request, 5).png
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
     assert picture.shape == (400, 400, 3)
@@ -183,15 +183,15 @@ def test_a_picture_is_a_png_of_the_size_asked_for(house: House, layer: str) -> N
     ],
 )
 def test_a_picture_that_cannot_be_drawn_is_refused(
-    house: House, request_: pb.PictureRequest, reason: str
+    rig: Rig, request_: pb.PictureRequest, reason: str
 ) -> None:
-    house.settle()
+    rig.settle()
     with pytest.raises(InvalidInput, match=reason):
-        house.bus.call(PICTURE, request_, 5)
+        rig.bus.call(PICTURE, request_, 5)
 
 
-def test_sight_answers_for_every_target(house: House) -> None:
-    house.settle()
+def test_sight_answers_for_every_target(rig: Rig) -> None:
+    rig.settle()
     targets = [pb.Vector3(x=2.5, y=2.4, z=0.8), pb.Vector3(x=-1.0, y=1.5, z=0.8)]
     request = pb.SightRequest(x_m=2.0, y_m=1.5, z_m=1.31, targets_m=targets)
-    assert list(house.bus.call(SIGHT, request, 5).visible) == [True, False]
+    assert list(rig.bus.call(SIGHT, request, 5).visible) == [True, False]

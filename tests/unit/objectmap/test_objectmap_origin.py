@@ -70,11 +70,11 @@ def known(folder: Path | None = None, origin: str = ORIGIN) -> Rig:
     return rig
 
 
-@pytest.mark.parametrize("told_first", [True, False])
-def test_what_is_known_goes_on_after_a_start_with_the_same_origin(told_first: bool) -> None:
+@pytest.mark.parametrize("stated_first", [True, False])
+def test_what_is_known_goes_on_after_a_start_with_the_same_origin(stated_first: bool) -> None:
     rig = known()
     before = rig.ids()
-    if told_first:
+    if stated_first:
         rig.say("tuesday", ORIGIN)
         assert rig.ids() == before
     assert rig.see("tuesday", ORIGIN).accepted

@@ -253,12 +253,12 @@ def test_retire_by_id_or_point_takes_the_object_out(rig):
             if by_point
             else pb.RetireRequest(object_id=mug.id, reason="picked")
         )
-        told: list[pb.Retired] = []
-        rig.bus.subscribe(RETIRED, told.append)
+        reported: list[pb.Retired] = []
+        rig.bus.subscribe(RETIRED, reported.append)
         reply = rig.bus.call(RETIRE, request, 1.0)
         assert reply.retired_gaussians >= mug.gaussians
         assert (reply.object_id, reply.class_name) == (mug.id, "mug")
-        assert (told[-1].object_id, told[-1].class_name) == (mug.id, "mug")
+        assert (reported[-1].object_id, reported[-1].class_name) == (mug.id, "mug")
         assert not rig.objects("mug")
         assert rig.objects("table")
         again = rig.bus.call(RETIRE, request, 1.0)

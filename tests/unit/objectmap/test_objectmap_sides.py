@@ -167,10 +167,10 @@ def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_sid
     assert np.allclose(alone, together, atol=1e-6)
 
     side = sector_of(store.means, eye_m)
-    own, told = store.votes[np.arange(n), 0, side].T.astype(float) / UNIT
+    own, reported = store.votes[np.arange(n), 0, side].T.astype(float) / UNIT
     vote = np.minimum(seen / WHOLE_KAPPA, 1)
-    new = np.clip(FULL - told, 0, vote)
-    mean = (own + new) / np.maximum(told + new, 1e-9)
+    new = np.clip(FULL - reported, 0, vote)
+    mean = (own + new) / np.maximum(reported + new, 1e-9)
     shown = new + (vote - new) * mean
     kappa = np.stack([vote - shown, shown], axis=1) * np.maximum(seen, WHOLE_KAPPA)[:, None]
     before = store.positive.copy(), store.asked.copy()
@@ -182,11 +182,13 @@ def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_sid
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS, st.integers(0, 20), st.integers(1, 10))
-def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each(seed, told, count):
+def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each(
+    seed, reported, count
+):
     rng = np.random.default_rng(seed)
     n = 4
     store = store_of(rng.uniform(-1, 1, (n, 3)))
-    for view in views_of(rng, n, 1, told):
+    for view in views_of(rng, n, 1, reported):
         take(store, view)
     views = [(k, np.ones((n, 1), np.float32), e) for k, _, e in views_of(rng, n, 1, count, 0.5)]
     before = store.asked[:, 0].copy()
@@ -235,14 +237,14 @@ def again_of(objects: ObjectMap, chosen) -> ObjectMap:
 
 
 @pytest.fixture(scope="module")
-def told() -> ObjectMap:
+def reported() -> ObjectMap:
     """What was seen from one side; not to be changed."""
     return built(SIDES.model_copy(update={"side_views": 3.0}))
 
 
-def test_a_view_from_a_side_that_was_told_promises_little(told):
-    mug = mug_of(told)
-    answer = told.what_if(mug.id, "mug", [view_from(0.0, 0.06), view_from(1.2, -1.2)])
+def test_a_view_from_a_side_that_was_told_promises_little(reported):
+    mug = mug_of(reported)
+    answer = reported.what_if(mug.id, "mug", [view_from(0.0, 0.06), view_from(1.2, -1.2)])
     assert answer is not None
     (same, new), together = answer
     # Not nothing: in the corners are Gaussians that were hidden so far.
@@ -251,8 +253,8 @@ def test_a_view_from_a_side_that_was_told_promises_little(told):
     assert together.psi == pytest.approx(new.psi, abs=0.02)
 
 
-def test_a_what_if_foretells_a_real_view_of_a_new_side(told):
-    objects = again_of(told, SIDES.model_copy(update={"side_views": 3.0}))
+def test_a_what_if_foretells_a_real_view_of_a_new_side(reported):
+    objects = again_of(reported, SIDES.model_copy(update={"side_views": 3.0}))
     built(SIDES, [(0.8, 0.9)], objects, start=20)  # makes Gaussians of the surface there
     before = mug_of(objects)
     answer = objects.what_if(before.id, "mug", [view_from(0.7, 1.0)])
@@ -273,10 +275,10 @@ def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_no
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
-def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(told):
+def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(reported):
     chosen = SIDES.model_copy(update={"side_views": 3.0})
-    one, other = again_of(told, chosen), again_of(told, chosen)
-    assert np.array_equal(one.memory().store.votes, told.memory().store.votes)
+    one, other = again_of(reported, chosen), again_of(reported, chosen)
+    assert np.array_equal(one.memory().store.votes, reported.memory().store.votes)
     other = again_of(other, chosen)
     more = [(0.1, 0.3), (0.3, 0.5)]
     for objects in (one, other):
@@ -286,9 +288,9 @@ def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(t
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
-def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_the_map(told):
-    by_views = again_of(told, SETTINGS)
-    assert [o.score for o in by_views.objects()] == [o.score for o in told.objects()]
+def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_the_map(reported):
+    by_views = again_of(reported, SETTINGS)
+    assert [o.score for o in by_views.objects()] == [o.score for o in reported.objects()]
     assert by_views.memory().store.votes.nbytes == 0
     by_sides = again_of(built(SETTINGS), SIDES)
     assert not by_sides.memory().store.votes.any()
@@ -303,8 +305,8 @@ def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_
     assert by_sides.memory().store.votes.any()
 
 
-def test_a_file_with_votes_that_make_no_sense_is_refused(told):
-    arrays = persistence.arrays_of(told.memory(), None)
+def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
+    arrays = persistence.arrays_of(reported.memory(), None)
     wrong = {
         "more for a class than in all": arrays["store.votes"][..., ::-1] + np.uint16(1),
         "other sectors": arrays["store.votes"][:, :, :6],
@@ -314,12 +316,12 @@ def test_a_file_with_votes_that_make_no_sense_is_refused(told):
         with pytest.raises(InvalidInput):
             persistence.read(
                 persistence.written(arrays | {"store.votes": np.ascontiguousarray(votes)}),
-                told.no_viewpoints(),
+                reported.no_viewpoints(),
             )
 
 
-def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_others(told):
-    objects = again_of(told, SIDES.model_copy(update={"max_classes": 2}))
+def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_others(reported):
+    objects = again_of(reported, SIDES.model_copy(update={"max_classes": 2}))
     store = objects.memory().store
 
     def votes_by_place() -> dict[bytes, bytes]:

@@ -1,4 +1,4 @@
-"""Makes the helpers beside the tests importable, and `start` and `house` fixtures of all."""
+"""Makes the helpers beside the tests importable, and `start` and `group` fixtures of all."""
 
 import sys
 from pathlib import Path
@@ -6,6 +6,6 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from planner_bus import start
-from planner_house import house
+from planner_group import group
 
-__all__ = ["house", "start"]
+__all__ = ["group", "start"]

@@ -82,7 +82,7 @@ class Peers:
         self.released = 0  # the newest lease that was given back
         self.done: dict[str, pb.ActionResult] = {}
         self.silent: set[str] = set()
-        self._told = 0
+        self._reported = 0
         self.blank_maps = 0  # so many snapshots are of a map2d that has no map yet
         self.gate: threading.Event | None = None
         self.acting = threading.Event()
@@ -147,10 +147,10 @@ class Peers:
 
     def _observe(self) -> None:
         seen = self.world.sightings()
-        news, self._told = seen[self._told :], len(seen)
+        news, self._reported = seen[self._reported :], len(seen)
         id = FrameId(self.boot, self.world_epoch, self.seq)
-        told = observation(id, self.context.id, news)
-        self.bus.publish(OBSERVATION, observation_to_proto(told))
+        reported = observation(id, self.context.id, news)
+        self.bus.publish(OBSERVATION, observation_to_proto(reported))
 
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         if self.blank_maps:

@@ -21,7 +21,7 @@ from helios_planner.tasks.registry import TaskRegistry
 from helios_planner.tasks.store import Store
 from planner_bus import ended, hasty, submit, task
 from planner_flat import GO, flat_with_mug
-from planner_house import House
+from planner_group import PlannerGroup
 from planner_world import FakeWorld
 
 from tests.support import wait_until
@@ -31,44 +31,46 @@ def kinds(world: FakeWorld) -> list[str]:
     return [type(a).__name__ for a in world.log]
 
 
-def stop(house: House, gate: threading.Event) -> None:
+def stop(group: PlannerGroup, gate: threading.Event) -> None:
     """End the first planner properly, in the middle of an action that ends when the gate opens."""
-    stopping = threading.Thread(target=house.planners[0].close)
+    stopping = threading.Thread(target=group.planners[0].close)
     stopping.start()
     gate.set()
     stopping.join(10)
 
 
 @pytest.mark.parametrize("answered", [True, False], ids=["done", "never sent"])
-def test_a_planner_that_dies_in_a_pick_goes_on_and_picks_once(house: House, answered: bool) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda r: r.action.HasField("pick"), answered)
+def test_a_planner_that_dies_in_a_pick_goes_on_and_picks_once(
+    group: PlannerGroup, answered: bool
+) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda r: r.action.HasField("pick"), answered)
     id = submit(bus).id
     wait_until(mortal.dead.is_set, 120, "it dies")
     before = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
     steps = peers.world.steps
     mortal.close()
-    bus = house.planner()
+    bus = group.planner()
     done = ended(bus, id)
     assert (done.state, done.cause) == ("succeeded", ""), done.message
     assert (kinds(peers.world).count("Pick"), kinds(peers.world).count("Place")) == (1, 1)
     assert done.picks == 1
     assert peers.world.released is peers.world.things[3]
     assert done.steps >= steps
-    told = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
-    assert [d.index for d in told] == list(range(len(told)))
-    assert told[: len(before)] == before
+    reported = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
+    assert [d.index for d in reported] == list(range(len(reported)))
+    assert reported[: len(before)] == before
     assert peers.contexts == [id], "a new search context would forget what was searched"
 
 
-def test_a_paused_task_stays_paused_over_the_planners_death(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda _: True)
+def test_a_paused_task_stays_paused_over_the_planners_death(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
     bus.call(PAUSE, pb.TaskRequest(id=id), 5)  # it was still there to hear this
     mortal.close()
-    bus = house.planner()
+    bus = group.planner()
     wait_until(lambda: "resume" in task(bus, id).message, 60, "it waits")
     assert task(bus, id).state == "paused"
     assert peers.world.steps == 1
@@ -76,83 +78,85 @@ def test_a_paused_task_stays_paused_over_the_planners_death(house: House) -> Non
     assert ended(bus, id).state == "cancelled"
 
 
-def test_a_cancelled_task_does_not_go_on_after_the_planners_death(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda _: True)
+def test_a_cancelled_task_does_not_go_on_after_the_planners_death(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
     bus.call(CANCEL, pb.TaskRequest(id=id), 5)  # it was still there to hear this
     mortal.close()
-    assert task(house.planner(), id).state == "cancelled"
+    assert task(group.planner(), id).state == "cancelled"
     assert peers.world.steps == 1
 
 
-def test_a_planner_that_was_away_for_too_long_leaves_the_task(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda r: r.action.HasField("turn"))
+def test_a_planner_that_was_away_for_too_long_leaves_the_task(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda r: r.action.HasField("turn"))
     id = submit(bus).id
     wait_until(mortal.dead.is_set, 60, "it dies")
     mortal.close()
     steps = peers.world.steps
-    bus = house.planner(resume_within_s=0)
+    bus = group.planner(resume_within_s=0)
     done = task(bus, id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "away for too long" in done.message
     assert peers.world.steps == steps
 
 
-def test_a_planner_that_is_stopped_leaves_no_task_that_starts_by_itself(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_planner_that_is_stopped_leaves_no_task_that_starts_by_itself(
+    group: PlannerGroup,
+) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    stop(house, peers.gate)
+    stop(group, peers.gate)
     steps = peers.world.steps
-    bus = house.planner()
+    bus = group.planner()
     done = task(bus, id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "was stopped" in done.message
     assert peers.world.steps == steps
 
 
-def test_a_robot_that_restarted_meanwhile_does_not_go_on(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda r: r.action.HasField("tilt"))
+def test_a_robot_that_restarted_meanwhile_does_not_go_on(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda r: r.action.HasField("tilt"))
     id = submit(bus).id
     wait_until(mortal.dead.is_set, 60, "it dies")
     mortal.close()
     peers.boot = "another"
-    done = ended(house.planner(), id)
+    done = ended(group.planner(), id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "restarted" in done.message
 
 
-def test_a_pause_outlives_a_second_death_while_the_task_is_taken_up(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda _: True)
+def test_a_pause_outlives_a_second_death_while_the_task_is_taken_up(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
     bus.call(PAUSE, pb.TaskRequest(id=id), 5)
     mortal.close()
     nowhere = MemoryBus(MemoryHub())  # no bridge is there
-    PlannerService(nowhere, hasty(house.state_dir / "robot"), Health())
+    PlannerService(nowhere, hasty(group.state_dir / "robot"), Health())
     assert task(nowhere, id).state == "paused"
-    bus = house.planner()
+    bus = group.planner()
     wait_until(lambda: "resume" in task(bus, id).message, 60, "it waits")
     assert peers.world.steps == 1
     bus.call(RESUME, pb.TaskRequest(id=id), 5)
     assert ended(bus, id).state == "succeeded"
 
 
-def test_a_task_is_paused_and_cancelled_while_it_waits_to_be_taken_up(house: House) -> None:
-    house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda _: True)
+def test_a_task_is_paused_and_cancelled_while_it_waits_to_be_taken_up(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
     mortal.close()
     bus = MemoryBus(MemoryHub())  # no bridge is there
-    PlannerService(bus, hasty(house.state_dir / "robot"), Health())
+    PlannerService(bus, hasty(group.state_dir / "robot"), Health())
     assert task(bus, id).state == "running"
     assert bus.call(PAUSE, pb.TaskRequest(id=id), 5).state == "paused"
     assert bus.call(RESUME, pb.TaskRequest(id=id), 5).state == "running"
@@ -160,14 +164,14 @@ def test_a_task_is_paused_and_cancelled_while_it_waits_to_be_taken_up(house: Hou
     assert (cancelled.state, cancelled.message[:16]) == ("cancelled", "cancelled after ")
 
 
-def test_clearing_the_stop_resumes_a_task_whose_planner_died_meanwhile(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda r: r.action.HasField("turn"))
+def test_clearing_the_stop_resumes_a_task_whose_planner_died_meanwhile(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda r: r.action.HasField("turn"))
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
     peers.stopped = True
     mortal.close()
-    bus = house.planner()
+    bus = group.planner()
     wait_until(lambda: "is stopped" in task(bus, id).message, 60, "it says so")
     assert task(bus, id).state == "paused"
     peers.stopped = False
@@ -186,25 +190,27 @@ def test_how_long_a_task_was_paused_does_not_count_as_the_planner_being_away(
     store = Store(tmp_path)
     settings, bus = hasty(tmp_path), MemoryBus(MemoryHub())
     store.pulse(time.time())
-    book = TaskRegistry(bus, settings, Health(), store)
-    assert book.restore() == ["a"]
-    assert book.known("a").state is State.PAUSED
+    task_registry = TaskRegistry(bus, settings, Health(), store)
+    assert task_registry.restore() == ["a"]
+    assert task_registry.known("a").state is State.PAUSED
     store.pulse(long_ago_s)
-    book = TaskRegistry(bus, settings, Health(), store)
-    assert book.restore() == []
-    assert book.known("a").state is State.FAILED
+    task_registry = TaskRegistry(bus, settings, Health(), store)
+    assert task_registry.restore() == []
+    assert task_registry.known("a").state is State.FAILED
 
 
-def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(
+    group: PlannerGroup,
+) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     submit(bus, GO)
     wait_until(peers.acting.is_set, 60, "it acts")
     queued = submit(bus, GO).id
-    stop(house, peers.gate)
+    stop(group, peers.gate)
     steps = peers.world.steps
-    bus = house.planner()
+    bus = group.planner()
     third = submit(bus, "find the mug").id
     assert ended(bus, third).state == "succeeded"
     assert peers.world.steps > steps
@@ -216,15 +222,15 @@ def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(house:
 
 
 def test_a_task_of_which_the_robot_has_done_more_than_the_journal_knows_is_left(
-    house: House,
+    group: PlannerGroup,
 ) -> None:
     """The computer lost power, and what it wrote last is not on its disk."""
-    peers = house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda _: len(peers.done) >= 7)
+    peers = group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda _: len(peers.done) >= 7)
     id = submit(bus).id
     wait_until(mortal.dead.is_set, 120, "it dies")
     mortal.close()
-    store = Store(house.state_dir / "robot")
+    store = Store(group.state_dir / "robot")
     entry = store.entry(id)
     assert entry is not None
     assert entry.request is not None
@@ -232,7 +238,7 @@ def test_a_task_of_which_the_robot_has_done_more_than_the_journal_knows_is_left(
     store.keep(id, replace(entry, result=None))
     store.close()
     steps = peers.world.steps
-    done = ended(house.planner(), id)
+    done = ended(group.planner(), id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert f"has done action {id}-8 of this task" in done.message
     assert peers.world.steps == steps

@@ -22,12 +22,12 @@ def test_a_task_that_waits_for_the_detector_says_what_the_detector_says(start: S
     _, bus, peers = start()
     peers.silent |= {"value", "objects"}
     say(peers, "degraded", WHY)
-    told: list[str] = []
-    bus.subscribe(TASK, lambda task: told.append(task.message))
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda task: reported.append(task.message))
     done = ended(bus, submit(bus).id)
     assert (done.state, done.cause) == ("failed", "system error")
-    assert f"waits for the detector: {WHY}" in told
-    assert not any("take up the search" in message for message in told[:-1])
+    assert f"waits for the detector: {WHY}" in reported
+    assert not any("take up the search" in message for message in reported[:-1])
     assert done.message == f"the detector did not take up the search: {WHY}"
 
 
@@ -49,10 +49,10 @@ def test_a_detector_that_fails_in_mid_task_is_named_with_its_reason(start: Start
         return act(action)
 
     peers.world.act = soon_silent
-    told: list[str] = []
-    bus.subscribe(TASK, lambda task: told.append(task.message))
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda task: reported.append(task.message))
     done = ended(bus, submit(bus).id)
-    assert f"waits for the detector: {WHY}" in told
+    assert f"waits for the detector: {WHY}" in reported
     assert "the detector did not answer keyframe" in done.message
     assert done.message.endswith(WHY)
 

@@ -114,9 +114,9 @@ def test_only_what_may_still_be_chosen_holds_up() -> None:
     rig.known = [instance(counter(), score=0.9)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
     (thing,) = rig.known
-    assert search.holds_up(thing)
+    assert search.confirmed(thing)
     search.leave(thing, out_of_reach=False)
-    assert not search.holds_up(thing)
+    assert not search.confirmed(thing)
 
 
 def test_what_is_gone_is_not_taken_for_another_one_beside_it() -> None:
@@ -147,4 +147,4 @@ def test_from_near_a_score_may_lack_what_one_more_view_could_bring() -> None:
     least = search.threshold - rig.settings.tau_inc
     for score, holds in ((least + 0.01, True), (least - 0.01, False)):
         rig.known = [instance(counter(), score=score)]
-        assert search.holds_up(rig.known[0]) is holds
+        assert search.confirmed(rig.known[0]) is holds

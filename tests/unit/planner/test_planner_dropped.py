@@ -103,10 +103,10 @@ def test_a_place_that_let_it_fall_is_made_good() -> None:
 def test_nothing_is_put_on_what_is_seen_there_only_from_near() -> None:
     """From afar no surface is seen, so the edge must do; from near one sees what lies there."""
     world = flat([coffee_table(), counter(), mug()], extra=[BOOK])
-    told = world.ground
+    reported = world.ground
 
     def ground() -> GroundMap:
-        known = told()
+        known = reported()
         if world.pose().y_m > 5.5:
             return known
         return replace(known, top_m=np.where(known.top_m >= COUNTER_M, 0, known.top_m))

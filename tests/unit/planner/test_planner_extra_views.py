@@ -66,5 +66,5 @@ def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
     look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", Act.PICK)
     rig.search._look_again(look)
     assert not looks.stop()
-    rig.search.settle_for_less()
+    rig.search.relax()
     assert looks.stop()

@@ -16,7 +16,7 @@ from helios_planner.tasks.registry import NOT_KEPT
 from planner_bus import ended, submit, task
 from planner_disk import refuse, refusing
 from planner_flat import GO, flat_with_mug
-from planner_house import House
+from planner_group import PlannerGroup
 
 from tests.support import wait_until
 
@@ -29,66 +29,70 @@ def mends_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service, "PULSE_S", 0.05)
 
 
-def after_death(house: House, tmp_path: Path) -> House:
+def after_death(group: PlannerGroup, tmp_path: Path) -> PlannerGroup:
     """The house in which a new planner starts on what the present one has on the disk."""
-    later = House(tmp_path / "later")
-    later.hub = house.hub
-    shutil.copytree(house.state_dir / "robot", later.state_dir / "robot")
-    house.planners[-1].close()
+    later = PlannerGroup(tmp_path / "later")
+    later.hub = group.hub
+    shutil.copytree(group.state_dir / "robot", later.state_dir / "robot")
+    group.planners[-1].close()
     return later
 
 
-def test_while_tasks_cannot_be_kept_the_planner_is_degraded_and_takes_none(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner()
-    wait_until(lambda: house.healths[-1].state[0] == "ready", 60, "it is ready")
-    with refusing(house.planners[-1]):
-        wait_until(lambda: house.healths[-1].state[0] == "degraded", 10, "it notices by itself")
-        said = house.healths[-1].state[1]
+def test_while_tasks_cannot_be_kept_the_planner_is_degraded_and_takes_none(
+    group: PlannerGroup,
+) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
+    wait_until(lambda: group.healths[-1].state[0] == "ready", 60, "it is ready")
+    with refusing(group.planners[-1]):
+        wait_until(lambda: group.healths[-1].state[0] == "degraded", 10, "it notices by itself")
+        said = group.healths[-1].state[1]
         assert "tasks cannot be kept in" in said
         assert "make that folder writable" in said
         with pytest.raises(Unavailable, match="no task is taken now: tasks cannot be kept"):
             submit(bus, GO)
         assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks
-    wait_until(lambda: house.healths[-1].state[0] == "ready", 10, "it recovers by itself")
+    wait_until(lambda: group.healths[-1].state[0] == "ready", 10, "it recovers by itself")
     assert ended(bus, submit(bus, GO).id).state == "succeeded"
 
 
-def test_a_task_whose_submission_cannot_be_kept_is_not_known(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner()
-    house.planners[-1]._ending.set()  # no pulse notices first
-    with refusing(house.planners[-1]), pytest.raises(Unavailable, match="no task is taken"):
+def test_a_task_whose_submission_cannot_be_kept_is_not_known(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
+    group.planners[-1]._ending.set()  # no pulse notices first
+    with refusing(group.planners[-1]), pytest.raises(Unavailable, match="no task is taken"):
         submit(bus, GO)
     assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks
 
 
 def test_no_action_is_begun_that_is_not_written_down_and_it_goes_on_with_room(
-    house: House,
+    group: PlannerGroup,
 ) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     id = submit(bus).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    told: list[str] = []
-    bus.subscribe(TASK, lambda t: told.append(t.message))
-    with refusing(house.planners[-1]):
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda t: reported.append(t.message))
+    with refusing(group.planners[-1]):
         peers.gate.set()
         wait_until(lambda: "waits for its journal" in task(bus, id).message, 10, "it says so")
         assert "tasks cannot be kept in" in task(bus, id).message
         assert peers.world.steps == 1  # the one that was under way
     assert ended(bus, id).state == "succeeded"
-    assert any("waits for its journal" in m for m in told)
+    assert any("waits for its journal" in m for m in reported)
 
 
-def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner(keep_within_s=0.3)
+def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(
+    group: PlannerGroup,
+) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner(keep_within_s=0.3)
     peers.gate = threading.Event()
     id = submit(bus).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    with refusing(house.planners[-1]):
+    with refusing(group.planners[-1]):
         peers.gate.set()
         done = ended(bus, id)
         assert (done.state, done.cause) == ("failed", "system error")
@@ -96,17 +100,17 @@ def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(house: H
         assert NOT_KEPT in done.message
         assert peers.world.steps == 1
     wait_until(lambda: NOT_KEPT not in task(bus, id).message, 10, "it is kept after all")
-    house.planners[-1].close()
-    assert task(house.planner(), id).state == "failed"
+    group.planners[-1].close()
+    assert task(group.planner(), id).state == "failed"
 
 
-def test_an_end_is_told_when_it_is_kept(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+def test_an_end_is_told_when_it_is_kept(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    with refusing(house.planners[-1]):
+    with refusing(group.planners[-1]):
         bus.call(CANCEL, pb.TaskRequest(id=id), 5)
         peers.gate.set()
         wait_until(lambda: "told as cancelled once" in task(bus, id).message, 10, "it waits")
@@ -120,20 +124,20 @@ def test_an_end_is_told_when_it_is_kept(house: House) -> None:
 
 
 def test_a_task_that_has_ended_on_a_full_disk_does_not_drive_after_a_restart(
-    house: House, tmp_path: Path
+    group: PlannerGroup, tmp_path: Path
 ) -> None:
     """Found by hand: it was told as succeeded, and after a restart the robot moved."""
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    refuse(house.planners[-1]._store)
+    refuse(group.planners[-1]._store)
     bus.call(CANCEL, pb.TaskRequest(id=id), 5)
     peers.gate.set()
     wait_until(lambda: "told as cancelled once" in task(bus, id).message, 10, "it has ended")
     steps = peers.world.steps
-    later = after_death(house, tmp_path)
+    later = after_death(group, tmp_path)
     bus = later.planner()
     found = task(bus, id)
     assert (found.state, found.cause) == ("failed", "system error")
@@ -146,26 +150,26 @@ def test_a_task_that_has_ended_on_a_full_disk_does_not_drive_after_a_restart(
 
 
 def test_what_was_queued_on_a_full_disk_waits_to_be_resumed_after_a_restart(
-    house: House, tmp_path: Path
+    group: PlannerGroup, tmp_path: Path
 ) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     submit(bus, GO)
     wait_until(peers.acting.is_set, 60, "it acts")
     queued = submit(bus, GO).id
-    refuse(house.planners[-1]._store)
+    refuse(group.planners[-1]._store)
     bus.call(CANCEL, pb.TaskRequest(id=queued), 5)
-    wait_until(lambda: house.healths[-1].state[0] == "degraded", 10, "it is told")
-    later = after_death(house, tmp_path)
+    wait_until(lambda: group.healths[-1].state[0] == "degraded", 10, "it is told")
+    later = after_death(group, tmp_path)
     bus = later.planner()
     assert (task(bus, queued).state, task(bus, queued).on_hold) == ("queued", True)
     later.close()
 
 
-def test_of_two_tasks_that_ran_only_the_newer_may_go_on(house: House) -> None:
-    house.peers(flat_with_mug())
-    mortal, bus = house.mortal(lambda _: True)
+def test_of_two_tasks_that_ran_only_the_newer_may_go_on(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
     running = task(bus, id)
@@ -173,21 +177,21 @@ def test_of_two_tasks_that_ran_only_the_newer_may_go_on(house: House) -> None:
     stale = pb.Task()
     stale.CopyFrom(running)
     stale.id, stale.started_s = "older", running.started_s - 50
-    bus = house.planner()
-    house.planners[-1]._store.put(stale)
-    house.planners[-1]._store.put(running)
-    steps_of = house.planner()
+    bus = group.planner()
+    group.planners[-1]._store.put(stale)
+    group.planners[-1]._store.put(running)
+    steps_of = group.planner()
     assert "could not write down" in task(steps_of, "older").message
     assert task(steps_of, "older").state == "failed"
 
 
-def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    with refusing(house.planners[-1]):
+    with refusing(group.planners[-1]):
         assert bus.call(PAUSE, pb.TaskRequest(id=id), 5).on_hold
         peers.gate.set()
         wait_until(lambda: task(bus, id).state == "paused", 10, "it stands")
@@ -197,24 +201,24 @@ def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(house: House) -> No
     assert ended(bus, id).state == "succeeded"
 
 
-def test_tasks_are_told_while_the_disk_does_not_answer(house: House) -> None:
+def test_tasks_are_told_while_the_disk_does_not_answer(group: PlannerGroup) -> None:
     """No lock that a write holds is needed to tell how a task is."""
-    house.peers(flat_with_mug())
-    bus = house.planner()
+    group.peers(flat_with_mug())
+    bus = group.planner()
     id = submit(bus, GO).id
     ended(bus, id)
-    planner = house.planners[-1]
+    planner = group.planners[-1]
     with planner._registry._writing, planner._store._lock:  # as in a write that takes its time
         assert task(bus, id).state == "succeeded"
         assert len(bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks) == 1
 
 
-def test_a_task_that_has_ended_is_not_paused_by_who_comes_too_late(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_task_that_has_ended_is_not_paused_by_who_comes_too_late(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
     id = submit(bus, GO).id
     ended(bus, id)
-    book = house.planners[-1]._registry
+    book = group.planners[-1]._registry
     assert book.change(id, on_hold=True, state=State.PAUSED).state is State.SUCCEEDED
-    house.planners[-1].close()
-    assert task(house.planner(), id).state == "succeeded"
+    group.planners[-1].close()
+    assert task(group.planner(), id).state == "succeeded"

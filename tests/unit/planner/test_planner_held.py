@@ -16,7 +16,7 @@ from helios_planner.tasks.mission import Mission
 from helios_planner.tasks.run_control import LastAction
 from planner_bus import ended, submit, task
 from planner_flat import MOVE, flat_with_mug
-from planner_house import House
+from planner_group import PlannerGroup
 from planner_things import Thing
 from planner_world import FakeWorld
 
@@ -66,10 +66,10 @@ def test_a_pick_that_was_refused_took_nothing_whatever_is_held() -> None:
 
 
 def test_a_cancelled_task_says_what_it_leaves_in_the_gripper_and_the_next_one_places_it(
-    house: House,
+    group: PlannerGroup,
 ) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     gate = threading.Event()
     act = peers.world.act
 

@@ -92,9 +92,9 @@ def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twi
     assert result.turned_rad == pytest.approx(0.3)
     assert scene.done()[-2:] == [Turn, Observe]
     assert scene.done().count(Turn) == 1
-    told = [cast("str | None", call.args[0]) for call in scene.listener.on_wait.call_args_list]
-    assert "to answer keyframe" in (told[0] or "")
-    assert told[-1] is None
+    reported = [cast("str | None", call.args[0]) for call in scene.listener.on_wait.call_args_list]
+    assert "to answer keyframe" in (reported[0] or "")
+    assert reported[-1] is None
 
 
 def test_looking_anew_after_a_stop_does_not_hide_that_the_action_was_cut_short(

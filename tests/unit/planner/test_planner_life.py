@@ -10,14 +10,14 @@ from helios_core.errors import Conflict, InvalidInput
 from helios_core.topics import CANCEL, DECISIONS, LIST_TASKS, PAUSE, RESUME, TASK
 from planner_bus import ended, submit, task
 from planner_flat import GO, flat_with_mug
-from planner_house import House
+from planner_group import PlannerGroup
 
 from tests.support import wait_until
 
 
-def test_a_paused_task_begins_no_action_until_it_is_resumed(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner(max_steps=3)
+def test_a_paused_task_begins_no_action_until_it_is_resumed(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner(max_steps=3)
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
@@ -30,9 +30,9 @@ def test_a_paused_task_begins_no_action_until_it_is_resumed(house: House) -> Non
     assert ended(bus, id).steps == 3
 
 
-def test_a_paused_task_can_be_cancelled(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_paused_task_can_be_cancelled(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
@@ -44,9 +44,9 @@ def test_a_paused_task_can_be_cancelled(house: House) -> None:
     assert peers.world.steps == 1
 
 
-def test_a_queued_task_that_is_paused_is_not_begun_until_it_is_resumed(house: House) -> None:
-    peers = house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_queued_task_that_is_paused_is_not_begun_until_it_is_resumed(group: PlannerGroup) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
     peers.gate = threading.Event()
     first, second, third = (submit(bus, GO).id for _ in range(3))
     wait_until(peers.acting.is_set, 60, "it acts")
@@ -62,9 +62,9 @@ def test_a_queued_task_that_is_paused_is_not_begun_until_it_is_resumed(house: Ho
     assert task(bus, first).ended_s < task(bus, third).ended_s < task(bus, second).started_s
 
 
-def test_what_has_ended_or_never_was_is_neither_paused_nor_resumed(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner()
+def test_what_has_ended_or_never_was_is_neither_paused_nor_resumed(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
     id = submit(bus, GO).id
     ended(bus, id)
     for method in (PAUSE, RESUME):
@@ -74,9 +74,9 @@ def test_what_has_ended_or_never_was_is_neither_paused_nor_resumed(house: House)
             bus.call(method, pb.TaskRequest(id="nobody" * 1000), 5)
 
 
-def test_a_task_ends_when_its_time_is_over(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_task_ends_when_its_time_is_over(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
     id = submit(bus, GO, time_limit_s=0.2).id
     assert task(bus, id).time_limit_s == pytest.approx(0.2)
     done = ended(bus, id)
@@ -84,18 +84,18 @@ def test_a_task_ends_when_its_time_is_over(house: House) -> None:
     assert done.message == "the task's 0.2 s are used up"
 
 
-def test_a_time_that_makes_no_sense_is_refused(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner()
+def test_a_time_that_makes_no_sense_is_refused(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
     for wrong in (-1.0, float("nan"), float("inf")):
         with pytest.raises(InvalidInput, match="wanted seconds"):
             submit(bus, GO, time_limit_s=wrong)
     assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
 
 
-def test_two_tasks_on_one_robot_are_done_one_after_the_other(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner(max_steps=3)
+def test_two_tasks_on_one_robot_are_done_one_after_the_other(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner(max_steps=3)
     ran: list[tuple[str, str]] = []
     bus.subscribe(TASK, lambda t: ran.append((t.id, t.state)))
     first, second = submit(bus, GO).id, submit(bus, GO).id
@@ -104,10 +104,10 @@ def test_two_tasks_on_one_robot_are_done_one_after_the_other(house: House) -> No
     assert (first, "failed") in ran[:began]
 
 
-def test_different_robots_run_side_by_side(house: House) -> None:
+def test_different_robots_run_side_by_side(group: PlannerGroup) -> None:
     """One stands still with its hand on its action; the other one goes on and ends."""
-    still, other = house.peers(flat_with_mug(), "one"), house.peers(flat_with_mug(), "two")
-    one, two = house.planner("one", max_steps=5), house.planner("two", max_steps=5)
+    still, other = group.peers(flat_with_mug(), "one"), group.peers(flat_with_mug(), "two")
+    one, two = group.planner("one", max_steps=5), group.planner("two", max_steps=5)
     still.gate = threading.Event()
     held = submit(one, GO).id
     wait_until(still.acting.is_set, 60, "it acts")
@@ -118,9 +118,9 @@ def test_different_robots_run_side_by_side(house: House) -> None:
     assert ended(one, held).steps == 5
 
 
-def test_of_ended_tasks_the_newest_are_remembered(house: House) -> None:
-    house.peers(flat_with_mug())
-    bus = house.planner(keep_tasks=1, max_steps=1)
+def test_of_ended_tasks_the_newest_are_remembered(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner(keep_tasks=1, max_steps=1)
     ids = []
     for _ in range(3):
         ids.append(submit(bus, GO).id)

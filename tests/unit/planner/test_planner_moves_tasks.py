@@ -16,7 +16,7 @@ from helios_planner.tasks.messages import task_from_proto, task_to_proto
 from helios_planner.tasks.store import Store
 from planner_bus import Start, ended, submit, task
 from planner_flat import flat
-from planner_house import House
+from planner_group import PlannerGroup
 
 from tests.support import wait_until
 
@@ -33,9 +33,9 @@ def test_a_go_is_a_task_with_its_point_its_phase_and_its_reasons(start: Start) -
     assert done.message.startswith("stands at (8.")
     assert done.steps == peers.world.steps
     assert peers.world.pose().distance_m((8.3, 6.3)) < 0.12
-    told = bus.call(DECISIONS, pb.TaskRequest(id=done.id), 5).decisions
-    assert [d.index for d in told] == list(range(len(told)))
-    assert all(d.phase == "go" and "known ground ends" in d.why for d in told)
+    reported = bus.call(DECISIONS, pb.TaskRequest(id=done.id), 5).decisions
+    assert [d.index for d in reported] == list(range(len(reported)))
+    assert all(d.phase == "go" and "known ground ends" in d.why for d in reported)
 
 
 @pytest.mark.parametrize("text", [GO, "explore the home", "come back"])
@@ -99,10 +99,10 @@ def test_a_robot_that_cannot_move_is_sent_nowhere(start: Start) -> None:
 @pytest.mark.parametrize("text", [GO, "go to 8, 3", "explore the home"])
 @pytest.mark.parametrize("answered", [True, False])
 def test_a_planner_that_dies_on_the_way_is_followed_by_one_that_gets_there(
-    house: House, text: str, answered: bool
+    group: PlannerGroup, text: str, answered: bool
 ) -> None:
     world = flat()
-    peers = house.peers(world)
+    peers = group.peers(world)
     moves = 0
 
     def dies_at(request: pb.ActionRequest) -> bool:
@@ -110,10 +110,10 @@ def test_a_planner_that_dies_on_the_way_is_followed_by_one_that_gets_there(
         moves += request.action.HasField("forward")
         return moves == 3
 
-    mortal, asked = house.mortal(dies_at, answered)
+    mortal, asked = group.mortal(dies_at, answered)
     id = submit(asked, text).id
     assert mortal.dead.wait(60)
-    bus: MemoryBus = house.planner()
+    bus: MemoryBus = group.planner()
     done = ended(bus, id)
     assert done.state == "succeeded", done.message
     assert done.point == task(bus, id).point

@@ -19,9 +19,9 @@ from planner_peers import Peers
 OWN = "helios_examples.left_first:agent"
 
 
-def object_map_for(peers: Peers, told: str) -> None:
+def object_map_for(peers: Peers, reported: str) -> None:
     """An object map whose settings are this JSON."""
-    peers.bus.serve(settings_method("objectmap"), lambda _: pb.SettingsReply(json=told))
+    peers.bus.serve(settings_method("objectmap"), lambda _: pb.SettingsReply(json=reported))
 
 
 def started_for(agent: str) -> str:
@@ -83,18 +83,20 @@ def test_a_task_that_waited_while_the_planner_was_started_for_another_agent_fail
     again = PlannerService(MemoryBus(hub), hasty(tmp_path, agent="helios-paper"), Health())
     Peers(hub, flat_with_mug())
     try:
-        told = ended(MemoryBus(hub), id)
-        assert (told.state, told.cause, told.steps) == ("failed", "system error", 0)
-        assert "helios up --agent helios" in told.message
+        reported = ended(MemoryBus(hub), id)
+        assert (reported.state, reported.cause, reported.steps) == ("failed", "system error", 0)
+        assert "helios up --agent helios" in reported.message
         assert submit(MemoryBus(hub)).agent == "helios-paper"
     finally:
         again.close()
         died.close()
 
 
-@pytest.mark.parametrize("told", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])
-def test_an_object_map_that_does_not_say_its_agent_refuses_nothing(told: str, start: Start) -> None:
+@pytest.mark.parametrize("reported", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])
+def test_an_object_map_that_does_not_say_its_agent_refuses_nothing(
+    reported: str, start: Start
+) -> None:
     """One of an older release, or one that is away; the planner's own settings still count."""
     _, bus, peers = start(agent="helios")
-    object_map_for(peers, told)
+    object_map_for(peers, reported)
     assert submit(bus).agent == "helios"

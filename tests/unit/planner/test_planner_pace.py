@@ -28,10 +28,10 @@ events = st.one_of(
     st.floats(0.0, 1000.0),
 )  # fmt: skip
 def test_progress_never_falls_and_a_range_is_one(
-    kind: Kind, max_steps: int, told: list[tuple[str, object]], left_s: float
+    kind: Kind, max_steps: int, reported: list[tuple[str, object]], left_s: float
 ) -> None:
     pace, now_s, steps, before = ProgressEstimate(kind, max_steps, 0, 0.0), 0.0, 0, 0.0
-    for what, value in told:
+    for what, value in reported:
         match what, value:
             case "step", float(took_s):
                 now_s, steps = now_s + took_s, steps + 1
@@ -91,14 +91,14 @@ def test_a_task_that_goes_on_after_its_planner_died_keeps_its_progress() -> None
 
 def test_a_whole_task_tells_progress_that_never_falls_and_a_range(start: Start) -> None:
     _, bus, _ = start()
-    told: list[pb.Task] = []
-    bus.subscribe(TASK, told.append)
+    reported: list[pb.Task] = []
+    bus.subscribe(TASK, reported.append)
     done = ended(bus, submit(bus).id)
     assert (done.state, done.progress) == ("succeeded", 1.0)
-    assert all(a.progress <= b.progress for a, b in itertools.pairwise(told))
-    assert len({t.progress for t in told}) > done.steps
-    ranges = [(t.eta_low_s, t.eta_high_s) for t in told if t.HasField("eta_low_s")]
+    assert all(a.progress <= b.progress for a, b in itertools.pairwise(reported))
+    assert len({t.progress for t in reported}) > done.steps
+    ranges = [(t.eta_low_s, t.eta_high_s) for t in reported if t.HasField("eta_low_s")]
     assert len(ranges) > done.steps / 2
     assert all(0 <= low <= high for low, high in ranges)
-    assert not any(t.HasField("eta_high_s") for t in told if t.steps <= LEAST_STEPS)
+    assert not any(t.HasField("eta_high_s") for t in reported if t.steps <= LEAST_STEPS)
     assert not done.HasField("eta_low_s")

@@ -34,7 +34,7 @@ from planner_world import FakeWorld
 def _settle(search: ScoredSearch) -> None:
     """As when everything was searched as often as it ever is."""
     search._round = search.settings.rounds - 1
-    while search.settle_for_less():
+    while search.relax():
         pass
 
 
@@ -58,7 +58,7 @@ def test_what_a_patient_agent_was_surer_of_than_it_needs_to_be_may_lose_that_fro
     assert search.decide().do is Do.ACT
     for score, holds in ((0.51, True), (0.46, True), (0.44, False)):
         rig.known = [instance(counter(), score=score)]
-        assert search.holds_up(rig.known[0]) is holds
+        assert search.confirmed(rig.known[0]) is holds
 
 
 def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_restart() -> None:
@@ -106,12 +106,12 @@ def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() ->
 
 def test_a_patient_search_searches_everything_again_before_it_goes_below_the_threshold() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, patient)
-    search.settle_at_last(0.92)
-    while search.settle_for_less():
+    search.accept_likeliest_after(0.92)
+    while search.relax():
         pass
     assert search.threshold == search.settings.tau_b
     search._round = Settings().rounds - 1
-    assert search.settle_for_less()
+    assert search.relax()
     assert search.threshold < search.settings.tau_b
 
 
@@ -174,36 +174,38 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
-    search.settle_at_last(0.92)
+    search.accept_likeliest_after(0.92)
     rig.world.steps = int(0.9 * rig.world.max_steps)
     assert search.decide().do is not Do.ACT
     rig.world.steps = int(0.93 * rig.world.max_steps)
     assert search.decide().do is Do.ACT
-    assert search.settled_for(rig.known[0])
-    assert search.holds_up(rig.known[0])
-    assert not search.settled_for(instance(counter(), score=0.9))  # it would have done before
+    assert search.accepted_as_likeliest(rig.known[0])
+    assert search.confirmed(rig.known[0])
+    assert not search.accepted_as_likeliest(
+        instance(counter(), score=0.9)
+    )  # it would have done before
     rig.known = [replace(rig.known[0], score=-0.01)]  # Ψ is S − U
     assert search.decide().do is Do.ACT
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
-    again.settle_at_last(0.92)
+    again.accept_likeliest_after(0.92)
     again.recall(search.memory())
-    assert again.settled_for(rig.known[0])
+    assert again.accepted_as_likeliest(rig.known[0])
 
 
 def test_everything_is_searched_a_second_time_before_it_settles() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
-    search.settle_at_last(0.92)
-    assert not search.settle_for_less()
+    search.accept_likeliest_after(0.92)
+    assert not search.relax()
     search._round = Settings().rounds - 1
-    assert search.settle_for_less()
-    assert not search.settle_for_less()
+    assert search.relax()
+    assert not search.relax()
 
 
 def test_the_paper_counts_no_place() -> None:
     rig = Rig(Looks([]))
     thing = Thing(4, "mug", np.array([1.0, 1.0, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), score=0.6), instance(thing, score=0.9)]
-    rig.search.settle_for_less()
+    rig.search.relax()
     decision = rig.search.decide()
     assert decision.do is Do.ACT
     assert "place" not in decision.candidates[0].terms
@@ -213,7 +215,7 @@ def _forgotten(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
     """A search whose candidates, one of many views and a surer one of few, are known no more."""
     rig = Rig(Looks([]), **settings)
     search = ReceptacleSearch(rig.tools, "counter", None, agent)
-    search.settle_at_last(0.9)
+    search.accept_likeliest_after(0.9)
     once, fleeting = instance(counter(), score=0.3), instance(coffee_table(), score=0.45)
     rig.known = [replace(once, views=20), replace(fleeting, class_name="counter", views=1)]
     assert search.decide().do is not Do.ACT
@@ -232,8 +234,8 @@ def test_when_all_candidates_are_forgotten_the_one_of_most_views_is_gone_back_to
     assert decision.do is Do.ACT
     found = search.chosen(decision)
     assert found.views == 20
-    assert search.settled_for(found)
-    assert search.holds_up(None)
+    assert search.accepted_as_likeliest(found)
+    assert search.confirmed(None)
     search.leave(found, out_of_reach=False)  # it did not work: the next one
     assert search.chosen(search.decide()).views == 1
     rig.known = [instance(counter(), id=9, score=0.1)]
@@ -263,7 +265,7 @@ def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
 def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
     rig, search = _forgotten(paper)
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
-    again.settle_at_last(0.9)
+    again.accept_likeliest_after(0.9)
     again.recall(json.loads(json.dumps(search.memory())))
     rig.world.steps = int(0.95 * rig.world.max_steps)
     assert again.chosen(again.decide()).views == 20
@@ -290,4 +292,4 @@ def test_an_object_that_is_forgotten_is_doubted_before_the_end() -> None:
     thing = Thing(4, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), score=0.6), instance(thing, score=0.9)]
     assert rig.search.decide().do is Do.ACT
-    assert not rig.search.holds_up(None)
+    assert not rig.search.confirmed(None)

@@ -119,11 +119,11 @@ def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
-    search.settle_at_last(0.88)
-    assert not search.holds_up(None)
+    search.accept_likeliest_after(0.88)
+    assert not search.confirmed(None)
     rig.world.steps = int(0.9 * rig.world.max_steps)
     search.decide()
-    assert search.holds_up(None)
+    assert search.confirmed(None)
 
 
 def test_what_vanished_from_near_is_placed_on_where_it_was_if_that_has_to_do() -> None:

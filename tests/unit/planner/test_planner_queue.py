@@ -42,8 +42,8 @@ def test_the_queue_is_taken_by_priority_and_then_in_turn(start: Start) -> None:
     wait_until(peers.acting.is_set, 60, "it acts")
     asked = [pb.SubmitRequest(instruction="go to the counter", priority=p) for p in (0, -5, 7, 0)]
     ids = [bus.call(SUBMIT, request, 5).id for request in asked]
-    told = bus.call(LIST_TASKS, pb.Empty(), 5).tasks
-    assert {t.id: t.priority for t in told} == {
+    reported = bus.call(LIST_TASKS, pb.Empty(), 5).tasks
+    assert {t.id: t.priority for t in reported} == {
         first: 0, **dict(zip(ids, (0, -5, 7, 0), strict=True))
     }  # fmt: skip
     peers.gate.set()

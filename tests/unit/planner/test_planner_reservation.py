@@ -19,8 +19,8 @@ ASK = pb.ReserveRequest(why=WHY, for_s=60.0)
 
 def test_a_task_that_comes_during_a_reservation_waits_for_its_end_and_says_so(start: Start) -> None:
     service, bus, peers = start()
-    told: list[str] = []
-    bus.subscribe(TASK, lambda t: told.append(t.state))
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda t: reported.append(t.state))
     token = bus.call(RESERVE, ASK, 5).token
     id = submit(bus, "find the mug").id
     assert WHY in task(bus, id).message
@@ -28,7 +28,7 @@ def test_a_task_that_comes_during_a_reservation_waits_for_its_end_and_says_so(st
         service._wake.notify_all()  # the worker looks, and begins nothing
     wait_until(service._described.is_set, 20, "the robot is known")
     assert not peers.acting.wait(0.7)  # it looks every 0.5 s
-    assert set(told) == {"queued"}
+    assert set(reported) == {"queued"}
     bus.call(RESERVE, pb.ReserveRequest(token=token), 5)
     assert ended(bus, id).state == "succeeded"
 

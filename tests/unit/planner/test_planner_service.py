@@ -25,10 +25,10 @@ def test_a_task_succeeds_and_its_decisions_say_why(start: Start) -> None:
     assert done.steps == peers.world.steps
     assert done.picks == 1
     wait_until(lambda: peers.released == peers.token, 60, "the robot is given back")
-    told = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
-    assert [d.index for d in told] == list(range(len(told)))
-    assert all(d.why and d.rule and d.context_id == done.context_id for d in told)
-    assert any("pick" in d.rule for d in told)
+    reported = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
+    assert [d.index for d in reported] == list(range(len(reported)))
+    assert all(d.why and d.rule and d.context_id == done.context_id for d in reported)
+    assert any("pick" in d.rule for d in reported)
     assert {c.role for c in peers.context.classes} == {
         "object", "start_receptacle", "goal_receptacle"
     }  # fmt: skip

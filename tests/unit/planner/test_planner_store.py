@@ -55,8 +55,8 @@ def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seen", [True, False, None])
 def test_whether_it_was_seen_at_its_goal_is_kept_and_told(seen: bool | None) -> None:
     task = a_task(state=State.SUCCEEDED).with_(seen_at_goal=seen)
-    told = pb.Task.FromString(task_to_proto(task).SerializeToString())
-    assert task_from_proto(told) == task
+    reported = pb.Task.FromString(task_to_proto(task).SerializeToString())
+    assert task_from_proto(reported) == task
 
 
 def test_the_newest_pulse_is_kept(tmp_path: Path) -> None:

@@ -50,8 +50,8 @@ def test_a_task_has_settings_of_its_own_and_the_next_one_has_not(start: Start) -
     ended(bus, after)
 
     def weights(id: str) -> set[float]:
-        told = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
-        return {d.settings["alpha_d"] for d in told if "alpha_d" in d.settings}
+        reported = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
+        return {d.settings["alpha_d"] for d in reported if "alpha_d" in d.settings}
 
     assert (weights(own), weights(after)) == ({0.02}, {0.001})
 

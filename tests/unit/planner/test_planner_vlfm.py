@@ -143,13 +143,13 @@ def chased(values: list[float]) -> tuple[FakeWorld, TargetPursuit]:
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
     mission.tools.base.look_around()
     search = mission.agent.seek_object(mission.tools, "mug", None)
-    told = iter(values)
-    worth = [next(told)]
+    messages = iter(values)
+    worth = [next(messages)]
     look = world.look
 
     def looking() -> None:
         look()
-        worth[0] = next(told, worth[0])
+        worth[0] = next(messages, worth[0])
 
     world.look = looking
     world.frontiers = lambda: [Frontier(1, (4.0, 1.2), 1.0, {"pick": worth[0]})]
@@ -198,11 +198,11 @@ def test_what_is_seen_where_no_way_leads_is_left_for_what_can_be_gone_to(
     world = flat([coffee_table(), counter(), mug()])
     real, beyond = world.sightings, seen(12.0, away_m=4.9)
     monkeypatch.setattr(world, "sightings", lambda: [*real(), beyond])
-    told: list[str] = []
+    messages: list[str] = []
 
     def tell(_phase: Phase, _seeking: str, message: str) -> None:
-        told.append(message)
-        assert len(told) < 1000, f"it says for ever: {message}"
+        messages.append(message)
+        assert len(messages) < 1000, f"it says for ever: {message}"
 
     monkeypatch.setattr(world, "on_phase", tell)
     Mission(world, parse(FIND), Settings(agent=agent)).run()

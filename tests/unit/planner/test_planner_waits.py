@@ -45,12 +45,12 @@ def test_a_robot_that_begins_a_new_world_in_mid_task_is_a_system_error(start: St
 def test_a_map_that_stays_silent_fails_the_task_and_is_named(start: Start) -> None:
     _, bus, peers = start()
     peers.silent.add("objects")
-    told: list[str] = []
-    bus.subscribe(TASK, lambda task: told.append(task.message))
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda task: reported.append(task.message))
     done = ended(bus, submit(bus).id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "objectmap" in done.message
-    assert any(m.startswith("waits for objectmap") for m in told)
+    assert any(m.startswith("waits for objectmap") for m in reported)
 
 
 def test_a_task_says_what_it_waits_for_and_goes_on_with_what_it_did(start: Start) -> None:
@@ -64,20 +64,20 @@ def test_a_task_says_what_it_waits_for_and_goes_on_with_what_it_did(start: Start
         return peers._snapshot(request)
 
     peers.bus.serve(SNAPSHOT, snapshot)
-    told: list[str] = []
-    bus.subscribe(TASK, lambda task: told.append(task.message))
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda task: reported.append(task.message))
     assert ended(bus, submit(bus, "go to the counter").id).state == "succeeded"
-    k = told.index("waits for the map2d: it starts again")
-    assert told.count(told[k]) == 1
-    assert told[k + 1] == told[k - 1]
+    k = reported.index("waits for the map2d: it starts again")
+    assert reported.count(reported[k]) == 1
+    assert reported[k + 1] == reported[k - 1]
 
 
 def test_a_queued_task_says_that_no_robot_is_there_yet(tmp_path: Path) -> None:
     hub = MemoryHub()
     service = PlannerService(MemoryBus(hub), Settings(state_dir=tmp_path), Health())
-    told = submit(MemoryBus(hub)).message
+    reported = submit(MemoryBus(hub)).message
     service.close()
-    assert told == "waits for its turn; the bridge has not described the robot yet"
+    assert reported == "waits for its turn; the bridge has not described the robot yet"
 
 
 def test_a_task_says_that_it_waits_for_a_detector_without_a_model(start: Start) -> None:
@@ -86,12 +86,12 @@ def test_a_task_says_that_it_waits_for_a_detector_without_a_model(start: Start) 
     def away(_: pb.Empty) -> NoReturn:
         raise Unavailable("the model file nano.onnx does not exist; give another")
 
-    told: list[str] = []
-    bus.subscribe(TASK, lambda task: told.append(task.message))
+    reported: list[str] = []
+    bus.subscribe(TASK, lambda task: reported.append(task.message))
     peers.bus.serve(VOCABULARY, away)
     failed = ended(bus, submit(bus).id)
     why = "the model file nano.onnx does not exist; give another"
-    assert told.count(f"waits for the detector: {why}") == 1
+    assert reported.count(f"waits for the detector: {why}") == 1
     assert "nano.onnx" in failed.message
 
 

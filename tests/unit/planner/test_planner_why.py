@@ -51,8 +51,8 @@ def thing(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0
 
 def kept(decision: Decision) -> Decision:
     """As it comes back from the store."""
-    told = as_kept(decision, USED)
-    return decision_from_proto(decision_to_proto(told, a_task(), 0, None, 1.0))
+    reported = as_kept(decision, USED)
+    return decision_from_proto(decision_to_proto(reported, a_task(), 0, None, 1.0))
 
 
 TABLE = ReceptacleOption(thing(7, "coffee table"), 0.62, 1.20, 3.1)

@@ -30,7 +30,7 @@ class Played:
     def __init__(self, folder: Path) -> None:
         self.hub = MemoryHub()
         self.bus = MemoryBus(self.hub)
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.refused: list[str] = []
         self.observations: list[pb.Observation] = []
         self.bus.subscribe(OBSERVATION, self._observe)
@@ -44,14 +44,14 @@ class Played:
 
     def _observe(self, observation: pb.Observation) -> None:
         self.observations.append(observation)
-        self.told.append(f"saw {observation.frame.id.seq}")
+        self.reported.append(f"saw {observation.frame.id.seq}")
         ack = pb.Ack(
             service="objectmap", part="objects", id=observation.frame.id, accepted=True
         )  # fmt: skip
         self.bus.publish(OBJECTMAP_ACK, ack)
 
     def _retire(self, request: pb.RetireRequest) -> pb.RetireReply:
-        self.told.append(f"retired {request.object_id}")
+        self.reported.append(f"retired {request.object_id}")
         return pb.RetireReply()
 
     def _note_refusal(self, ack: pb.Ack) -> None:
@@ -81,7 +81,7 @@ def test_everything_happens_in_the_order_of_the_map(folder: Path) -> None:
     played = Played(folder)
     for seq in range(4):
         played.show(frame(seq))
-    assert played.told == ["saw 0", "saw 1", "retired 7", "saw 3", "retired 8"]
+    assert played.reported == ["saw 0", "saw 1", "retired 7", "saw 3", "retired 8"]
 
 
 def test_an_answer_is_the_recorded_one_with_the_pixels_of_now(folder: Path) -> None:
@@ -102,13 +102,13 @@ def test_nobody_waits_for_an_answer_that_was_never_given(folder: Path) -> None:
 def test_what_was_before_the_part_that_is_played_is_not_done(folder: Path) -> None:
     played = Played(folder)
     played.show(frame(3))
-    assert played.told == ["saw 3", "retired 8"]
+    assert played.reported == ["saw 3", "retired 8"]
 
 
 def test_frames_of_others_are_refused(folder: Path) -> None:
     played = Played(folder)
     played.show(frame(99))
-    assert played.told == []
+    assert played.reported == []
     assert len(played.refused) == 2
 
 

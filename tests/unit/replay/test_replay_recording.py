@@ -96,9 +96,9 @@ def test_keyframes_before_the_first_search_are_marked(tmp_path: Path) -> None:
     assert [later.capture().searching for _ in range(2)] == [True, True]
 
 
-@pytest.mark.parametrize("told_first", [True, False])
+@pytest.mark.parametrize("stated_first", [True, False])
 def test_what_is_held_is_known_to_the_maps_when_it_was_then(
-    told_first: bool, tmp_path: Path
+    stated_first: bool, tmp_path: Path
 ) -> None:
     """Before the keyframe where the robot told it before the answer came; else after it."""
     recorded = Recorded(tmp_path)
@@ -108,7 +108,7 @@ def test_what_is_held_is_known_to_the_maps_when_it_was_then(
     message, empty = frame(1), pb.RobotState(held="")
     recorded.bus.publish(ROBOT_STATE, pb.RobotState(held="cup"))
     recorded.bus.publish(KEYFRAME, message)
-    if told_first:
+    if stated_first:
         recorded.bus.publish(ROBOT_STATE, empty)
     recorded.bus.publish(OBSERVATION, pb.Observation(frame=message, context_id=CONTEXT_ID))
     recorded.bus.publish(ROBOT_STATE, empty)
@@ -120,7 +120,7 @@ def test_what_is_held_is_known_to_the_maps_when_it_was_then(
     driver.capture()
     assert driver.state().held == "cup"
     driver.capture()
-    assert [(s.held, s.robot_boot_id) for s in heard] == ([("", "boot")] if told_first else [])
+    assert [(s.held, s.robot_boot_id) for s in heard] == ([("", "boot")] if stated_first else [])
     assert driver.state().held == ""
 
 

@@ -40,7 +40,7 @@ def test_only_what_lies_wholly_outside_is_left_out():
 
 def test_pictures_are_the_same_as_with_everything_drawn(world: World):
     model, data = world._model, world._data
-    painter = world._senses._painter
+    painter = world._sensors._painter
     for k in range(8):
         for half in range(2):
             world.act(Turn(math.radians(25)), f"turn-{k}-{half}")

@@ -29,7 +29,7 @@ def test_a_closed_world_is_forgotten_at_once(sim_home: Home):
         world.act(Observe(), "a")
         world.segmentation(world.capture().stamp_ns)
         world.close()
-        known = weakref.ref(world), weakref.ref(world._deeds), weakref.ref(world._senses)
+        known = weakref.ref(world), weakref.ref(world._executor), weakref.ref(world._sensors)
         del world
         assert [ref() for ref in known] == [None] * 3
     finally:
@@ -64,16 +64,16 @@ def test_a_call_that_races_with_the_end_is_answered(sim_home: Home):
                 calls.put(item)
 
     thread._calls = Slow()
-    told: queue.SimpleQueue[BaseException | RobotState] = queue.SimpleQueue()
+    reported: queue.SimpleQueue[BaseException | RobotState] = queue.SimpleQueue()
 
     def ask() -> None:
         try:
-            told.put(thread.state())
+            reported.put(thread.state())
         except Unavailable as error:
-            told.put(error)
+            reported.put(error)
 
     threading.Thread(target=ask, daemon=True).start()
-    told.get(timeout=ENDS_WITHIN_S)
+    reported.get(timeout=ENDS_WITHIN_S)
     closer.join(ENDS_WITHIN_S)
     assert not closer.is_alive()
 

@@ -40,11 +40,11 @@ def off_surfaces_m(capture: Capture, shapes: dict[str, Shape]) -> NDArray[np.flo
 # --- what it is -----------------------------------------------------------------------------------
 def test_it_tells_what_it_is_before_anything_moves(stage: Stage) -> None:
     driver = stage.driver()
-    told = driver.describe()
-    assert told.name == "Spot"
-    assert told.camera.width == 320  # as the robot's source says, not as somebody wrote down
-    assert told.camera_forward_m == 0.5
-    assert told.can_move
+    reported = driver.describe()
+    assert reported.name == "Spot"
+    assert reported.camera.width == 320  # as the robot's source says, not as somebody wrote down
+    assert reported.camera_forward_m == 0.5
+    assert reported.can_move
     assert not stage.world.motors
     assert not stage.world.lease_owner
     assert driver.state().robot_boot_id == "fake-BD-00000001-fake-boot-1"
@@ -62,8 +62,8 @@ def test_the_base_stands_on_the_floor_where_the_robot_stands(stage: Stage) -> No
 def test_it_picks_only_with_an_arm_and_a_hand_whose_lens_the_grasp_service_takes(
     staging: Staging,
 ) -> None:
-    told = staging().driver().describe()
-    assert (told.can_pick, told.can_place) == (True, True)
+    reported = staging().driver().describe()
+    assert (reported.can_pick, reported.can_place) == (True, True)
     without = staging(without=frozenset({"manipulation"})).driver(camera="frontleft").describe()
     assert (without.can_pick, without.can_place) == (False, False)
     cameras = sources()
@@ -71,8 +71,8 @@ def test_it_picks_only_with_an_arm_and_a_hand_whose_lens_the_grasp_service_takes
     without = staging(cameras=no_hand).driver(camera="frontleft").describe()
     assert (without.can_pick, without.can_place) == (False, False)
     bent = replace(cameras["hand_color_image"], distortion=(0.02, -0.01, 0.003, 0.0))
-    told = staging(cameras={**cameras, bent.name: bent}).driver(camera="frontleft").describe()
-    assert (told.can_pick, told.can_place) == (False, True)
+    reported = staging(cameras={**cameras, bent.name: bent}).driver(camera="frontleft").describe()
+    assert (reported.can_pick, reported.can_place) == (False, True)
 
 
 # --- images ---------------------------------------------------------------------------------------
@@ -101,11 +101,11 @@ def test_a_fisheye_on_its_side_gives_an_upright_pinhole_image_on_the_same_surfac
 ) -> None:
     driver = stage.driver(camera="frontleft")
     capture = driver.capture()
-    told = driver.describe()
-    assert told.camera == capture.camera
+    reported = driver.describe()
+    assert reported.camera == capture.camera
     assert capture.camera.height > capture.camera.width
     assert abs(capture.T_world_cam[2, 0]) < 0.05  # level
-    assert told.tilt_range_rad == pytest.approx((0.5, 0.5), abs=0.02)
+    assert reported.tilt_range_rad == pytest.approx((0.5, 0.5), abs=0.02)
     assert (capture.depth_m > 0).mean() > 0.2
     off_m = off_surfaces_m(capture, stage.world.shapes)
     assert np.quantile(off_m, 0.95) < 0.03  # registered from a coarser camera beside it
@@ -178,7 +178,7 @@ def test_the_detector_is_asked_for_depth_and_the_arm_stays_masked(stage: Stage) 
 
 
 @pytest.mark.parametrize(
-    ("focal_px", "rows", "told"),
+    ("focal_px", "rows", "reported"),
     [
         (0.0, 4, "focal length of 0.0"),
         (math.inf, 4, "focal length of inf"),
@@ -187,7 +187,7 @@ def test_the_detector_is_asked_for_depth_and_the_arm_stays_masked(stage: Stage) 
     ],
 )
 def test_depth_of_the_detector_is_not_believed_without_its_focal_length_and_size(
-    focal_px: float, rows: int, told: str
+    focal_px: float, rows: int, reported: str
 ) -> None:
     hub = MemoryHub()
 
@@ -200,7 +200,7 @@ def test_depth_of_the_detector_is_not_believed_without_its_focal_length_and_size
 
     MemoryBus(hub).serve(ESTIMATE_DEPTH, answer)
     camera = Pinhole(fx=300.0, fy=300.0, cx=2.0, cy=1.5, width=5, height=4)
-    with pytest.raises(InvalidInput, match=told):
+    with pytest.raises(InvalidInput, match=reported):
         DetectorDepth(MemoryBus(hub), 5.0)(np.zeros((4, 5, 3), np.uint8), camera)
 
 

@@ -64,12 +64,12 @@ def test_a_stop_is_not_cleared_while_the_tablet_has_the_robot_and_the_answer_say
     scene: Scene,
 ) -> None:
     taken(scene)
-    told = scene.halt.stopped
+    reported = scene.halt.stopped
     for _ in range(2):
         with pytest.raises(Conflict, match="cannot clear the stop: the tablet holds") as refused:
             scene.control.clear()
         assert "have it released there" in refused.value.message
-        assert scene.halt.stopped == told
+        assert scene.halt.stopped == reported
     scene.release_by_hand()
     scene.control.clear()
     scene.act()
@@ -152,8 +152,8 @@ def test_an_e_stop_pressed_while_it_gets_up_keeps_the_motors_off_until_a_person_
     with pytest.raises(CannotDo):
         scene.act()
     scene.robot.estops = ()
-    for told in ("the motors were switched off", "clear the stop"):
-        with pytest.raises(Conflict, match=told):
+    for reported in ("the motors were switched off", "clear the stop"):
+        with pytest.raises(Conflict, match=reported):
             scene.act()
     assert scene.robot.switched_on == 1
     scene.control.clear()
@@ -176,11 +176,11 @@ def test_a_stop_that_comes_while_the_lease_is_got_keeps_the_motors_off(
     assert scene.robot.switched_on == 0
 
 
-@pytest.mark.parametrize("told_at_connecting", ["", "boot-1"])
+@pytest.mark.parametrize("reported_at_connecting", ["", "boot-1"])
 def test_a_robot_that_has_rebooted_is_not_driven_on(
-    scene: Scene, told_at_connecting: str, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, reported_at_connecting: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene.robot.epoch = told_at_connecting
+    scene.robot.epoch = reported_at_connecting
     taken(scene)
     scene.release_by_hand()
     monkeypatch.setattr(KeepAlive, "lease_proto", SimpleNamespace(epoch="boot-2"))
@@ -243,20 +243,20 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def a_person_clears_the_stop(self) -> None:
-        told = ""
+        reported = ""
         try:
             self.scene.control.clear()
         except Conflict as error:
-            told = error.message
-        if self.scene.robot.estops and told:
-            assert "cannot clear the stop: hardware button is pressed; release it" in told
-        elif told:
+            reported = error.message
+        if self.scene.robot.estops and reported:
+            assert "cannot clear the stop: hardware button is pressed; release it" in reported
+        elif reported:
             assert self.scene.robot.owner == TABLET
-            assert "the tablet holds the robot's lease; have it released there" in told
+            assert "the tablet holds the robot's lease; have it released there" in reported
         else:
             self.stepped_in_since_clear = bool(self.scene.robot.estops) or self.motors_were_cut
             self.switched_on_before = self.scene.robot.switched_on
-        assert bool(told) == bool(self.scene.halt.stopped)
+        assert bool(reported) == bool(self.scene.halt.stopped)
 
     @rule()
     def it_acts(self) -> None:

@@ -251,7 +251,7 @@ def test_a_command_that_comes_after_its_end_is_a_typed_error_and_done_never(stag
 
 # --- the arm --------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("state", "told"),
+    ("state", "reported"),
     [
         ("MANIP_STATE_GRASP_FAILED", "failed"),
         ("MANIP_STATE_GRASP_PLANNING_NO_SOLUTION", "no way to grasp"),
@@ -259,14 +259,14 @@ def test_a_command_that_comes_after_its_end_is_a_typed_error_and_done_never(stag
     ],
 )
 def test_a_grasp_that_fails_is_a_result_and_the_next_one_may_succeed(
-    stage: Stage, state: str, told: str
+    stage: Stage, state: str, reported: str
 ) -> None:
     driver = stage.driver()
     stage.world.x, stage.world.y = 1.3, 0.6
     stage.world.grasp_outcome = state
     result = stage.act(driver, Pick(MUG_M, "mug"))
     assert not result.succeeded
-    assert told in result.reason
+    assert reported in result.reason
     assert driver.state().held == ""
     stage.world.grasp_outcome = ""
     assert stage.act(driver, Pick(MUG_M, "mug")).succeeded

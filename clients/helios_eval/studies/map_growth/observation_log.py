@@ -11,7 +11,7 @@ from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
 from helios_core.types import Observation, SearchContext
 
 from helios_eval.episodes import home_presets
-from helios_eval.episodes.episode_player import LONGEST_S, housed
+from helios_eval.episodes.episode_player import LONGEST_S, running_stack
 from helios_eval.episodes.episode_record import Setting
 from helios_eval.episodes.episode_spec import EpisodeSpec, noise_of
 from helios_eval.episodes.in_process_stack import InProcessStack
@@ -38,22 +38,22 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
 
     Frames are kept on the pixels that a map with that stride takes. Raises HeliosError.
     """
-    with housed(by_helios(preset, seed, {})) as (thread, house):
+    with running_stack(by_helios(preset, seed, {})) as (thread, stack):
         instruction = thread.run(lambda world: world.episode.instruction)
-        tape = recorded(house, instruction, max_steps, stride_px)
+        tape = recorded(stack, instruction, max_steps, stride_px)
     if not tape:
         raise UsageError(f"the episode of seed {seed} showed nothing in {max_steps} steps")
     return tape
 
 
-def recorded(house: InProcessStack, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
+def recorded(stack: InProcessStack, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
     """What a house's object map hears during one task, on the pixels of a stride."""
     recorder = _Recorder(stride_px)
-    bus = house.bus()
+    bus = stack.bus()
     bus.subscribe(CONTEXT, recorder.on_context)
     bus.subscribe(ROBOT_STATE, recorder.on_state)
     bus.subscribe(OBSERVATION, recorder.on_observation)
-    house.run(instruction, max_steps, LONGEST_S)
+    stack.run(instruction, max_steps, LONGEST_S)
     bus.close()
     return recorder.tape
 

@@ -15,7 +15,7 @@ from tests.support import LOOPBACK
 FLAGS = ("--robot", "sim", "--seed", "1", "--detector", "ground-truth")
 
 
-class House:
+class Stack:
     """A running `helios up` with the simulated robot. Close it."""
 
     def __init__(self, state: Path) -> None:

@@ -19,7 +19,7 @@ CONTEXT_1 = SearchContext(
 )
 
 
-class House:
+class Rig:
     """A detector service, its truth, and what it publishes."""
 
     def __init__(

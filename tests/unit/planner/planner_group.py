@@ -42,7 +42,7 @@ class MortalBus(MemoryBus):
         threading.Event().wait()
 
 
-class House:
+class PlannerGroup:
     """Planners, one after the other or side by side, among peers on one hub."""
 
     def __init__(self, state_dir: Path) -> None:
@@ -76,8 +76,8 @@ class House:
 
 
 @pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
+def group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PlannerGroup]:
     lose_patience_soon(monkeypatch)
-    house = House(tmp_path)
-    yield house
-    house.close()
+    group = PlannerGroup(tmp_path)
+    yield group
+    group.close()

@@ -79,7 +79,7 @@ class Scorer:
         return Embedding(MODEL, (vector / np.linalg.norm(vector)).astype(np.float32))
 
 
-class House:
+class Rig:
     """A service, and everybody else in one."""
 
     def __init__(self, *flags: str, described: bool = True) -> None:
