@@ -78,8 +78,8 @@ class BridgeService:
     ) -> None:
         """`first_number`: where frame and lease numbers start; they must rise from one start of the
         bridge to the next while the robot stays up, so by default they start at the clock's.
-        `executor`: whose threads use the driver. Raises InvalidInput when the driver describes a robot
-        that there can't be."""
+        `executor`: whose threads use the driver. Raises InvalidInput when the driver describes a
+        robot that there can't be."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._settings = bus, settings
         self._health = BridgeHealth(health)

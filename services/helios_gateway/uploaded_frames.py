@@ -93,7 +93,8 @@ def read_meta(text: str | bytes) -> FrameMeta:
         return FrameMeta.model_validate_json(text)
     except ValidationError as error:
         raise InvalidInput(
-            f"meta is wrong: {errors_text(error.errors())}; send JSON with at least K and T_world_cam"
+            f"meta is wrong: {errors_text(error.errors())}; send JSON with at least K "
+            "and T_world_cam"
         ) from error
 
 

@@ -154,8 +154,8 @@ def make(
     except (Exception, SystemExit) as error:
         log.error("%s %s cannot be made", kind.name, named.spec, exc_info=error)
         raise InvalidInput(
-            f"{kind.name} {named.spec!r} cannot be made ({_reason(error)}); its constructor may ask "
-            f"for {', '.join(offered)} by name, and needs a default for anything else"
+            f"{kind.name} {named.spec!r} cannot be made ({_reason(error)}); its constructor may "
+            f"ask for {', '.join(offered)} by name, and needs a default for anything else"
         ) from error
     if not isinstance(made, base):
         raise InvalidInput(

@@ -143,8 +143,8 @@ def _versions(arms: Sequence[Arm]) -> str:
         each = ", ".join(f"{n} by {commit}" for commit, n in counts.most_common())
         described.append(f"{label} {each}")
     return (
-        f"The episodes come from more than one commit: {'; '.join(described)}. What changed between "
-        "them may be a part of a difference."
+        f"The episodes come from more than one commit: {'; '.join(described)}. What changed "
+        "between them may be a part of a difference."
     )
 
 

@@ -65,8 +65,8 @@ class PointGoal:
         if away_m > MOST_AWAY_M:
             raise TaskFailed(
                 Cause.UNREACHABLE,
-                f"{point_text(self.xy_m)} is {away_m:.0f} m away; the robot is sent {MOST_AWAY_M:.0f} m "
-                "at most",
+                f"{point_text(self.xy_m)} is {away_m:.0f} m away; the robot is sent "
+                f"{MOST_AWAY_M:.0f} m at most",
             )
         tries = stages = 0
         while tries < MOST_TRIES and stages < MOST_STAGES:
@@ -134,8 +134,8 @@ class PointGoal:
         if place is None:
             return f"{point_text(self.xy_m)} {said}"
         return (
-            f"{point_text(self.xy_m)} {said}; the nearest place that can be reached is {point_text(place)}, "
-            f"{math.dist(place, self.xy_m):.2f} m from it"
+            f"{point_text(self.xy_m)} {said}; the nearest place that can be reached is "
+            f"{point_text(place)}, {math.dist(place, self.xy_m):.2f} m from it"
         )
 
 
