@@ -76,7 +76,7 @@ def test_bytes_that_are_no_reply_are_an_internal_error(
         zenoh_bus.call(GET_TASK, pb.TaskRequest(), 5)
 
 
-def test_replies_that_cannot_be_sent_are_told_once(
+def test_replies_that_cannot_be_sent_are_reported_once(
     zenoh_bus: ZenohBus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     asked: list[bytes] = []

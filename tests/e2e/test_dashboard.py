@@ -251,7 +251,7 @@ def test_a_task_has_a_priority_and_limits(page: Page, gateway: Served) -> None:
     expect(page.locator("#task-facts")).to_contain_text("priority")
 
 
-def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
+def test_where_something_was_seen_is_reported_with_pictures_and_shown_on_the_map(
     page: Page, gateway: Served
 ) -> None:
     page.fill("#seen-prompt", "the red mug")

@@ -78,7 +78,7 @@ def test_a_killed_planner_still_gets_there_though_the_detector_is_dead_too(stack
     assert max(abs(a - b) for a, b in zip(pose(stack), far, strict=True)) < 0.4
 
 
-def test_a_point_that_nobody_can_reach_is_told_with_the_nearest_place(stack: Stack) -> None:
+def test_a_point_that_nobody_can_reach_is_reported_with_the_nearest_place(stack: Stack) -> None:
     done = ended(stack, stack.post("/v1/robot/go", {"x_m": 500.0, "y_m": 0.0})["id"])
     assert (done["state"], done["cause"]) == ("failed", "goal unreachable")
     assert "m away; the robot is sent 100 m at most" in done["message"]

@@ -25,11 +25,11 @@ SMALL_STACK = Path(__file__).parent / "client/client_small_stack.py"
         ("HELIOS_APIKEY", "HELIOS_API_KEY"),
     ],
 )
-def test_a_variable_of_no_service_is_told_with_the_near_name(name: str, near: str) -> None:
+def test_a_variable_of_no_service_is_reported_with_the_near_name(name: str, near: str) -> None:
     assert f"reads {name} (did you mean {near}?); the services are" in unread([name, "HOME"])
 
 
-def test_a_variable_like_nothing_is_told_with_the_services() -> None:
+def test_a_variable_like_nothing_is_reported_with_the_services() -> None:
     assert "reads HELIOS_HOME; the services are bridge, detector" in unread(["HELIOS_HOME"])
 
 

@@ -30,7 +30,7 @@ from helios_eval.episodes.timed_world import TimedWorld
 
 BELIEFS_EVERY = 20  # steps
 LONGEST_S = 7200.0  # an episode that is stuck ends as a system error
-SHOWN_CLASS_SCORE = 0.3  # of beliefs in a keepsake
+SHOWN_CLASS_SCORE = 0.3  # of beliefs in a failure snapshot
 _PLAN_CELL_M = 0.05
 
 
@@ -44,7 +44,7 @@ class Played:
 
 @dataclass(frozen=True)
 class _Floor:
-    """A 2D map as a keepsake has it."""
+    """A 2D map as a failure snapshot has it."""
 
     occupancy: NDArray[np.int8]
     origin_m: tuple[float, float]

@@ -64,7 +64,7 @@ class FailureSnapshot:
 
 
 def path_of(folder: Path, kept: FailureSnapshot) -> Path:
-    """Where a keepsake lies."""
+    """Where a failure snapshot lies."""
     digest = hashlib.sha256(kept.key.encode()).hexdigest()[:12]
     return folder / FAILED / f"{kept.agent}-{kept.semantics}-{kept.seed}-{digest}.npz"
 
@@ -103,12 +103,12 @@ def load(path: Path) -> FailureSnapshot:
             )
     except _UNREADABLE as error:
         raise InvalidInput(
-            f"{path} is no keepsake of an episode ({type(error).__name__}: {error}); delete it"
+            f"{path} is no failure snapshot of an episode ({type(error).__name__}: {error}); delete it"
         ) from error
 
 
 def all_of(folder: Path, agent: str | None = None) -> list[Path]:
-    """The keepsakes of a run, of one agent or all, by name."""
+    """The failure snapshots of a run, of one agent or all, by name."""
     found = ((path, _NAME.fullmatch(path.name)) for path in (folder / FAILED).glob("*.npz"))
     return sorted(path for path, named in found if named and agent in (None, named["agent"]))
 

@@ -208,7 +208,7 @@ def test_a_variable_makes_every_start_record(
     assert started[0].record == (folder and tmp_path / folder)
 
 
-def test_the_version_is_told_by_an_option_and_by_the_doctor(helios: Helios) -> None:
+def test_the_version_is_reported_by_an_option_and_by_the_doctor(helios: Helios) -> None:
     assert helios("--version") == Done(0, f"helios {helios_version()}\n", "")
     reported = helios("doctor", "--port", str(free_port())).out
     assert f"ok      HELIOS {helios_version()}\n" in reported

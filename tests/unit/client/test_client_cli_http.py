@@ -236,7 +236,7 @@ def test_both_maps_are_saved_in_one_file_and_come_back(
     assert "helios map save" in helios.error
 
 
-def test_where_something_was_seen_is_told_with_pictures(
+def test_where_something_was_seen_is_reported_with_pictures(
     gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     reported = helios("seen", "the mug", "--limit", "2", "--out", str(tmp_path))

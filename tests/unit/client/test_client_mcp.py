@@ -234,7 +234,7 @@ def test_what_cannot_be_done_is_said_in_the_interface_s_own_words() -> None:
         ("submit_tsak", {}, "there is no tool 'submit_tsak'; did you mean submit_task?"),
     ],
 )  # fmt: skip
-def test_wrong_arguments_are_told_with_what_was_wanted(
+def test_wrong_arguments_are_reported_with_what_was_wanted(
     tool: str, arguments: dict[str, Any], sentence: str
 ) -> None:
     async def act(_: Served, client: Client) -> None:

@@ -113,7 +113,7 @@ def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
         play(job(tmp_path, start_s=60), board, FrameAnswers(), "cup", "cup")
 
 
-def test_a_class_that_is_not_known_is_told_once_and_the_others_go_on(
+def test_a_class_that_is_not_known_is_reported_once_and_the_others_go_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figures = {"contexts_sought": 1, "classes_refused": 1}
@@ -165,7 +165,7 @@ def test_the_screen_says_for_whom_it_waits() -> None:
     )
 
 
-def test_frames_left_out_are_told_and_none_left_is_an_error(
+def test_frames_left_out_are_reported_and_none_left_is_an_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def say(unreadable: int) -> None:

@@ -165,7 +165,7 @@ ILL: list[list[str]] = [
 
 
 @pytest.mark.parametrize("args", ILL)
-def test_wrong_use_is_told_by_the_full_command(args: list[str], ways: Ways) -> None:
+def test_wrong_use_is_reported_by_the_full_command(args: list[str], ways: Ways) -> None:
     assert ways.quick_alone(args) is None
     assert ways.gateway.asked == []
     full = ways.full(args)
@@ -184,7 +184,7 @@ def test_wrong_use_is_told_by_the_full_command(args: list[str], ways: Ways) -> N
         (200, b"<html>", 1, "no JSON"),
     ],
 )
-def test_a_refusal_is_told_by_the_full_command(
+def test_a_refusal_is_reported_by_the_full_command(
     status: int, body: bytes, exit_status: int, words: str, ways: Ways
 ) -> None:
     ways.gateway.status, ways.gateway.body = status, body

@@ -84,7 +84,7 @@ def test_a_cancel_that_nobody_hears_is_said_with_what_to_do(
     assert reported.endswith("Unavailable")
 
 
-def test_a_task_that_ended_before_its_cancel_is_told_as_it_ended(
+def test_a_task_that_ended_before_its_cancel_is_reported_as_it_ended(
     interrupted: Callable[[Helios], str],
 ) -> None:
     conflict = httpx.Response(409, json={"detail": "task t1 has ended"})

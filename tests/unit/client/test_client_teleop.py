@@ -75,7 +75,7 @@ def test_a_stop_ends_the_driving_with_its_reason(gateway: Served, helios: Helios
 
 
 @pytest.mark.parametrize("wrong", [{"forward": 1.5}, {"turn": -2}, {"forward": float("nan")}])
-def test_a_wrong_command_is_told_at_once_and_not_sent(
+def test_a_wrong_command_is_reported_at_once_and_not_sent(
     gateway: Served, helios: Helios, wrong: dict[str, float]
 ) -> None:
     with helios.teleop() as drive, pytest.raises(InvalidInput, match="-1 to 1"):

@@ -232,7 +232,7 @@ def test_what_a_script_runs_in_its_background_hears_an_interrupt(
     assert process.returncode == 130
 
 
-def test_time_is_told_while_a_task_is_watched(
+def test_time_is_reported_while_a_task_is_watched(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each line without a terminal ends with the time left, where it is known."""

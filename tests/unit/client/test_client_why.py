@@ -83,7 +83,7 @@ WIDE = PICK | {"candidates": [
 ]}  # fmt: skip
 
 
-def test_one_of_a_kind_is_told_in_the_singular() -> None:
+def test_one_of_a_kind_is_reported_in_the_singular() -> None:
     text = shown([PICK | {"recomputed": FLIPPED}], ("alpha_d=0.1",), task=TASK | {"steps": 1})
     assert "task abc123, 1 step, 1 decision" in text
     assert "1 of 1 decision would flip" in text

@@ -61,6 +61,6 @@ def test_what_numpy_does_not_pack_with_is_refused() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"no zip"], ids=["empty", "no zip"])
-def test_what_is_no_zip_is_told_of_as_such(data: bytes) -> None:
+def test_what_is_no_zip_is_reported_as_such(data: bytes) -> None:
     with pytest.raises(zipfile.BadZipFile):
         unpacked(data)

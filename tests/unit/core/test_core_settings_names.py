@@ -41,7 +41,7 @@ def test_a_variable_that_is_no_setting_is_refused_with_the_near_one(
     assert "HELIOS_SAMPLE_CEL_M; did you mean HELIOS_SAMPLE_CELL_M?" in refused([], capsys)
 
 
-def test_where_none_is_near_all_are_named_and_no_value_is_told(
+def test_where_none_is_near_all_are_named_and_no_value_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_SAMPLE_QWRTZ", "hunter2")

@@ -94,7 +94,7 @@ def test_nan_and_negative_depth_count_as_no_depth():
     assert (frame.depth_m[:30] == 0).all()
 
 
-def test_memory_of_the_accelerator_is_told_per_frame():
+def test_memory_of_the_accelerator_is_reported_per_frame():
     class Big(GroundTruthDetector):
         def accelerator_mb(self) -> float:
             return 1234.0

@@ -51,7 +51,7 @@ def test_a_process_that_dies_loses_its_episode_alone(tmp_path: Path) -> None:
     assert set(came) == {1, 2, 3, 4}
 
 
-def test_what_could_not_be_played_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+def test_what_could_not_be_played_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
     came = {s.seed: c for s, c in played([spec("raises", 1), spec("fine", 2)], tmp_path)}
     assert came[1] == "no such luck"
     assert not isinstance(came[2], str)

@@ -235,7 +235,7 @@ def test_a_file_is_no_folder(stage: Stage, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("file", "played"), [(runs.RUN, 0), (results.RESULTS, 6)])
-def test_a_full_disk_is_told_in_a_sentence(
+def test_a_full_disk_is_reported_in_a_sentence(
     file: str, played: int, stage: Stage, tmp_path: Path
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:

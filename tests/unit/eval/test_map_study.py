@@ -82,7 +82,7 @@ def test_an_arm_is_told_apart_from_the_first_home_by_home() -> None:
     assert (figures["wrong"], figures["none"]) == (0, 1)
 
 
-def test_maps_are_told_the_same_frames_and_the_detector_s_thresholds(walked: Walk) -> None:
+def test_maps_are_reported_the_same_frames_and_the_detector_s_thresholds(walked: Walk) -> None:
     arm = arm_of("helios-paper")
     known = believed(walked.seen, arm.map, arm.thresholds)
     again = believed(walked.seen, arm.map, arm.thresholds)

@@ -69,7 +69,7 @@ class Painter(DetectorBackend):
         return Findings((Detection("cup", 0.9, (24, 16, 40, 32), mask),), ())
 
 
-def test_the_thing_at_a_place_is_told_by_its_name_in_every_arm(folder):
+def test_the_thing_at_a_place_is_reported_by_its_name_in_every_arm(folder):
     places = [place("mine=cup@0,0,1.0")]
     arms = arms_of(["size_agreement=on"])
     found = courses(read_dataset(folder), Painter(), context_of("cup", "", ""), places, arms)

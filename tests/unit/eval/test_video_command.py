@@ -96,7 +96,7 @@ def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch
         ({"agent": "ground-truth-walker"}, "no maps"),
     ],
 )
-def test_wrong_use_is_told(tmp_path, wrong, reported):
+def test_wrong_use_is_reported(tmp_path, wrong, reported):
     with pytest.raises(UsageError, match=reported):
         video(**{"seed": 1, "out": tmp_path / "a.mp4", "preset": "demo-v1", **wrong})
     with pytest.raises(UsageError, match=r"FILE\.mp4"):

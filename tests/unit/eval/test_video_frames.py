@@ -82,7 +82,7 @@ def test_pictures_of_any_shape_fit(shape):
             == PAPER).all()  # fmt: skip
 
 
-def test_the_outcome_is_told_in_its_colour():
+def test_the_outcome_is_reported_in_its_colour():
     def has(color: tuple[int, int, int], scene: Scene) -> bool:
         return bool((frame_picture(scene)[:HEAD] == color).all(axis=2).any())
 

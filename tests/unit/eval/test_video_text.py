@@ -91,7 +91,7 @@ def test_a_number_is_short(value):
         (123.4, "123"), (1e9, "1e9"), (float("nan"), "–"), (float("inf"), "∞"), (0.0, "0"),
     ],
 )  # fmt: skip
-def test_numbers_are_told_as_precisely_as_they_matter(value, text):
+def test_numbers_are_reported_as_precisely_as_they_matter(value, text):
     assert number(value) == text
 
 

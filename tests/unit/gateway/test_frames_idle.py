@@ -52,7 +52,7 @@ def has_room(gateway: Served) -> bool:
         return False
 
 
-def test_an_idle_socket_is_told_and_closed(gateway: Served) -> None:
+def test_an_idle_socket_is_reported_and_closed(gateway: Served) -> None:
     with opened(gateway) as socket:
         assert sends(socket)
         problem = json.loads(socket.recv(timeout=10))

@@ -51,7 +51,7 @@ def test_a_wrong_frame_is_answered_by_a_problem_and_the_socket_goes_on(
         assert socket.receive_json()["integrated"]
 
 
-def test_a_frame_cut_short_by_the_next_is_told_and_the_next_taken(
+def test_a_frame_cut_short_by_the_next_is_reported_and_the_next_taken(
     client: TestClient, bridge: Bridge
 ) -> None:
     with client.websocket_connect(SOCKET) as socket:

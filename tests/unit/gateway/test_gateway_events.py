@@ -160,7 +160,7 @@ def types_since(live: BusListener, past: int) -> list[str]:
     return [event.type for event in live.events._past][past:]
 
 
-def test_tasks_decisions_and_plans_are_told_at_once(live: BusListener, backend: Backend) -> None:
+def test_tasks_decisions_and_plans_are_reported_at_once(live: BusListener, backend: Backend) -> None:
     live.tick()
     past = len(live.events._past)
     backend.bus.publish(TASK, pb.Task(id="t1", state="running", kind="move", phase="pick"))
@@ -169,7 +169,7 @@ def test_tasks_decisions_and_plans_are_told_at_once(live: BusListener, backend: 
     assert types_since(live, past) == ["task", "decision", "plan"]
 
 
-def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(
+def test_the_pose_is_reported_once_a_tick_and_a_stop_at_once(
     live: BusListener, backend: Backend
 ) -> None:
     live.tick()
@@ -186,7 +186,7 @@ def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(
     assert types_since(live, past) == ["robot", "robot", "ready"]
 
 
-def test_a_service_that_goes_is_told_once(live: BusListener, backend: Backend) -> None:
+def test_a_service_that_goes_is_reported_once(live: BusListener, backend: Backend) -> None:
     live.tick()
     past = len(live.events._past)
     backend.report("detector", 4102, "waiting", "waits for a model")

@@ -42,7 +42,7 @@ def test_robots_are_told_apart_and_stopped_one_by_one(
     spot.close()
 
 
-def test_settings_of_a_running_service_are_told(backend: Backend, client: TestClient) -> None:
+def test_settings_of_a_running_service_are_reported(backend: Backend, client: TestClient) -> None:
     reported = {"agent": {"value": "helios", "default": "helios", "description": "who does tasks"}}
     backend.serve_settings("planner", reported)
     answer = client.get("/v1/services/planner/settings")

@@ -156,7 +156,7 @@ def test_a_load_without_an_answer_is_said_to_be_unknown(
     assert (answer.status_code, "is not known" in answer.json()["detail"]) == (504, True)
 
 
-def test_why_a_load_was_refused_is_told_though_the_way_back_failed_too(
+def test_why_a_load_was_refused_is_reported_though_the_way_back_failed_too(
     client: TestClient, hub: MemoryHub, backend: Backend
 ) -> None:
     saved = client.get("/v1/map.zip").content

@@ -74,7 +74,7 @@ def test_a_class_is_asked_for_in_any_case(client: TestClient, backend: Backend, 
     assert {o["class"] for o in found} == {"mug" if "mug" in said.lower() else "coffee table"}
 
 
-def test_a_class_that_nobody_knows_is_told_with_names_like_it(
+def test_a_class_that_nobody_knows_is_reported_with_names_like_it(
     client: TestClient, backend: Backend
 ) -> None:
     assert client.get("/v1/objects?class=Sofa").json()["objects"] == []

@@ -39,7 +39,7 @@ def test_the_whole_box_is_in_the_picture_and_upright(
     assert (pixels < 319).all()
 
 
-def test_an_object_is_told_in_full(backend: Backend, client: TestClient) -> None:
+def test_an_object_is_reported_in_full(backend: Backend, client: TestClient) -> None:
     detail = client.get("/v1/objects/1/detail").json()
     assert detail["object"]["class"] == "mug"
     assert [m["views"] for m in detail["history"]] == [1, 2, 3, 4, 5]

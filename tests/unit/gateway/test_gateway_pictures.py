@@ -172,7 +172,7 @@ def test_a_corrupt_picture_is_a_fault_and_the_next_good_one_is_shown(
     assert client.get("/v1/camera.jpg").status_code == 200
 
 
-def test_the_robot_is_told_with_its_pose_and_stop_now_latches(
+def test_the_robot_is_reported_with_its_pose_and_stop_now_latches(
     backend: Backend, client: TestClient
 ) -> None:
     robot = client.get("/v1/robot").json()

@@ -13,7 +13,7 @@ from tests.gateway_backend import Backend
 from tests.gateway_home import picture_jpeg
 
 
-def test_objects_of_that_name_and_past_views_are_told(client: TestClient, backend: Backend) -> None:
+def test_objects_of_that_name_and_past_views_are_reported(client: TestClient, backend: Backend) -> None:
     answer = client.get("/v1/seen", params={"prompt": "the red mug", "limit": 2}).json()
     assert [found["id"] for found in answer["objects"]] == [1, 4]
     assert [view["score"] for view in answer["views"]] == [0.82, 0.64]
@@ -23,7 +23,7 @@ def test_objects_of_that_name_and_past_views_are_told(client: TestClient, backen
     assert (answer["views_asked"], answer["views_note"]) == (7, "")
 
 
-def test_where_no_view_can_be_asked_objects_are_told_all_the_same(
+def test_where_no_view_can_be_asked_objects_are_reported_all_the_same(
     client: TestClient, backend: Backend
 ) -> None:
     backend.recalls = Unavailable("no view has been kept")

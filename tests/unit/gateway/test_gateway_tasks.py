@@ -42,7 +42,7 @@ def test_the_planner_and_the_gateway_spell_the_same_states() -> None:
 
 
 @pytest.mark.parametrize("state", TASK_STATES)
-def test_every_state_of_a_task_is_told_and_can_be_asked_for(
+def test_every_state_of_a_task_is_reported_and_can_be_asked_for(
     backend: Backend, client: TestClient, state: TaskState
 ) -> None:
     id = client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()["id"]

@@ -50,7 +50,7 @@ def test_what_is_near_the_body_is_held_only_by_a_robot_with_a_body_that_holds_so
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1).map(np.random.default_rng), st.floats(0.3, 0.7), st.floats(0, 0.4))
-def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_told(
+def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_reported(
     rng: np.random.Generator, x_m: float, radius_m: float
 ) -> None:
     grid, shape = GridSpec(0.05, 24, 20, (3, 2)), (24, 20)

@@ -280,7 +280,7 @@ def test_the_centre_is_the_first_of_the_cells_nearest_to_the_middle() -> None:
         assert GRID.cell_of(*frontier.centre_m) == tuple(first - GRID.corner)
 
 
-def test_a_value_that_changed_just_within_the_radius_is_told() -> None:
+def test_a_value_that_changed_just_within_the_radius_is_reported() -> None:
     world = corridor()
     row, column = GRID.cell_of(*world.find()[0].centre_m)
     world.values["pick"][row, column + 20] = 0.9

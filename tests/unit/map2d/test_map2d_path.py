@@ -45,7 +45,7 @@ def test_comfortable_ways_cost_their_length_and_narrow_ones_more() -> None:
     assert along_the_wall.cost_m > 2.5
 
 
-def test_a_way_through_a_wall_is_blocked_and_unknown_ground_is_told() -> None:
+def test_a_way_through_a_wall_is_blocked_and_unknown_ground_is_reported() -> None:
     cost = cost_along(empty_room(), np.array([[2.0, 1.5], [2.0, -1.5]]), 0.2, 0.5)
     assert cost.blocked
     assert math.isinf(cost.cost_m)

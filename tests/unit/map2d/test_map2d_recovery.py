@@ -96,7 +96,7 @@ def test_what_is_said_of_a_kept_map_ends_with_it(tmp_path: Path, boot: str, supe
 
 
 @pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
-def test_a_damaged_kept_map_is_put_aside_and_told_of(tmp_path: Path, damage: str) -> None:
+def test_a_damaged_kept_map_is_put_aside_and_reported(tmp_path: Path, damage: str) -> None:
     rig = walked(*kept(tmp_path))
     rig.service.close()
     path = tmp_path / FILE_NAME
@@ -117,7 +117,7 @@ def test_a_damaged_kept_map_is_put_aside_and_told_of(tmp_path: Path, damage: str
     assert path.read_bytes().startswith(b"helios map2d")
 
 
-def test_a_state_directory_that_cannot_be_written_is_told_of_and_ends_nothing(
+def test_a_state_directory_that_cannot_be_written_is_reported_and_ends_nothing(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "file").write_text("no directory")
@@ -140,7 +140,7 @@ def test_a_frame_of_its_world_brings_a_kept_map_back_before_the_robot_says_where
 
 
 @pytest.mark.parametrize("kind", ["map", "npz", "ros"])
-def test_a_loaded_map_is_told_at_once_with_the_robot_where_it_says_that_it_is(kind: str) -> None:
+def test_a_loaded_map_is_reported_at_once_with_the_robot_where_it_says_that_it_is(kind: str) -> None:
     rig, other = walked(), Rig()
     other.say_epoch("another boot", at=(1.0, 0.5, 0.3))
     load(other, saved(rig, kind))

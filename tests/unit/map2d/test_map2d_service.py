@@ -91,7 +91,7 @@ def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_ta
 
 
 @pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
-def test_what_the_frame_says_is_held_counts_whatever_was_told_since(
+def test_what_the_frame_says_is_held_counts_whatever_was_reported_since(
     rig: Rig, by_then: str, now: str
 ) -> None:
     rig.walk = Walk([*room(), Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))])  # as in a hand

@@ -10,7 +10,7 @@ from helios_objectmap.rendering import cpu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
-from test_objectmap_splat import VIEW, reference_kappa, scenes
+from test_objectmap_renderer import VIEW, reference_kappa, scenes
 
 
 def reference(member: Member, wanted: int, views: list[View], rates: Rates):

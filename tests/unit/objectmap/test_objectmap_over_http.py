@@ -76,7 +76,7 @@ def test_a_class_or_layer_that_is_not_there_is_said(client):
     assert "mug, table" in answer.json()["detail"]
 
 
-def test_a_mug_is_told_with_its_history_points_box_and_gaussians(client):
+def test_a_mug_is_reported_with_its_history_points_box_and_gaussians(client):
     mug = mug_of(client)
     history = client.get(f"/v1/objects/{mug['id']}/detail").json()["history"]
     assert [m["views"] for m in history] == [1, 2, 3]

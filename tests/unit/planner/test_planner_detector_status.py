@@ -78,7 +78,7 @@ def test_a_search_in_vain_says_that_the_detector_was_degraded_meanwhile(start: S
     assert again.message == "the task's 9 steps are used up"
 
 
-def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_told_at_the_end(
+def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_reported_at_the_end(
     start: Start,
 ) -> None:
     """It says so while the search begins, and nothing after that."""

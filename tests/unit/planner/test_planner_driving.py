@@ -124,7 +124,7 @@ def test_a_lease_that_ran_out_in_a_pause_is_renewed_without_a_word(
     assert (paused, len(robot.ids), WAITED) == ([0], 6, [])
 
 
-def test_a_lease_that_is_lost_while_the_robot_is_driven_is_told() -> None:
+def test_a_lease_that_is_lost_while_the_robot_is_driven_is_reported() -> None:
     robot = Robot(lambda _: None)
     act, lost = robot._act, [True]
 

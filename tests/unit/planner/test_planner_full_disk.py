@@ -104,7 +104,7 @@ def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(
     assert task(group.planner(), id).state == "failed"
 
 
-def test_an_end_is_told_when_it_is_kept(group: PlannerGroup) -> None:
+def test_an_end_is_reported_when_it_is_kept(group: PlannerGroup) -> None:
     peers = group.peers(flat_with_mug())
     bus = group.planner()
     peers.gate = threading.Event()
@@ -201,7 +201,7 @@ def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(group: PlannerGroup
     assert ended(bus, id).state == "succeeded"
 
 
-def test_tasks_are_told_while_the_disk_does_not_answer(group: PlannerGroup) -> None:
+def test_tasks_are_reported_while_the_disk_does_not_answer(group: PlannerGroup) -> None:
     """No lock that a write holds is needed to tell how a task is."""
     group.peers(flat_with_mug())
     bus = group.planner()

@@ -184,7 +184,7 @@ def test_where_to_look_stand_and_place_is_answered_for_things_anywhere(data: st.
 
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_unknown_ground_is_told_wherever_one_asks(data: st.DataObject) -> None:
+def test_unknown_ground_is_reported_wherever_one_asks(data: st.DataObject) -> None:
     """Also on a map of no cells."""
     ground = data.draw(grounds(least=0))
     point = data.draw(points_on(ground, 30.0))

@@ -11,7 +11,7 @@ from helios_planner.settings import Settings
 from planner_eye import CELL_M
 from planner_flat import flat
 from planner_world import FakeWorld
-from test_planner_poses import BoxWorld
+from test_planner_lattice import BoxWorld
 
 
 @pytest.mark.parametrize("kind", [FakeWorld, BoxWorld])

@@ -35,7 +35,7 @@ def refused(world: FakeWorld, text: str) -> TaskFailed:
 
 
 # --- to a point ---------------------------------------------------------------------------------
-def test_the_robot_stands_on_the_point_and_faces_as_it_was_told() -> None:
+def test_the_robot_stands_on_the_point_and_faces_as_it_was_reported() -> None:
     world = flat()
     said = mission(world, "go to 3.5, 5 facing -90 degrees").run()
     assert world.pose().distance_m((3.5, 5.0)) < 0.12
@@ -73,7 +73,7 @@ def test_known_ground_needs_no_decision() -> None:
         ("go to 500, 3", "the robot is sent 100 m at most"),
     ],
 )
-def test_a_point_out_of_reach_is_told_with_the_nearest_place(text: str, says: str) -> None:
+def test_a_point_out_of_reach_is_reported_with_the_nearest_place(text: str, says: str) -> None:
     world = flat()
     failure = refused(world, text)
     assert failure.cause is Cause.UNREACHABLE
@@ -157,7 +157,7 @@ def test_a_home_that_is_known_is_not_explored_again() -> None:
     assert "0.0 m² of them new; nothing reachable is unknown" in said
 
 
-def test_a_map_that_shrank_is_told_as_nothing_new() -> None:
+def test_a_map_that_shrank_is_reported_as_nothing_new() -> None:
     exploration = mission(flat(), "explore").exploration
     exploration.recall({"borders_given_up": [], "borders": [], "before_m2": 1e3})
     exploration.run()

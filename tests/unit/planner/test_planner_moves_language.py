@@ -100,7 +100,7 @@ def test_numbers_that_count_things_are_no_point() -> None:
 
 
 @pytest.mark.parametrize("text", ["go to the kitchen table", "go to the table in the kitchen"])
-def test_a_room_before_furniture_is_told_as_unused(text: str) -> None:
+def test_a_room_before_furniture_is_reported_as_unused(text: str) -> None:
     names = pb.VocabularyReply(names=["table", "sofa"], detector="fake")
     got = in_vocabulary(parse(text), names)
     assert (got.kind, got.goal) == ("go_to", "table")

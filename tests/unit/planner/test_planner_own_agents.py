@@ -129,7 +129,7 @@ def test_what_is_scored_minus_infinity_is_never_gone_to() -> None:
         (lambda p: p.nothing, "failed .AttributeError: .*the traceback is in its log"),
     ],
 )
-def test_a_rule_that_fails_is_told_with_what_was_wanted(
+def test_a_rule_that_fails_is_reported_with_what_was_wanted(
     gives: Callable[[Places], object], said: str
 ) -> None:
     with pytest.raises(Internal, match=f"the exploration rule <lambda> .*({said})"):
@@ -241,7 +241,7 @@ def test_an_agent_that_fails_ends_its_task_and_nothing_else(
     assert ended(bus, submit(bus).id).state == "succeeded"
 
 
-def test_a_search_that_raises_is_told_with_the_name_of_its_agent(
+def test_a_search_that_raises_is_reported_with_the_name_of_its_agent(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def boom(self: object) -> None:

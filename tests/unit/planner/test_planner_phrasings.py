@@ -53,7 +53,7 @@ def test_the_table_is_long_enough() -> None:
         ("bring the mug to the sofa", ()),
     ],
 )
-def test_what_was_said_and_is_not_used_is_told(text: str, unused: tuple[str, ...]) -> None:
+def test_what_was_said_and_is_not_used_is_reported(text: str, unused: tuple[str, ...]) -> None:
     assert parse(text).unused == unused
 
 

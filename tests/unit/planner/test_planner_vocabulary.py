@@ -26,7 +26,7 @@ def named(text: str, names: tuple[str, ...] = NAMES) -> tuple:
         ("bring the bowl of oranges to the bed", ("bowl", None, "bed", ("of oranges",))),
     ],
 )
-def test_a_thing_is_named_as_the_detector_does_and_what_is_left_out_is_told(
+def test_a_thing_is_named_as_the_detector_does_and_what_is_left_out_is_reported(
     text: str, wanted: tuple
 ) -> None:
     assert named(text) == wanted

@@ -168,7 +168,7 @@ def test_a_file_whose_channels_are_lost_says_so(
 
 
 @pytest.mark.parametrize("number", [0, 1, -1])
-def test_a_lost_chunk_is_told_with_its_size_and_time(
+def test_a_lost_chunk_is_reported_with_its_size_and_time(
     number: int, tour: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
     path, _ = tour

@@ -99,7 +99,7 @@ def test_a_camera_that_breaks_is_said(stage: Stage) -> None:
         ("STATUS_OVERRIDDEN", "power menu"),
     ],
 )
-def test_without_power_nothing_moves_and_the_cause_is_told(
+def test_without_power_nothing_moves_and_the_cause_is_reported(
     stage: Stage, refusal: str, mend: str
 ) -> None:
     stage.world.power_refusal = refusal

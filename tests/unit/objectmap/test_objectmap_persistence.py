@@ -291,7 +291,7 @@ def test_a_kept_map_that_is_cut_off_is_put_aside_and_said(tmp_path, rig):
 
 KILLED = """
 import sys, time, pathlib
-from test_objectmap_exchange import Rig
+from test_objectmap_persistence import Rig
 from helios_objectmap.service import FILE_NAME
 folder = pathlib.Path(sys.argv[1])
 rig = Rig(folder).look_around()

@@ -138,7 +138,7 @@ def test_a_view_is_one_vote_however_many_pixels_and_less_where_there_is_hardly_a
     assert took.tolist() == [0, 1, 2]
 
 
-def test_a_side_that_is_told_for_hours_keeps_counting_in_full_by_its_mean():
+def test_a_side_that_is_reported_for_hours_keeps_counting_in_full_by_its_mean():
     store, eye_m = store_of(np.zeros((1, 3))), np.ones(3)
     for k in range(3 * MOST_VOTES):
         kappa = np.array([[1, 3] if k % 2 else [3, 1]], np.float32)

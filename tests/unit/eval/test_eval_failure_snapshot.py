@@ -25,7 +25,7 @@ KEPT = FailureSnapshot(
 )  # fmt: skip
 
 
-def test_a_keepsake_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_a_failure_snapshot_comes_back_as_it_was(tmp_path: Path) -> None:
     path = failure_snapshot.save(tmp_path, KEPT)
     assert path.parent == tmp_path / "failed"
     assert path.name.startswith("helios-paper-noisy-7-")

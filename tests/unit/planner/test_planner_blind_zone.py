@@ -16,7 +16,7 @@ from planner_eye import ROBOT
 from planner_flat import flat
 from planner_things import Box
 from planner_world import FakeWorld
-from test_planner_poses import BoxWorld
+from test_planner_lattice import BoxWorld
 
 START = Pose2(2.0, 3.0, 0.0)
 LEVEL = replace(ROBOT, camera_height_m=0.5, tilt_range_rad=(0.0, 0.0))  # blind for 1.15 m

@@ -45,7 +45,7 @@ def test_the_word_of_an_earlier_process_does_not_count() -> None:
     assert row(board, running()).state == "starting"
 
 
-def test_a_restart_is_told_with_its_reason() -> None:
+def test_a_restart_is_reported_with_its_reason() -> None:
     board = ServiceTable()
     board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     reported = row(board, running(restarts=1, reason="ended by SIGKILL"))
