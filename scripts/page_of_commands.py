@@ -88,11 +88,11 @@ def _is_address(param: Any) -> bool:
 
 
 def _row(param: Any) -> tuple[str, ...]:
-    told = dict(NOTE.findall(param.help or ""))
+    described = dict(NOTE.findall(param.help or ""))
     meaning = plain(NOTE.sub("", param.help or ""))
-    if envvar := param.envvar or told.get("env var"):
+    if envvar := param.envvar or described.get("env var"):
         meaning += f"; variable `{envvar}`"
-    default = told.get("default") or _default(param)
+    default = described.get("default") or _default(param)
     if param.param_type_name == "argument":
         return code(_metavar(param)), _value(param), default, meaning
     return (

@@ -38,7 +38,10 @@ def operations() -> Iterator[tuple[str, str, Schema]]:
 
 def listed() -> str:
     """Every address with its summary."""
-    rows = ((f"`{method} {path}`", plain(told["summary"])) for method, path, told in operations())
+    rows = (
+        (f"`{method} {path}`", plain(described["summary"]))
+        for method, path, described in operations()
+    )
     return table(("address", "does"), rows)
 
 
@@ -46,8 +49,8 @@ def errors() -> str:
     """Every error status with what it means."""
     known = {
         status: answer["description"]
-        for _, _, told in operations()
-        for status, answer in told["responses"].items()
+        for _, _, described in operations()
+        for status, answer in described["responses"].items()
         if status >= "400" and "application/problem+json" in answer.get("content", {})
     }
     return table(("status", "when"), ((f"`{s}`", plain(text)) for s, text in sorted(known.items())))
@@ -57,8 +60,8 @@ def details() -> str:
     """One section for each group of addresses, then one for all objects that they exchange."""
     out: list[str] = []
     groups: dict[str, list[str]] = {}
-    for method, path, told in operations():
-        groups.setdefault(told["tags"][0], []).append(_operation(method, path, told))
+    for method, path, described in operations():
+        groups.setdefault(described["tags"][0], []).append(_operation(method, path, described))
     for group, sections in groups.items():
         out += [f"### Addresses: {group}\n", *sections]
     out.append("### Objects\n")
@@ -69,17 +72,19 @@ def details() -> str:
     return "\n".join(out)
 
 
-def _operation(method: str, path: str, told: Schema) -> str:
-    out = [f"#### {method} {path}\n", plain(sentence(told["summary"])) + "\n"]
+def _operation(method: str, path: str, described: Schema) -> str:
+    out = [f"#### {method} {path}\n", plain(sentence(described["summary"])) + "\n"]
     out += [
-        f"{paragraph}\n" for paragraph in told.get("description", "").split("\n\n") if paragraph
+        f"{paragraph}\n"
+        for paragraph in described.get("description", "").split("\n\n")
+        if paragraph
     ]
-    if parameters := told.get("parameters"):
+    if parameters := described.get("parameters"):
         rows = ((code(p["name"]), p["in"], *_field(p["name"], p["schema"], p)) for p in parameters)
         out.append(table(("parameter", "in", "type", "unit", "default", "meaning"), rows))
-    for kind, content in told.get("requestBody", {}).get("content", {}).items():
+    for kind, content in described.get("requestBody", {}).get("content", {}).items():
         out.append(f"Body (`{kind}`): {_body(content['schema'])}\n")
-    out.append("Answers: " + "; ".join(_answers(told["responses"])) + ".\n")
+    out.append("Answers: " + "; ".join(_answers(described["responses"])) + ".\n")
     return "\n".join(out)
 
 
@@ -127,11 +132,11 @@ def _fields(schema: Schema) -> str:
     return table(("field", "type", "unit", "default", "meaning"), rows)
 
 
-def _field(name: str, schema: Schema, told: Schema) -> tuple[str, str, str, str]:
+def _field(name: str, schema: Schema, described: Schema) -> tuple[str, str, str, str]:
     """Type with bounds, unit, default and meaning."""
     kinds = ", ".join(filter(None, (_type(schema), _bounds(schema))))
-    default = "" if told.get("required") else _default(schema)
-    meaning = told.get("description") or schema.get("description") or ""
+    default = "" if described.get("required") else _default(schema)
+    meaning = described.get("description") or schema.get("description") or ""
     if (examples := schema.get("examples")) and len(str(examples[0])) < 60:
         meaning += (
             f"{'; ' if meaning else ''}such as `{json.dumps(examples[0], ensure_ascii=False)}`"

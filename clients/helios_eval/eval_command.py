@@ -125,7 +125,8 @@ def report(
             records = read(out)  # what is reported is what can be reported anew
         write_report_of(into, records, description)
         results.write(into, records, results.picks_in(description))
-    print(f"written to {into / 'report.md'} and {into / 'report.html'}")
+    elsewhere = "" if out else "; with --out FOLDER it is written elsewhere"
+    print(f"written to {into / 'report.md'} and {into / 'report.html'}{elsewhere}")
 
 
 app.command()(calibration)

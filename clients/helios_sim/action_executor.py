@@ -1,6 +1,7 @@
 """What a robot does in a world: each action carried out in the physics, with what truly came of it.
 
-Points of actions are in the frame that the robot believes in; `Senses` knows where they truly are.
+Points of actions are in the frame that the robot believes in; `RobotSensors` knows where they
+truly are.
 """
 
 from __future__ import annotations

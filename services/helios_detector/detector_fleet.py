@@ -53,9 +53,9 @@ class RobotSlot:
         self._reported, self._reported_s = ("", ""), 0.0
         self._fault = ""  # what nobody foresaw, at the last turn of the keeper
         self._closed = False
-        self._keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
+        self._model_keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
         bus.announce("detector", members.me)
-        self._keeper.start()
+        self._model_keeper.start()
 
     def begin(self, models: Models, workload: ModelUsage, preview_quality: int) -> DetectorService:
         """The models work."""

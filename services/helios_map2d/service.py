@@ -217,7 +217,7 @@ class Map2DService:
 
     # --- methods ------------------------------------------------------------------------------
     def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
-        """See `Keeping.load`; the present search learns what the map's views have seen."""
+        """See `MapFiles.load`; the present search learns what the map's views have seen."""
         reply = self._keeping.load(request)
         self._say()
         self._catch_up()

@@ -251,7 +251,7 @@ class ObjectMap:
     def render(self, view: View, layer: str, class_name: str) -> bytes:
         """PNG of a layer as a camera sees it; RGB, or for depth uint16 millimetres.
 
-        layer: one of `picture.LAYERS`; the last two are of a class. Raises InvalidInput.
+        layer: one of `export.LAYERS`; the last two are of a class. Raises InvalidInput.
         """
         store, prior = self._store, self._settings.prior_concentration
         projection = self._project(view, FAR_M)
@@ -390,7 +390,7 @@ class ObjectMap:
             kappa[:, 0] |= ~kappa.any(axis=1)
             weights = np.tile(past.weights[counts], (len(voted), 1))
             eye_m = past.view.T_world_cam[:3, 3]
-            viewing_sectors.tell(
+            viewing_sectors.add_votes(
                 store, voted, kappa.astype(np.float32), columns, weights, eye_m, s.side_views,
                 s.alpha_side,
             )  # fmt: skip
@@ -411,7 +411,7 @@ class ObjectMap:
         weights = self._viewpoints.weights(look, names, store.born[rows])
         self._viewpoints.mark(look, names, self._updates)
         if s.by_sides:
-            took = viewing_sectors.tell(
+            took = viewing_sectors.add_votes(
                 store, rows, kappa, self._columns, weights, eye_m, s.side_views, s.alpha_side
             )
         else:

@@ -171,8 +171,8 @@ def publish_status(
     metrics: Mapping[str, float],
     uptime_s: float = 0.0,
 ) -> None:
-    """Say how a service is; published: (state, reason). One that cannot be sent is logged alone: the
-    next one says the same."""
+    """Publish how a service is; published: (state, reason). One that cannot be sent is logged
+    alone: the next one says the same."""
     status = pb.ServiceStatus(
         service=service, instance=instance, state=published[0], reason=published[1],
         pid=os.getpid(), uptime_s=uptime_s, metrics=metrics,

@@ -8,7 +8,7 @@ Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Its table `[all]` holds what every service has
 (router, robot, log_level), where the service's own says nothing. Nothing else in a service reads
 the environment. A service with a setting `agent` takes what is left unsaid from that agent's preset
-(`agent_presets`). What names no setting is refused (`settings_names`).
+(`agent_presets`). What names no setting is refused (`settings_spelling`).
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ class FrameAnswers:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
+        self._state_came = threading.Condition(self._lock)
         self._parts: dict[tuple[str, int, int], set[str]] = {}
         self._update_ms: dict[str, list[float]] = {part: [] for part in MapPart}
         self._done_s: list[float] = []
@@ -62,12 +63,18 @@ class FrameAnswers:
         """The bridge's word."""
         with self._lock:
             self._finished = state.finished
+            self._state_came.notify_all()
 
     @property
     def finished(self) -> bool:
         """The recording has come to its end."""
         with self._lock:
             return self._finished
+
+    def wait_finished(self, timeout_s: float) -> bool:
+        """Wait so long for the end of the recording; whether it came."""
+        with self._state_came:
+            return self._state_came.wait_for(lambda: self._finished, timeout_s)
 
     @property
     def frames(self) -> int:

@@ -150,7 +150,7 @@ def _play(
     with Progress(*columns, console=console) as progress:
         bar = progress.add_task("starting the services", total=watch.known.frames, pace="")
         while not (tally.finished or interrupts.came):
-            time.sleep(CHECK_PERIOD_S)
+            tally.wait_finished(CHECK_PERIOD_S)
             _check(supervisor)
             description = watch.look(supervisor.table(), tally)
             pace = f"{tally.pace_ms:.0f} ms a frame" if tally.frames > 1 else ""

@@ -103,7 +103,8 @@ def load(path: Path) -> FailureSnapshot:
             )
     except _UNREADABLE as error:
         raise InvalidInput(
-            f"{path} is no failure snapshot of an episode ({type(error).__name__}: {error}); delete it"
+            f"{path} is no failure snapshot of an episode ({type(error).__name__}: {error}); "
+            "delete it"
         ) from error
 
 

@@ -65,8 +65,8 @@ def video(
     )
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
-        told = film(asked, path, fps, on_step)
-    console.print(f"{told}; written to {path}", highlight=False)
+        outcome = film(asked, path, fps, on_step)
+    console.print(f"{outcome}; written to {path}", highlight=False)
 
 
 def _checked_file(path: Path) -> Path:

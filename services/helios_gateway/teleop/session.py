@@ -158,9 +158,9 @@ class TeleopSession:
             )
         )
 
-    def _tell_state(self, told: TeleopState) -> None:
-        if told != self._state:
-            self._state = told
+    def _tell_state(self, state: TeleopState) -> None:
+        if state != self._state:
+            self._state = state
             changed, self.changed = self.changed, anyio.Event()
             changed.set()
 

@@ -133,7 +133,7 @@ def edge_cells(state, seen, top, at, near, wanted):
 def describe(
     cells, starts,  # clusters: world cells int32 [m, 2], and int64 [clusters + 1] where each begins
     corner,  # the world cell of the grid's first
-    labels, offsets, reached, near, near_corner,  # a `ground.Reached` and its labels
+    labels, offsets, reached, near, near_corner,  # a `ReachedCells` and its labels
     same,  # int64 [clusters]: the place of a former with the very same cells, -1 for none
     former_centres, former_reachable,  # of the former: as `centres` and `reachable`
     stale,  # box of world cells near which values have changed: row_lo, row_hi, column_lo, ...

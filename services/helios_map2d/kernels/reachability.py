@@ -19,7 +19,7 @@ STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the tile beyond e
 @njit(cache=True, nogil=True)
 def follow(
     before, occupancy, row_lo, column_lo, half_widths,  # see `follow_obstacles`
-    crowd, labels, counts, edges, offsets,  # see `ground.OpenGround`
+    crowd, labels, counts, edges, offsets,  # see `ReachableFloor`
 ):  # fmt: skip
     """Keep the open ground up to date with a change of occupancy; how many components it has."""
     stale = np.zeros(counts.shape, np.uint8)
@@ -264,7 +264,7 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
 
 @njit(cache=True, nogil=True)
 def reach(
-    occupancy, crowd, labels, edges, offsets, components,  # the whole map; see `ground.OpenGround`
+    occupancy, crowd, labels, edges, offsets, components,  # the whole map; see `ReachableFloor`
     cell, blind_cells, radius_cells,
 ):  # fmt: skip
     """What can be reached from a cell: uint8 by component, uint8 by cell of a box around it, and

@@ -76,7 +76,7 @@ class DepthVisibility:
 
 
 class ConeVisibility:
-    """VLFM's way to count ground as explored; see `exploring.Exploring`.
+    """VLFM's way to count ground as explored; see `ExploredAreaLayer`.
 
     Obstacles are widened by a square of the robot's diameter, an odd number of cells, as VLFM's.
     """

@@ -33,4 +33,4 @@ class MapRules:
     frontiers: FrontierRules = field(default_factory=FrontierRules)
     trajectory_step_m: float = 0.05
     most_views: int = 512
-    explored_by_cone: bool = False  # VLFM's explored area, see `reveal`
+    explored_by_cone: bool = False  # VLFM's explored area, see `ConeVisibility`

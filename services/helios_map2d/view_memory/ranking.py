@@ -86,7 +86,7 @@ def by_name(views: Sequence[SeenView], prompt: str) -> list[Answer]:
 
 
 def as_layer(fits: Sequence[tuple[SeenView, float]]) -> list[tuple[Cone, float]]:
-    """What `MapState.set_layer` makes a value layer of."""
+    """What `EpochMap.set_layer` makes a value layer of."""
     return [(view.cone, score) for view, score in fits]
 
 

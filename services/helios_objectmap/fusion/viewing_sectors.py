@@ -25,7 +25,7 @@ def sector_of(means: NDArray[np.floating], eye_m: NDArray[np.floating]) -> NDArr
     return np.floor(np.arctan2(y, x) * (SECTORS / math.tau)).astype(np.intp) % SECTORS
 
 
-def tell(
+def add_votes(
     store: GaussianStore,
     rows: NDArray[np.integer],
     kappa: Float32,
@@ -44,7 +44,7 @@ def tell(
     camera stands, world. What was known before without votes stays, and is added to.
     """
     took = np.empty(len(rows), np.int64)
-    n = tell_kernel(
+    n = add_votes_kernel(
         rows, kappa, np.array(columns, np.int64), weights, sector_of(store.means[rows], eye_m),
         UNIT, MOST_VOTES * UNIT, WHOLE_KAPPA, side_views * UNIT, alpha_side,
         store.votes, store.positive, store.asked, took,
@@ -52,7 +52,7 @@ def tell(
     return took[:n]
 
 
-def news(
+def new_share(
     votes_so_far: NDArray[np.uint16],
     means: Float32,
     kappas: Sequence[Float32],
@@ -79,7 +79,7 @@ def news(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def tell_kernel(
+def add_votes_kernel(
     rows,
     kappa,
     columns,

@@ -70,7 +70,7 @@ def expected(
 ) -> list[Expected]:
     """Outcome for each weight kappa [n] if such views show column `wanted` of the context.
 
-    With votes, the weight of a view is what it tells anew, in sides: see `sides.news`.
+    With votes, the weight of a view is what it adds, in sectors: see `viewing_sectors.new_share`.
     """
     base = member.positive.astype(np.float64)
     base[:, wanted] *= rates.trust
@@ -106,7 +106,7 @@ def what_if(
     kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
     if member.votes_so_far is not None:
         eyes_m = [view.T_world_cam[:3, 3] for view in views]
-        kappas, together = viewing_sectors.news(
+        kappas, together = viewing_sectors.new_share(
             member.votes_so_far, member.means, kappas, eyes_m, rates.side_views
         )
     else:

@@ -31,7 +31,7 @@ class CpuProjection:
     width: int
     height: int
     rows: NDArray[np.int32]  # [k] which of the Gaussians given
-    splats: Float32  # [k, COLUMNS], see kernels/projection.py
+    splats: Float32  # [k, COLUMNS], see kernels.py
     offsets: NDArray[np.int64]  # [tiles + 1] into entries
     entries: NDArray[np.int32]  # those of the k on each tile, near to far
 

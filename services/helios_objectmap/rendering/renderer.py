@@ -7,7 +7,7 @@ The printed kernel lacks the minus sign. S_n is the EWA covariance of a sphere o
 LOW_PASS_PX2. An alpha below 1/255 counts as 0, an opacity above 0.999 as that, and a pixel may be
 finished once less than 1e-4 of its light is left.
 
-A back end is one function, `Project`: `splat.project` on the CPU, `splat_cuda.project` on CUDA;
+A back end is one function, `Project`: `cpu.project`, or `cuda.project` on a GPU;
 `back_ends.py` has them by name.
 """
 

@@ -136,7 +136,7 @@ class RobotClient(RobotInterface):
 
     # --- acting --------------------------------------------------------------------------------
     def act(self, action: Action) -> ActionResult:
-        """See Body. A keyframe that a map lost, by a restart for example, is taken anew."""
+        """See `RobotInterface`. A keyframe that a map lost, by a restart say, is taken anew."""
         result, _, missing = self._do(action, ACK_PATIENCE_S)
         cut_short = self.cut_short
         deadline = time.monotonic() + self._settings.ack_timeout_s

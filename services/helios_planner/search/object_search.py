@@ -1,4 +1,4 @@
-"""Finding the object (flow 1 and 2): global search, local search, extra views."""
+"""Finding the object: candidates on start receptacles, the global and the local search."""
 
 from __future__ import annotations
 

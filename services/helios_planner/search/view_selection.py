@@ -135,7 +135,9 @@ class Looking:
         points = self.around(receptacle)[: self.settings.gaze_poses]
         if not points:
             return None
-        key = (receptacle.id, receptacle.views, receptacle.gaussians, len(points))
+        key = (
+            receptacle.id, receptacle.views, receptacle.gaussians, tuple(g.pose for g in points)
+        )  # fmt: skip
         if key not in self._gains:
             poses = [g.T_world_cam(self.body.description) for g in points]
             answer = self.body.what_if(

@@ -1,4 +1,4 @@
-"""The flow of a task (paper section 3.2, appendix 6.1): find, pick, find, place, over a `Body`."""
+"""The flow of a task (paper section 3.2, appendix 6.1): find, pick, find, place."""
 
 from __future__ import annotations
 

@@ -57,7 +57,9 @@ def test_a_frame_reaches_the_bridge_as_it_was_meant(client: TestClient, bridge: 
     assert (frame.camera.fx, frame.camera.cy, frame.camera.width) == (14.0, 5.5, WIDTH)
 
 
-def test_where_the_robot_stands_goes_on_if_it_is_reported(client: TestClient, bridge: Bridge) -> None:
+def test_where_the_robot_stands_goes_on_if_it_is_reported(
+    client: TestClient, bridge: Bridge
+) -> None:
     post(client)
     assert not bridge.requests[0].frame.HasField("T_world_base")
     T_world_base = se2_to_se3(1.0, 2.0, 0.5)

@@ -160,7 +160,9 @@ def types_since(live: BusListener, past: int) -> list[str]:
     return [event.type for event in live.events._past][past:]
 
 
-def test_tasks_decisions_and_plans_are_reported_at_once(live: BusListener, backend: Backend) -> None:
+def test_tasks_decisions_and_plans_are_reported_at_once(
+    live: BusListener, backend: Backend
+) -> None:
     live.tick()
     past = len(live.events._past)
     backend.bus.publish(TASK, pb.Task(id="t1", state="running", kind="move", phase="pick"))

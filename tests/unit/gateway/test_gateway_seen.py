@@ -13,7 +13,9 @@ from tests.gateway_backend import Backend
 from tests.gateway_home import picture_jpeg
 
 
-def test_objects_of_that_name_and_past_views_are_reported(client: TestClient, backend: Backend) -> None:
+def test_objects_of_that_name_and_past_views_are_reported(
+    client: TestClient, backend: Backend
+) -> None:
     answer = client.get("/v1/seen", params={"prompt": "the red mug", "limit": 2}).json()
     assert [found["id"] for found in answer["objects"]] == [1, 4]
     assert [view["score"] for view in answer["views"]] == [0.82, 0.64]

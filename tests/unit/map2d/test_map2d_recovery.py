@@ -140,7 +140,9 @@ def test_a_frame_of_its_world_brings_a_kept_map_back_before_the_robot_says_where
 
 
 @pytest.mark.parametrize("kind", ["map", "npz", "ros"])
-def test_a_loaded_map_is_reported_at_once_with_the_robot_where_it_says_that_it_is(kind: str) -> None:
+def test_a_loaded_map_is_reported_at_once_with_the_robot_where_it_says_that_it_is(
+    kind: str,
+) -> None:
     rig, other = walked(), Rig()
     other.say_epoch("another boot", at=(1.0, 0.5, 0.3))
     load(other, saved(rig, kind))

@@ -94,7 +94,9 @@ def off_m(place: pb.SeenPlace, name: str) -> float:
 
 @pytest.mark.parametrize("embeds", [True, False])
 @pytest.mark.parametrize("name", THINGS_M)
-def test_a_thing_is_reported_at_its_place_with_a_picture_that_shows_it(name: str, embeds: bool) -> None:
+def test_a_thing_is_reported_at_its_place_with_a_picture_that_shows_it(
+    name: str, embeds: bool
+) -> None:
     rig = walked(embeds=embeds)
     best, *others = rig.bus.call(RECALL, pb.RecallRequest(prompt=name, most_places=3), 5).places
     # The ball is seen from three stops, the others from one, which tells the distance less well.
@@ -113,7 +115,9 @@ def cone(x: float, y: float, yaw: float, reach_m: float = 4.0) -> Cone:
     return Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
 
 
-def test_of_answers_alike_the_best_is_reported_unless_seen_from_elsewhere_or_of_another_class() -> None:
+def test_of_answers_alike_the_best_is_reported_unless_seen_from_elsewhere_or_of_another_class() -> (
+    None
+):
     def answer(score: float, x: float, yaw: float, class_name: str = "mug") -> Answer:
         view = SeenView(FrameId("boot", 0, 1), 0, cone(0, 0, yaw), None, b"")
         return Answer(view, score, (x, 1.0), class_name)

@@ -177,7 +177,9 @@ def test_the_held_object_does_not_become_one(rig):
 
 
 @pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
-def test_what_the_frame_says_is_held_counts_whatever_was_reported_since(rig, by_then: str, now: str):
+def test_what_the_frame_says_is_held_counts_whatever_was_reported_since(
+    rig, by_then: str, now: str
+):
     rig.ask_for()
     rig.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), held=now)))
     near = (*ROOM, ("mug", (0.5, -0.1, 0.9), (0.6, 0.1, 1.1)))

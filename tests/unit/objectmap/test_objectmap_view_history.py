@@ -114,7 +114,7 @@ def test_the_oldest_past_views_go() -> None:
 
 
 def shown_plainly(points: NDArray[np.float32], view: View, depth_mm: NDArray) -> list[int]:
-    """One point after the other, as hindsight.py has it."""
+    """One point after the other, as view_history.py has it."""
     out = []
     for k, point in enumerate(points.astype(float)):
         x, y, z = (view.T_cam_world @ [*point, 1.0])[:3]

@@ -14,9 +14,9 @@ from helios_objectmap.fusion.viewing_sectors import (
     SECTORS,
     UNIT,
     WHOLE_KAPPA,
-    news,
+    add_votes,
+    new_share,
     sector_of,
-    tell,
 )
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.object_map import ObjectMap
@@ -53,7 +53,7 @@ def views_of(rng, n, classes, count, spread_rad=math.pi):
 def take(store, view) -> None:
     kappa, weights, eye_m = view
     columns = list(range(weights.shape[1]))
-    tell(store, np.arange(len(store)), kappa, columns, weights, eye_m, FULL, ALPHA)
+    add_votes(store, np.arange(len(store)), kappa, columns, weights, eye_m, FULL, ALPHA)
 
 
 def reference(means, views, classes):
@@ -131,7 +131,7 @@ def test_the_order_of_views_does_not_matter(seed, count):
 def test_a_view_is_one_vote_however_many_pixels_and_less_where_there_is_hardly_any():
     store = store_of(np.zeros((4, 3)))
     kappa = np.array([[0, 1000], [0, WHOLE_KAPPA], [0, WHOLE_KAPPA / 2], [0, 0]], np.float32)
-    took = tell(
+    took = add_votes(
         store, np.arange(4), kappa, [0], np.ones((4, 1), np.float32), np.ones(3), FULL, ALPHA
     )
     assert store.votes.sum(axis=(1, 2, 3)).tolist() == [2 * UNIT, 2 * UNIT, UNIT, 0]
@@ -163,7 +163,7 @@ def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_sid
         take(store, view)
     ((_, _, eye_m),) = views_of(rng, n, 1, 1)
     seen = rng.choice([0, 0.1, 5], n).astype(np.float32)
-    (alone,), together = news(store.votes[:, 0, :, 1], store.means, [seen], [eye_m], FULL)
+    (alone,), together = new_share(store.votes[:, 0, :, 1], store.means, [seen], [eye_m], FULL)
     assert np.allclose(alone, together, atol=1e-6)
 
     side = sector_of(store.means, eye_m)
@@ -192,7 +192,7 @@ def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each
         take(store, view)
     views = [(k, np.ones((n, 1), np.float32), e) for k, _, e in views_of(rng, n, 1, count, 0.5)]
     before = store.asked[:, 0].copy()
-    alone, together = news(
+    alone, together = new_share(
         store.votes[:, 0, :, 1], store.means, [k.sum(axis=1) for k, _, _ in views],
         [e for _, _, e in views], FULL,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,20 @@ def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
     assert best is not None
     assert best.gaze == looking.views_of(thing)[1]
     assert best.score == pytest.approx(0.4)
+
+
+def test_the_gain_of_a_local_search_is_that_of_the_views_that_are_left_now(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As many are left as before, at other places."""
+    world, looking, thing = seen_counter()
+    here = looking.around(thing)[:3]
+    there = [replace(g, pose=replace(g.pose, x_m=g.pose.x_m + 0.5)) for g in here]
+    gains = iter([1.0, 2.0])
+    world.what_if = lambda *args, **kwargs: WhatIf((), (next(gains),))
+    for points, gain in ((here, 1.0), (here, 1.0), (there, 2.0)):
+        monkeypatch.setattr(looking, "around", lambda _, points=points: points)
+        assert looking.information_gain_nats(thing, "counter") == gain
 
 
 def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:

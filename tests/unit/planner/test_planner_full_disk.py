@@ -218,7 +218,7 @@ def test_a_task_that_has_ended_is_not_paused_by_who_comes_too_late(group: Planne
     bus = group.planner()
     id = submit(bus, GO).id
     ended(bus, id)
-    book = group.planners[-1]._registry
-    assert book.change(id, on_hold=True, state=State.PAUSED).state is State.SUCCEEDED
+    task_registry = group.planners[-1]._registry
+    assert task_registry.change(id, on_hold=True, state=State.PAUSED).state is State.SUCCEEDED
     group.planners[-1].close()
     assert task(group.planner(), id).state == "succeeded"

@@ -208,7 +208,9 @@ def test_a_frame_with_two_parents_is_refused_unless_a_topic_says_where_it_is(
     assert len(open_source(path, Part(topics="pose=/slam/pose")).shots) == SHOTS
 
 
-def test_images_without_a_pose_are_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_images_without_a_pose_are_reported(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     """The only pose is taken for images up to 0.5 s after it."""
     topics = Part(topics="pose=/slam/pose")
     whole = write_bag(tmp_path / "whole", tf=False, pose_topic=True)
