@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from itertools import product
+from typing import Any
 
 import numpy as np
 from helios_core.robot import Observe, Pick, Place
@@ -93,6 +94,15 @@ class Manipulation:
     near: ObjectInstance | None = None  # what was acted on last, as it was believed from near
     surface_m: float = 0.0  # height of where something was let go last
     placed_on: ObjectInstance | None = None  # as it was known when something was let go on it
+
+    # --- over a restart ------------------------------------------------------------------------
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        return {"picks": self.picks, "falls": self.falls, "last_reason": self.last_reason}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.picks, self.falls = memory["picks"], memory["falls"]
+        self.last_reason = memory["last_reason"]
 
     # --- pick ----------------------------------------------------------------------------------
     def pick(self, thing: ObjectInstance, class_name: str, confirmed: Judged = still_there) -> Done:

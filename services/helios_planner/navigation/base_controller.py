@@ -8,10 +8,10 @@ robot, a look at unknown ground that blocks the way, and moving back.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum, auto
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from helios_core.geometry import wrap_angle
@@ -163,6 +163,17 @@ class BaseController:
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
         return reach(self._covering(ground), self.body.pose(), rules, *self._discs())
+
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        return {
+            "felt": [list(f) for f in self.felt_obstacles],
+            "trusted": [list(disc) for disc in self.blind_zone.discs],
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.felt_obstacles[:] = [(x, y, r) for x, y, r in memory["felt"]]
+        self.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
 
     def _covering(self, ground: GroundMap) -> GroundMap:
         """A map that also covers the rings taken as free."""

@@ -41,6 +41,23 @@ class SearchTools:
     rng: np.random.Generator
     given_up: list[tuple[float, float]] = field(default_factory=list)  # frontiers that stayed
 
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        return {
+            "given_up": [list(f) for f in self.given_up],
+            "looked": self.looking.memory(),
+            "belief": self.belief.memory(),
+            "draws": self.rng.bit_generator.state,
+            **self.base.memory(),
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.given_up[:] = [(x, y) for x, y in memory["given_up"]]
+        self.looking.recall(memory["looked"])
+        self.belief.recall(memory["belief"])
+        self.rng.bit_generator.state = memory["draws"]
+        self.base.recall(memory)
+
 
 class Search(ABC):
     """Looks for one class until there is one to act on. What an agent adds: how it decides about

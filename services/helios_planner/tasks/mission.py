@@ -122,17 +122,10 @@ class Mission:
             "looked_around": self.looked_around,
             "target_m": _listed(self.target_m),
             "picked_at_m": _listed(self.picked_at_m),
-            "picks": self.skills.picks,
-            "falls": self.skills.falls,
             "unsure": list(self.unsure.items()),
-            "last_reason": self.skills.last_reason,
-            "felt": [list(f) for f in self.tools.base.felt_obstacles],
-            "trusted": [list(disc) for disc in self.tools.base.blind_zone.discs],
-            "given_up": [list(f) for f in self.tools.given_up],
-            "looked": self.tools.looking.memory(),
-            "belief": self.tools.belief.memory(),
-            "draws": self.tools.rng.bit_generator.state,
             "search": None if search is None else search.memory() | {"phase": search.phase},
+            **self.skills.memory(),
+            **self.tools.memory(),
         }
 
     def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
@@ -140,15 +133,9 @@ class Mission:
         self.looked_around = memory["looked_around"]
         self.target_m = _array(memory["target_m"])
         self.picked_at_m = _array(memory["picked_at_m"])
-        self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
-        self.skills.last_reason = memory["last_reason"]
         self.unsure = {Phase(phase): said for phase, said in memory["unsure"]}
-        self.tools.base.felt_obstacles[:] = [(x, y, r) for x, y, r in memory["felt"]]
-        self.tools.base.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
-        self.tools.given_up[:] = [(x, y) for x, y in memory["given_up"]]
-        self.tools.looking.recall(memory["looked"])
-        self.tools.belief.recall(memory["belief"])
-        self.tools.rng.bit_generator.state = memory["draws"]
+        self.skills.recall(memory)
+        self.tools.recall(memory)
         self._recalled = memory["search"]
         name = self.instruction.object or ""
         if isinstance(last.action, Pick) and self.picked_at_m is None:

@@ -53,17 +53,15 @@ class MoveMission:
         going = self._recalled if self.point_goal is None else self.point_goal.memory()
         return {
             "looked_around": self.looked_around,
-            "felt": [list(f) for f in self.base.felt_obstacles],
-            "trusted": [list(disc) for disc in self.base.blind_zone.discs],
             "exploration": self.exploration.memory(),
             "going": dict(going),
+            **self.base.memory(),
         }
 
     def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
         """Go on from there. What came of the newest action shows in where the robot stands."""
         self.looked_around = memory["looked_around"]
-        self.base.felt_obstacles[:] = [(x, y, r) for x, y, r in memory["felt"]]
-        self.base.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
+        self.base.recall(memory)
         self.exploration.recall(memory["exploration"])
         self._recalled = memory["going"]
 

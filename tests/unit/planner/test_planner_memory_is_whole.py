@@ -1,0 +1,76 @@
+"""What a planner that dies forgets is forgotten on purpose: each field is in a memory, or here.
+
+A new field fails this test until it is in the `memory` and `recall` of its class, or named as one
+that may be lost.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from helios_core.robot import Observe
+from helios_planner.instruction.parser import parse
+from helios_planner.settings import Settings
+from helios_planner.tasks.mission import Mission
+from helios_planner.tasks.move_mission import MoveMission
+from helios_planner.tasks.run_control import LastAction
+from planner_flat import MOVE, flat_with_mug
+
+GIVEN = "body settings instruction agent tools base belief looking rng attempts rules"
+# What is worked out anew, or holds only between two actions.
+SEARCH_KEPT = "refused waiting _waited_at _doubts _round _first_round _patrol"
+SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
+SCORED_KEPT = f"{SEARCH_KEPT} _step _since _acted _remembered"
+SCORED_LOST = f"{SEARCH_LOST} _standards _views _from_memory"
+KEPT_AND_LOST = {
+    "Mission": (
+        "looked_around target_m picked_at_m unsure skills search placed",
+        "seen_at_goal _fell _recalled",
+    ),
+    "SearchTools": ("given_up rng belief looking base", ""),
+    "Manipulation": ("picks falls last_reason", "near surface_m placed_on"),
+    "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
+    "Looking": ("_looked", "_other_share _thing_rules _place_rules _stop_rules _views _gains"),
+    "ObjectSearch": (f"{SCORED_KEPT} seen visited", f"{SCORED_LOST} start _rule _last_seen"),
+    "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),
+    "MoveMission": ("looked_around exploration point_goal", "_recalled"),
+    "Exploration": (
+        "given_up _ids _before_m2",
+        "_body _base _settings _now_m2 _left _cached",
+    ),
+}
+
+
+def stateful() -> list[object]:
+    """One of each class that has a memory of fields."""
+    mission = Mission(flat_with_mug(), parse(MOVE), Settings())
+    moves = MoveMission(flat_with_mug(), parse("explore"), Settings())
+    tools, agent = mission.tools, mission.agent
+    return [
+        mission, tools, mission.skills, tools.base, tools.looking,
+        agent.seek_object(tools, "mug", None), agent.seek_receptacle(tools, "counter", None),
+        moves, moves.exploration,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KEPT_AND_LOST)
+def test_every_field_is_remembered_or_lost_on_purpose(name: str) -> None:
+    (found,) = (one for one in stateful() if type(one).__name__ == name)
+    kept, lost = (set(text.split()) for text in KEPT_AND_LOST[name])
+    unnamed = vars(found).keys() - kept - lost - set(GIVEN.split())
+    assert not unnamed, f"add {unnamed} of {name} to its memory and recall, or to this table"
+    assert kept | lost <= vars(found).keys(), "the table names what is not there"
+
+
+def test_what_was_remembered_is_remembered_again() -> None:
+    mission = Mission(flat_with_mug(), parse(MOVE), Settings())
+    mission.looked_around = True
+    mission.skills.picks, mission.skills.last_reason = 2, "it slipped"
+    mission.tools.base.felt_obstacles.append((1.0, 2.0, 0.08))
+    mission.tools.base.blind_zone.discs.append((1.0, 1.0, 0.5))
+    mission.tools.given_up.append((3.0, 4.0))
+    memory = json.loads(json.dumps(mission.memory()))
+    again = Mission(flat_with_mug(), parse(MOVE), Settings())
+    again.recall(memory, LastAction(Observe(), True, "", ""))
+    assert json.loads(json.dumps(again.memory())) == memory
