@@ -50,7 +50,7 @@ def generated() -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Write the blocking SDK")
     parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
     text = generated()
     if not parser.parse_args().check:

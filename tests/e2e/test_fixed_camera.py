@@ -58,12 +58,14 @@ def test_it_leaves_its_place_and_finds_what_it_is_sent_for(tmp_path: Path) -> No
     bus = MemoryBus(hub)
     bus.subscribe(TASK, lambda t: ended.set() if t.state in ("succeeded", "failed") else None)
     map2d = Map2DService(MemoryBus(hub), Map2DSettings.load([]), Health())
-    objects = ObjectMapService(MemoryBus(hub), ObjectMapSettings(), Health())
+    objects = ObjectMapService(MemoryBus(hub), ObjectMapSettings(agent="helios-paper"), Health())
     objects.warm_up()
     detector = DetectorService(MemoryBus(hub), PaintDetector(), open_scorer("lexical"), Health())
     settings = BridgeSettings(stream_hz=0, lockstep=True)
     bridge = BridgeService(MemoryBus(hub), robot, settings, Health())
-    planner = PlannerService(MemoryBus(hub), PlannerSettings(state_dir=tmp_path), Health())
+    planner = PlannerService(
+        MemoryBus(hub), PlannerSettings(agent="helios-paper", state_dir=tmp_path), Health()
+    )
     try:
         id = bus.call(SUBMIT, pb.SubmitRequest(instruction="find the shelf"), 30).id
         assert ended.wait(120), "the task did not end"

@@ -111,7 +111,7 @@ def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
 
         bus, bridge_bus = new_bus(), new_bus()
         opened.enter_context(closing(Map2DService(new_bus(), Map2DSettings.load([]), Health())))
-        objects = ObjectMapService(new_bus(), ObjectMapSettings(), Health())
+        objects = ObjectMapService(new_bus(), ObjectMapSettings.load([]), Health())
         opened.enter_context(closing(objects)).warm_up()
         opened.enter_context(closing(RecordedDetector(new_bus(), folder, Health())))
         driver = ReplayDriver(folder, bus=bridge_bus, contexts=True, rate=rate, limit=limit)

@@ -100,7 +100,7 @@ class Stack:
         self._bus = new_bus()
         self._bus.subscribe(TASK, self._on_task)
         opened.enter_context(closing(Map2DService(new_bus(), Map2DSettings.load([]), Health())))
-        objects = ObjectMapService(new_bus(), ObjectMapSettings(), Health())
+        objects = ObjectMapService(new_bus(), ObjectMapSettings(agent="helios-paper"), Health())
         opened.enter_context(closing(objects)).warm_up()
         scorer = open_scorer("lexical")
         detector = DetectorService(new_bus(), ColourDetector(), scorer, Health())
@@ -112,7 +112,7 @@ class Stack:
         bus, chosen = new_bus(), BridgeSettings(stream_hz=0, lockstep=True)
         driver = SpotDriver(bus, settings=settings)
         opened.enter_context(closing(BridgeService(bus, driver, chosen, Health())))
-        kept = PlannerSettings(state_dir=folder / "tasks")
+        kept = PlannerSettings(agent="helios-paper", state_dir=folder / "tasks")
         opened.enter_context(closing(PlannerService(new_bus(), kept, Health())))
 
     def begin(self, instruction: str) -> str:

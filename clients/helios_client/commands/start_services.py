@@ -165,6 +165,9 @@ def replay(
     topics: Annotated[
         str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
     ] = "",
+    agent: Annotated[
+        str, typer.Option(help="whose settings the object map has: that of helios up then")
+    ] = "helios",
 ) -> None:
     """Play a recording or data set, and write what was found. Through the same services."""
     from helios_client.interrupt_signals import noted_interrupts
@@ -180,7 +183,7 @@ def replay(
         context, detector = what_to_seek(dataset, classes, thresholds, detector)
         detector = check_detector(detector)
         pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
-        job = ReplayJob(dataset, context, detector, out, pace)
+        job = ReplayJob(dataset, context, detector, out, pace, agent)
         results = run_replay(job, interrupts, screen)
         screen.print(results.table())  # first, for a full disk must not take it along
         results.write(out)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
 from helios_core.errors import DeadlineExceeded, HeliosError, InvalidInput, Unavailable
@@ -53,6 +54,7 @@ class ReplayJob:
     detector: str
     out: Path
     pace: Pace = Pace()
+    agent: str = DEFAULT_AGENT  # whose settings the object map has
     start_s: float = 300.0  # longest time until every service is ready; models are loaded in it
     patience_s: float = 180.0  # longest time without a new frame
 
@@ -80,7 +82,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
         source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
         topics=pace.topics or None, contexts=job.context is None, strict=pace.strict,
-        lockstep=not pace.free_running, ack_timeout_s=job.patience_s, agent="helios-paper",
+        lockstep=not pace.free_running, ack_timeout_s=job.patience_s, agent=job.agent,
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
     specs = stack.specs()
