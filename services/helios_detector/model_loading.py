@@ -2,7 +2,7 @@
 
     simulated              the simulator's truth through seeded noise
     ground-truth           the simulator's truth as it is
-    onnx:FILE              a YOLOX model of a fixed vocabulary, COCO's or its own (onnx_class_names.py)
+    onnx:FILE              a YOLOX model of a fixed vocabulary, COCO's or its own (onnx_class_names)
     transformers:ID        a text-prompted model of the hub or of a folder (docs/how-to/models.md)
     package:Class          a back end of anybody's own; package:Class:ARGUMENT
     NAME or NAME:ARGUMENT  an outside package's entry point in the group `helios.detectors`
