@@ -109,7 +109,7 @@ def test_what_is_doubted_again_and_again_is_left(
     assert asked == [3 if skill == "pick" else 2] * MOST_DOUBTS
 
 
-def test_only_what_may_still_be_chosen_holds_up() -> None:
+def test_only_what_may_still_be_chosen_is_confirmed() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.9)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
