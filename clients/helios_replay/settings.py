@@ -13,4 +13,4 @@ class Settings(ServiceSettings):
 
     model_config = service_config("replay")
 
-    source: Path = Field(description="the recording: a .mcap file, or a folder of them")
+    source: Path = Field(description="the recording: an .mcap file, or a folder of them")

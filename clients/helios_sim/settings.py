@@ -16,14 +16,18 @@ class Settings(ServiceSettings):
 
     model_config = service_config("world")
 
-    seed: int = Field(0, ge=0, description="which home")
-    preset: str = Field("demo-v1", description="which kind of home")
-    task_seed: int | None = Field(None, ge=0, description="which task in it; default: as the seed")
+    seed: int = Field(0, ge=0, description="seed of the home")
+    preset: str = Field("demo-v1", description="kind of home")
+    task_seed: int | None = Field(
+        None, ge=0, description="seed of the task in it; unset: the home's"
+    )
 
-    sensor: str = Field("none", description="how pictures and poses err: none or realistic")
+    sensor: str = Field("none", description="sensor noise of images and poses: none or realistic")
 
     furniture: Literal["parametric", "realistic"] = Field(
-        "parametric", description="realistic: models baked by `helios assets bake`"
+        "parametric",
+        description="shapes of furniture: parametric, or realistic (models baked by `helios "
+        "assets bake`)",
     )
 
     @field_validator("sensor")

@@ -34,6 +34,7 @@ from helios_spot.self_mask import robot_capsules, robot_pixels
 
 log = logging.getLogger(__name__)
 
+JPEG_QUALITY = 90  # percent
 HAND_COLOR = "hand_color_image"
 BEYOND_U16 = 65535
 
@@ -166,7 +167,7 @@ class SpotCameras:
     def _color_request(self, name: str) -> Any:
         pixel = bosdyn_api.image_pb2.Image
         return bosdyn_api.image.build_image_request(
-            name, quality_percent=self._s.jpeg_quality, image_format=pixel.FORMAT_JPEG,
+            name, quality_percent=JPEG_QUALITY, image_format=pixel.FORMAT_JPEG,
             pixel_format=pixel.PIXEL_FORMAT_RGB_U8 if name == HAND_COLOR else None,
         )  # fmt: skip
 

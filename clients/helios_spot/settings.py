@@ -19,82 +19,106 @@ class SpotSettings(ServiceSettings):
 
     model_config = service_config("spot")
 
-    host: str = Field(default="", description="name or address of the robot; `--spot-host`")
-    port: int = Field(default=443, ge=1, le=65535, description="its port")
+    host: str = Field(default="", description="name or address of the robot; flag `--spot-host`")
+    port: int = Field(default=443, ge=1, le=65535, description="TCP port of the robot")
     ca_file: Path | None = Field(
-        default=None, description="certificates to trust in place of the SDK's own"
+        default=None, description="CA certificates to trust instead of those of the SDK"
     )
-    username: str = Field(default="", description="who logs in")
-    password: SecretStr = Field(default=SecretStr(""), description="of that user")
+    username: str = Field(default="", description="user name")
+    password: SecretStr = Field(default=SecretStr(""), description="password of that user")
     credentials_file: Path | None = Field(
-        default=None, description="file with the name and the password on its first two lines"
+        default=None, description="file with user name and password on its first two lines"
     )
 
-    rpc_timeout_s: float = Field(default=3.0, gt=0, le=30, description="longest wait for an answer")
+    rpc_timeout_s: float = Field(
+        default=3.0, gt=0, le=30, description="longest wait for a response of the robot, s"
+    )
     command_s: float = Field(
         default=1.0, ge=0.3, le=3.0,
-        description="a walk ends by itself after this unless renewed; renewed four times as often",
+        description="a walk ends by itself after this, s, unless renewed (four times as often)",
     )  # fmt: skip
-    speed_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest walk")
-    turn_rad_s: float = Field(default=0.8, gt=0, le=1.5, description="fastest turn")
-    arm_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest hand")
-    arm_rad_s: float = Field(default=1.5, gt=0, le=3.0, description="fastest turn of the hand")
+    speed_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest walk, m/s")
+    turn_rad_s: float = Field(default=0.8, gt=0, le=1.5, description="fastest turn, rad/s")
+    arm_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest motion of the hand, m/s")
+    arm_rad_s: float = Field(
+        default=1.5, gt=0, le=3.0, description="fastest rotation of the hand, rad/s"
+    )
     blocked_s: float = Field(
-        default=4.0, gt=0, description="a walk without progress for so long is blocked"
+        default=4.0, gt=0, description="a walk without progress for this long is blocked, s"
     )
     obstacle_padding_m: float = Field(
-        default=0.1, ge=0, le=0.5, description="kept to obstacles by the robot's own avoidance"
+        default=0.1,
+        ge=0,
+        le=0.5,
+        description="distance that the robot's own avoidance keeps from obstacles, m",
     )
 
     lease: Literal["acquire", "take"] = Field(
-        default="acquire", description="take: also from somebody who holds it"
+        default="acquire", description="acquire: only a free lease; take: also from another client"
     )
     estop: Literal["none", "endpoint"] = Field(
         default="none",
-        description="endpoint: replace the robot's e-stop configuration by one of ours",
+        description="none, or endpoint: replace the robot's e-stop configuration by ours",
     )
     estop_timeout_s: float = Field(
-        default=9.0, ge=3, description="silence after which our e-stop endpoint trips"
+        default=9.0, ge=3, description="silence after which our e-stop endpoint trips, s"
     )
     power: Literal["on", "expect"] = Field(
-        default="on", description="expect: the motors must be on already"
+        default="on", description="on: power the motors; expect: they must be on already"
     )
-    power_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for the motors")
-    time_sync_s: float = Field(default=5.0, gt=0, description="longest wait for the robot's clock")
+    power_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for the motors, s")
+    time_sync_s: float = Field(
+        default=5.0, gt=0, description="longest wait for time synchronisation with the robot, s"
+    )
 
     camera: Literal["hand", "frontleft", "frontright", "left", "right", "back"] = Field(
-        default="hand", description="whose images the maps are made from"
+        default="hand", description="camera whose images build the maps"
     )
-    jpeg_quality: int = Field(default=90, ge=1, le=100, description="of colour images, percent")
-    min_depth_m: float = Field(default=0.25, ge=0, description="nearer is the gripper, or noise")
-    max_depth_m: float = Field(default=4.0, gt=0, description="further is not believed")
+    min_depth_m: float = Field(
+        default=0.25, ge=0, description="nearer depth is ignored, m: the gripper, or noise"
+    )
+    max_depth_m: float = Field(default=4.0, gt=0, description="farther depth is ignored, m")
     depth: Literal["sensor", "fill", "estimate"] = Field(
         default="sensor",
-        description="fill: an estimator where the sensor has none; estimate: the estimator alone",
+        description="sensor; fill: estimate where the sensor has none; estimate: estimate "
+        "everywhere",
     )
     depth_estimator: str = Field(
         default="detector",
-        description="the detector (its setting depth), or package:callable (colour, Pinhole) -> m",
+        description="detector (its setting depth), or package:callable (colour, Pinhole) -> depth "
+        "in m",
     )
-    depth_timeout_s: float = Field(default=15.0, gt=0, description="longest wait for the detector")
+    depth_timeout_s: float = Field(
+        default=15.0, gt=0, description="longest wait for estimated depth, s"
+    )
 
     hand_forward_m: float = Field(
-        default=0.5, description="hand while looking, ahead of the body's middle"
+        default=0.5, description="position of the hand while looking, m ahead of the body's centre"
     )
-    hand_height_m: float = Field(default=1.15, gt=0, description="hand while looking, above ground")
-    tilt_rad: float = Field(default=0.52, description="its first tilt, down")
+    hand_height_m: float = Field(
+        default=1.15, gt=0, description="height of the hand while looking, m above the floor"
+    )
+    tilt_rad: float = Field(
+        default=0.52, description="initial downward tilt of the hand camera, rad"
+    )
     footprint_radius_m: float = Field(
-        default=0.55, gt=0, description="of a disc around the body's middle that stands for it"
+        default=0.55,
+        gt=0,
+        description="radius of the disc around the body's centre that the maps use, m",
     )
-    length_m: float = Field(default=1.1, gt=0, description="of the body with its legs, walking")
-    width_m: float = Field(default=0.5, gt=0, description="likewise; the planner turns it to fit")
-    reach_m: float = Field(default=1.0, gt=0, description="body's middle to a thing, on the ground")
-    walk_to_grasp: bool = Field(
-        default=False, description="let the robot walk by itself while it grasps"
+    length_m: float = Field(
+        default=1.1, gt=0, description="length of the walking body with its legs, m"
     )
-    grasp_timeout_s: float = Field(default=30.0, gt=0, description="longest grasp")
+    width_m: float = Field(
+        default=0.5, gt=0, description="width of the walking body with its legs, m"
+    )
+    reach_m: float = Field(
+        default=1.0, gt=0, description="horizontal reach from the body's centre, m"
+    )
+    walk_to_grasp: bool = Field(default=False, description="let the robot walk by itself to grasp")
+    grasp_timeout_s: float = Field(default=30.0, gt=0, description="longest duration of a grasp, s")
     place_clearance_m: float = Field(
-        default=0.12, gt=0, description="height over the place from which the hand goes down"
+        default=0.12, gt=0, description="height above the surface from which the hand moves down, m"
     )
 
     @classmethod

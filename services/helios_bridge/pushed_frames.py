@@ -24,6 +24,7 @@ from helios_core.types import RobotDescription, RobotState, Role, SearchClass, S
 from helios_bridge.frame_publisher import FramePublisher
 from helios_bridge.pose_checks import check_poses
 
+DETECTOR_THRESHOLD = 0.25  # confidence from which a class that was asked for counts
 LONGEST_WAIT_S = 60.0
 LONGEST_TURN_S = 10.0  # that a frame waits for those before it
 MOST_CLASSES, LONGEST_NAME = 64, 64
@@ -99,7 +100,7 @@ class PushedFrameQueue:
         acks: KeyframeAcks,
         turn: threading.Lock,
         estimated_depth: bool,
-        threshold: float,
+        threshold: float = DETECTOR_THRESHOLD,
     ) -> None:
         """turn: whoever holds it uses the driver. threshold: detector confidence from which what is
         looked for counts."""

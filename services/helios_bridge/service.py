@@ -106,7 +106,7 @@ class BridgeService:
         if isinstance(driver, PushDriver):
             self._push_queue = PushedFrameQueue(
                 bus, driver, self._publisher, self._acks, self._turn,
-                settings.depth == "estimated", settings.watch_threshold,
+                settings.depth == "estimated",
             )  # fmt: skip
         elif not self._description.can_move and settings.autoplay:
             self._player = RecordingPlayer(

@@ -20,58 +20,65 @@ class Settings(ServiceSettings):
         description="sim, replay, spot, bus, push, or package:Class of your own driver",
     )
     address: str = Field(
-        default="", description="where the robot is, for drivers that reach it over a network"
+        default="", description="network address of the robot, for drivers that need one"
     )
     source: Path | None = Field(
-        default=None, description="what a replay plays: a recording, a folder, a ROS bag"
+        default=None, description="input of a replay: a recording, a folder or a ROS bag"
     )
-    limit: int = Field(default=0, ge=0, description="frames of a replay; 0: all")
-    from_s: float = Field(default=0.0, ge=0, description="where a replay begins, seconds into it")
-    to_s: float = Field(default=math.inf, gt=0, description="where a replay ends, seconds into it")
+    limit: int = Field(default=0, ge=0, description="most frames of a replay; 0: all")
+    from_s: float = Field(
+        default=0.0, ge=0, description="start of a replay, s after the recording's first frame"
+    )
+    to_s: float = Field(
+        default=math.inf, gt=0, description="end of a replay, s after the recording's first frame"
+    )
     rate: float = Field(
-        default=0.0, ge=0, description="speed of a replay: 1 as it was recorded, 0 without waiting"
+        default=0.0,
+        ge=0,
+        description="speed of a replay: 1 for real time, 0 for as fast as possible",
     )
     topics: str = Field(
         default="", description="topics of a ROS bag: color=/a,depth=/b,info=/c,pose=/d"
     )
     contexts: bool = Field(
-        default=False, description="a replay begins the recorded searches by itself"
+        default=False, description="a replay starts the recorded searches by itself"
     )
     max_depth_m: float = Field(
-        default=5.0, gt=0, le=100, description="of the driver push: depth beyond it is not used"
-    )
-    watch_threshold: float = Field(
-        default=0.25,
-        ge=0,
-        le=1,
-        description="of the driver push: detector confidence from which a class asked for counts",
+        default=5.0, gt=0, le=100, description="depth limit of uploaded frames, m (driver push)"
     )
     strict: bool = Field(
         default=False,
-        description="a replay ends at a frame that cannot be read, instead of leaving it out",
+        description="a replay ends at an unreadable frame instead of skipping it",
     )
     depth: Literal["sensor", "estimated"] = Field(
         default="sensor",
-        description="where depth comes from: sensor, or estimated by the detector from colour (its "
+        description="source of depth: sensor, or estimated from colour by the detector (its "
         "setting depth), for robots without usable depth",
     )
-    depth_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for that depth")
+    depth_timeout_s: float = Field(
+        default=30.0, gt=0, description="longest wait for estimated depth, s"
+    )
     stream_hz: float = Field(
-        default=2.0, ge=0, le=60, description="frames a second while standing; 0: off"
+        default=2.0, ge=0, le=60, description="frames per second while the robot stands; 0: none"
     )
     lockstep: bool = Field(
-        default=False, description="send a keyframe when the maps have answered the last"
+        default=False,
+        description="send a keyframe only after the maps have integrated the one before: for "
+        "exact replays",
     )
-    ack_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for a map's answer")
+    ack_timeout_s: float = Field(
+        default=30.0, gt=0, description="longest wait for a map to integrate a keyframe, s"
+    )
     lease_s: float = Field(
-        default=10.0, gt=0, description="a lease ends after this without an action"
+        default=10.0, gt=0, description="a lease expires after this long without an action, s"
     )
     stop_timeout_s: float = Field(
         default=0.8,
         gt=0,
         le=60,
-        description="longest wait for the driver's stop; then it is said that the robot may move",
+        description="longest wait for the driver's stop, s; then the bridge reports that the "
+        "robot may still move",
     )
     autoplay: bool = Field(
-        default=True, description="play a recording by itself once the maps are ready"
+        default=True, description="play a recording as soon as the maps are ready"
     )

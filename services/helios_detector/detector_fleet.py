@@ -57,10 +57,10 @@ class RobotSlot:
         bus.announce("detector", members.me)
         self._model_keeper.start()
 
-    def begin(self, models: Models, workload: ModelUsage, preview_quality: int) -> DetectorService:
+    def begin(self, models: Models, workload: ModelUsage) -> DetectorService:
         """The models work."""
         service = self._service = DetectorService(
-            self.bus, models.detector, models.scorer, self._health, preview_quality, models.depth,
+            self.bus, models.detector, models.scorer, self._health, models.depth,
             workload=workload, listen=False,
         )  # fmt: skip
         self.bus.subscribe(CLAIM, self._on_claim)
@@ -274,7 +274,7 @@ class Fleet:
             return
         workload = ModelUsage()
         for slot in self._slots:
-            self._service = slot.begin(models, workload, s.preview_quality)
+            self._service = slot.begin(models, workload)
         self._bus.announce(TOKEN, self._members.me)  # from now on robots may be ours
         self._on_alive(TOKEN, self._members.me, True)
         self._health.ready(f"shares {', '.join(self._members.robots)}")

@@ -32,7 +32,7 @@ class RobotDetector:
 
     def _run(self) -> None:
         s = self._settings
-        truth = BusTruth(self._bus, s.truth_timeout_s)
+        truth = BusTruth(self._bus)
         not_yet = NotYet(self._bus, self._health)
         not_yet.open()
         models = load_models(s, truth, self._health, self._ending)
@@ -40,7 +40,7 @@ class RobotDetector:
             return  # what is wrong goes on being said
         not_yet.close()
         self._service = DetectorService(
-            self._bus, models.detector, models.scorer, self._health, s.preview_quality, models.depth
+            self._bus, models.detector, models.scorer, self._health, models.depth
         )
         while not self._ending.wait(CHECK_S):
             self._service.seek_again()

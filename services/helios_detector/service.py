@@ -38,6 +38,7 @@ from helios_detector.vocabulary_matching import normalised
 
 log = logging.getLogger(__name__)
 
+PREVIEW_QUALITY = 80  # JPEG, percent
 AGAIN_S = 2.0  # until a context that the back end could not take is tried again
 
 
@@ -50,7 +51,6 @@ class DetectorService:
         detector: DetectorBackend,
         scorer: ScorerBackend,
         health: Health,
-        preview_quality: int = 80,
         depth: DepthBackend | None = None,
         *,
         workload: ModelUsage | None = None,  # of models that others use too
@@ -61,7 +61,6 @@ class DetectorService:
         self._analyst = FrameAnalyzer(self._models, health)
         self._workload = workload or ModelUsage()
         self.methods = QueryMethods(bus, self._analyst, self._workload, health)
-        self._preview_quality = preview_quality
         self._lock = threading.Lock()  # guards the six below
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}
@@ -259,7 +258,7 @@ class DetectorService:
 
     def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)
-        quality = [cv2.IMWRITE_JPEG_QUALITY, self._preview_quality]
+        quality = [cv2.IMWRITE_JPEG_QUALITY, PREVIEW_QUALITY]
         good, jpeg = cv2.imencode(".jpg", bgr, quality)
         if not good:
             raise InvalidInput(f"the colour image of frame {frame.id} cannot be made a JPEG")

@@ -13,79 +13,80 @@ class Settings(ServiceSettings):
 
     detector: str = Field(
         default="simulated",
-        description="simulated, ground-truth, onnx:FILE, transformers:ID or :FOLDER, or an outside "
-        "package's name",
+        description="simulated, ground-truth, onnx:FILE, transformers:ID or transformers:FOLDER, "
+        "or the name of an installed plugin",
     )
     masks: str = Field(
         default="depth",
-        description="from boxes of transformers: depth, or transformers:ID of a SAM 2",
+        description="masks from the boxes of transformers detectors: depth, or transformers:ID of "
+        "a SAM 2 model",
     )
     depth: str = Field(
         default="none",
         description="depth from colour, for robots without usable depth: none, or transformers:ID "
-        "of a Depth Pro or a metric Depth Anything",
+        "of a Depth Pro or metric Depth Anything model",
     )
     depth_focal: str = Field(
-        default="calibrated", description="what scales that depth: calibrated, or own (Depth Pro)"
+        default="calibrated",
+        description="focal length that scales this depth: calibrated, or own (Depth Pro's "
+        "estimate)",
     )
     unload_after_s: float = Field(
-        default=0.0, ge=0, description="models leave the memory after this without work; 0: never"
+        default=0.0, ge=0, description="unload idle models after this long, s; 0: never"
     )
     by_similarity: bool = Field(
         default=False,
-        description="a class that onnx does not know is found as the most similar one that it "
-        "knows, by the text model of the scorer minilm",
+        description="let an onnx detector report its most similar class for a class that it does "
+        "not know (by the text model of scorer minilm)",
     )
     device: str = Field(
-        default="auto", description="of transformers models: auto, cpu, cuda, cuda:N, mps"
+        default="auto", description="device of transformers models: auto, cpu, cuda, cuda:N or mps"
     )
     precision: str = Field(
         default="auto",
-        description="of transformers models: auto (half on cuda), float32, float16, bfloat16",
+        description="number format of transformers models: auto (half on cuda), float32, float16 "
+        "or bfloat16",
     )
     scorer: str = Field(
         default="lexical",
-        description="how images are scored against prompts: lexical, minilm, or transformers:ID "
-        "of a BLIP-2, CLIP or SigLIP",
+        description="image-text scorer: lexical, minilm, or transformers:ID of a BLIP-2, CLIP or "
+        "SigLIP model",
     )
     landmarks: str = Field(
         default="auto",
-        description="what transformers detectors look for besides, to tell the place to a scorer "
-        "of names: auto (furniture, if the scorer reads names), none, or names by comma",
+        description="further classes for transformers detectors, as context for a scorer that "
+        "reads names: auto (furniture, if the scorer needs it), none, or names separated by "
+        "commas",
     )
     score_head: str = Field(
-        default="itc", description="of BLIP-2: itc (contrastive, the paper's) or itm (matching)"
+        default="itc",
+        description="head of BLIP-2: itc (contrastive, as in the paper) or itm (matching)",
     )
-    threads: int = Field(default=1, ge=1, le=64, description="threads of one model run")
+    threads: int = Field(default=1, ge=1, le=64, description="CPU threads of one model run")
     robots: RobotNames = Field(
         default="",
-        description="names by comma: serve all of them, in place of robot; several detectors with "
-        "the same names share the work",
+        description="names of the robots to serve, separated by commas; detectors with the same "
+        "names share the work",
     )
     noise: str = Field(
-        default="demo-v1", description="noise table of the simulated detector, or a file"
+        default="demo-v1", description="noise table of the simulated detector: a name or a file"
     )
     noise_seed: int = Field(default=0, description="seed of the simulated detector's errors")
     noise_level: float = Field(
         default=1.0,
         ge=0,
         le=10,
-        description="multiplies how often and how much it errs; 0: not at all",
+        description="factor on rate and size of the simulated detector's errors; 0: none",
     )
     noise_correlation: float | None = Field(
         default=None,
         ge=0,
         le=1,
-        description="1: no error is redrawn per frame, 0: all; unset: the table's",
-    )
-    truth_timeout_s: float = Field(
-        default=3.0, gt=0, description="longest wait for the simulated world's truth of a frame"
-    )
-    preview_quality: int = Field(
-        default=80, ge=1, le=100, description="JPEG quality of previews, percent"
+        description="share of the simulated detector's errors that persist over frames, 0 to 1; "
+        "unset: the table's",
     )
     retry_s: float = Field(
         default=2.0,
         gt=0,
-        description="pause before a model that cannot load is retried; doubles to 60 s",
+        description="pause before a model that cannot load is tried again, s; doubles up to 60 s",
     )

@@ -15,6 +15,8 @@ from helios_core.topics import TRUTH_SEGMENTATION, WORLD_DESCRIBE
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
+TIMEOUT_S = 3.0  # longest wait for the simulated world
+
 
 @dataclass(frozen=True)
 class TruthInstance:
@@ -75,7 +77,7 @@ def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
 class BusTruth:
     """Asks the simulated world by method call."""
 
-    def __init__(self, bus: Bus, timeout_s: float) -> None:
+    def __init__(self, bus: Bus, timeout_s: float = TIMEOUT_S) -> None:
         self._bus = bus
         self._timeout_s = timeout_s
 

@@ -26,7 +26,7 @@ from helios_core.topics import (
 
 from helios_gateway import api_map_models, api_models, message_conversion
 from helios_gateway.camera_image import Camera
-from helios_gateway.event_hub import EventHub
+from helios_gateway.event_hub import BACKLOG, EventHub
 from helios_gateway.map_cache import MapCache
 from helios_gateway.service_registry import REPORTING, ServiceRegistry
 from helios_gateway.settings import Settings
@@ -43,9 +43,9 @@ class BusListener:
 
     def __init__(self, bus: Bus, settings: Settings) -> None:
         self.roster = ServiceRegistry(settings.silent_after_s)
-        self.camera = Camera(settings.boxes_hold_s, settings.jpeg_quality)
-        self.maps = MapCache(bus, settings.call_timeout_s, settings.picture_max_age_s)
-        self.events = EventHub(settings.event_backlog, settings.max_viewers, settings.keepalive_s)
+        self.camera = Camera()
+        self.maps = MapCache(bus, settings.call_timeout_s)
+        self.events = EventHub(BACKLOG, settings.max_viewers, settings.keepalive_s)
         self._lock = threading.Lock()
         self._ticking = threading.Lock()
         self._robot: api_models.RobotState | None = None

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from helios_gateway.box_drawing import Box, draw_boxes
 from helios_gateway.cached_responses import JPEG, Encoded
 
+BOXES_HOLD_S = 1.0  # the last image with boxes stands in for a newer one this long
+JPEG_QUALITY = 82  # percent
 POSES_KEPT = 64
 STILL = 2e-3  # a pose whose numbers (m, quaternion) all agree within this is the same
 
@@ -42,7 +44,10 @@ class Camera:
     """Thread-safe. Keeps references only; a picture is made when somebody asks, once for all."""
 
     def __init__(
-        self, hold_s: float, quality: int, clock: Callable[[], float] = time.monotonic
+        self,
+        hold_s: float = BOXES_HOLD_S,
+        quality: int = JPEG_QUALITY,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._hold_s = hold_s
         self._quality = quality

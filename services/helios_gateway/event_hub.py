@@ -18,6 +18,7 @@ from functools import cached_property
 from helios_core.errors import Unavailable
 from pydantic import BaseModel
 
+BACKLOG = 1000  # events kept for viewers that were cut off, and held for slow ones
 RETRY = b"retry: 1000\n\n"
 KEEPALIVE = b": still here\n\n"
 

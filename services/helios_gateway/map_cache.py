@@ -18,11 +18,13 @@ from helios_gateway.error_responses import NotFound, invalid_as_not_found
 from helios_gateway.gaussian_arrays import ColorBy, Gaussians
 from helios_gateway.request_coalescing import RequestCoalescer
 
+MAX_AGE_S = 2.0  # an older picture or list of objects is made again
+
 
 class MapCache:
     """Thread-safe. What it made stays good until a map says that it changed."""
 
-    def __init__(self, bus: Bus, timeout_s: float, max_age_s: float) -> None:
+    def __init__(self, bus: Bus, timeout_s: float, max_age_s: float = MAX_AGE_S) -> None:
         self._bus = bus
         self._timeout_s = timeout_s
         self._lock = threading.Lock()

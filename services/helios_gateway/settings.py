@@ -14,101 +14,95 @@ class Settings(ServiceSettings):
     model_config = service_config("gateway")
 
     host: str = Field(
-        default="127.0.0.1", description="address to listen on; beyond loopback API keys are asked"
+        default="127.0.0.1", description="address to listen on; any but loopback requires API keys"
     )
     port: int = Field(
-        default=8080, ge=0, le=65535, description="TCP port to listen on; 0: any free one"
+        default=8080, ge=0, le=65535, description="TCP port to listen on; 0: any free port"
     )
     robots: RobotNames = Field(
-        default="", description="further robots on the same router, by name, commas between"
+        default="", description="names of further robots on the same router, separated by commas"
     )
     keys: Path | None = Field(
-        default=None, description="TOML file of API keys, made with helios key; none: no key asked"
+        default=None,
+        description="TOML file of API keys, made with `helios key`; none: no key is required",
     )
     without_keys: bool = Field(
         default=False,
-        description="ask for no key although the address is not loopback: in a container whose "
-        "port is published on loopback alone",
+        description="require no key on an address other than loopback: for a container whose port "
+        "is published on loopback only",
     )
     origins: str = Field(
         default="",
-        description="other sites whose pages may use the interface (CORS), commas between",
+        description="origins of other sites that may use the API (CORS), separated by commas",
     )
     call_timeout_s: float = Field(
-        default=5.0, gt=0, description="how long a service may take to answer"
+        default=5.0, gt=0, description="longest wait for a service's response, s"
     )
-    stop_timeout_s: float = Field(default=1.0, gt=0, description="the same for stop-now")
+    stop_timeout_s: float = Field(default=1.0, gt=0, description="the same for a stop, s")
     tick_s: float = Field(
-        default=0.5, gt=0, description="shortest time between two robot or map events"
+        default=0.5,
+        gt=0,
+        description="shortest time between two events about the robot or the maps, s",
     )
     keepalive_s: float = Field(
-        default=10.0, gt=0, description="longest silence on the event stream"
+        default=10.0, gt=0, description="longest silence on an event stream, s"
     )
     silent_after_s: float = Field(
-        default=5.0, gt=0, description="a service that has not reported for this long is degraded"
+        default=5.0,
+        gt=0,
+        description="a service is degraded when it has not reported for this long, s",
     )
-    event_backlog: int = Field(
-        default=1000,
-        ge=1,
-        description="events kept for viewers that were cut off, and held for slow ones",
+    max_viewers: int = Field(
+        default=256, ge=1, description="most event streams open at the same time"
     )
-    max_viewers: int = Field(default=256, ge=1, description="event streams open at the same time")
     max_requests: int = Field(
-        default=128, ge=1, description="requests answered at the same time; stop-now is not counted"
+        default=128,
+        ge=1,
+        description="most requests answered at the same time; stops are not counted",
     )
     max_connections: int = Field(
-        default=1000, ge=1, description="TCP connections open at the same time"
+        default=1000, ge=1, description="most TCP connections open at the same time"
     )
     requests_per_s: int = Field(
         default=500,
         ge=1,
-        description="of one client (an API key or an address); stop-now is not counted",
+        description="most requests per second of one client (API key or address); stops are not "
+        "counted",
     )
-    body_limit_bytes: int = Field(default=65536, ge=1, description="largest request body taken")
+    body_limit_bytes: int = Field(default=65536, ge=1, description="largest request body, bytes")
     frame_limit_bytes: int = Field(
-        default=16_000_000, ge=1, description="the same of a frame: meta and images together"
+        default=16_000_000,
+        ge=1,
+        description="largest uploaded frame, metadata and images together, bytes",
     )
     frame_idle_s: float = Field(
         default=30.0,
         gt=0,
-        description="a socket for frames without a message for so long is closed",
+        description="a WebSocket for frames closes after this long without a message, s",
     )
     map_limit_bytes: int = Field(
-        default=500_000_000, ge=1, description="the same of a file of maps that is loaded"
+        default=500_000_000, ge=1, description="largest uploaded map file, bytes"
     )
     body_timeout_s: float = Field(
-        default=10.0, gt=0, description="longest time for a body to arrive"
-    )
-    picture_max_age_s: float = Field(
-        default=2.0,
-        gt=0,
-        description="a map picture or list of objects older than this is made again",
-    )
-    boxes_hold_s: float = Field(
-        default=1.0,
-        gt=0,
-        description="how long the last image with boxes stands in for a newer one",
-    )
-    jpeg_quality: int = Field(
-        default=82, ge=1, le=100, description="quality of /v1/camera.jpg, 1 to 100"
+        default=10.0, gt=0, description="longest time to receive a body, s"
     )
 
     teleop_speed_m_s: float = Field(
-        default=0.3, gt=0, le=2, description="fastest driving by hand, on average"
+        default=0.3, gt=0, le=2, description="fastest mean speed of teleoperation, m/s"
     )
     teleop_turn_rad_s: float = Field(
-        default=0.6, gt=0, le=3, description="fastest turning by hand, on average"
+        default=0.6, gt=0, le=3, description="fastest mean turn of teleoperation, rad/s"
     )
     teleop_hold_s: float = Field(
         default=0.3,
         gt=0,
         le=2,
-        description="a command to drive counts for so long; without a newer one the robot stands",
+        description="validity of a teleoperation command, s; the robot stops without a newer one",
     )
     teleop_idle_s: float = Field(
         default=30.0,
         gt=0,
-        description="a socket for driving without a message for so long is closed",
+        description="a WebSocket for teleoperation closes after this long without a message, s",
     )
 
     @property

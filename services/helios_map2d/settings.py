@@ -22,65 +22,52 @@ class Settings(ServiceSettings):
     preset: str = Field(
         "default",
         pattern="^(default|vlfm-compatible)$",
-        description="vlfm-compatible: every pixel in the band is an obstacle for good, and the "
-        "cone of view is explored; to compare with VLFM",
+        description="default, or vlfm-compatible: every pixel in the height band is an obstacle "
+        "for good, and the whole field of view counts as explored",
     )
-    cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell")
-    size_cells: int = Field(
-        2000, ge=64, le=16000, description="cells along each side of the map at its start"
-    )
+    cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell, m")
+    size_cells: int = Field(2000, ge=64, le=16000, description="cells along each side of a new map")
     most_cells: int = Field(
-        16000, ge=64, le=100_000, description="cells along a side to which the map may grow"
+        16000, ge=64, le=100_000, description="cells along each side to which a map may grow"
     )
-    min_depth_m: float = Field(0.10, ge=0, description="depth below this is not believed")
+    min_depth_m: float = Field(0.10, ge=0, description="nearer depth is ignored, m")
     max_depth_m: float = Field(
-        5.0, gt=0, description="depth above this is not believed; the robot's own limit if less"
+        5.0, gt=0, description="farther depth is ignored, m; the robot's own limit if that is less"
     )
     rays_per_cell: float = Field(
         1.0,
         ge=0,
-        description="so many pixels of a depth image are looked at that this many rays "
-        "fall across a cell at the largest depth; 0: all pixels",
+        description="density of depth pixels, as rays per cell at the largest depth; 0: all pixels",
     )
-    band_lo_m: float = Field(0.10, gt=0, description="obstacles begin at this height")
-    band_hi_m: float = Field(1.50, gt=0, description="what is higher is no obstacle")
-    band_rise_per_m: float = Field(
-        0.006, ge=0, description="the band's lower edge rises by this times depth squared (1/m)"
+    band_lo_m: float = Field(
+        0.10, gt=0, description="lower edge of the obstacle band, m above the floor"
     )
-    floor_tolerance_m: float = Field(0.08, gt=0, description="this near to z = 0 is floor")
-    occupied_evidence: int = Field(2, ge=1, le=100, description="evidence that makes an obstacle")
-    most_evidence: int = Field(5, ge=1, le=200, description="evidence never grows beyond this")
-    hit_gain: int = Field(2, ge=1, le=100, description="evidence of one clear hit; a weak one: 1")
-    miss_loss: int = Field(2, ge=1, le=100, description="evidence lost when a cell is seen through")
-    min_frontier_m: float = Field(0.40, ge=0, description="shorter frontiers are dropped")
-    frontier_value_radius_m: float = Field(
-        0.50, gt=0, description="a frontier's value is the median of the values this near to it"
+    band_hi_m: float = Field(
+        1.50, gt=0, description="upper edge of the obstacle band, m above the floor"
     )
     blind_radius_m: float = Field(
-        1.00, ge=0, description="ground this near to the robot, which its camera cannot see"
-    )
-    most_leap_m: float = Field(
-        50.0, gt=0, description="a pose farther than this from the last one is not believed"
-    )
-    held_reach_m: float = Field(
-        0.30, ge=0, description="while something is held, what is this near to the body is not seen"
+        1.00,
+        ge=0,
+        description="radius around the robot, m, within which unknown floor counts as seen: the "
+        "camera cannot see it",
     )
     value_fusion: str = Field(
         "weighted",
         pattern="^(weighted|maximum)$",
-        description="weighted: by confidence; maximum: the more confident view decides",
+        description="fusion of value layers: weighted (by confidence), or maximum (the more "
+        "confident view wins)",
     )
     most_views: int = Field(
-        512, ge=0, le=100_000, description="views that are kept to be asked about later"
+        512, ge=0, le=100_000, description="most past views kept for later queries"
     )
     state_dir: Path | None = Field(
-        default=None, description="where the map is kept from crashes; without it, it is not"
+        default=None, description="folder in which the map survives a crash; none: it does not"
     )
     keep_period_s: float = Field(
-        3.0, gt=0, description="the kept map is at most this old, and as long as writing takes"
+        3.0, gt=0, description="time between two saves of a changed map, s"
     )
     integrate_stream: bool = Field(
-        False, description="fold stream frames into the occupancy too, not keyframes alone"
+        False, description="integrate stream frames into the occupancy map too, not only keyframes"
     )
 
     def rules(self, robot_max_depth_m: float, robot_radius_m: float) -> MapRules:
@@ -95,26 +82,12 @@ class Settings(ServiceSettings):
             most_cells=self.most_cells,
             min_depth_m=self.min_depth_m,
             max_depth_m=min(self.max_depth_m, robot_max_depth_m),
-            occupancy=OccupancyRules(
-                band_lo_m=self.band_lo_m,
-                band_hi_m=self.band_hi_m,
-                band_rise_per_m=self.band_rise_per_m,
-                floor_tolerance_m=self.floor_tolerance_m,
-                occupied_evidence=self.occupied_evidence,
-                most_evidence=self.most_evidence,
-                hit_gain=self.hit_gain,
-                miss_loss=self.miss_loss,
-            ),
+            occupancy=OccupancyRules(band_lo_m=self.band_lo_m, band_hi_m=self.band_hi_m),
             rays_per_cell=self.rays_per_cell,
-            most_leap_m=self.most_leap_m,
-            held_reach_m=self.held_reach_m,
             most_views=self.most_views,
             values=ValueRules(fusion=self.value_fusion),
             frontiers=FrontierRules(
-                min_size_m=self.min_frontier_m,
-                value_radius_m=self.frontier_value_radius_m,
-                robot_radius_m=robot_radius_m,
-                blind_radius_m=self.blind_radius_m,
+                robot_radius_m=robot_radius_m, blind_radius_m=self.blind_radius_m
             ),
         )
 

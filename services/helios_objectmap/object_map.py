@@ -40,6 +40,11 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.viewpoint_weights import NEVER, ViewingDirection, Viewpoints
 
 SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
+HELD_OBJECT_M = 1.0  # while the gripper holds an object, nearer pixels of objects belong to it
+OPACITY = 0.99  # of a new Gaussian
+RADIUS_PX = 1.0  # standard deviation of a new Gaussian in the image
+CARVE_VIEWS = 2.0  # distinct views through a Gaussian that remove it
+MIN_GAUSSIANS = 5  # smaller instances are not reported
 HALF = 0.5
 WHOLE = 0.999  # sums of float32 shares that make a whole view
 
@@ -73,7 +78,7 @@ class ObjectMap:
         self._viewpoints = self.no_viewpoints()
         self._context: SearchContext | None = None
         self._roles: dict[str, Role] = {}
-        self._past = PastViews(self._settings.past_views)
+        self._past = PastViews()
         self._updates = 0
         self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
 
@@ -111,7 +116,7 @@ class ObjectMap:
         s, store = self._settings, self._store
         reading = without_held(
             read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
-            context, held, s.held_object_m,
+            context, held, HELD_OBJECT_M,
         )  # fmt: skip
         look = self._viewpoints.look(reading.view.T_world_cam)
         projection = self._project(reading.view)
@@ -126,9 +131,7 @@ class ObjectMap:
             new = np.arange(len(store) - created, len(store), dtype=np.int32)
             self._look_back(new)
             projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
-        seen = reobserved(
-            reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
-        )
+        seen = reobserved(reading.depth_m, rendering, created_mask)
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
         eye_m = reading.view.T_world_cam[:3, 3]
         weights = self._weights_of_all_before(look)
@@ -307,7 +310,7 @@ class ObjectMap:
 
     def no_viewpoints(self) -> Viewpoints:
         """Empty ones, as this map's settings want them."""
-        return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
+        return Viewpoints()
 
     # Parts of an update -----------------------------------------------------------------------
 
@@ -332,8 +335,8 @@ class ObjectMap:
     ) -> tuple[Projection, NDArray[np.int32]]:
         """Fade what is seen through, restore what is there, and give up what enough views saw
         through: the projection as it is then, and the rows that are to be removed."""
-        s, store = self._settings, self._store
-        seen = sight(projection, reading.depth_m, s.carve_front_m)
+        store = self._store
+        seen = sight(projection, reading.depth_m)
         there = seen.there[store.through[projection.rows[seen.there]] > 0]
         restored = projection.rows[there]
         store.through[restored], store.through_from[restored] = 0, NEVER
@@ -345,9 +348,9 @@ class ObjectMap:
         changed = np.concatenate([restored, counted])
         if not len(changed):
             return projection, changed
-        left = np.maximum(1 - store.through[changed] / s.carve_views, 0)
-        store.opacity[changed] = s.opacity * left
-        is_gone = store.through[changed] >= WHOLE * s.carve_views
+        left = np.maximum(1 - store.through[changed] / CARVE_VIEWS, 0)
+        store.opacity[changed] = OPACITY * left
+        is_gone = store.through[changed] >= WHOLE * CARVE_VIEWS
         gone, stays = changed[is_gone], changed[~is_gone]
         self._registry.leave(store, gone, self._voxel_m)
         store.believed[gone] = OTHER
@@ -360,16 +363,12 @@ class ObjectMap:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
         if self._settings.creation_rule == "paper":
             return geometry.paper_creation_mask(reading.depth_m, rendering, detected)
-        return geometry.creation_mask(
-            reading.depth_m, rendering, detected, self._settings.create_front_m
-        )
+        return geometry.creation_mask(reading.depth_m, rendering, detected)
 
     def _create(self, reading: LabelImage, mask: NDArray[np.bool_]) -> int:
         means = reading.view.lift(reading.depth_m, mask)
-        radius_m = reading.depth_m[mask] * np.float32(self._settings.radius_px / reading.view.fx)
-        self._store.append(
-            means, radius_m, self._settings.opacity, reading.color[mask], self._updates
-        )
+        radius_m = reading.depth_m[mask] * np.float32(RADIUS_PX / reading.view.fx)
+        self._store.append(means, radius_m, OPACITY, reading.color[mask], self._updates)
         return len(means)
 
     def _weights_of_all_before(self, look: ViewingDirection) -> NDArray[np.float32] | None:
@@ -503,7 +502,7 @@ class ObjectMap:
         """In an instance for its own class; None where it is too small to be reported."""
         store, s = self._store, self._settings
         rows = store.instances.rows_of(np.array([label]))
-        if len(rows) < s.min_gaussians:
+        if len(rows) < MIN_GAUSSIANS:
             return None
         class_name, names = self._registry.records[label].class_name, list(self._names)
         if class_name not in names:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Literal
 
@@ -18,155 +17,123 @@ class ObjectMapSettings(ServiceSettings):
 
     agent: AgentSetting = Field(
         default=DEFAULT_AGENT,
-        description="Agent whose settings replace the defaults of this table (agent_presets).",
+        description="agent whose preset replaces the defaults of this table",
     )
     stride_px: int = Field(
-        default=2, ge=1, le=8, description="Every n-th pixel is mapped, both ways."
+        default=2, ge=1, le=8, description="pixel step of the mapping, in both directions"
     )
     min_depth_m: float = Field(
-        default=0.25, ge=0, description="Nearer depth is the robot's own body or what it holds."
-    )
-    max_depth_m: float = Field(default=8.0, gt=0, description="Farther depth is ignored.")
-    held_object_m: float = Field(
-        default=1.0,
+        default=0.25,
         ge=0,
-        description="While something is held, objects detected nearer than this are it.",
+        description="nearer depth is ignored: the robot's own body, or what it holds",
     )
+    max_depth_m: float = Field(default=8.0, gt=0, description="farther depth is ignored")
 
     prior_concentration: float = Field(
         default=1.0,
         gt=0,
-        description="Concentration of each class before any view; more needs more views.",
+        description="prior concentration of each class (eq. 2); a larger one needs more views",
     )
     prior_classes: int = Field(
         default=2,
         ge=2,
-        description="The prior has at least so many classes, `other` included; the paper has 4.",
+        description="least number of classes that share the prior, `other` included; the paper "
+        "has 4",
     )
     detector_trust: Literal["full", "class", "class-distance"] = Field(
         default="full",
-        description="What a detection counts in scores: all, or the learnt share of true ones of "
-        "its class, or of its class at its distance.",
+        description="weight of a detection in a score: full, or the learnt precision of its "
+        "class, or of its class at its distance",
     )
     size_agreement: Literal["off", "large", "on"] = Field(
         default="off",
-        description="on: the less a thing measures what its class usually does, the less of its "
-        "evidence counts in scores; large: never for being seen to be small.",
+        description="weight evidence by how well an object's size matches its class: on, off, or "
+        "large (only for objects that are too large)",
     )
     floor_m: float | None = Field(
         default=0.0,
-        description="Height of the floor in the world, metres, for the sizes of what stands on it; "
-        "none: unknown.",
+        description="height of the floor in the world frame, m, for the sizes of objects that "
+        "stand on it; none: unknown",
     )
     alpha_cpa: float = Field(
-        default=3.0, gt=0, description="How often each observation counts (eq. 3)."
+        default=3.0, gt=0, description="weight of an observation (α_cpa, eq. 3)"
     )
     alpha_cs: float = Field(
-        default=1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7)."
+        default=1.0, ge=0, description="weight of the uncertainty in a score (α_cs, eq. 7)"
     )
     evidence: Literal["views", "sides", "hindsight"] = Field(
         default="views",
-        description="What counts: each view (eq. 3), or each side of a thing, however often seen; "
-        "hindsight: by sides, and what earlier views said of a place where something is found.",
+        description="unit of evidence: views (eq. 3), sides (viewing sectors of an object, "
+        "however often seen), or hindsight (sectors, and past views of the same place)",
     )
     side_views: float = Field(
         default=6.0,
         gt=0,
         le=100,
-        description="With evidence by sides: views from a side until it counts in full.",
+        description="views from one viewing sector until it counts in full; with sides and "
+        "hindsight",
     )
     alpha_side: float = Field(
         default=6.0,
         gt=0,
-        description="With evidence by sides: how often a side that counts in full counts.",
+        description="weight of a viewing sector that counts in full; with sides and hindsight",
     )
     named_from: float = Field(
         default=0.5,
         gt=0,
         lt=1,
-        description="A Gaussian is of a class when more than this share of the evidence says so.",
-    )
-    past_views: int = Field(
-        default=1024, ge=1, description="So many views are kept for hindsight, 58 kB each."
+        description="share of the evidence from which a Gaussian belongs to a class",
     )
 
     renderer: Literal["cpu", "cuda"] = Field(
         default="cpu",
-        description="What renders: the CPU, or gsplat on a GPU (the extra `cuda`).",
+        description="cpu, or cuda: gsplat on a GPU (extra `cuda`)",
     )
 
     assumption: Literal["optimistic", "50-50"] = Field(
         default="optimistic",
-        description="What a what-if expects of a view: the class, or half of it something else.",
+        description="predicted detection of an expected view: optimistic (the class), or 50-50 "
+        "(half the class, half another)",
     )
 
     full_scene: bool = Field(
         default=False,
-        description="Model every pixel, not only what was detected: to compare (Figure 4).",
+        description="map every pixel, not only detections: the comparison of Figure 4",
     )
     creation_rule: Literal["noise-scaled", "paper"] = Field(
         default="noise-scaled",
-        description="noise-scaled creates and carves by depth noise; paper: literal",
-    )
-    opacity: float = Field(default=0.99, gt=0, lt=1, description="Opacity of a new Gaussian.")
-    radius_px: float = Field(
-        default=1.0, gt=0, description="Standard deviation of a new Gaussian, pixels."
-    )
-    create_front_m: float = Field(
-        default=0.05, gt=0, description="A surface this far in front of the model is new."
-    )
-    carve_front_m: float = Field(
-        default=0.10,
-        gt=0,
-        description="A Gaussian this far in front of what is measured is seen through.",
-    )
-    carve_views: float = Field(
-        default=2.0, gt=0, description="Distinct views that see through a Gaussian to remove it."
-    )
-    reobserve_agreement_m: float = Field(
-        default=0.5, gt=0, description="Depth difference up to which a pixel is seen again."
-    )
-    closing_px: int = Field(
-        default=5, ge=1, description="Holes this small in what is seen again close."
-    )
-
-    # The paper has one observation a step, and its smallest step is 0.1 m or 5 degrees: just below.
-    viewpoint_moved_m: float = Field(
-        default=0.08, gt=0, description="A view counts in full when the camera moved this far, m."
-    )
-    viewpoint_turned_rad: float = Field(
-        default=math.radians(4),
-        gt=0,
-        description="A view counts in full when the camera turned this much.",
+        description="noise-scaled: create and carve Gaussians by depth noise; paper: its literal "
+        "rule",
     )
 
     object_voxel_m: float = Field(
         default=0.07,
         gt=0,
-        description="Voxel that joins Gaussians of objects into instances, metres.",
+        description="edge of the voxels that join Gaussians of objects into instances, m",
     )
     receptacle_voxel_m: float = Field(
         default=0.5,
         gt=0,
-        description="Voxel that joins Gaussians of receptacles into instances, metres.",
+        description="edge of the voxels that join Gaussians of receptacles into instances, m",
     )
-    min_gaussians: int = Field(default=5, ge=1, description="Smaller instances are not reported.")
 
     max_gaussians: int = Field(
         default=1_000_000,
         ge=1000,
-        description="Beyond this, those of no class asked for go, then those unseen the longest.",
+        description="most Gaussians; beyond, those of no searched class go first, then the "
+        "longest unseen",
     )
     max_classes: int = Field(
         default=32,
         ge=1,
-        description="Beyond this, what is known of the class not asked for the longest goes.",
+        description="most classes; beyond, the class that was not searched for the longest goes "
+        "first",
     )
     state_dir: Path | None = Field(
-        default=None, description="Folder in which the map survives a restart; none: it does not."
+        default=None, description="folder in which the map survives a restart; none: it does not"
     )
     save_every_s: float = Field(
-        default=3.0, gt=0, description="A changed map is written this often, seconds."
+        default=3.0, gt=0, description="time between two saves of a changed map, s"
     )
 
     @property

@@ -12,12 +12,15 @@ viewpoints that counted for the class since the Gaussian was made take weight fr
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 NEVER = -1
+# A view counts in full from this distance or turn: just below the smallest steps of the paper.
+MOVED_M, TURNED_RAD = 0.08, math.radians(4)
 # Below this share of the set distance or turn a pose is the same: trembling adds up to nothing.
 SAME = 0.25
 MOST = 16_384  # at least 300 m of path; the oldest viewpoints are forgotten, and may count again
@@ -35,7 +38,7 @@ class ViewingDirection:
 class Viewpoints:
     """Poses from which evidence was taken, and the update at which each last counted."""
 
-    def __init__(self, moved_m: float, turned_rad: float) -> None:
+    def __init__(self, moved_m: float = MOVED_M, turned_rad: float = TURNED_RAD) -> None:
         self._moved_m = moved_m
         self._turned_rad = turned_rad
         self._made = 0  # viewpoints so far, the forgotten ones included

@@ -25,6 +25,7 @@ from helios_planner.motion_planning.base_placement import (
     ON_SHELF_M,
     ON_TOP_M,
     OTHER_SIDE_M,
+    REACH_SPARE_M,
     AheadRules,
     PlaceRules,
     Spot,
@@ -47,6 +48,10 @@ from helios_planner.task import Cause, TaskFailed
 
 Judged = Callable[[ObjectInstance | None], bool]
 
+PLACE_INSET_M = 0.12  # between the place and the edge of the surface
+FLATNESS_M = (0.012, 0.045)  # height range of a flat area: clear of objects, then accepted
+RELEASE_HEIGHT_M = 0.01  # above the surface
+PAPER_RELEASE_HEIGHT_M = 0.10  # above the highest point ahead: the paper's place rule
 OVER_M = 0.05  # around a point that has to do, what lies there counts
 BELOW_M = 0.20  # lower by this than where it was let go is not on it
 AROUND_M = 1.5  # what fell lies this near
@@ -186,11 +191,11 @@ class Manipulation:
 
     @property
     def _reach_m(self) -> float:
-        return self.body.description.reach_m - self.settings.reach_spare_m
+        return self.body.description.reach_m - REACH_SPARE_M
 
     def _missing_m(self, target_m: np.ndarray) -> float:
         """How much the robot stands too far away; at most 0 when the point is in reach."""
-        spare = self.settings.reach_spare_m / 3
+        spare = REACH_SPARE_M / 3
         return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
 
     # --- place ---------------------------------------------------------------------------------
@@ -229,7 +234,7 @@ class Manipulation:
         holds the thing."""
         self._face(np.array(point_m))
         by_paper = self.settings.place_rule == "paper"
-        drop_m = self.settings.paper_drop_m if by_paper else self.settings.place_drop_m
+        drop_m = PAPER_RELEASE_HEIGHT_M if by_paper else RELEASE_HEIGHT_M
         x, y, z = point_m
         self.surface_m = z
         result = self.base.monitor.act(Place((x, y, z + drop_m)))
@@ -247,8 +252,7 @@ class Manipulation:
     ) -> list[Spot]:
         """New spots where nothing lies yet; where there is none, those that are only about flat,
         and then those nearer to an edge."""
-        wished_m = self.settings.place_inset_m
-        for inset_m, flat_m in product((wished_m, wished_m / 2), self.settings.place_flats_m):
+        for inset_m, flat_m in product((PLACE_INSET_M, PLACE_INSET_M / 2), FLATNESS_M):
             rules = PlaceRules(inset_m, flat_m)
             spots = place_spots(receptacle, reached, self._reach_m, rules, failed.stands)
             if new := [spot for spot in spots if failed.lacks(spot.point_m)]:
@@ -263,7 +267,7 @@ class Manipulation:
                 return spots[0]
         here = self.body.pose()
         for level in self.base.levels:
-            point = edge_spot(receptacle, here, self.settings.place_inset_m + 0.05)
+            point = edge_spot(receptacle, here, PLACE_INSET_M + 0.05)
             if not failed.lacks(point):
                 return None
             stand = stand_for(

@@ -7,7 +7,7 @@ A radius is as small as the error of what is compared allows. In metres.
 - A single detection, or a thing that is looked at again from near, is off by more, since only the
   seen side of it counts: 0.3. Of a receptacle much more may come into sight from near: 1.0.
 - A candidate or a frontier moves while its surroundings are seen bit by bit, and what is near it is
-  seen with it: the setting `same_place_m`, 0.5.
+  seen with it: 0.5.
 """
 
 from __future__ import annotations
@@ -24,4 +24,5 @@ SAME_BARRIER_M = 0.3  # unknown ground that bars a way, and was looked at
 GROWN_M = 1.0  # so far a receptacle's middle moves when the rest of it comes into sight
 
 # --- a position that moves as more is seen ------------------------------------------------------
+SAME_PLACE_M = 0.5  # a candidate that was visited, a frontier that was given up
 SAME_FRONTIER_M = 0.5  # the frontier that was gone to last, in VLFM

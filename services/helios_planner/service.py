@@ -73,7 +73,7 @@ class PlannerService:
         self._described, self._warm = threading.Event(), threading.Event()
         self._ending = threading.Event()
         self._acks = KeyframeAcks()
-        self._store = Store(settings.state_dir, settings.keep_decisions)
+        self._store = Store(settings.state_dir)
         self._model = language_model(settings)
         self._registry = TaskRegistry(bus, settings, health, self._store)
         self._store.watch(self._tell_health)

@@ -28,179 +28,151 @@ class Settings(ServiceSettings):
     model_config = service_config("planner")
 
     state_dir: Path = Field(
-        default=Path("runs/state/planner"), description="where tasks are kept (SQLite)"
+        default=Path("runs/state/planner"), description="folder of the task database (SQLite)"
     )
     time_limit_s: float = Field(
-        default=0.0, ge=0, description="time a task may take, unless it says so; 0: any"
+        default=0.0,
+        ge=0,
+        description="longest duration of a task that sets none itself, s; 0: no limit",
     )
     resume_within_s: float = Field(
         default=120.0,
         ge=0,
-        description="a task goes on by itself if the planner died no longer ago than this",
+        description="after a crash the planner resumes a task if it was down no longer than this, "
+        "s; later the home may have changed",
     )
     keep_within_s: float = Field(
         default=60.0,
         ge=0,
-        description="a task stands and waits this long while what it does cannot be written down, "
-        "on a full disk for example; then it fails",
+        description="a task waits this long, s, while its state cannot be saved, for example on a "
+        "full disk; then it fails",
     )
     keep_tasks: int = Field(
-        default=500, ge=1, description="ended tasks that are remembered; then the oldest goes"
-    )
-    keep_decisions: int = Field(
-        default=2000, ge=1, description="decisions remembered of one task; then the oldest goes"
+        default=500, ge=1, description="number of ended tasks to keep; the oldest is deleted first"
     )
     max_steps: int = Field(
-        default=1250, ge=1, description="actions a task may take, unless it says so"
+        default=1250,
+        ge=1,
+        description="most actions of a task that sets no limit itself; the paper's budget",
     )
 
     agent: AgentSetting = Field(
         default=DEFAULT_AGENT,
-        description="who decides, unless a task says so: one of docs/explanation/planner.md, "
+        description="agent that decides unless a task names one: see docs/explanation/planner.md, "
         "or package:agent of your own",
     )
     agents_of_tasks: Literal["any", "listed"] = Field(
         default="listed",
-        description="which agents a task may name: listed (ours, those of installed packages' "
-        "entry points, and the one above), or any (the planner also imports and runs any "
-        "package:agent of its module path or folder that a task names)",
+        description="agents that a task may name: listed (ours, entry points of installed "
+        "packages, and the one above) or any (also package:agent, which the planner then "
+        "imports and runs)",
     )
-    agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
+    agent_seed: int = Field(default=0, ge=0, description="seed of an agent that chooses at random")
 
     llm_url: str = Field(
         default="",
         pattern="^(https?://.+)?$",
-        description="an OpenAI-compatible endpoint, up to and with /v1, that helps with sentences "
-        "which are not recognised; empty: none",
+        description="OpenAI-compatible endpoint, up to and with /v1, that helps with instructions "
+        "which the grammar does not recognise; empty: none",
     )
-    llm_model: str = Field(default="default", description="the model's name there")
+    llm_model: str = Field(default="default", description="name of the model at that endpoint")
     llm_key: SecretStr = Field(
-        default=SecretStr(""), description="its key; better as a variable than as a flag"
+        default=SecretStr(""),
+        description="API key of that endpoint; set it as a variable, not as a flag",
     )
     llm_timeout_s: float = Field(
-        default=3.0, gt=0, le=30, description="longest wait for its answer at submission"
+        default=3.0,
+        gt=0,
+        le=30,
+        description="longest wait for the model when a task is submitted, s",
     )
 
     # --- Table 3 of the paper; agents may have other values (helios_core.agent_presets) ---
     alpha_d: float = Field(
-        default=0.001, ge=0, description="weight of a metre in the objective (eq. 8, 10)"
+        default=0.001, ge=0, description="cost of a metre in the objective (α_d, eq. 8, 10)"
     )
-    tau_g: float = Field(default=0.5, description="score from which an object is picked (τ_g)")
+    tau_g: float = Field(
+        default=0.5, description="score from which the planner picks an object (τ_g)"
+    )
     tau_b: float = Field(
-        default=0.5, description="score from which a receptacle is placed on (τ_b)"
+        default=0.5, description="score from which the planner places on a receptacle (τ_b)"
     )
     tau_inc: float = Field(
-        default=0.05, ge=0, description="least rise of a score worth a view (τ_inc)"
+        default=0.05, ge=0, description="least gain in score that is worth an extra view (τ_inc)"
     )
     cs_a: float = Field(
-        default=0.3, description="class score of a candidate start receptacle (cs_a)"
+        default=0.3,
+        description="class score from which an instance is a candidate start receptacle (cs_a)",
     )
-    cs_g: float = Field(default=0.3, description="class score of a candidate object (cs_g)")
+    cs_g: float = Field(
+        default=0.3, description="class score from which an instance is a candidate object (cs_g)"
+    )
     cs_b: float = Field(
-        default=0.3, description="class score of a candidate goal receptacle (cs_b)"
+        default=0.3,
+        description="class score from which an instance is a candidate goal receptacle (cs_b)",
     )
     od_a: float = Field(
-        default=0.35, ge=0, le=1, description="detector threshold, start receptacle (od_a)"
+        default=0.35, ge=0, le=1, description="detector threshold of start receptacles (od_a)"
     )
-    od_g: float = Field(default=0.25, ge=0, le=1, description="detector threshold, object (od_g)")
+    od_g: float = Field(
+        default=0.25, ge=0, le=1, description="detector threshold of objects (od_g)"
+    )
     od_b: float = Field(
-        default=0.45, ge=0, le=1, description="detector threshold, goal receptacle (od_b)"
+        default=0.45, ge=0, le=1, description="detector threshold of goal receptacles (od_b)"
     )
     vlfm_confidence: float = Field(
-        default=0.4, ge=0, le=1, description="least confidence of a detection that VLFM believes"
+        default=0.4, ge=0, le=1, description="detector threshold of the agent vlfm"
     )
     gain_norm: Literal["per_gaussian", "sum"] = Field(
         default="per_gaussian",
-        description="information gain per Gaussian, or the paper's plain sum",
+        description="information gain in the objective: divided by the number of Gaussians, or "
+        "the paper's sum",
     )
     prompt: str = Field(
         default="Seems like there is a {} ahead",
-        description="what a value layer is asked for; {} is named",
+        description="text prompt of the value layers; {} stands for the class",
     )
 
     # --- limits ---
-    max_picks: int = Field(
-        default=0, ge=0, description="picks a task may try; 0: as many as it takes"
-    )
-    picks_per_object: int = Field(
-        default=3, ge=1, description="picks at one object before it is left alone"
-    )
+    max_picks: int = Field(default=0, ge=0, description="most picks per task; 0: no limit")
+    picks_per_object: int = Field(default=3, ge=1, description="most picks of one object")
     falls: int = Field(
-        default=2, ge=0, description="times that what fell is searched and picked again"
+        default=2,
+        ge=0,
+        description="how often the robot searches for an object that it dropped and picks it again",
     )
-    places_per_receptacle: int = Field(default=3, ge=1, description="places at one receptacle")
+    places_per_receptacle: int = Field(
+        default=3, ge=1, description="most attempts to place on one receptacle"
+    )
     extra_views: int = Field(
-        default=8, ge=1, description="extra views of one candidate before it is doubted"
+        default=8,
+        ge=1,
+        description="most extra views of one candidate before the planner rejects it",
     )
-    rounds: int = Field(default=2, ge=1, description="times the home is searched before giving up")
+    rounds: int = Field(
+        default=2,
+        ge=1,
+        description="how often the robot searches the whole home before it gives up",
+    )
     rounds_held: int = Field(
-        default=6, ge=1, description="the same for where to put what the robot holds"
-    )
-    patrol_m: float = Field(
-        default=2.5,
-        gt=0,
-        description="from the second time on: distance between places to look around from",
-    )
-    gaze_poses: int = Field(
-        default=10, ge=1, description="gaze points asked about at most, per candidate"
+        default=6,
+        ge=1,
+        description="the same while it holds the object and searches for the goal receptacle",
     )
 
     # --- moving ---
     margins_m: tuple[float, ...] = Field(
         default=(0.08, 0.05, 0.025),
-        description="clearance beyond the footprint: wished, then accepted",
-    )
-    saturation_m: float = Field(
-        default=0.30, gt=0, description="clearance from which FM² is at full speed"
-    )
-    speck_m2: float = Field(
-        default=0.015, ge=0, description="unknown specks below this area are floor"
+        description="clearance between footprint and obstacles, m: tried in this order",
     )
     blind_m: float = Field(
         default=1.5,
         ge=0,
-        description="longest way over ground beyond the rim that the camera cannot see from where "
-        "the robot stands; 0: none",
+        description="longest drive over floor beyond the image's lower edge that the camera "
+        "cannot see, m; 0: never",
     )
     travel_tilt_rad: float = Field(
-        default=0.5236, description="tilt of the head while driving, down"
-    )
-    frontier_reach_m: float = Field(
-        default=1.2, gt=0, description="a frontier is reached from this near"
-    )
-    go_within_m: float = Field(
-        default=0.25,
-        ge=0,
-        le=2,
-        description="where the robot cannot stand on the point that it is sent to, a place this "
-        "near to it will do",
-    )
-    border_m: float = Field(
-        default=0.4,
-        gt=0,
-        description="an exploration leaves shorter edges of the known floor alone",
-    )
-    same_place_m: float = Field(
-        default=0.5, gt=0, description="two things nearer than this are the same"
-    )
-
-    # --- looking ---
-    gaze_distances_m: tuple[float, ...] = Field(
-        default=(0.6, 0.9), description="contours around a receptacle on which gaze points lie"
-    )
-    gaze_spacing_m: float = Field(default=0.8, gt=0, description="distance between its gaze points")
-    view_distances_m: tuple[float, ...] = Field(
-        default=(0.6, 0.9, 1.3, 1.8),
-        description="contours around an object on which extra views lie",
-    )
-    view_spacing_m: float = Field(default=0.5, gt=0, description="distance between extra views")
-    stop_distances_m: tuple[float, ...] = Field(
-        default=(0.5, 0.7, 0.85),
-        description="contours around what was to be found on which the robot stops; object "
-        "navigation counts up to 1.0 m",
-    )
-    block_height_m: float = Field(
-        default=1.25, description="what is higher than this blocks any gaze"
+        default=0.5236, description="downward tilt of the head while driving, rad"
     )
 
     # --- in the end ---
@@ -208,47 +180,40 @@ class Settings(ServiceSettings):
         default=0.67,
         gt=0,
         le=1,
-        description="share of the steps after which the likeliest object is brought, sure or not, "
-        "as when everything was searched; 1: never, as the paper",
+        description="share of the step budget after which the robot picks the most likely object "
+        "below the threshold; 1: never, as in the paper",
     )
     place_at_last: float = Field(
         default=0.88,
         gt=0,
         le=1,
-        description="share of the steps after which what is held is put on the likeliest "
-        "receptacle, as when everything was searched; 1: never, as the paper",
+        description="share of the step budget after which it places on the most likely receptacle "
+        "below the threshold; 1: never, as in the paper",
     )
 
     # --- pick and place ---
-    reach_spare_m: float = Field(default=0.06, ge=0, description="kept of the robot's reach")
     place_rule: PlaceRule = Field(
         default="flat",
-        description="flat: lowered onto a flat free area; paper: dropped above the highest point "
-        "ahead",
-    )
-    place_inset_m: float = Field(
-        default=0.12, ge=0, description="least distance from a surface's edge"
-    )
-    place_flats_m: tuple[float, ...] = Field(
-        default=(0.012, 0.045),
-        description="height range of what counts as flat: wished, so that nothing lies there "
-        "already, then accepted",
-    )
-    place_drop_m: float = Field(
-        default=0.01, ge=0, description="height above the surface to let go from"
-    )
-    paper_drop_m: float = Field(
-        default=0.10, ge=0, description="height above the highest point that rule paper drops from"
+        description="flat: lower the object onto a free flat area; paper: drop it above the "
+        "highest point ahead",
     )
 
     # --- waiting for others ---
     ack_timeout_s: float = Field(
-        default=20.0, gt=0, description="longest wait for a map after an action"
+        default=20.0,
+        gt=0,
+        description="longest wait for a map to integrate the keyframe of an action, s",
     )
-    action_timeout_s: float = Field(default=60.0, gt=0, description="longest an action may take")
-    call_timeout_s: float = Field(default=5.0, gt=0, description="longest wait for one answer")
+    action_timeout_s: float = Field(
+        default=60.0, gt=0, description="longest duration of one action, s"
+    )
+    call_timeout_s: float = Field(
+        default=5.0, gt=0, description="longest wait for one response of another service, s"
+    )
     away_s: float = Field(
-        default=15.0, gt=0, description="how long a service may be away before failing"
+        default=15.0,
+        gt=0,
+        description="how long another service may be down before the task fails, s",
     )
 
 

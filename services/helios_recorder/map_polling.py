@@ -26,6 +26,7 @@ from helios_recorder.settings import Settings
 log = logging.getLogger(__name__)
 
 MISSED = "missed_maps"  # the figure that counts questions without an answer
+ANSWER_WITHIN_S = 2.0  # longest wait for a map; a missing answer is counted
 CLOSE_WITHIN_S = 0.2
 LONGEST_PAUSE_S = 30.0  # between questions to a map that gives no answer
 
@@ -45,7 +46,7 @@ class MapWatch:
     ) -> None:
         """count: raises a figure by its name. Asks once at the start, for a robot that stands."""
         self._bus, self._put, self._count = bus, put, count
-        self._period_s, self._within_s = settings.map_period_s, settings.map_timeout_s
+        self._period_s, self._within_s = settings.map_period_s, ANSWER_WITHIN_S
         self._lock = threading.Lock()
         self._putting = threading.Lock()  # held while a message is put, so that `close` is the end
         self._news = {"map2d": False, "objectmap": False}  # whether an answer is owed

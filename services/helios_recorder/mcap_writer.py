@@ -22,6 +22,7 @@ COMPRESSION = {
     "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
 }  # fmt: skip
 ENCODING = "protobuf"
+SYNC_EVERY_S = 5.0  # to the disk; a power cut loses this much at most
 DECLARE_EVERY_S = 10.0  # 80 kB each time
 
 
@@ -87,7 +88,7 @@ class RecordingFile:
         if self.bytes > before:
             self._declare()
             self._stream.flush()
-        if now_s - self._synced_s >= self._settings.sync_s:
+        if now_s - self._synced_s >= SYNC_EVERY_S:
             self._synced_s = now_s
             os.fdatasync(self._stream.fileno())
         return True

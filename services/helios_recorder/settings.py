@@ -18,39 +18,41 @@ class Settings(ServiceSettings):
 
     out: Path = Field(default=Path("recordings"), description="folder of the recordings")
     rotate_mb: float = Field(
-        default=2000, gt=0, description="a file that has grown to this is followed by the next"
+        default=2000, gt=0, description="size at which the next file begins, MB"
     )
     rotate_min: float = Field(
-        default=30, gt=0, description="a file that is this old is followed by the next, minutes"
+        default=30, gt=0, description="age at which the next file begins, minutes"
     )
     compression: Literal["zstd", "lz4", "none"] = Field(
-        default="zstd", description="of the chunks: zstd is smaller, lz4 and none cost less"
+        default="zstd",
+        description="compression of chunks: zstd is smaller, lz4 and none cost less time",
     )
     jpeg_quality: int = Field(
-        default=90, ge=1, le=100, description="of the stream's colour; keyframes are lossless"
+        default=90,
+        ge=1,
+        le=100,
+        description="JPEG quality of stream frames, percent; keyframes are lossless",
     )
-    chunk_mb: float = Field(default=4, gt=0, le=64, description="size at which a chunk is written")
+    chunk_mb: float = Field(
+        default=4, gt=0, le=64, description="size at which a chunk is written, MB"
+    )
     flush_s: float = Field(
-        default=1.0, gt=0, description="a chunk is written after this; more is lost by a SIGKILL"
-    )
-    sync_s: float = Field(
-        default=5.0, gt=0, description="the disk is made to keep what it has at this pace"
+        default=1.0,
+        gt=0,
+        description="age at which a chunk is written, s; a SIGKILL loses this much at most",
     )
     map_period_s: float = Field(
         default=1.0,
         ge=0,
-        description="the maps are recorded at most this often, seconds, and only when they have "
-        "changed; 0: not at all",
-    )
-    map_timeout_s: float = Field(
-        default=2.0, gt=0, description="longest wait for a map's answer; without one it is counted"
+        description="least time between two recordings of a changed map, s; 0: maps are not "
+        "recorded",
     )
     queue_mb: float = Field(
-        default=256, gt=0, description="what waits to be written; beyond it messages are dropped"
+        default=256,
+        gt=0,
+        description="size of the queue, MB; messages beyond it are dropped and counted",
     )
-    min_free_mb: float = Field(
-        default=500, ge=0, description="space on the disk that is left to others"
-    )
+    min_free_mb: float = Field(default=500, ge=0, description="disk space to leave free, MB")
     retry_s: float = Field(
-        default=5.0, gt=0, description="pause before a disk that was full is tried again"
+        default=5.0, gt=0, description="time until a full disk is tried again, s"
     )

@@ -74,11 +74,11 @@ class ServiceSettings(BaseSettings):
     model_config = service_config("service")
 
     config: Path | None = Field(
-        default=None, description="TOML file with a table per service; or HELIOS_CONFIG"
+        default=None, description="TOML file with one table per service; also HELIOS_CONFIG"
     )
-    router: str = Field(default="tcp/127.0.0.1:7447", description="endpoint of the router")
+    router: str = Field(default="tcp/127.0.0.1:7447", description="Zenoh endpoint of the router")
     robot: RobotName = Field(
-        default="robot", description="name of the robot: first part of every key"
+        default="robot", description="name of the robot: the first part of every key"
     )
     log_level: str = Field(default="info", description="debug, info, warning or error")
 

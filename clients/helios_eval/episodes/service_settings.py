@@ -30,7 +30,7 @@ SERVICES: dict[str, type[ServiceSettings]] = {
 _OURS = frozenset(ServiceSettings.model_fields) | {
     "state_dir", "agent", "agent_seed", "detector", "noise", "noise_seed", "noise_level",
     "noise_correlation", "max_steps", "max_picks", "ack_timeout_s", "action_timeout_s",
-    "call_timeout_s", "away_s", "truth_timeout_s", "retry_s", "preview_quality", "threads",
+    "call_timeout_s", "away_s", "retry_s", "threads",
 }  # fmt: skip
 
 

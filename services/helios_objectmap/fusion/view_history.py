@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import View, offset
 from helios_objectmap.fusion.label_image import LabelImage
 
+MOST_PAST_VIEWS = 1024  # 58 kB each
 WIDTH_PX = 160  # of a past view at most; a mug at 3 m still has nine of its pixels
 AGREES_M, AGREES_SHARE = 0.08, 0.05  # depth differs less, metres or share of the depth
 NEAREST_M = 0.1  # in front of the camera
@@ -54,7 +55,7 @@ class VisiblePoints:
 class PastViews:
     """The latest views, at most `most` of them: 58 kB each."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int = MOST_PAST_VIEWS) -> None:
         self._views: deque[PastView] = deque(maxlen=most)
 
     def __len__(self) -> int:

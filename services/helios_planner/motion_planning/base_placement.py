@@ -20,6 +20,7 @@ from helios_planner.motion_planning import kernels
 from helios_planner.motion_planning.costmap import GroundMap, Pose2, corner_of, facing
 from helios_planner.motion_planning.path_planner import Reach
 
+REACH_SPARE_M = 0.06  # of the robot's reach, not used when a base pose is chosen
 ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
 OTHER_SIDE_M = 0.4  # so far from where it cannot be reached a robot may reach it
 ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back

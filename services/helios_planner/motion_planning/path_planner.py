@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from helios_planner.motion_planning import kernels
 from helios_planner.motion_planning.costmap import (
+    SPECK_M2,
     GroundMap,
     Pose2,
     clearance_m,
@@ -87,7 +88,7 @@ class MotionRules:
     footprint_m: float
     margin_m: float = 0.05
     saturation_m: float = 0.30
-    speck_m2: float = 0.01
+    speck_m2: float = SPECK_M2
     leave_m: float = 0.60  # so far from the start it may be as narrow as the start itself is
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0

@@ -75,8 +75,6 @@ class BaseController:
         self.rules = MotionRules(
             footprint_m=robot.footprint_radius_m,
             margin_m=settings.margins_m[0],
-            saturation_m=settings.saturation_m,
-            speck_m2=settings.speck_m2,
             min_forward_m=robot.min_forward_m,
             max_forward_m=robot.max_forward_m,
             min_turn_rad=robot.min_turn_rad,

@@ -13,6 +13,8 @@ from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.acceptance import give_up
 from helios_planner.decisions.decision import Act, Decision, Do, FrontierOption
+from helios_planner.match_radii import SAME_PLACE_M
+from helios_planner.motion_planning.base_placement import REACH_SPARE_M
 from helios_planner.motion_planning.costmap import Pose2, facing
 from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.navigation.base_controller import BaseController, Outcome
@@ -26,6 +28,8 @@ PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, whe
 MOST_DOUBTS = 4  # of one thing in one search
 # Times in one search that something, or one and the same thing, turns out to be out of reach.
 MOST_WAITS, MOST_OF_ONE = 8, 3
+FRONTIER_REACH_M = 1.2  # a frontier is looked at from this near
+REVISIT_SPACING_M = 2.5  # between the viewpoints of a repeated search
 GRID_M = 0.2  # between the places that are considered
 
 
@@ -69,12 +73,12 @@ class Search(ABC):
         self.body, self.settings = tools.body, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
         self.refused = Places(refused_m)  # for good
-        self.waiting = Places(tools.settings.same_place_m)  # until more ground is known
+        self.waiting = Places(SAME_PLACE_M)  # until more ground is known
         self.rounds = tools.settings.rounds  # times that everything is searched
         self._waited_at: list[tuple[float, float]] = []  # middles of what was out of reach, in m
         self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
         self._round = self._first_round = 0
-        self._patrol = RevisitSearch(self.base, tools.settings.patrol_m)
+        self._patrol = RevisitSearch(self.base, REVISIT_SPACING_M)
         self._acted_from: Pose2 | None = None
         self._first = -1.0, ""  # what is said first, while this share of the steps is used
         self._left_at = 0  # version of the map when a candidate was last found out of reach
@@ -200,8 +204,7 @@ class Search(ABC):
         middle = _xy(candidate)
         if self.body.pose() != self._acted_from:
             self._waited_at.append(middle)
-        same_m = self.settings.same_place_m
-        of_one = sum(math.dist(middle, m) < same_m for m in self._waited_at)
+        of_one = sum(math.dist(middle, m) < SAME_PLACE_M for m in self._waited_at)
         if of_one > MOST_OF_ONE or len(self._waited_at) > MOST_WAITS:
             self.refused.add(candidate)
         elif self.at_last or not self.base.clear_way(middle, self._near_enough_m(candidate)):
@@ -222,7 +225,7 @@ class Search(ABC):
 
     def _near_enough_m(self, candidate: ObjectInstance) -> float:
         """So far from its middle some part of it is in reach."""
-        reach_m = self.body.description.reach_m - self.settings.reach_spare_m
+        reach_m = self.body.description.reach_m - REACH_SPARE_M
         return reach_m + float(min(candidate.size_m[:2])) / 2
 
     def open(self, candidate: ObjectInstance) -> bool:
@@ -252,29 +255,27 @@ class Search(ABC):
                     pose.bearing_rad(f.xy_m),
                 )
                 for f in frontiers
-                if reached.nearest(f.xy_m, self.settings.frontier_reach_m) is not None
+                if reached.nearest(f.xy_m, FRONTIER_REACH_M) is not None
             ]  # fmt: skip
             if options:
                 return options
         return []
 
     def _open_frontiers(self) -> Sequence[Frontier]:
-        same = self.settings.same_place_m
         return [
             f for f in self.body.frontiers()
-            if all(math.dist(f.xy_m, g) > same for g in self.tools.given_up)
+            if all(math.dist(f.xy_m, g) > SAME_PLACE_M for g in self.tools.given_up)
         ]  # fmt: skip
 
     def _frontier_at(self, xy_m: tuple[float, float]) -> bool:
-        same = self.settings.same_place_m
-        return any(math.dist(f.xy_m, xy_m) <= same for f in self.body.frontiers())
+        return any(math.dist(f.xy_m, xy_m) <= SAME_PLACE_M for f in self.body.frontiers())
 
     def visit_frontier(self, xy_m: tuple[float, float], found: Callable[[], bool]) -> None:
         """Drive near and look at it, until it is no frontier or something was found; what is
         still a frontier then is given up."""
         near = None
         for level in self.base.levels:
-            near = self.base.reach(level).nearest(xy_m, self.settings.frontier_reach_m)
+            near = self.base.reach(level).nearest(xy_m, FRONTIER_REACH_M)
             if near is not None:
                 break
         if near is not None:
@@ -298,7 +299,7 @@ class Search(ABC):
         pose = self.body.pose()
         targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
         targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
-        return any(self.base.clear_way(t, self.settings.frontier_reach_m) for t in targets)
+        return any(self.base.clear_way(t, FRONTIER_REACH_M) for t in targets)
 
     def patrol(self) -> bool:
         """After the first round, with nothing left to explore: look around from one more place.

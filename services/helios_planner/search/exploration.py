@@ -11,14 +11,17 @@ from helios_core.printable_text import counted
 
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.decisions.global_search import WayOption, nearest_by_way
-from helios_planner.motion_planning.costmap import facing
+from helios_planner.match_radii import SAME_PLACE_M
+from helios_planner.motion_planning.costmap import SPECK_M2, facing
 from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.motion_planning.unknown_borders import Border, borders_of, floor_m2
 from helios_planner.navigation.base_controller import BaseController, Outcome
 from helios_planner.navigation.point_goal import point_text
+from helios_planner.search.base import FRONTIER_REACH_M
 from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
+MIN_BORDER_M = 0.4  # shorter edges of the known floor are not explored
 NAMED = 3  # places that the closing sentence names
 
 XY = tuple[float, float]
@@ -104,16 +107,15 @@ class Exploration:
         self._body.listener.on_phase(Phase.EXPLORE, "unknown floor", message)
 
     def _borders(self) -> list[Border]:
-        ground, s = self._body.ground(), self._settings
+        ground = self._body.ground()
         if self._cached[0] != ground.version:
-            self._cached = ground.version, borders_of(ground, s.border_m, s.speck_m2)
+            self._cached = ground.version, borders_of(ground, MIN_BORDER_M, SPECK_M2)
         return self._cached[1]
 
     def _open(self) -> list[Border]:
-        same_m = self._settings.same_place_m
         return [
             b for b in self._borders()
-            if all(math.dist(b.xy_m, g) > same_m for g in self.given_up)
+            if all(math.dist(b.xy_m, g) > SAME_PLACE_M for g in self.given_up)
         ]  # fmt: skip
 
     def _options(self) -> list[WayOption]:
@@ -127,7 +129,7 @@ class Exploration:
         return []
 
     def _option(self, border: Border, reached: Reach) -> WayOption | None:
-        place = reached.nearest(border.xy_m, self._settings.frontier_reach_m)
+        place = reached.nearest(border.xy_m, FRONTIER_REACH_M)
         if place is None:
             return None
         way_m = _way_m(reached, place) + math.dist(place, border.xy_m)
@@ -137,14 +139,13 @@ class Exploration:
     def _id(self, xy_m: XY) -> int:
         """The number of a border, from 1; one where another was has its number."""
         for k, known in enumerate(self._ids, start=1):
-            if math.dist(known, xy_m) <= self._settings.same_place_m / 2:
+            if math.dist(known, xy_m) <= SAME_PLACE_M / 2:
                 return k
         self._ids.append(xy_m)
         return len(self._ids)
 
     def _there(self, xy_m: XY) -> bool:
-        same_m = self._settings.same_place_m
-        return any(math.dist(b.xy_m, xy_m) <= same_m for b in self._borders())
+        return any(math.dist(b.xy_m, xy_m) <= SAME_PLACE_M for b in self._borders())
 
     def _visit(self, xy_m: XY) -> None:
         """Drive near and look, until it is no border; what still is one then is given up."""
@@ -164,15 +165,16 @@ class Exploration:
 
     def _place_near(self, xy_m: XY) -> XY | None:
         reaches = (self._base.reach(level) for level in self._base.levels)
-        within_m = self._settings.frontier_reach_m
-        return next((p for r in reaches if (p := r.nearest(xy_m, within_m)) is not None), None)
+        return next(
+            (p for r in reaches if (p := r.nearest(xy_m, FRONTIER_REACH_M)) is not None), None
+        )
 
     def _clear_way(self) -> bool:
         """With no border in reach: look at unknown ground that bars the way to one. Whether there
         was any."""
-        pose, within_m = self._body.pose(), self._settings.frontier_reach_m
+        pose = self._body.pose()
         targets: Sequence[XY] = sorted((b.xy_m for b in self._open()), key=pose.distance_m)
-        return any(self._base.clear_way(xy_m, within_m) for xy_m in targets)
+        return any(self._base.clear_way(xy_m, FRONTIER_REACH_M) for xy_m in targets)
 
 
 def _way_m(reached: Reach, place: XY) -> float:

@@ -16,7 +16,7 @@ from helios_planner.decisions.global_search import (
     SearchRule,
     normalised_gain,
 )
-from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M
+from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.search.base import PICK_LAYER, SearchTools
@@ -57,7 +57,7 @@ class ObjectSearch(ScoredSearch):
         super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
-        self.visited = Places(tools.settings.same_place_m)
+        self.visited = Places(SAME_PLACE_M)
         self._last_seen: tuple = ()
 
     def memory(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from helios_planner.decisions.acceptance import (
 from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.explanations import less
 from helios_planner.decisions.global_search import highest_value
-from helios_planner.match_radii import PICKED_PLACE_M
+from helios_planner.match_radii import PICKED_PLACE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
 from helios_planner.search.frontier_exploration import ByRule, Explorer
@@ -212,7 +212,7 @@ class ReceptacleSearch(ScoredSearch):
         """not_at: where the object was taken from, when start and goal are of one class."""
         s = tools.settings
         within = standards(s.tau_b, False)
-        super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, s.same_place_m)
+        super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
         self._not_at = not_at
         self._explorer: Explorer = ByRule(self, PLACE_LAYER, highest_value)
 

@@ -14,11 +14,18 @@ from numpy.typing import NDArray
 
 from helios_planner.decisions.acceptance import best_view
 from helios_planner.decisions.decision import ViewOption
+from helios_planner.match_radii import SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import GazePoint, GazeRules, gaze_points
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import BaseController, Outcome, never
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
+
+# Lengths in metres: contours around the candidate, and the distance between gaze points on them.
+RECEPTACLE_RULES = GazeRules(distances_m=(0.6, 0.9), spacing_m=0.8)  # local search of a receptacle
+VIEW_RULES = GazeRules(distances_m=(0.6, 0.9, 1.3, 1.8), spacing_m=0.5)  # extra views of an object
+STOP_RULES = GazeRules(distances_m=(0.5, 0.7, 0.85), spacing_m=0.5)  # object navigation: within 1 m
+MOST_GAZE_POINTS = 10  # of one candidate in one request to the object map
 
 
 @dataclass
@@ -72,10 +79,6 @@ class Looking:
         """other_share: of what a local search may see, what speaks for something else."""
         self.body, self.base, self.settings = body, base, settings
         self._other_share = other_share
-        s = settings
-        self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
-        self._place_rules = GazeRules(s.gaze_distances_m, s.gaze_spacing_m, s.block_height_m)
-        self._stop_rules = GazeRules(s.stop_distances_m, s.view_spacing_m, s.block_height_m)
         self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's middle, from where
         self._views: dict[tuple, BestView | None] = {}
         self._gains: dict[tuple, float] = {}
@@ -83,15 +86,15 @@ class Looking:
     # --- gaze points ---------------------------------------------------------------------------
     def around(self, receptacle: ObjectInstance) -> list[GazePoint]:
         """Gaze points of a local search that are left, nearest first."""
-        return self._left(receptacle, self._place_rules, 0.6 * self.settings.gaze_spacing_m)
+        return self._left(receptacle, RECEPTACLE_RULES, 0.6 * RECEPTACLE_RULES.spacing_m)
 
     def views_of(self, thing: ObjectInstance) -> list[GazePoint]:
         """Gaze points for an extra view that are left, nearest first."""
-        return self._left(thing, self._thing_rules, 0.6 * self.settings.view_spacing_m)
+        return self._left(thing, VIEW_RULES, 0.6 * VIEW_RULES.spacing_m)
 
     def stops_at(self, thing: ObjectInstance) -> list[GazePoint]:
         """Where to stop before what was sought, nearest first; looked from already or not."""
-        return self._points(thing, self._stop_rules)
+        return self._points(thing, STOP_RULES)
 
     def _left(self, candidate: ObjectInstance, rules: GazeRules, apart_m: float) -> list[GazePoint]:
         done = self._done(candidate)
@@ -111,7 +114,7 @@ class Looking:
     def _done(self, candidate: ObjectInstance) -> list[Pose2]:
         return [
             pose for middle, pose in self._looked
-            if math.dist(middle, candidate.center_m[:2]) < self.settings.same_place_m
+            if math.dist(middle, candidate.center_m[:2]) < SAME_PLACE_M
         ]  # fmt: skip
 
     def times(self, candidate: ObjectInstance) -> int:
@@ -132,7 +135,7 @@ class Looking:
     # --- what views would bring ----------------------------------------------------------------
     def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
         """Expected gain of a local search (eq. 12); None where it cannot be gone to yet."""
-        points = self.around(receptacle)[: self.settings.gaze_poses]
+        points = self.around(receptacle)[:MOST_GAZE_POINTS]
         if not points:
             return None
         key = (
@@ -150,7 +153,7 @@ class Looking:
         """The extra view with the best Psi' (eq. 11); None where none is left."""
         if self.times(thing) >= self.settings.extra_views:
             return None
-        points = self.views_of(thing)[: self.settings.gaze_poses]
+        points = self.views_of(thing)[:MOST_GAZE_POINTS]
         if not points:
             return None
         key = (thing.id, thing.views, thing.gaussians, tuple(g.pose for g in points))

@@ -19,9 +19,9 @@ from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
 from helios_planner.navigation.base_controller import Outcome, base_controller_for
 from helios_planner.navigation.motion_monitor import Dropped
 from helios_planner.robot.interface import RobotInterface
-from helios_planner.search.base import Search, SearchTools
+from helios_planner.search.base import FRONTIER_REACH_M, Search, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
-from helios_planner.search.view_selection import Looking
+from helios_planner.search.view_selection import STOP_RULES, Looking
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 from helios_planner.tasks.run_control import LastAction
@@ -258,14 +258,14 @@ class Mission:
             for gaze in points:
                 if looking.go_and_look(found, gaze, f"go to the {goal}") is Outcome.ARRIVED:
                     return
-            if not points and pose().distance_m(found.center_m) < self.settings.frontier_reach_m:
+            if not points and pose().distance_m(found.center_m) < FRONTIER_REACH_M:
                 return
             search.leave(found, out_of_reach=True)
 
     def _show(self, search: Search) -> str:
         """Find a thing and stop before it, or as near as a way leads; it must still be believed
         from there."""
-        looking, near_m = self.tools.looking, max(self.settings.stop_distances_m)
+        looking, near_m = self.tools.looking, max(STOP_RULES.distances_m)
         while True:
             used = self.body.budget_used()
             found = search.find()

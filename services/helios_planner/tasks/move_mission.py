@@ -18,6 +18,7 @@ from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed, TimeIsUp
 from helios_planner.tasks.run_control import LastAction
 
+GO_WITHIN_M = 0.25  # stopping distance to a goal that the robot cannot stand on
 HOME_WITHIN_M = 0.5  # the robot may have begun where it is too narrow to go
 
 
@@ -44,8 +45,7 @@ class MoveMission:
             case _:
                 point = self.instruction.point
                 assert point is not None
-                s = self.settings
-                return self._go((point.x_m, point.y_m), point.yaw_rad, s.go_within_m, "the goal")
+                return self._go((point.x_m, point.y_m), point.yaw_rad, GO_WITHIN_M, "the goal")
 
     # --- over a restart ------------------------------------------------------------------------
     def memory(self) -> dict[str, Any]:

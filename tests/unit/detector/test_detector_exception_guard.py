@@ -80,7 +80,7 @@ def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_c
     slot = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), Health())
     try:
         members.change(members.me, True, -10.0)
-        slot.begin(Models(Moody(truth), LexicalScorer()), ModelUsage(), preview_quality=80)
+        slot.begin(Models(Moody(truth), LexicalScorer()), ModelUsage())
         bus.publish(CONTEXT, context_to_proto(context_of("mug")))
         bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
         wait_until(lambda: len(answers) == 1, 10, "the keyframe is answered")
@@ -143,7 +143,7 @@ def test_a_desk_outlives_what_nobody_foresaw_and_says_it_meanwhile():
         wait_until(lambda: "RuntimeError: the session is torn" in reported.reason, 10, "it is told")
         assert reported.state == "degraded"
         bus.torn = False
-        slot.begin(models_that_work(), ModelUsage(), preview_quality=80)
+        slot.begin(models_that_work(), ModelUsage())
         members.change(members.me, True, -10.0)
         wait_until(lambda: reported.state == "ready", 10, "it works")
     finally:

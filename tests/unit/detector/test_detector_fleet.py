@@ -221,7 +221,7 @@ def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_af
     try:
         wait_until(lambda: reported[-1:] == ["waiting"], 10, "it is told to wait")
         models = Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
-        slot.begin(models, ModelUsage(), preview_quality=80)
+        slot.begin(models, ModelUsage())
         members.change(members.me, True, 0.0)
         wait_until(lambda: reported[-1:] == ["ready"], 10, "it is told that they work")
         del reported[:]

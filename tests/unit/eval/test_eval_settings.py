@@ -26,9 +26,9 @@ def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
 
 def test_a_default_is_no_setting() -> None:
     """So that an episode with it is the same as one without."""
-    found = service_settings.parsed(["alpha_d=0.001", "stop_distances_m=0.5,0.6", "tau_g=0.6"])
+    found = service_settings.parsed(["alpha_d=0.001", "margins_m=0.08,0.05,0.025", "tau_g=0.6"])
     defaults = Settings()
-    found["planner.stop_distances_m"] = ",".join(map(str, defaults.stop_distances_m))
+    found["planner.margins_m"] = ",".join(map(str, defaults.margins_m))
     assert service_settings.that_change("helios-paper", found) == {"planner.tau_g": 0.6}
 
 
@@ -41,8 +41,8 @@ def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> 
 
 
 def test_of_a_run_that_is_over_what_its_house_ran_with_counts() -> None:
-    ran = {"planner.tau_g": "0.6", "planner.stop_distances_m": str((0.5, 0.6))}
-    given = {"planner.tau_g": 0.6, "planner.stop_distances_m": "0.5,0.6", "planner.tau_b": 0.5}
+    ran = {"planner.tau_g": "0.6", "planner.margins_m": str((0.1, 0.2))}
+    given = {"planner.tau_g": 0.6, "planner.margins_m": "0.1,0.2", "planner.tau_b": 0.5}
     assert service_settings.that_change("helios-paper", given, ran) == {}
     assert service_settings.that_change("helios-paper", {"planner.tau_g": 0.5}, ran)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from helios_core.types import Frame
+from helios_map2d.layers.parameters import MapRules
 from map2d_kept import state_of
 from map2d_rig import Rig
 
@@ -71,9 +72,10 @@ def test_another_origin_or_none_or_a_jump_begins_a_new_map(
 
 
 def test_a_robot_may_be_carried_between_its_starts() -> None:
-    rig = walked("--most-leap-m", "0.5")
-    rig.say_epoch("tuesday", origin=ORIGIN, at=(3.2, 1.5, 0.0))
-    frame = rig.walk.frame(3.2, 1.5, 0.0)
+    rig = walked()
+    far_m = 1.5 + 2 * MapRules().most_leap_m
+    rig.say_epoch("tuesday", origin=ORIGIN, at=(far_m, 1.5, 0.0))
+    frame = rig.walk.frame(far_m, 1.5, 0.0)
     id = replace(frame.id, robot_boot_id="tuesday")
     rig.keyframe(replace(frame, id=id, origin_id=ORIGIN))
     assert rig.acks[-1].accepted, rig.acks[-1].reason

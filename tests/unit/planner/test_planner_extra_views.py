@@ -14,7 +14,7 @@ from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.robot.interface import WhatIf
-from helios_planner.search.view_selection import BestView, Looking
+from helios_planner.search.view_selection import MOST_GAZE_POINTS, VIEW_RULES, BestView, Looking
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat
@@ -33,7 +33,7 @@ def seen_counter(**settings: Any) -> tuple[FakeWorld, Looking, ObjectInstance]:
 
 def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
     world, looking, thing = seen_counter()
-    n = len(looking.views_of(thing)[: Settings().gaze_poses])
+    n = len(looking.views_of(thing)[:MOST_GAZE_POINTS])
     scores = tuple(0.3 + 0.1 * (k == 1) for k in range(n))
     world.what_if = lambda *args, **kwargs: WhatIf(scores, ())
     best = looking.best_view(thing, "counter")
@@ -64,7 +64,7 @@ def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.Mon
         assert best is not None
         looking.go_and_look(thing, best.gaze, "test")
         apart = [best.gaze.pose.distance_m(g.pose.xy) for g in looking.views_of(thing)]
-        assert min(apart) >= 0.6 * Settings().view_spacing_m
+        assert min(apart) >= 0.6 * VIEW_RULES.spacing_m
     assert looking.views_of(thing)
     assert looking.best_view(thing, "counter") is None
 

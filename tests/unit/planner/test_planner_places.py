@@ -9,7 +9,13 @@ import pytest
 from helios_core.robot import ActionResult, Place
 from helios_core.types import ObjectInstance
 from helios_planner.instruction.parser import parse
-from helios_planner.manipulation import Done, Manipulation
+from helios_planner.manipulation import (
+    PAPER_RELEASE_HEIGHT_M,
+    PLACE_INSET_M,
+    RELEASE_HEIGHT_M,
+    Done,
+    Manipulation,
+)
 from helios_planner.motion_planning.base_placement import (
     OTHER_SIDE_M,
     AheadRules,
@@ -189,7 +195,7 @@ def test_each_rule_brings_the_mug_onto_the_counter_from_its_own_height(rule: Pla
     Mission(world, parse("Move the mug from the coffee table to the counter"), settings).run()
     assert world.released is not None
     placed = next(a for a in world.log if isinstance(a, Place))
-    drop_m = settings.place_drop_m if rule == "flat" else settings.paper_drop_m
+    drop_m = RELEASE_HEIGHT_M if rule == "flat" else PAPER_RELEASE_HEIGHT_M
     assert placed.point_world_m[2] == pytest.approx(0.9 + drop_m, abs=0.02)
 
 
@@ -237,7 +243,7 @@ def test_the_last_try_does_with_the_place_that_was_chosen_from_afar(
     monkeypatch.setattr(Manipulation, "_point_from_here", lambda *_: None)
     assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
     (point,) = put_points(world)
-    assert point[2] == pytest.approx(0.9 + Settings().place_drop_m, abs=0.02)
+    assert point[2] == pytest.approx(0.9 + RELEASE_HEIGHT_M, abs=0.02)
 
 
 def test_on_a_narrow_board_half_the_distance_from_the_edge_will_do() -> None:
@@ -247,4 +253,4 @@ def test_on_a_narrow_board_half_the_distance_from_the_edge_will_do() -> None:
     mission, goal = placing(world)
     assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
     (point,) = put_points(world)
-    assert abs(point[1] - 5.6) <= 0.1 - Settings().place_inset_m / 2
+    assert abs(point[1] - 5.6) <= 0.1 - PLACE_INSET_M / 2
