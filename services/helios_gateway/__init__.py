@@ -1,1 +1,1 @@
-"""HTTP, events and the dashboard: the face of the robot towards people and programs."""
+"""HTTP and WebSocket gateway of the robot: API, event stream and dashboard."""

@@ -1,4 +1,4 @@
-"""`python -m helios_gateway`: settings, socket, run."""
+"""Entry point `python -m helios_gateway`: load the settings, bind the socket, run the service."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from helios_gateway.settings import Settings
 
 def main() -> int:
     settings = Settings.load()
-    try:  # before the router is waited for: a port in use is said at once
+    try:  # before waiting for the router: a port in use fails at once
         listener = bind(settings.host, settings.port)
     except HeliosError as error:
         print(f"helios-gateway: {error.message}", file=sys.stderr)

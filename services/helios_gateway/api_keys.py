@@ -5,8 +5,8 @@
     scope = "operate"
     sha256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
-`helios key` writes such entries. The file is read again when it changes, so taking an entry out
-takes effect at once; without the file, or with the last entry taken out, no key is known.
+`helios key` writes such entries. The file is read again when it changes, so removing an entry takes
+effect at once. If the file or its last entry is removed, no key is accepted.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ ScopeName = Literal["read", "operate", "admin"]
 
 
 class Scope(IntEnum):
-    """What a key allows; each holds all before it."""
+    """Permission of a key; each scope includes the ones before it."""
 
-    READ = 1  # look, and stop the robot
-    OPERATE = 2  # tasks, frames, lift stop-now
-    ADMIN = 3  # settings of the services
+    READ = 1  # read everything but settings, and stop the robot
+    OPERATE = 2  # tasks, driving, frames, clear-stop
+    ADMIN = 3  # settings of the services; load and reset maps
 
     @property
     def spoken(self) -> ScopeName:
-        """As files and answers name it."""
+        """Name in key files and responses."""
         return _NAMES[self]
 
 
@@ -49,7 +49,7 @@ _NAMES: dict[Scope, ScopeName] = {
 
 
 class ApiKey(BaseModel):
-    """One entry of the file."""
+    """One entry of the key file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -73,14 +73,14 @@ class _File(BaseModel):
 
 
 class ApiKeys:
-    """Thread-safe. Without a file no key is asked for."""
+    """Accepted API keys. Thread-safe. Without a file no key is required."""
 
     def __init__(self, file: Path | None) -> None:
-        """Raises InvalidInput for a file that cannot be read or holds no key."""
+        """Raises InvalidInput for a file that is unreadable or holds no key."""
         self._file = file
         self.required = file is not None
         self._lock = threading.Lock()
-        self._seen: tuple[int, int] | None = None  # time and size; None: no file
+        self._seen: tuple[int, int] | None = None  # modification time and size; None: no file
         self._by_hash: dict[str, ApiKey] = {}
         if file is not None:
             self._seen = _stamp(file)
@@ -89,7 +89,7 @@ class ApiKeys:
                 raise InvalidInput(f"the file {file} holds no key; make one with helios key")
 
     def find(self, secret: str) -> ApiKey | None:
-        """The entry of a key. Only hashes are compared, so time tells nothing of the key."""
+        """Entry of a key; None if unknown. Compares only hashes: timing does not reveal the key."""
         self._refresh()
         digest = hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
         with self._lock:
@@ -117,7 +117,7 @@ class ApiKeys:
 
 
 def _stamp(file: Path) -> tuple[int, int] | None:
-    """When it was written and its size; None where there is none. Raises InvalidInput."""
+    """Modification time (ns) and size; None if there is no file. Raises InvalidInput."""
     try:
         status = file.stat()
     except (FileNotFoundError, NotADirectoryError):

@@ -1,4 +1,4 @@
-"""What the HTTP interface gives of maps and objects. The world is z up, metres."""
+"""Response models for maps and objects. World frame: z up, metres."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ObjectList(BaseModel):
 
 
 class Moment(BaseModel):
-    """What was believed of an object after a view that gave it evidence."""
+    """Estimate of an object after a view that added evidence."""
 
     stamp_s: float = Field(description="the robot's clock")
     views: float | None = Field(description="distinct viewpoints fused until then")
@@ -50,7 +50,7 @@ class Moment(BaseModel):
 
 
 class ObjectDetail(BaseModel):
-    """One object: all figures, how belief in it went, and its upright box."""
+    """One object with all figures, the history of its score, and its upright box."""
 
     object: ObjectInstance = Field(description="as in `/v1/objects`")
     history: list[Moment] = Field(description="oldest first; long ones are thinned")
@@ -60,7 +60,7 @@ class ObjectDetail(BaseModel):
 
 
 class Frontier(BaseModel):
-    """A border of what was seen since the search began."""
+    """Border between free floor that the search has explored and floor that it has not."""
 
     id: int = Field(description="stays while the frontier lives")
     center_m: Vector2 = Field(description="a point of the border, near its middle")
@@ -82,7 +82,7 @@ class MapLayer(BaseModel):
 
 
 class MapInfo(BaseModel):
-    """The 2D map without its arrays."""
+    """2D map without its cell arrays."""
 
     version: int = Field(description="rises with each change")
     map_id: str = Field(
@@ -105,7 +105,7 @@ class MapInfo(BaseModel):
 
 
 class LoadedMaps(BaseModel):
-    """What came out of a file of maps."""
+    """Content of the maps after a map file was loaded."""
 
     known_m2: float | None = Field(description="ground that the 2D map knows")
     occupied_m2: float | None = Field(description="ground that obstacles cover")
@@ -115,13 +115,13 @@ class LoadedMaps(BaseModel):
 
 
 class ResetMaps(BaseModel):
-    """Which maps were forgotten."""
+    """Maps that the request emptied."""
 
     reset: list[Literal["objects", "occupancy"]] = Field(description="which maps were forgotten")
 
 
 class SeenView(BaseModel):
-    """A past view that fits what was asked for."""
+    """Past view that matches a query."""
 
     score: float | None = Field(description="how well it fits, 0 to 1")
     class_name: str = Field(
@@ -138,7 +138,7 @@ class SeenView(BaseModel):
 
 
 class SeenAnswer(BaseModel):
-    """Where something was seen: believed objects of that name, and past views that fit it."""
+    """Objects of the queried name, and past views that match the query."""
 
     prompt: str = Field(description="what was asked for")
     objects: list[ObjectInstance] = Field(description="surest first; pictures: /view.png of each")
@@ -150,14 +150,14 @@ class SeenAnswer(BaseModel):
 
 
 class ViewList(BaseModel):
-    """Past views of one thing."""
+    """Past views of one object."""
 
     views: list[SeenView] = Field(description="best first")
     views_note: str = Field(description="as of /v1/seen")
 
 
 class MapChange(BaseModel):
-    """Event: the 2D map or the object map has a new version."""
+    """Event: the 2D map or the object map has changed."""
 
     map2d: int = Field(description="version of the 2D map")
     objects: int = Field(description="version of the object map")

@@ -1,4 +1,4 @@
-"""What the HTTP interface takes and gives. Units stand in the names; the world is z up, metres."""
+"""Request and response models of the HTTP API. World frame: z up, metres; names carry the units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ServiceState = Literal[HealthState, "down"]
 
 
 class TaskRequest(BaseModel):
-    """A task in words."""
+    """Task as an instruction in natural language."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -94,20 +94,20 @@ class TaskRequest(BaseModel):
 
 
 def _control_character(text: str) -> int | None:
-    """Where the first one is that is no space, tab or line end; None where there is none."""
+    """Index of the first control character except tab and line end; None if there is none."""
     shown = printable(text)
     return next((i for i, c in enumerate(shown) if c == "\ufffd" and text[i] != c), None)
 
 
 class Phase(BaseModel):
-    """One step of a task on the way to its end."""
+    """One phase of a task."""
 
     name: str = Field(examples=["find_object"])
     state: Literal["waiting", "active", "done", "failed"] = Field(description="how far it is")
 
 
 class GoalPoint(BaseModel):
-    """Where the robot was sent, in the world."""
+    """Goal of a task of kind `go_to_point`, in the world frame."""
 
     x_m: float | None = Field(description="metres in the world frame")
     y_m: float | None = Field(description="metres in the world frame")
@@ -115,7 +115,7 @@ class GoalPoint(BaseModel):
 
 
 class Task(BaseModel):
-    """A task and how far it is."""
+    """Task with its state and progress."""
 
     id: str = Field(description="names the task in every other request")
     instruction: str = Field(description="the sentence that was submitted")
@@ -167,7 +167,7 @@ class TaskList(BaseModel):
 
 
 class Candidate(BaseModel):
-    """One of the things a decision chose from."""
+    """One candidate of a decision."""
 
     kind: str = Field(description="object, receptacle, frontier or gaze")
     name: str = Field(description="class of the thing, or which frontier or gaze point")
@@ -179,7 +179,7 @@ class Candidate(BaseModel):
 
 
 class Recomputed(BaseModel):
-    """A decision taken again under other settings, by the same functions."""
+    """Decision recomputed under other settings, by the same functions."""
 
     do: str = Field(description="what would have been done")
     why: str = Field(description="one sentence")
@@ -189,7 +189,7 @@ class Recomputed(BaseModel):
 
 
 class Decision(BaseModel):
-    """What was decided, among what, by which rule and why."""
+    """Decision with its candidates, its rule and its reason."""
 
     task_id: str = Field(description="of which task")
     index: int = Field(description="its place among the decisions of the task, from 0")
@@ -213,7 +213,7 @@ class DecisionList(BaseModel):
 
 
 class Plan(BaseModel):
-    """The path being driven; empty when standing."""
+    """Path that the robot follows; empty while it stands."""
 
     task_id: str = Field(description="of which task")
     path_m: list[Vector2] = Field(description="points in the world frame, from the robot on")
@@ -228,7 +228,7 @@ class RobotPose(BaseModel):
 
 
 class RobotState(BaseModel):
-    """How the robot is now."""
+    """Current state of the robot."""
 
     pose: RobotPose | None = Field(description="null: the robot does not know")
     tilt_rad: float | None = Field(description="of the head; positive looks down")
@@ -246,7 +246,7 @@ class RobotState(BaseModel):
 
 
 class RobotDescription(BaseModel):
-    """What the robot is."""
+    """Dimensions, camera and abilities of the robot."""
 
     name: str = Field(description="as the robot calls itself")
     simulated: bool = Field(description="it is a simulator")
@@ -274,7 +274,7 @@ class Robot(BaseModel):
 
 
 class Service(BaseModel):
-    """One process of the robot's backend."""
+    """One service of the stack, or its router."""
 
     name: str = Field(examples=["map2d"])
     state: ServiceState = Field(description="`ready` and `degraded` serve; the others do not")
@@ -304,7 +304,7 @@ class HealthAnswer(BaseModel):
 
 
 class Vocabulary(BaseModel):
-    """What the detector can look for."""
+    """Names that the detector can look for, and the models in use."""
 
     open: bool = Field(description="any name may be asked for")
     names: list[str] = Field(description="names that it knows")
@@ -313,7 +313,7 @@ class Vocabulary(BaseModel):
 
 
 class SeenName(BaseModel):
-    """A name of which something is believed to be in this home."""
+    """Name of which the object map holds at least one object."""
 
     name: str = Field(examples=["coffee table"])
     score: float = Field(description="Ψ of the surest one, eq. 7")
@@ -321,7 +321,7 @@ class SeenName(BaseModel):
 
 
 class Suggestions(BaseModel):
-    """What to ask for in this home."""
+    """Tasks to try in this home, and the names seen in it."""
 
     tasks: list[str] = Field(
         description="instructions to try, which this robot can do",
@@ -333,7 +333,7 @@ class Suggestions(BaseModel):
 
 
 class StopRequest(BaseModel):
-    """Why the robot shall stop. It stops whatever is sent."""
+    """Reason for a stop. The robot stops even if the body is invalid."""
 
     reason: str = Field(
         default="stop-now was asked for over HTTP",
@@ -342,7 +342,7 @@ class StopRequest(BaseModel):
 
 
 class RobotEntry(BaseModel):
-    """One of the robots that this gateway serves."""
+    """One robot that this gateway serves."""
 
     name: str = Field(description="as in `/v1/robots/NAME`")
     connected: bool = Field(description="its bridge is alive")
@@ -363,14 +363,14 @@ class SettingValue(BaseModel):
 
 
 class ServiceSettings(BaseModel):
-    """What a service was started with. Secrets are masked."""
+    """Settings that a service was started with. Secrets are masked."""
 
     service: str = Field(description="name of the service")
     settings: dict[str, SettingValue] = Field(description="by name")
 
 
 class SessionRequest(BaseModel):
-    """The key to keep."""
+    """API key to store in the session cookie."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -378,7 +378,7 @@ class SessionRequest(BaseModel):
 
 
 class Session(BaseModel):
-    """Whether keys are asked for, and what the one that came may do."""
+    """Key requirement of the gateway, with the name and scope of the key in the request."""
 
     required: bool = Field(description="requests need a key")
     name: str = Field(description="of the key; empty: none came, or none that is known")

@@ -1,4 +1,4 @@
-"""What moves the robot without a sentence. Metres and radians, in the world frame."""
+"""Request models of tasks that only drive. Metres and radians in the world frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ DAY_S = 86_400.0
 
 
 class GoRequest(BaseModel):
-    """A point on the floor of the world, and which way to face there."""
+    """Goal point on the floor in the world frame, with an optional heading."""
 
     model_config = ConfigDict(
         extra="forbid", json_schema_extra={"example": {"x_m": 3.2, "y_m": 4.1, "yaw_rad": 1.57}}
@@ -32,7 +32,7 @@ class GoRequest(BaseModel):
 
 
 class ExploreRequest(BaseModel):
-    """How long to explore."""
+    """Time limit of an exploration."""
 
     model_config = ConfigDict(extra="forbid", json_schema_extra={"example": {"time_limit_s": 120}})
 

@@ -1,4 +1,4 @@
-"""Boxes and labels of detections on a picture."""
+"""Boxes and labels of detections, drawn on an image."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True)
 class Box:
-    """One detection, in pixels."""
+    """Bounding box of one detection, in pixels."""
 
     class_name: str
     score: float
@@ -26,9 +26,9 @@ class Box:
 
 
 def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
-    """The picture with a frame and a label around each box; what reaches outside is cut off.
+    """Image with a frame and a label around each box, clipped at the border.
 
-    bgr: uint8 [h, w, 3], drawn on in place where it is contiguous, else copied first.
+    bgr: uint8 [h, w, 3], drawn on in place if it is contiguous, else copied first.
     """
     out = np.ascontiguousarray(bgr)
     height, width = out.shape[:2]
@@ -50,11 +50,11 @@ def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
 
 
 def _readable_on(bgr: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Black or white, whichever stands out more (ITU-R BT.709 luma)."""
+    """Black or white, whichever has more contrast (ITU-R BT.709 luma)."""
     luma = 0.0722 * bgr[0] + 0.7152 * bgr[1] + 0.2126 * bgr[2]
     return (0, 0, 0) if luma > 110 else (255, 255, 255)
 
 
 def _printable(text: str) -> str:
-    """Hershey fonts know ASCII only."""
+    """ASCII text of at most 40 characters; Hershey fonts have no other glyphs."""
     return text.encode("ascii", "replace").decode()[:40]

@@ -1,4 +1,4 @@
-"""What the bus says, as it comes: kept for questions, passed on as events."""
+"""Bus subscriptions of the gateway: keeps the newest state for requests and publishes events."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ log = logging.getLogger(__name__)
 
 
 class BusListener:
-    """Subscribes to everything a viewer may want to know. Thread-safe.
+    """Subscriber of all topics that the API shows. Thread-safe.
 
-    Happenings (tasks, decisions, plans, a stop) become events at once; what changes all the time
-    (the robot's pose, maps, services) is looked at every `tick_s`.
+    Occurrences (tasks, decisions, plans, a stop) become events at once. State that changes all the
+    time (the robot's pose, maps, services) is checked every `tick_s`.
     """
 
     def __init__(self, bus: Bus, settings: Settings) -> None:
@@ -56,7 +56,7 @@ class BusListener:
         self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
 
         bus.watch(self._on_alive)
-        for service in REPORTING:  # by name: `*/status` would match the supervisor's, too
+        for service in REPORTING:  # by name, because `*/status` would also match the supervisor's
             bus.subscribe(status_topic(service), self.roster.listener(service))
         bus.subscribe(SUPERVISOR, self.roster.on_supervisor)
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
@@ -73,7 +73,7 @@ class BusListener:
         bus.subscribe(PLAN, self._on_plan)
 
     def start(self) -> None:
-        """Begin to look at what changes all the time."""
+        """Start the periodic check for changed state."""
         self._ticker.start()
 
     def close(self) -> None:
@@ -97,18 +97,18 @@ class BusListener:
 
     @property
     def stopped(self) -> bool:
-        """The robot is stopped until clear-stop, as far as is known."""
+        """True if the last known state is stopped until clear-stop."""
         with self._lock:
             return self._robot is not None and self._robot.stopped
 
     @property
     def stop_reason(self) -> str:
-        """What was said when the robot was stopped; empty while it is not."""
+        """Reason that the stop was given; empty while the robot is not stopped."""
         with self._lock:
             return self._robot.message if self._robot is not None and self._robot.stopped else ""
 
     def reasons(self) -> list[str]:
-        """Why a task could not start now; empty when it could."""
+        """Reasons why a task could not start now; empty if it could."""
         reasons = self.roster.reasons()
         if self.stopped:
             why = f" ({self.stop_reason})" if self.stop_reason else ""
@@ -118,7 +118,7 @@ class BusListener:
         return reasons
 
     def tick(self) -> None:
-        """Tell of what has changed since the last time."""
+        """Publish all state that has changed since the last call."""
         with self._ticking:
             robot = self.robot()
             if robot.state is not None or robot.description is not None:
@@ -186,5 +186,5 @@ class BusListener:
 
 
 def _happened(robot: api_models.RobotState) -> tuple[bool, str, str]:
-    """What of a state is told at once."""
+    """Parts of the robot's state whose change is published at once."""
     return robot.stopped, robot.message if robot.stopped else "", robot.held

@@ -1,4 +1,4 @@
-"""What is encoded once and sent to many: with a tag, so that who has it is told so."""
+"""Responses that are encoded once for many requests, with an ETag for conditional requests."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ JSON = "application/json"
 
 @dataclass(frozen=True)
 class Encoded:
-    """Bytes as they are sent, and the tag that names exactly them."""
+    """Content as it is sent, with the ETag of its bytes."""
 
     content: bytes
     media_type: str
     tag: str
-    about: tuple[tuple[str, str], ...] = ()  # further headers
+    about: tuple[tuple[str, str], ...] = ()  # additional headers
 
     @classmethod
     def of(cls, content: bytes, media_type: str, **about: str) -> Encoded:
@@ -35,7 +35,7 @@ class Encoded:
 
 
 def tagged(request: Request, encoded: Encoded) -> Response:
-    """The content, or 304 when the request names the same content."""
+    """Response with the content, or 304 if the client already has it."""
     headers = {"etag": encoded.tag, "cache-control": "no-cache", **dict(encoded.about)}
     asked = request.headers.get("if-none-match", "")
     if encoded.tag in asked or asked.strip() == "*":
@@ -47,6 +47,6 @@ UNCHANGED: dict[int | str, dict] = {304: {"description": "as the tag in If-None-
 
 
 def content_docs(media_type: str, description: str) -> dict[int | str, dict]:
-    """For the interface's description: a response that is no JSON."""
+    """OpenAPI `responses` of a route whose content is no JSON."""
     schema = {"schema": {"type": "string", "format": "binary"}}
     return {200: {"description": description, "content": {media_type: schema}}, **UNCHANGED}

@@ -1,4 +1,4 @@
-"""The newest picture of the robot's camera, with the detector's boxes where they fit it."""
+"""Newest image of the robot's camera, with the detector's boxes if they fit it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from helios_gateway.cached_responses import JPEG, Encoded
 BOXES_HOLD_S = 1.0  # the last image with boxes stands in for a newer one this long
 JPEG_QUALITY = 82  # percent
 POSES_KEPT = 64
-STILL = 2e-3  # a pose whose numbers (m, quaternion) all agree within this is the same
+STILL = 2e-3  # largest difference of each number (m, quaternion) of equal poses
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class _Boxes:
 
 
 class Camera:
-    """Thread-safe. Keeps references only; a picture is made when somebody asks, once for all."""
+    """Newest camera image. Thread-safe. Keeps references; encodes an image once, on request."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Camera:
         self._made: OrderedDict[tuple[FrameId, FrameId | None], Encoded] = OrderedDict()
 
     def on_frame(self, frame: pb.Frame) -> None:
-        """A frame of the stream or a keyframe."""
+        """Take a stream frame or a keyframe."""
         picture = _Picture(frame_id_from_proto(frame.id), self._clock(), frame)
         with self._lock:
             self._poses[picture.id] = _pose(frame)
@@ -80,9 +80,9 @@ class Camera:
         self._take_boxes(picture, observation.detections)
 
     def jpeg(self, raw: bool) -> Encoded:
-        """The picture, with the frame that it shows in a header.
+        """JPEG of the image; a header names its frame.
 
-        Raises Unavailable when no frame has come yet, Internal when it cannot be read.
+        Raises Unavailable before the first frame, Internal for an unreadable one.
         """
         with self._lock:
             newest, boxed = self._newest, self._boxed
@@ -109,7 +109,11 @@ class Camera:
     def _choose(
         self, newest: _Picture | None, boxed: _Boxes | None
     ) -> tuple[_Picture | None, _Boxes | None]:
-        """Boxes go on their own picture, or on a newer one that was taken from the same pose."""
+        """Image to show and its boxes.
+
+        Boxes go on their own image, which is shown for `hold_s`, or on a newer one from the same
+        pose.
+        """
         if boxed is None:
             return newest, None
         if newest is None or newest.id == boxed.picture.id or _older(newest.id, boxed.picture.id):
@@ -150,5 +154,5 @@ def _pose(frame: pb.Frame) -> tuple[float, ...]:
 
 
 def _older(a: FrameId, b: FrameId) -> bool:
-    """Of one boot; a picture of another boot is never older."""
+    """True if `a` precedes `b` within one robot boot; images of another boot are never older."""
     return a.robot_boot_id == b.robot_boot_id and (a.world_epoch, a.seq) < (b.world_epoch, b.seq)

@@ -1,4 +1,4 @@
-"""A limit on how many sockets of one kind are open at the same time."""
+"""Limit on the concurrent sockets of one kind."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from helios_core.errors import Unavailable
 
 
 class ConnectionSlots:
-    """Counts open sockets up to a limit. For one event loop."""
+    """Counter of open sockets with a limit. For one event loop."""
 
     def __init__(self, most: int, what: str) -> None:
-        """most: the limit. what: the sockets in words, such as "sockets for frames"."""
+        """most: the limit. what: name of the sockets for errors, such as "sockets for frames"."""
         self._most, self._what, self._held = most, what, 0
 
     def taken(self) -> AbstractContextManager[None]:
-        """A slot, held until the context ends. Raises Unavailable where all are taken."""
+        """Take a slot, held until the context ends. Raises Unavailable if all are taken."""
         if self._held >= self._most:
             raise Unavailable(
                 f"{self._held} {self._what} are open and no more are taken; close one"

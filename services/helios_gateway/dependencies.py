@@ -1,8 +1,8 @@
-"""What endpoints depend on: the shared state, the addressed robot, and a key that suffices.
+"""Dependencies of endpoints: the shared state, the addressed robot, and the check of the key.
 
 Every dependency is asynchronous: FastAPI runs others in the shared threads, and stop-now must
-never wait for one of those. A browser cannot send a key with every picture, so `routes/session.py`
-keeps it in a cookie.
+never wait for one of those. A browser cannot send a key with every image, so `routes/session.py`
+stores it in a cookie.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _bearer = HTTPBearer(auto_error=False, description="an API key; none is asked fo
 
 @dataclass(frozen=True)
 class GatewayState:
-    """The state of one application; `app.state.gateway` holds it.
+    """State of one application; `app.state.gateway` holds it.
 
     The thread limiters keep blocking calls of these requests out of the threads that all other
     requests share.
@@ -50,7 +50,7 @@ class GatewayState:
 
 
 def state_of(connection: HTTPConnection) -> GatewayState:
-    """The state of the application that serves this request or socket."""
+    """State of the application that serves this request or socket."""
     return connection.app.state.gateway
 
 
@@ -77,19 +77,19 @@ State = Annotated[GatewayState, Depends(_gateway_state)]
 # The robot that the path names (`/v1/robots/{robot}/...`), or the first one (`/v1/...`).
 # Raises NotFound for an unknown name.
 AddressedRobot = Annotated[Served, Depends(_addressed_robot)]
-CallTimeout = Annotated[float, Depends(_call_timeout_s)]  # seconds that a service may take
+CallTimeout = Annotated[float, Depends(_call_timeout_s)]  # time limit of a service call, seconds
 
 
 async def _maps(robot: AddressedRobot) -> MapCache:
     return robot.live.maps
 
 
-Maps = Annotated[MapCache, Depends(_maps)]  # of the addressed robot
+Maps = Annotated[MapCache, Depends(_maps)]  # cache of the addressed robot
 
 
 # --- keys -----------------------------------------------------------------------------------------
 def key_of(scope: AsgiScope, keys: ApiKeys) -> ApiKey | None:
-    """The key that a request carries as a bearer token or in its cookie; None for no known key."""
+    """Known key of a request, from its bearer token or its cookie; None if it has none."""
     headers = Headers(scope=scope)
     kind, _, secret = headers.get("authorization", "").partition(" ")
     if kind.lower() != "bearer":
@@ -98,9 +98,10 @@ def key_of(scope: AsgiScope, keys: ApiKeys) -> ApiKey | None:
 
 
 def check(connection: HTTPConnection, needed: Scope) -> None:
-    """Raises Unauthorized for a request without a known key, Forbidden where its scope is too low.
+    """Check that the request's key has the needed scope.
 
-    Nothing is checked where the gateway asks for no keys.
+    Raises Unauthorized without a known key, Forbidden if the scope is too low. Checks nothing if
+    the gateway requires no keys.
     """
     keys = state_of(connection).keys
     if not keys.required:
@@ -119,7 +120,7 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
 
 
 def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
-    """A dependency that calls `check`."""
+    """Dependency that calls `check`."""
 
     async def checked(connection: HTTPConnection) -> None:
         check(connection, scope)
@@ -128,7 +129,7 @@ def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
 
 
 def secured(scope: Scope) -> list:
-    """`dependencies` of a router or an endpoint that needs a key of this scope.
+    """Value for `dependencies` of a router or an endpoint that needs a key of this scope.
 
     The second one only declares the bearer token in the OpenAPI description.
     """

@@ -1,4 +1,4 @@
-"""Errors as `application/problem+json` (RFC 9457): type, title, status, detail."""
+"""Error responses as `application/problem+json` (RFC 9457): type, title, status, detail."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ _INTERNAL = (500, "internal", "A fault in a service")
 
 
 class NotFound(InvalidInput):
-    """What the address names is not there."""
+    """The addressed resource does not exist."""
 
 
 class Unauthorized(InvalidInput):
-    """No key, or one that is not known."""
+    """The request has no key, or an unknown one."""
 
 
 class Forbidden(InvalidInput):
-    """The key does not allow it."""
+    """The scope of the key is too low."""
 
 
 _KINDS[NotFound] = (404, "not-found", "Not found")
@@ -52,7 +52,7 @@ _KINDS[Forbidden] = (403, "forbidden", "Forbidden")
 
 
 class Problem(BaseModel):
-    """An error that says what came, what was wanted and what to do."""
+    """Error that states the received value, the expected value and the remedy."""
 
     type: str = Field(description="kind of the problem", examples=["helios:invalid"])
     title: str = Field(description="the kind in words", examples=["The request is wrong"])
@@ -80,7 +80,7 @@ _WITH_BODY = (408, 413)
 
 
 def problems(*statuses: int, body: bool = False) -> dict[int | str, dict]:
-    """Of a route, for the interface's description: these statuses, and those that any may have."""
+    """OpenAPI `responses` of a route: these statuses, and those that any route may return."""
     return {
         status: {"model": Problem, "description": _WORDS[status]}
         for status in sorted({*statuses, *_ANYWHERE, *(_WITH_BODY if body else ())})
@@ -88,18 +88,18 @@ def problems(*statuses: int, body: bool = False) -> dict[int | str, dict]:
 
 
 def problem(status: int, kind: str, title: str, detail: str) -> JSONResponse:
-    """The response for a problem."""
+    """Response for one problem."""
     content = Problem(type=f"helios:{kind}", title=title, status=status, detail=detail)
     return JSONResponse(content.model_dump(), status, media_type=MEDIA_TYPE)
 
 
 def kind_of(error: HeliosError) -> str:
-    """The last word of a problem's type: invalid, conflict, unavailable, timeout, …."""
+    """Last part of a problem's type: invalid, conflict, unavailable, timeout, …."""
     return _KINDS.get(type(error), _INTERNAL)[1]
 
 
 def problem_of(error: HeliosError) -> JSONResponse:
-    """The response for a typed error; what is not the caller's or the state's fault is a 500."""
+    """Response for a typed error; 500 if neither the caller nor the state caused it."""
     status, kind, title = _KINDS.get(type(error), _INTERNAL)
     out = problem(status, kind, title, error.message)
     if status == 401:
@@ -109,7 +109,7 @@ def problem_of(error: HeliosError) -> JSONResponse:
 
 @contextlib.contextmanager
 def invalid_as_not_found() -> Iterator[None]:
-    """Raises NotFound for an InvalidInput: of calls whose input is what the path names."""
+    """Raise NotFound for an InvalidInput, in calls whose only input comes from the path."""
     try:
         yield
     except InvalidInput as error:
@@ -117,7 +117,7 @@ def invalid_as_not_found() -> Iterator[None]:
 
 
 def add_problems(app: FastAPI) -> None:
-    """Makes a problem of every error that leaves the application."""
+    """Install handlers that turn every error of the application into a problem response."""
 
     async def typed(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HeliosError)

@@ -1,7 +1,8 @@
-"""Events for whoever watches: numbered, kept for a while, handed from bus threads to the loop.
+"""Event hub: numbers events, keeps a backlog, passes them from bus threads to the event loop.
 
-A viewer that was cut off names the last id it saw and gets what it missed; where that is no
-longer held, and at the first visit, it gets the newest event of each kind that describes a state.
+A subscriber that reconnects sends its last event id and receives the events that it missed. If
+the backlog no longer holds them, and at the first connection, it receives the newest event of
+each state.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ KEEPALIVE = b": still here\n\n"
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened, or a state that changed. Encoded once for all viewers."""
+    """Occurrence or change of a state. Encoded once for all subscribers."""
 
-    id: str  # <boot of the gateway>-<number>
+    id: str  # <boot id of the gateway>-<number>
     number: int
     type: str
     data: str  # JSON, one line
-    state_key: str = ""  # what state it tells of; "": none, it is a happening
-    task_id: str = ""  # which task it is about; "": none
+    state_key: str = ""  # state that it describes; "": none, it is an occurrence
+    task_id: str = ""  # task that it concerns; "": none
     ends_task: bool = False
 
     @cached_property
@@ -47,7 +48,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which events a viewer wants: empty is all."""
+    """Event filter of a subscriber; an empty field matches all events."""
 
     types: frozenset[str] = frozenset()
     task_id: str = ""
@@ -58,12 +59,12 @@ class Wanted:
         return not self.task_id or event.task_id == self.task_id
 
     def with_tasks(self) -> Wanted:
-        """The same, and how tasks go on: one of these ends a task."""
+        """Same filter with task events added, because one of them reports the end of a task."""
         return replace(self, types=self.types | {"task"}) if self.types else self
 
 
 class EventHub:
-    """Thread-safe. `publish` from any thread; `watch` on an event loop."""
+    """Publisher of events. Thread-safe: `publish` from any thread, `watch` on an event loop."""
 
     def __init__(self, backlog: int, max_viewers: int, keepalive_s: float) -> None:
         self._boot = uuid.uuid4().hex[:8]
@@ -90,8 +91,11 @@ class EventHub:
         task_id: str = "",
         ends_task: bool = False,
     ) -> None:
-        """Tell everybody. `state_key` names the state whose newest event newcomers are given."""
-        text = data.model_dump_json()  # one line; what is not finite becomes null
+        """Send an event to all subscribers.
+
+        state_key: state that the event describes; a new subscriber receives its newest event.
+        """
+        text = data.model_dump_json()  # one line; a non-finite number becomes null
         with self._lock:
             self._number += 1
             id = f"{self._boot}-{self._number}"
@@ -104,7 +108,7 @@ class EventHub:
                 viewer.put(event)
 
     def close(self) -> None:
-        """End every stream; viewers come back by themselves."""
+        """End every stream; subscribers reconnect on their own."""
         with self._lock:
             self._closed = True
             for viewer in self._viewers:
@@ -113,9 +117,9 @@ class EventHub:
     def watch(
         self, last_id: str | None = None, wanted: Wanted = Wanted()
     ) -> AsyncGenerator[Event | None]:
-        """One viewer's events; None at first, and when nothing happened for a while.
+        """Event stream of one subscriber; yields None at the start and as a keepalive.
 
-        Raises Unavailable when there are too many viewers.
+        Raises Unavailable for too many subscribers and after `close`.
         """
         with self._lock:
             if self._closed:
@@ -137,7 +141,7 @@ class EventHub:
                 viewer.queue.put_nowait(None)
             self._viewers.append(viewer)
         try:
-            yield None  # from here on nothing is missed
+            yield None  # from here on the stream is complete
             while True:
                 try:
                     async with asyncio.timeout(self._keepalive_s):
@@ -162,7 +166,7 @@ class EventHub:
 
 
 class _Viewer:
-    """One stream's queue. One that falls too far behind is ended, and comes back for the rest."""
+    """Queue of one stream. A subscriber that falls too far behind is disconnected."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, depth: int, wanted: Wanted) -> None:
         self.queue: asyncio.Queue[Event | None] = asyncio.Queue()
@@ -181,7 +185,7 @@ class _Viewer:
 
 
 async def as_sse(events: AsyncGenerator[Event | None]) -> AsyncGenerator[bytes]:
-    """The bytes of a stream of server-sent events."""
+    """Event stream as the bytes of server-sent events."""
     async with contextlib.aclosing(events):
         if await anext(events, None) is None:
             yield RETRY

@@ -1,4 +1,4 @@
-"""The Gaussians of the object map as arrays, and what colour says of them."""
+"""Gaussians of the object map as arrays, and their display colours."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from helios_gateway.class_colors import class_rgb
 
 ColorBy = Literal["color", "class", "probability", "uncertainty"]
-OTHER_RGB = (150, 156, 168)  # of no class that was looked for
-MOST_DEVIATION = 0.3  # of a share; nothing known: sqrt(1/12)
+OTHER_RGB = (150, 156, 168)  # of the *other* class
+MOST_DEVIATION = 0.3  # top of the colour ramp; without evidence: sqrt(1/12)
 
 
 @dataclass(frozen=True)
 class Gaussians:
-    """n Gaussians, c classes with "other" the first. The world is z up, metres."""
+    """n Gaussians, c classes with "other" as the first. World frame: z up, metres."""
 
     means_m: NDArray[np.float32]  # [n, 3]
     radii_m: NDArray[np.float32]  # [n], one standard deviation
     rgb: NDArray[np.uint8]  # [n, 3]
     opacities: NDArray[np.float32]  # [n]
-    concentration: NDArray[np.float32]  # [n, c], of the Dirichlet of each (eq. 2)
+    concentration: NDArray[np.float32]  # [n, c], Dirichlet concentration γ (eq. 2)
     class_names: tuple[str, ...]  # c
 
     @classmethod
     def of(cls, reply: pb.GaussiansReply) -> Gaussians:
-        """Raises Internal where the arrays do not fit one another."""
+        """Gaussians of a reply. Raises Internal if the array lengths do not match."""
         names, n = tuple(reply.class_names), reply.count
         try:
             return cls(
@@ -48,8 +48,11 @@ class Gaussians:
 
 
 def colored(gaussians: Gaussians, by: ColorBy) -> NDArray[np.uint8]:
-    """RGB [n, 3]: as seen; by the class believed; by its share in it, blue to yellow; or by how
-    little that share is known (eq. 4), blue to yellow."""
+    """RGB [n, 3] of the Gaussians, by one of four criteria.
+
+    Observed colour; most likely class; probability of that class, blue to yellow; or standard
+    deviation of that probability (eq. 4), blue to yellow.
+    """
     if by == "color" or not len(gaussians):
         return gaussians.rgb
     total = gaussians.concentration.sum(axis=1)
@@ -64,7 +67,7 @@ def colored(gaussians: Gaussians, by: ColorBy) -> NDArray[np.uint8]:
 
 
 def class_or_other_rgb(name: str) -> tuple[int, int, int]:
-    """The class's colour; grey for what is of none."""
+    """Colour of a class; grey for "other"."""
     return OTHER_RGB if name == "other" else class_rgb(name)
 
 

@@ -1,4 +1,4 @@
-"""Both maps in one file: a ZIP of what map2d and the object map save, and a note about it."""
+"""Map file: a ZIP of the saved 2D map, the saved object map, and a note about the file."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ ABOUT = "helios-map.json"
 FORMAT = 1
 MAP2D_SUFFIX = ".map"
 OBJECTS = "objects.npz"
-_UNREADABLE = (  # a RuntimeError: it wants a password
+_UNREADABLE = (  # RuntimeError: the ZIP is encrypted
     zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError,
 )  # fmt: skip
-_BEGAN = (2000, 1, 1, 0, 0, 0)  # of every entry: equal maps are equal files
+_BEGAN = (2000, 1, 1, 0, 0, 0)  # timestamp of every entry, so that equal maps give equal files
 
 
 @dataclass(frozen=True)
 class MapFile:
-    """What the two maps saved."""
+    """Saved data of both maps."""
 
     map2d: bytes
     objects: bytes
 
 
 def packed(maps: MapFile, robot: str) -> bytes:
-    """The file. The maps are compressed already, so they are only laid side by side."""
+    """Map file as bytes. Entries are not compressed again, because the maps already are."""
     about = {"format": FORMAT, "robot": robot}
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
@@ -44,9 +44,9 @@ def packed(maps: MapFile, robot: str) -> bytes:
 
 
 def unpacked(data: bytes, most_bytes: int) -> MapFile:
-    """What `packed` made a file of, or who unpacked it and packed it again.
+    """Both maps from a file that `packed` made, also if somebody unpacked and repacked it.
 
-    Raises InvalidInput for another file, and one that would grow beyond `most_bytes`.
+    Raises InvalidInput for another file, and one larger than `most_bytes` when unpacked.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

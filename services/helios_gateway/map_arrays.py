@@ -1,4 +1,4 @@
-"""Map arrays for machines: an NPZ, and a picture of one pixel a cell that a page colours itself."""
+"""Map arrays for programs: NPZ archives, and a PNG of one pixel per cell for the dashboard."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 def cells_png(view: MapView, layer: str | None) -> bytes:
-    """PNG, one pixel a cell, first row the largest y (north up).
+    """PNG with one pixel per cell, first row the largest y (north up).
 
     Red: 0 unknown, 128 free, 255 occupied. Green: 255 where seen since the search began. Blue:
     the layer's value, 255 at its maximum (`layer_maximum`); 0 without a layer.
@@ -29,7 +29,7 @@ def cells_png(view: MapView, layer: str | None) -> bytes:
 
 
 def layer_maximum(view: MapView, layer: str) -> float:
-    """The largest value of a layer; 1 where nothing has one."""
+    """Largest value of a layer; 1 if no value is above 0."""
     values = view.values[layer]
     finite = values[np.isfinite(values)]
     largest = float(finite.max()) if finite.size else 0.0
@@ -37,8 +37,11 @@ def layer_maximum(view: MapView, layer: str) -> float:
 
 
 def occupancy_npz(view: MapView) -> bytes:
-    """`occupancy` int8 (-1 unknown, 0 free, 100 occupied), `explored` uint8, `top_m` float32, the
-    walk, and of each frontier number, centre, length and whether the robot can get there."""
+    """NPZ of the occupancy grid.
+
+    `occupancy` int8 (-1 unknown, 0 free, 100 occupied), `explored` uint8, `top_m` float32, the
+    trajectory, and the id, centre, length and reachability of each frontier.
+    """
     frontiers = view.frontiers
     return _npz(
         view,
@@ -54,7 +57,7 @@ def occupancy_npz(view: MapView) -> bytes:
 
 
 def value_npz(view: MapView, layer: str) -> bytes:
-    """`value` float32 and `explored` uint8."""
+    """NPZ with `value` float32 and `explored` uint8."""
     return _npz(view, value=view.values[layer], explored=view.explored.astype(np.uint8))
 
 

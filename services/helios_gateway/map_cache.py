@@ -1,4 +1,4 @@
-"""The maps, asked for once however many look at them."""
+"""Cache of map responses: equal requests share one call to a map."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_AGE_S = 2.0  # an older picture or list of objects is made again
 
 
 class MapCache:
-    """Thread-safe. What it made stays good until a map says that it changed."""
+    """Cache of map responses. Thread-safe. A map change invalidates its entries."""
 
     def __init__(self, bus: Bus, timeout_s: float, max_age_s: float = MAX_AGE_S) -> None:
         self._bus = bus
@@ -44,7 +44,7 @@ class MapCache:
                 self._changes[ack.service] += 1
 
     def on_change(self) -> None:
-        """Another search, another map process: whatever is held may be old."""
+        """Invalidate all entries, for example after a new search context or a restart of a map."""
         with self._lock:
             for service in self._changes:
                 self._changes[service] += 1
@@ -54,13 +54,13 @@ class MapCache:
             self._path_m = tuple(plan.path_m)
 
     def change(self) -> api_map_models.MapChange:
-        """Numbers that rise with every change of the maps."""
+        """Counters that rise with every change of the maps."""
         with self._lock:
             return api_map_models.MapChange(map2d=self._changes["map2d"],
                                     objects=self._changes["objectmap"])  # fmt: skip
 
     def view(self) -> MapView:
-        """The newest map. Raises Unavailable, DeadlineExceeded, Internal."""
+        """Newest snapshot of the 2D map. Raises Unavailable, DeadlineExceeded, Internal."""
         return self._views.get("map", self._state("map2d"), self._ask_snapshot)
 
     def info(self) -> api_map_models.MapInfo:
@@ -82,11 +82,11 @@ class MapCache:
         )  # fmt: skip
 
     def info_json(self) -> Encoded:
-        """`info` as it is sent."""
+        """`info` as an encoded response."""
         return self._file("info", self.view(), lambda _: Encoded.json(self.info()))
 
     def frontiers_json(self) -> Encoded:
-        """The frontiers as they are sent."""
+        """Frontiers as an encoded response."""
 
         def make(view: MapView) -> Encoded:
             frontiers = [message_conversion.frontier(f) for f in view.frontiers]
@@ -97,14 +97,14 @@ class MapCache:
         return self._file("frontiers", self.view(), make)
 
     def cells(self, layer: str | None) -> Encoded:
-        """`cells.cells_png`."""
+        """Image of `map_arrays.cells_png` as an encoded response."""
         view = self._with_layer(layer)
         return self._file(("cells", layer), view, lambda _: Encoded.of(
             map_arrays.cells_png(view, layer), PNG, x_map_version=str(view.version)
         ))  # fmt: skip
 
     def npz(self, layer: str | None) -> Encoded:
-        """The arrays of occupancy (None) or of a value layer."""
+        """Arrays of the occupancy grid (None) or of a value layer."""
 
         def make(view: MapView) -> Encoded:
             data = (
@@ -117,7 +117,7 @@ class MapCache:
         return self._file(("npz", layer), self._with_layer(layer), make)
 
     def picture(self, layer: str, size_px: int) -> Encoded:
-        """PNG for people, as map2d draws it, with the path and the objects. Raises NotFound."""
+        """PNG for people, drawn by map2d, with the path and the objects. Raises NotFound."""
         with self._lock:
             path_m = self._path_m
         state = (self._state("map2d"), self._state("objectmap"), path_m)
@@ -132,7 +132,7 @@ class MapCache:
         return self._pictures.get((layer, size_px), state, make)
 
     def objects(self) -> api_map_models.ObjectList:
-        """Every instance of the object map."""
+        """All instances of the object map."""
         return message_conversion.object_list(self._ask_objects())
 
     def object(self, id: int) -> api_map_models.ObjectInstance:
@@ -143,10 +143,10 @@ class MapCache:
         raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
 
     def objects_json(self, class_name: str | None, min_score: float | None) -> Encoded:
-        """The instances of a class (None: of all) with at least a score Ψ, as they are sent.
+        """Instances of a class (None: of all) with at least a score Ψ, as an encoded response.
 
-        class_name: in any case, with spaces or underscores. Raises NotFound for one that is neither
-        believed nor known to the detector.
+        class_name: in any case, with spaces or underscores. Raises NotFound for a name that
+        neither the object map nor the detector knows.
         """
         state = self._state("objectmap")
         reply = self._ask_objects()
@@ -161,13 +161,13 @@ class MapCache:
         return self._lists.get((class_name, min_score), (state, reply.version), make)
 
     def _check_class(self, class_name: str, reply: pb.ObjectsReply) -> None:
-        """Raises NotFound, with names like it."""
+        """Raise NotFound for an unknown class, with similar names."""
         names = {o.class_name for o in reply.objects}
         if any(is_named(class_name, name) for name in names):
             return
         try:
             known = self._bus.call(VOCABULARY, pb.Empty(), self._timeout_s)
-        except HeliosError:  # nobody can say that there is no such class
+        except HeliosError:  # without the detector's names any class may exist
             return
         names.update(known.names)
         if known.open or any(is_named(class_name, name) for name in names):
@@ -181,13 +181,13 @@ class MapCache:
         )
 
     def scene(self, by: ColorBy) -> Encoded:
-        """The Gaussians in 3D, coloured, over the ground where there is a map of it."""
+        """Coloured 3D scene of the Gaussians, above the ground of the 2D map if there is one."""
 
         def make() -> Encoded:
             reply = self._bus.call(GAUSSIANS, pb.GaussiansRequest(), self._timeout_s)
             try:
                 ground = self.view()
-            except Unavailable:  # what is believed can be seen without it
+            except Unavailable:  # the scene is useful without the ground
                 ground = None
             scene = viewer_scene.scene_file(Gaussians.of(reply), self.objects().objects, ground, by)
             return Encoded.of(scene, viewer_scene.MEDIA_TYPE, x_gaussians=str(reply.count))
@@ -195,7 +195,7 @@ class MapCache:
         return self._scenes.get(by, (self._state("map2d"), self._state("objectmap")), make)
 
     def _file(self, key: Hashable, view: MapView, make: Callable[[MapView], Encoded]) -> Encoded:
-        """Made once for this version of the map."""
+        """Response made once for this version of the map."""
         return self._files.get(key, _state(view), lambda: make(view))
 
     def _state(self, service: str) -> int:
@@ -210,7 +210,7 @@ class MapCache:
         )
 
     def _marked(self) -> list[pb.MarkedObject]:
-        """What the object map believes, to be drawn on the map; nothing while it is away."""
+        """Objects to draw on the map; none while the object map does not answer."""
         try:
             reply = self._ask_objects()
         except HeliosError:

@@ -1,4 +1,4 @@
-"""From messages of the bus to the models of HTTP. Nothing that is not finite gets through."""
+"""Conversion of bus messages to HTTP models. Removes numbers that are not finite."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ PHASES = {
 
 
 def finite(value: float) -> float | None:
-    """The value, or None where JSON has no word for it."""
+    """Value, or None if it is not finite: JSON cannot express it."""
     return value if math.isfinite(value) else None
 
 
 def metres(value: float) -> float | None:
-    """To a hundredth of a millimetre; None where it is not finite."""
+    """Length rounded to 0.01 mm; None if it is not finite."""
     return round(value, 5) if math.isfinite(value) else None
 
 
 def pairs(flat: Sequence[float]) -> list[list[float | None]]:
-    """[x, y] of x, y, x, y …, to a tenth of a millimetre; points not finite are left out."""
+    """[x, y] pairs of x, y, x, y …, rounded to 0.1 mm; points that are not finite are left out."""
     return [
         [round(x, 4), round(y, 4)]
         for x, y in zip(flat[::2], flat[1::2], strict=False)
@@ -62,7 +62,7 @@ def _eta_s(message: pb.Task) -> tuple[float, float] | None:
 
 
 def task(message: pb.Task) -> api_models.Task:
-    """The task as HTTP gives it. Raises Internal for an unknown state."""
+    """HTTP model of a task. Raises Internal for an unknown state."""
     state = message.state
     if not is_task_state(state):
         raise Internal(f"the planner named a state {state!r} of task {message.id}")
@@ -90,7 +90,7 @@ def _point(point: pb.GoalPoint) -> api_models.GoalPoint:
 
 
 def phases(kind: str, phase: str, state: str) -> list[api_models.Phase]:
-    """The phases of a kind of task: those before the present one are done."""
+    """Phases of a kind of task; those before the current one are done."""
     names = list(PHASES.get(kind, PHASES["move"]))
     if phase and phase not in names:
         names.append(phase)
@@ -109,7 +109,7 @@ def phases(kind: str, phase: str, state: str) -> list[api_models.Phase]:
 
 
 def decision(message: pb.Decision) -> api_models.Decision:
-    """A decision with its candidates, and what other settings would have made of it."""
+    """HTTP model of a decision, with its candidates and its outcome under other settings."""
     again = message.recomputed if message.HasField("recomputed") else None
     return api_models.Decision(
         task_id=message.task_id, index=message.index, phase=message.phase, rule=message.rule,
@@ -134,14 +134,14 @@ def _candidates(messages: Iterable[pb.Candidate]) -> list[api_models.Candidate]:
 
 
 def pose(x_m: float, y_m: float, yaw_rad: float) -> api_models.RobotPose | None:
-    """None where a number is not finite."""
+    """Pose model; None if a number is not finite."""
     if not all(map(math.isfinite, (x_m, y_m, yaw_rad))):
         return None
     return api_models.RobotPose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
 def plan(message: pb.Plan) -> api_models.Plan:
-    """The path being driven, in the world, metres."""
+    """HTTP model of the path that the robot follows, in the world, metres."""
     goal = message.goal
     return api_models.Plan(
         task_id=message.task_id,
@@ -152,7 +152,7 @@ def plan(message: pb.Plan) -> api_models.Plan:
 
 
 def object_list(message: pb.ObjectsReply) -> api_map_models.ObjectList:
-    """All instances of the object map."""
+    """HTTP model of all instances of the object map."""
     return api_map_models.ObjectList(
         objects=[_object(o) for o in message.objects],
         version=message.version,
@@ -171,7 +171,7 @@ def _object(o: pb.ObjectInstance) -> api_map_models.ObjectInstance:
 
 
 def object_detail(message: pb.ObjectDetail) -> api_map_models.ObjectDetail:
-    """One instance with the history of its score and its upright box."""
+    """HTTP model of one instance with the history of its score and its upright box."""
     return api_map_models.ObjectDetail(
         object=_object(message.object),
         history=[
@@ -187,7 +187,7 @@ def object_detail(message: pb.ObjectDetail) -> api_map_models.ObjectDetail:
 
 
 def frontier(f: pb.Frontier) -> api_map_models.Frontier:
-    """A border of what was seen, with its values."""
+    """HTTP model of a frontier with its values."""
     return api_map_models.Frontier(
         id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),
         reachable=f.reachable, values=_numbers(f.values),
@@ -195,7 +195,7 @@ def frontier(f: pb.Frontier) -> api_map_models.Frontier:
 
 
 def robot_state(message: pb.RobotState) -> api_models.RobotState:
-    """How the robot is; without a pose where it has none that is finite."""
+    """HTTP model of the robot's state; without a pose if none is finite."""
     return api_models.RobotState(
         pose=pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
         held=message.held, moving=message.moving, stopped=message.stopped,
@@ -206,12 +206,12 @@ def robot_state(message: pb.RobotState) -> api_models.RobotState:
 
 
 def pose_of(rows: Sequence[float]) -> api_models.RobotPose | None:
-    """On the floor, of a row by row T_world_base."""
+    """Pose on the floor of a row-major T_world_base; None unless it has 16 finite numbers."""
     return pose(rows[3], rows[7], math.atan2(rows[4], rows[0])) if len(rows) == 16 else None
 
 
 def robot_description(message: pb.RobotDescription) -> api_models.RobotDescription:
-    """What the robot is and can do."""
+    """HTTP model of the robot's dimensions and abilities."""
     return api_models.RobotDescription(
         name=message.name, simulated=message.simulated,
         footprint_radius_m=finite(message.footprint_radius_m), height_m=finite(message.height_m),
@@ -226,7 +226,7 @@ def robot_description(message: pb.RobotDescription) -> api_models.RobotDescripti
 
 
 def believed(found: api_map_models.ObjectList) -> list[Believed]:
-    """The objects whose figures are finite."""
+    """Objects whose score, centre and size are finite."""
     out = []
     for one in found.objects:
         figures = [v for v in (one.score, *one.center_m, *one.size_m) if v is not None]
@@ -237,7 +237,7 @@ def believed(found: api_map_models.ObjectList) -> list[Believed]:
 
 
 def seen_names(found: Iterable[Believed]) -> list[api_models.SeenName]:
-    """Each name once, with its surest object, the surest first."""
+    """Each name once with its highest score, highest score first."""
     scores: dict[str, list[float]] = {}
     for one in found:
         scores.setdefault(one.name, []).append(one.score)

@@ -1,4 +1,4 @@
-"""From where an object is looked at for a picture of it."""
+"""Camera and viewpoint for a rendered image of one object."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from helios_core.geometry import Matrix, Pinhole
 
 ELEVATION_RAD = math.radians(35)
 NEAREST_M = 0.5
-FILLS = 0.55  # of the picture's height
+FILLS = 0.55  # share of the image height that the object fills
 FOV_RAD = math.radians(50)
 
 
 def camera(size_px: int) -> Pinhole:
-    """A square picture."""
+    """Pinhole camera of a square image."""
     f = size_px / 2 / math.tan(FOV_RAD / 2)
     middle = (size_px - 1) / 2
     return Pinhole(fx=f, fy=f, cx=middle, cy=middle, width=size_px, height=size_px)
@@ -23,7 +23,7 @@ def camera(size_px: int) -> Pinhole:
 def look_at(center_m: np.ndarray, size_m: np.ndarray, azimuth_rad: float) -> Matrix:
     """T_world_cam [4, 4] (OpenCV) of a camera that sees all of a box from above its side.
 
-    center_m, size_m: [3] in the world; azimuth_rad: where the camera stands, about world z.
+    center_m, size_m: [3] in the world; azimuth_rad: direction to the camera, about world z.
     """
     across_m = float(np.linalg.norm(size_m))
     distance_m = max(NEAREST_M, across_m / (2 * FILLS * math.tan(FOV_RAD / 2)))

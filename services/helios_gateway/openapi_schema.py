@@ -1,4 +1,4 @@
-"""The description of the interface, as it truly answers."""
+"""Corrections to the OpenAPI schema that FastAPI generates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ _METHODS = ("get", "post", "put", "patch", "delete")
 
 
 def describe_truly(app: FastAPI) -> None:
-    """Errors are described as problems, and the framework's own 422, which never leaves, is not."""
+    """Make the schema match the real error responses.
+
+    Errors get the media type of problems. The framework's own 422 is removed, because the gateway
+    never returns it.
+    """
     made = app.openapi
 
     def openapi() -> dict[str, Any]:

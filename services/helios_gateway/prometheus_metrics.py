@@ -1,4 +1,4 @@
-"""Figures for Prometheus: the gateway's requests, and what each service publishes of itself."""
+"""Prometheus metrics: the gateway's requests, and the metrics that each service publishes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 
 
 class Metrics:
-    """One registry per application; nothing is global."""
+    """Metrics of one application, in a registry of its own; nothing is global."""
 
     def __init__(self, robots: RobotRegistry) -> None:
         self.registry = CollectorRegistry()
@@ -32,7 +32,7 @@ class Metrics:
         self.registry.register(_Services(robots))
 
     def text(self) -> tuple[bytes, str]:
-        """(body, content type)"""
+        """Body and content type."""
         return generate_latest(self.registry), CONTENT_TYPE_PLAIN_0_0_4
 
 
@@ -73,7 +73,10 @@ class _Services(Collector):
 
 
 class RequestMetrics:
-    """ASGI middleware. Routes are counted by their pattern, so that ids make no new series."""
+    """ASGI middleware that counts and times requests.
+
+    The label is the pattern of the route, so that ids create no new series.
+    """
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self._app = app
@@ -104,10 +107,10 @@ class RequestMetrics:
 
 
 def route_pattern(scope: Scope) -> str:
-    """The full path of the route that took a request, such as `/v1/tasks/{id}`; `other`: none did.
+    """Full path pattern of a request's route, such as `/v1/tasks/{id}`; `other` without a route.
 
-    FastAPI leaves the route of an included router in the scope, whose path lacks the prefix that
-    the router was included with.
+    FastAPI leaves the route of an included router in the scope; its path lacks the prefix of the
+    inclusion.
     """
     path = getattr(scope.get("route"), "path", None)
     if path is None:

@@ -1,4 +1,4 @@
-"""One answer for all who ask the same thing at about the same time."""
+"""Coalescing of requests: equal requests at about the same time share one result."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ T = TypeVar("T")
 @dataclass
 class _Entry(Generic[T]):
     making: threading.Lock = field(default_factory=threading.Lock)
-    made: tuple[Hashable, float, T] | None = None  # of what state, when, what
-    failed: tuple[float, HeliosError] | None = None  # when, with what; None: the newest was made
+    made: tuple[Hashable, float, T] | None = None  # state, time, value
+    failed: tuple[float, HeliosError] | None = None  # time, error; None: the last attempt succeeded
 
 
 class RequestCoalescer(Generic[T]):
-    """Keeps the newest answer per key. Thread-safe; one thread makes, the others wait for it.
+    """Newest result per key. Thread-safe; one thread computes it, the others wait for it.
 
-    A failure is shared by those who waited for it and no longer: who asks later tries again.
+    A failure goes to all threads that waited for it. A later request tries again.
     """
 
     def __init__(
@@ -38,9 +38,9 @@ class RequestCoalescer(Generic[T]):
         self._entries: OrderedDict[Hashable, _Entry[T]] = OrderedDict()
 
     def get(self, key: Hashable, state: Hashable, make: Callable[[], T]) -> T:
-        """The answer for `key`, made anew when `state` is another or the answer is too old.
+        """Result for `key`, computed anew if `state` differs or the result is too old.
 
-        Raises what `make` raises.
+        Raises the errors of `make`.
         """
         asked_s = self._clock()
         with self._lock:
@@ -56,7 +56,7 @@ class RequestCoalescer(Generic[T]):
             if entry.failed is not None:
                 at_s, error = entry.failed
                 if asked_s <= at_s:
-                    raise copy.copy(error)  # each with the traceback of its own thread
+                    raise copy.copy(error)  # a copy, so that each thread has its own traceback
             began_s = self._clock()
             try:
                 value = make()

@@ -1,4 +1,4 @@
-"""What is refused before a request is looked at: too much, too many, or from a foreign page."""
+"""Limits on requests before they are handled: size, rate, concurrency and origin."""
 
 from __future__ import annotations
 
@@ -24,49 +24,49 @@ from helios_gateway.dependencies import check, key_of
 from helios_gateway.error_responses import problem, problem_of
 
 READING = ("GET", "HEAD", "OPTIONS")
-# Addresses below that of a robot.
-NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait, and reads its body itself
-LARGE = ("/frames",)  # bodies are images; few at a time
+# Paths below the root of a robot.
+NEVER_LATE = ("/robot/stop",)  # no limit applies; the handler reads the body itself
+LARGE = ("/frames",)  # image bodies; at most `MOST_LARGE` at a time
 MOST_LARGE = 8
-STALL_S = 3.0  # longest time without a byte of a body
-MAPS = ("/map.zip",)  # bodies are whole maps; one at a time
+STALL_S = 3.0  # longest wait for the next bytes of a body
+MAPS = ("/map.zip",)  # map bodies; one at a time
 MAP_BODY_S = 60.0
 STREAMS = (
     "/events",
     "/events/ws",
     "/frames/ws",
     "/robot/teleop",
-)  # counted as viewers, not as requests
+)  # limited as open streams, not as concurrent requests
 _LARGE_BODIES = {("POST", "/frames"): KeyScope.OPERATE, ("PUT", "/map.zip"): KeyScope.ADMIN}
 _ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """How much is taken."""
+    """Limits for requests."""
 
     body_bytes: int
-    large_bytes: int  # of a body that is images
-    map_bytes: int  # of a body that is a map
-    body_s: float  # longest time for a body to arrive
-    requests_per_s: int  # of one client
-    requests: int  # at the same time, of all clients
-    origins: tuple[str, ...] = ()  # other sites whose pages may use the interface
+    large_bytes: int  # of an image body
+    map_bytes: int  # of a map body
+    body_s: float  # time limit for the arrival of a body
+    requests_per_s: int  # per client
+    requests: int  # concurrent, of all clients
+    origins: tuple[str, ...] = ()  # other sites whose pages may use the API
 
     def of_body(self, method: str, path: str) -> tuple[int, float]:
-        """Most bytes and seconds of a body sent to a path below that of a robot."""
+        """Limits of a body (bytes, seconds) for a method and a path below the root of a robot."""
         if (method, path) not in _LARGE_BODIES:
             return self.body_bytes, self.body_s
         return (self.map_bytes, MAP_BODY_S) if path in MAPS else (self.large_bytes, self.body_s)
 
 
 class RequestLimits:
-    """ASGI middleware.
+    """ASGI middleware that enforces `Bounds` and checks host and origin.
 
-    A body above the limit is never held, and a large one only with a key that suffices. A page of
-    another site (its `Origin` is neither this host nor in the list) may change nothing and open no
-    socket. Where no key is asked for, the host's name must be that of this machine, so that no
-    name of another site can be made to lead here.
+    A body above the limit is never kept in memory, and a large one only with a sufficient key. A
+    page of another site (its `Origin` is neither this host nor in the list) may change nothing and
+    open no socket. If no key is required, the `Host` header must name this machine; this prevents
+    DNS rebinding.
     """
 
     def __init__(self, app: ASGIApp, bounds: Bounds, keys: ApiKeys) -> None:
@@ -138,7 +138,7 @@ class RequestLimits:
     def _is_own(self, origin: str, host: str) -> bool:
         try:
             site = urlsplit(origin).netloc
-        except ValueError:  # brackets that do not close
+        except ValueError:  # unbalanced brackets
             return False
         return site == host or origin in self._bounds.origins
 
@@ -148,7 +148,7 @@ class RequestLimits:
             await self._app(scope, receive, send)
             return
         needed = _LARGE_BODIES.get((scope["method"], path))
-        if needed is not None:  # nobody else's is held
+        if needed is not None:  # without the key the body is not kept
             try:
                 check(HTTPConnection(scope), needed)
             except HeliosError as error:
@@ -179,9 +179,9 @@ class RequestLimits:
 
 
 async def _body(receive: Receive, limit: int) -> bytes | None:
-    """The whole body, or None once it is above the limit in bytes.
+    """Whole body, or None once it exceeds the limit in bytes.
 
-    Raises TimeoutError when it stops coming: an idle sender holds a place that others may want.
+    Raises TimeoutError when it stops arriving: an idle sender occupies a slot that others need.
     """
     body = bytearray()
     while True:
@@ -200,14 +200,14 @@ async def _body(receive: Receive, limit: int) -> bytes | None:
 
 
 def _below_robot(scope: Scope) -> str:
-    """The path of a request without that of the robot that it is about."""
+    """Path of a request without the root of its robot."""
     path: str = scope["path"]
     found = _ROBOT.fullmatch(path)
     return found[1] if found else path
 
 
 async def _refuse_body(refusal: JSONResponse, scope: Scope, receive: Receive, send: Send) -> None:
-    """The rest of the body is not waited for."""
+    """Refuse a request and close its connection without waiting for the rest of the body."""
     refusal.headers["connection"] = "close"
     await refusal(scope, receive, send)
 
@@ -233,12 +233,12 @@ def _busy(running: int) -> JSONResponse:
 
 
 def _is_this_machine(host: str) -> bool:
-    """A loopback name, or any address in numbers: no name that somebody else may hand out."""
+    """True for a loopback name or a numeric address: no foreign DNS can assign either."""
     try:
         name = urlsplit(f"//{host}").hostname or ""
         if name == "localhost" or name.endswith(".localhost"):
             return True
         ipaddress.ip_address(name)
-    except ValueError:  # a name of elsewhere, or no name at all
+    except ValueError:  # a foreign name, or none
         return False
     return True

@@ -1,4 +1,4 @@
-"""What is wrong with a request, as sentences: what came, what was wanted, what to do."""
+"""Validation errors of a request as sentences: received value, expected value, remedy."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 MOST_ERRORS = 5
-MOST_CHARACTERS = 80  # of what came
+MOST_CHARACTERS = 80  # of a quoted value
 JSON_HEADER = "with the header content-type: application/json"
 _PARTS = ("body", "query", "path", "header", "cookie")
 _NO_OBJECT = ("model_attributes_type", "model_type", "dict_type")
 
 
 def sentence(request: Request, error: RequestValidationError) -> str:
-    """Of a request to a route."""
+    """Sentence for the validation errors of a request to a route."""
     route = request.scope.get("route")
     found = error.errors()[:MOST_ERRORS]
     if not isinstance(route, APIRoute):
@@ -35,12 +35,12 @@ def sentence(request: Request, error: RequestValidationError) -> str:
 
 
 def errors_text(errors: Sequence[Mapping[str, Any]]) -> str:
-    """Of a model that was read from JSON."""
+    """Sentence for the validation errors of a model that was parsed from JSON."""
     return "; ".join(_said(e, None) for e in errors[:MOST_ERRORS])
 
 
 def _whole_body(error: Mapping[str, Any], route: APIRoute) -> str:
-    """The body as a whole is missing, no JSON, or no object."""
+    """Sentence for a body that is missing, no JSON, or no object."""
     field = route.body_field
     wanted = f"a JSON object, {JSON_HEADER}"
     if example := _example(route):
@@ -87,7 +87,7 @@ def _came(value: object) -> str:
 
 
 def _field(route: APIRoute, loc: Sequence[str | int]) -> FieldInfo | None:
-    """Of a parameter, or of the body's model."""
+    """Field of a parameter or of the body's model; None if unknown."""
     if len(loc) != 2:
         return None
     part, name = loc
@@ -110,7 +110,7 @@ def _body_model(route: APIRoute) -> type[BaseModel] | None:
 
 
 def _example(route: APIRoute) -> str:
-    """JSON of a body that this route takes; empty where none is given."""
+    """Example JSON body of a route; empty if it has none."""
     body = _body_model(route)
     extra = body.model_config.get("json_schema_extra") if body is not None else None
     example = extra.get("example") if isinstance(extra, dict) else None

@@ -1,4 +1,4 @@
-"""The robots that one gateway serves: each with a bus and what is known from it."""
+"""Robots that one gateway serves, each with its bus and its current state."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from helios_core.bus import Bus
 
 from helios_gateway.bus_listener import BusListener
 
-API_ROOT = "/v1"  # below it is the first robot
-ROBOT_ROOT = "/v1/robots/{robot}"  # below it is the robot of this name
+API_ROOT = "/v1"  # root of the first robot's addresses
+ROBOT_ROOT = "/v1/robots/{robot}"  # root of the named robot's addresses
 
 
 @dataclass(frozen=True)
 class Served:
-    """One robot: its bus, and what the gateway keeps of it."""
+    """One robot: its bus, and the state that the gateway keeps of it."""
 
     bus: Bus
     live: BusListener
@@ -28,7 +28,7 @@ class RobotRegistry:
     robots: Mapping[str, Served]
 
     def reasons(self) -> list[str]:
-        """Why a task could not start now, for every robot; empty when it could on all."""
+        """Reasons why a task could not start now, for every robot; empty if it could on all."""
         several = len(self.robots) > 1
         return [
             f"{name}: {reason}" if several else reason

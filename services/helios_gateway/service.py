@@ -1,4 +1,4 @@
-"""The gateway as a service: a listening socket, a web server in a thread, the bus behind it."""
+"""Gateway service: a listening socket, a web server in a thread, and the buses of its robots."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from helios_gateway.web_app import create_app
 
 log = logging.getLogger(__name__)
 
-WEBSOCKET_QUEUE = 3  # messages read ahead: one frame
-GRACE_S = 1  # for answers under way when it is told to stop
+WEBSOCKET_QUEUE = 3  # messages read ahead; one frame takes 3
+GRACE_S = 1  # for open responses at shutdown
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A bound socket, not yet listening. Raises Unavailable where the port cannot be had."""
+    """Bound TCP socket that does not listen yet. Raises Unavailable if the port cannot be bound."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -54,7 +54,7 @@ def _cannot_listen(error: OSError, host: str, port: int) -> Unavailable:
 
 
 def check_open(host: str, settings: Settings, keys: ApiKeys) -> None:
-    """Beyond loopback keys are asked for. Raises InvalidInput."""
+    """Check that a host beyond loopback is protected by API keys. Raises InvalidInput if not."""
     if keys.required or settings.without_keys or ipaddress.ip_address(host).is_loopback:
         return
     raise InvalidInput(
@@ -64,7 +64,7 @@ def check_open(host: str, settings: Settings, keys: ApiKeys) -> None:
 
 
 class Gateway:
-    """A running gateway; `close` ends it."""
+    """Running gateway; `close` stops it."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class Gateway:
         listener: socket.socket,
         another_bus: Callable[[str], Bus],
     ) -> None:
-        """`another_bus` gives the bus of a further robot, by name.
+        """another_bus: returns the bus of a further robot, by name.
 
         Raises Unavailable (port, router), InvalidInput (keys).
         """
@@ -99,7 +99,7 @@ class Gateway:
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
             limit_concurrency=settings.max_connections,
-            ws_max_size=settings.frame_limit_bytes,  # of one message
+            ws_max_size=settings.frame_limit_bytes,  # per message
             ws_max_queue=WEBSOCKET_QUEUE,
         )
         self._server = uvicorn.Server(config)
@@ -114,15 +114,17 @@ class Gateway:
         health.ready(address)
 
     def close(self) -> None:
-        self.robots.close()  # first: an open event stream would hold the server up
+        self.robots.close()  # first: open event streams delay the shutdown
         self._server.should_exit = True
         self._thread.join(GRACE_S + 0.5)
         for bus in self._others:
             bus.close()
 
     def _serve(self, listener: socket.socket) -> None:
-        """Until `close`. A gateway whose web server ends by itself serves nobody: the process ends,
-        and who supervises it starts another."""
+        """Run the web server until `close`.
+
+        If the server ends on its own, end the process: its supervisor starts another one.
+        """
         why: BaseException | None = None
         try:
             self._server.run(sockets=[listener])

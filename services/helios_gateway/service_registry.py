@@ -1,4 +1,4 @@
-"""How every service is: its own word, whether it is alive, and what the supervisor says."""
+"""State of every service: its own report, its liveliness, and the supervisor's report."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from helios_gateway.api_models import Service, ServiceState
 
 log = logging.getLogger(__name__)
 
-NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # for a task to start
+NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # must be ready for a task
 KNOWN = ("router", *NEEDED, "gateway")  # always listed
 REPORTING = ("world", *NEEDED, "gateway", "recorder")  # publish a ServiceStatus
 
 
 class ServiceRegistry:
-    """Thread-safe. `clock` is monotonic seconds."""
+    """State of all services. Thread-safe. `clock` is monotonic seconds."""
 
     def __init__(self, silent_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
@@ -41,7 +41,7 @@ class ServiceRegistry:
                 instances.pop(instance, None)
 
     def listener(self, service: str) -> Callable[[pb.ServiceStatus], None]:
-        """What takes the word of one service: what names another one, or none, is refused."""
+        """Handler for the status of one service; it refuses a status that names another service."""
 
         def take(status: pb.ServiceStatus) -> None:
             if status.service != service:
@@ -70,7 +70,7 @@ class ServiceRegistry:
             return bool(self._alive.get(service))
 
     def services(self) -> list[Service]:
-        """All that are known or have been seen, in the order in which data flows."""
+        """All known services and those seen, in the order of the data flow."""
         with self._lock:
             seen = {*self._said, *self._processes} - {"supervisor"}
             if self._simulated:
@@ -81,7 +81,7 @@ class ServiceRegistry:
             return [self._service(name) for name in names]
 
     def reasons(self) -> list[str]:
-        """Why a task could not start now; empty when it could."""
+        """Reasons why a task could not start now; empty if it could."""
         return [
             f"{s.name} is {s.state}" + (f": {s.reason}" if s.reason else "")
             for s in self.services()
@@ -89,7 +89,7 @@ class ServiceRegistry:
         ]
 
     def metrics(self) -> Mapping[str, Mapping[str, float]]:
-        """The figures that each service publishes."""
+        """Metrics that each service publishes."""
         with self._lock:
             return {name: dict(status.metrics) for name, (status, _) in self._said.items()}
 
@@ -125,8 +125,11 @@ class ServiceRegistry:
         return "it has not been seen; start it"
 
     def _router(self) -> tuple[ServiceState, str]:
-        """The router has no word of its own: hearing anything at all over it is the proof. The
-        gateway hears itself without it."""
+        """State of the router, which publishes no status.
+
+        A message from any other service proves that it works. The gateway's own status does not: it
+        arrives without the router.
+        """
         now = self._clock()
         heard = [now - at for name, (_, at) in self._said.items() if name != "gateway"]
         if heard and min(heard) <= self._silent_after_s:

@@ -1,5 +1,7 @@
-"""Tasks to try, which this robot can do and whose names the detector knows: of this home where
-something of it is known, else of names that everybody knows."""
+"""Suggested tasks that suit the robot and whose names the detector knows.
+
+They name objects of this home if it has known ones, else common names.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,13 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-SURE_SCORE = 0.3  # from this score Ψ on something seen is worth a task
-CARRIED_M = 0.4  # longest side of what a robot may carry
-SURFACE_M = 0.35  # shortest horizontal side of a piece of furniture that holds something
-SURFACE_HEIGHTS_M = (0.2, 1.3)  # of its top
+SURE_SCORE = 0.3  # lowest score Ψ of an object for a suggestion
+CARRIED_M = 0.4  # longest side of a portable object
+SURFACE_M = 0.35  # shortest horizontal side of a receptacle
+SURFACE_HEIGHTS_M = (0.2, 1.3)  # of the receptacle's top
 
 
-# Names that most people and most detectors know, for a home of which nothing is known yet.
+# Names that most people and most detectors know, for a home without known objects.
 THINGS = (
     "mug", "apple", "cup", "bottle", "book", "bowl", "laptop", "remote", "banana", "teddy bear",
 )  # fmt: skip
@@ -25,7 +27,7 @@ PLACES = (
 
 @dataclass(frozen=True)
 class Believed:
-    """An object of the map: name in words, score Ψ, centre and size in metres, world z up."""
+    """Object of the map: name in words, score Ψ, centre and size in metres, world z up."""
 
     name: str
     score: float
@@ -43,14 +45,14 @@ class Believed:
         return min(self.size_m[:2]) >= SURFACE_M and low_m <= top_m <= high_m
 
     def holds(self, thing: Believed) -> bool:
-        """Whether the thing's centre is above its box, seen from above."""
+        """True if the centre of `thing` is above the centre of this box and inside its outline."""
         return all(
             abs(thing.center_m[i] - self.center_m[i]) <= self.size_m[i] / 2 for i in (0, 1)
         ) and (thing.center_m[2] > self.center_m[2])
 
 
 def words(name: str) -> str:
-    """`coffee_table` as people say it."""
+    """Class name in words: `coffee table` for `coffee_table`."""
     return name.replace("_", " ")
 
 
@@ -62,11 +64,10 @@ def suggestions(
     most: int,
     robot_xy: tuple[float, float] | None = None,
 ) -> list[str]:
-    """At most so many instructions: of what was seen here, then of names that everybody knows, then
-    of others that the detector knows.
+    """At most `most` instructions, those for this home first.
 
-    `open_names`: the detector takes any name. `has_arm`: the robot can pick and place. `robot_xy`:
-    where it stands (m).
+    Next come common names, then other names that the detector knows. `open_names`: the detector
+    takes any name. `has_arm`: the robot can pick and place. `robot_xy`: its position (m).
     """
     known = [words(name) for name in names]
     things = [name for name in THINGS if open_names or name in known]
@@ -81,7 +82,7 @@ def suggestions(
 
 
 def _examples(things: Sequence[str], places: Sequence[str], has_arm: bool) -> list[str]:
-    """A task of each kind, of different names as far as there are any; then more to find."""
+    """One task of each kind, with different names if possible; then more tasks to find objects."""
     move = has_arm and bool(things) and len(places) >= 2
     return [
         *([f"Move the {things[0]} from the {places[0]} to the {places[1]}"] if move else []),
@@ -94,7 +95,7 @@ def _examples(things: Sequence[str], places: Sequence[str], has_arm: bool) -> li
 def _of_this_home(
     believed: Sequence[Believed], has_arm: bool, robot_xy: tuple[float, float] | None
 ) -> list[str]:
-    """One task of each kind, of what is surest; of what is about as sure, the nearest."""
+    """One task of each kind, for the highest scores; among similar scores, for the nearest."""
     x_m, y_m = robot_xy or (0.0, 0.0)
 
     def rank(one: Believed) -> tuple[float, float]:
@@ -114,7 +115,7 @@ def _of_this_home(
 
 
 def _move(thing: Believed, surfaces: Sequence[Believed]) -> str | None:
-    """From where it is, where that is known, to a piece of furniture of another name."""
+    """Instruction to move an object, from its receptacle if known, to one of another name."""
     start = next((s.name for s in surfaces if s.holds(thing)), None)
     goal = next((s.name for s in surfaces if s.name not in (start, thing.name)), None)
     if goal is None:

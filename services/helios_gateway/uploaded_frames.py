@@ -1,4 +1,4 @@
-"""A frame as it comes over HTTP: two image files and what is known of them, as one message."""
+"""Conversion of a frame uploaded over HTTP, two image files and metadata, to one message."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Pose = Annotated[list[Row], Field(min_length=4, max_length=4)]
 
 
 class FrameMeta(BaseModel):
-    """What is known of a frame besides its images."""
+    """Metadata of an uploaded frame."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -69,7 +69,7 @@ class FrameMeta(BaseModel):
 
 
 class MapAnswer(BaseModel):
-    """What one map made of a frame."""
+    """Acknowledgement of a frame by one map."""
 
     map: str = Field(examples=["map2d/occupancy"])
     accepted: bool = Field(description="the map used the frame")
@@ -79,7 +79,7 @@ class MapAnswer(BaseModel):
 
 
 class FrameTaken(BaseModel):
-    """A frame that became a keyframe, and what the maps made of it."""
+    """Frame that became a keyframe, with the acknowledgements of the maps."""
 
     id: str = Field(description="boot/epoch/number", examples=["3f0c…/0/1795264888805"])
     integrated: bool = Field(description="every map that was to answer has taken it")
@@ -88,7 +88,7 @@ class FrameTaken(BaseModel):
 
 
 def read_meta(text: str | bytes) -> FrameMeta:
-    """Raises InvalidInput that names what is wrong."""
+    """Parsed metadata. Raises InvalidInput that names the error."""
     try:
         return FrameMeta.model_validate_json(text)
     except ValidationError as error:
@@ -99,9 +99,10 @@ def read_meta(text: str | bytes) -> FrameMeta:
 
 
 def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushRequest:
-    """color: a JPEG or PNG. depth: a PNG with one channel of 16 bit; None where there is none.
+    """Message for the bridge with one frame.
 
-    Raises InvalidInput. The rest is checked by the bridge.
+    color: a JPEG or PNG. depth: a PNG with one channel of 16 bit; None for a frame without depth.
+    Raises InvalidInput. The bridge checks the rest.
     """
     size = encoded_size(color)
     if size is None:
@@ -129,7 +130,7 @@ def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushR
 
 
 def taken(reply: pb.PushReply) -> FrameTaken:
-    """The answer as JSON has it."""
+    """HTTP model of the bridge's reply."""
     maps = [
         MapAnswer(
             map=f"{a.service}/{a.part}", accepted=a.accepted, reason=a.reason, version=a.version,

@@ -1,8 +1,8 @@
-"""The object map as a scene for viser's page, which plays it from a file.
+"""Object map as a scene file that viser's page plays.
 
-viser (https://viser.studio) is a maintained viewer of Gaussians. Its own server asks for no key, so
-it is not started: the gateway sends viser's page and a scene file (`.viser`), both behind its keys.
-The file is made by viser's scene interface over a recorder instead of a connection.
+viser (https://viser.studio) is a maintained viewer of Gaussians. Its own server requires no key, so
+the gateway does not start it. The gateway serves viser's page and a scene file (`.viser`), both
+behind its keys. viser's scene interface writes the file to a recorder instead of a connection.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     import viser
 
 MEDIA_TYPE = "application/octet-stream"
-# Put before viser's own program. What stands after # counts as parameters, so that the page is
-# fetched once whatever they are; what it logs (its camera, with `logCamera`) the page around hears.
+# Script inserted before viser's own. It turns the text after # into query parameters, so that one
+# fetched page serves all of them, and posts console logs (the camera, with `logCamera`) to the
+# parent page.
 HEAD = b"""<script>
 if (location.hash) history.replaceState(null, "", `${location.pathname}?${location.hash.slice(1)}`);
 if (parent !== self) {
@@ -42,13 +43,15 @@ if (parent !== self) {
 </script>
 """
 FREE_RGB, OCCUPIED_RGB, UNKNOWN_RGB = (250, 251, 253), (120, 128, 142), (222, 226, 233)
-DRAWN_LARGER = 3.0  # a Gaussian of 1 cm is less than a pixel where a whole home is in sight
-LEAST_CLASS_SCORE = 0.3  # from which an instance has a label
+DRAWN_LARGER = 3.0  # in a view of a whole home, a Gaussian of 1 cm is below one pixel
+LEAST_CLASS_SCORE = 0.3  # lowest class score S of a labelled instance
 
 
 def page() -> bytes:
-    """viser's page with `HEAD`: one file, no other host. Raises Unavailable where viser is not
-    installed, and where its page is not as expected."""
+    """viser's page with `HEAD`: one file that loads from no other host.
+
+    Raises Unavailable if viser is not installed or its page has no head.
+    """
     found = find_spec("viser")
     if found is None or found.origin is None:
         raise Unavailable("the 3D view needs viser; pip install 'helios-ovmm[viewer]'")
@@ -66,8 +69,10 @@ def _with_head(path: Path) -> bytes:
 def scene_file(
     gaussians: Gaussians, objects: Iterable[ObjectInstance], ground: MapView | None, by: ColorBy
 ) -> bytes:
-    """Gaussians coloured, labels of what is believed, and the map's ground below, as a .viser
-    file. Raises Unavailable where viser is not installed."""
+    """Scene file (.viser): coloured Gaussians, labels of the objects, and the map's ground below.
+
+    Raises Unavailable if viser is not installed.
+    """
     page()
     recorder = _Recorder()
     scene = recorder.scene
@@ -98,13 +103,13 @@ def _add_ground(scene: viser.SceneApi, ground: MapView) -> None:
     x_m, y_m = ground.origin_m
     scene.add_image(
         "/ground", picture, width_m, height_m, format="png",
-        wxyz=(0.0, 1.0, 0.0, 0.0),  # viser's images look along -z, rows along -y
+        wxyz=(0.0, 1.0, 0.0, 0.0),  # viser's images face -z, rows along -y
         position=(x_m + width_m / 2, y_m + height_m / 2, -0.02),
     )  # fmt: skip
 
 
 def ground_rgb(ground: MapView) -> NDArray[np.uint8]:
-    """RGB [rows, columns, 3], first row the largest y."""
+    """RGB [rows, columns, 3] of the occupancy grid, first row the largest y."""
     out = np.full((*ground.shape, 3), UNKNOWN_RGB, np.uint8)
     out[ground.occupancy == FREE] = FREE_RGB
     out[ground.occupancy == OCCUPIED] = OCCUPIED_RGB
@@ -112,7 +117,7 @@ def ground_rgb(ground: MapView) -> NDArray[np.uint8]:
 
 
 def _top(found: ObjectInstance) -> tuple[float, float, float] | None:
-    """The middle of its upper side; None where it has no place."""
+    """Centre of the object's upper face; None if its position is unknown."""
     center, size = found.center_m, found.size_m
     values = [v for v in (*center, size[2]) if v is not None]
     if len(values) < 4:
@@ -122,7 +127,7 @@ def _top(found: ObjectInstance) -> tuple[float, float, float] | None:
 
 
 class _Recorder:
-    """What viser's scene interface asks of its owner, with a file at the other end."""
+    """Owner of viser's scene interface that records to a file instead of a connection."""
 
     client_id = ""
 
@@ -135,7 +140,7 @@ class _Recorder:
                 return self
 
             def push(self, _: object) -> None:
-                """Nobody is connected; the serializer has it already."""
+                """Do nothing: no client is connected, and the serializer has the message."""
 
         self._websock_connection = Handler()
         self._viser_server = self
@@ -143,7 +148,7 @@ class _Recorder:
         self._serializer = self._websock_connection.get_message_serializer(
             lambda message: message.include_in_scene_serialization
         )
-        # Neither is used by what is only recorded: they are for clicks.
+        # A recording needs neither executor nor event loop: both serve clicks.
         self.scene = viser.SceneApi(
             cast(viser.ClientHandle, self), cast(ThreadPoolExecutor, None),
             cast(asyncio.AbstractEventLoop, None),

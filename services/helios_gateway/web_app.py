@@ -1,4 +1,4 @@
-"""Builds the web application: routes, errors, limits, the dashboard's files."""
+"""Web application: routes, error responses, limits and the dashboard's files."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ from helios_gateway.routes import map as map_routes
 from helios_gateway.settings import Settings
 
 STATIC = Path(__file__).parent / "static"
-UNFRAMED = "frame-ancestors 'none'"  # else a page of another site could lead a hand to a button
+UNFRAMED = "frame-ancestors 'none'"  # prevents clickjacking
 POLICIES = {
     "/": f"default-src 'self'; img-src 'self' blob: data:; {UNFRAMED}",
     "/docs": UNFRAMED,
 }
 
 
-MOST_STOPS = 16  # calls of stop-now at the same time
-ROBOT_ROUTERS = (  # each below `/v1` and below `/v1/robots/{robot}`
+MOST_STOPS = 16  # concurrent stop-now requests
+ROBOT_ROUTERS = (  # each mounted below `/v1` and below `/v1/robots/{robot}`
     tasks.router, events.router, objects.router, map_routes.router, map_file.router,
     map_reset.router, past_views.router, view3d.router, frames.router, robot.router, moves.router,
     teleop.router, health.service_router,
@@ -58,7 +58,7 @@ pages = APIRouter(include_in_schema=False)
 
 
 def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None = None) -> FastAPI:
-    """The HTTP interface to the robots; keys: None reads those that the settings name."""
+    """HTTP application for the robots; keys: None reads the file that the settings name."""
     app = FastAPIOffline(
         redoc_url=None,
         title="HELIOS",
@@ -86,7 +86,7 @@ def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None =
 
 
 def _state(robots: RobotRegistry, settings: Settings, keys: ApiKeys) -> GatewayState:
-    """The state of a new application."""
+    """State of a new application."""
     return GatewayState(
         robots=robots,
         settings=settings,
@@ -101,7 +101,7 @@ def _state(robots: RobotRegistry, settings: Settings, keys: ApiKeys) -> GatewayS
 
 
 def _add_middleware(app: FastAPI, state: GatewayState) -> None:
-    """Adds the middleware; the last one added sees a request first."""
+    """Add the middleware; the last one added handles a request first."""
     settings = state.settings
     bounds = Bounds(
         settings.body_limit_bytes, settings.frame_limit_bytes, settings.map_limit_bytes,
@@ -125,9 +125,9 @@ async def dashboard() -> FileResponse:
 
 
 class PageMiddleware:
-    """ASGI middleware that sets the content security policy of the pages for people.
+    """ASGI middleware that sets the content security policy of the HTML pages.
 
-    It says what they may load, and that no other page may show them in a frame.
+    The policy limits the resources that a page may load, and no other page may frame it.
     """
 
     def __init__(self, app: ASGIApp) -> None:

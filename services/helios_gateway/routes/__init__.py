@@ -1,1 +1,1 @@
-"""What can be asked for over HTTP, a file for each subject."""
+"""HTTP and WebSocket endpoints, one module per subject."""

@@ -1,4 +1,4 @@
-"""`/events` and `/events/ws`: all that happens, as server-sent events or over a WebSocket."""
+"""`/events` and `/events/ws`: the event stream, as server-sent events or over a WebSocket."""
 
 from __future__ import annotations
 
@@ -58,13 +58,16 @@ async def events(
         str | None, Header(description="go on after the event with this id")
     ] = None,
 ) -> StreamingResponse:
-    """Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves),
-    `map` (numbers that rise when a map changes), `service`, `ready`. The data is JSON, of the
-    same form as the other addresses give. Every event has an id; come back with
-    `Last-Event-ID` to get what was missed. Newcomers are given the present state first.
+    """Stream all events as server-sent events.
 
-    The same over a WebSocket: `/v1/events/ws?last_event_id=…`, each message
-    `{"id", "type", "data"}`, an empty text as a sign of life."""
+    Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves), `map`
+    (counters that rise when a map changes), `service`, `ready`. The data is JSON in the form of
+    the other endpoints. Every event has an id; reconnect with `Last-Event-ID` to receive the
+    missed events. A new subscriber first receives the current state.
+
+    The same stream over a WebSocket: `/v1/events/ws?last_event_id=…`. Each message is
+    `{"id", "type", "data"}`; an empty text is a keepalive.
+    """
     return StreamingResponse(
         as_sse(await _watch(request, robot, state.settings, last_event_id, types, task_id)),
         media_type="text/event-stream",
@@ -94,7 +97,7 @@ async def socket(
 
         async def leave_when_gone() -> None:
             while (await socket.receive())["type"] != "websocket.disconnect":
-                pass  # nothing is expected of a viewer
+                pass  # subscribers send nothing
             group.cancel_scope.cancel()
 
         group.start_soon(leave_when_gone)
@@ -113,7 +116,7 @@ async def _watch(
     types: str,
     task_id: str,
 ) -> AsyncGenerator[Event | None]:
-    """The events that a viewer asked for; None is a sign of life.
+    """Events that a subscriber requested; None is a keepalive.
 
     Raises InvalidInput, NotFound, Unavailable.
     """
@@ -122,7 +125,7 @@ async def _watch(
         stream = robot.live.events.watch(last_id, wanted)
     else:
         stream = robot.live.events.watch(last_id, wanted.with_tasks())
-        await anext(stream)  # from here on the task's end is not missed
+        await anext(stream)  # from here on the stream includes the end of the task
         try:
             first = await anyio.to_thread.run_sync(
                 _task_event, robot, task_id, settings.call_timeout_s
@@ -143,7 +146,7 @@ def _types(text: str) -> frozenset[str]:
 
 
 def _task_event(robot: Served, task_id: str, timeout_s: float) -> Event:
-    """An event with the task's present state; without an id, for it is not from the stream."""
+    """Event with the current state of a task; without an id, because it is not from the stream."""
     with invalid_as_not_found():
         task = robot.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
     model = message_conversion.task(task)
@@ -153,9 +156,9 @@ def _task_event(robot: Served, task_id: str, timeout_s: float) -> Event:
 async def _until_ended(
     stream: AsyncGenerator[Event | None], first: Event, wanted: Wanted
 ) -> AsyncGenerator[Event | None]:
-    """The wanted events of a started stream, until the task has ended.
+    """Requested events of a started stream, until the task has ended.
 
-    first: the present state of the task.
+    first: event with the current state of the task.
     """
     async with contextlib.aclosing(stream):
         yield None
@@ -173,9 +176,9 @@ async def _until_ended(
 async def _while_allowed(
     stream: AsyncGenerator[Event | None], viewer: HTTPConnection, every_s: float
 ) -> AsyncGenerator[Event | None]:
-    """The events, until the viewer's key is withdrawn.
+    """Events, until the subscriber's key is revoked.
 
-    The key is checked at every sign of life, and every `every_s` seconds between events.
+    The key is checked at every keepalive, and every `every_s` seconds between events.
     """
     checked_s = time.monotonic()
     async with contextlib.aclosing(stream):

@@ -1,4 +1,4 @@
-"""`/frames` and `/frames/ws`: frames from outside, one by a form or many over a WebSocket."""
+"""`/frames` and `/frames/ws`: external frames, one per form or many over a WebSocket."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from helios_gateway.error_responses import Forbidden, Unauthorized, problem, pro
 from helios_gateway.robot_registry import Served
 from helios_gateway.uploaded_frames import FrameTaken, push_request, read_meta, taken
 
-MOST_SENDERS = 8  # sockets open at the same time
-TURN_S = 12.0  # that the bridge may need for the frames before this one
-FAREWELL_S = 1.0  # that a socket has for hearing why it is closed
+MOST_SENDERS = 8  # concurrent sockets
+TURN_S = 12.0  # time for the bridge to process earlier frames
+FAREWELL_S = 1.0  # time limit for sending the reason of a close
 GOING_AWAY, NOT_ALLOWED = 1001, 1008
 router = APIRouter(tags=["frames"])
 
@@ -42,16 +42,19 @@ async def post_frame(
         bytes | None, File(description="a PNG, one channel of 16 bit, registered to color")
     ] = None,
 ) -> FrameTaken:
-    """For a camera that somebody else carries: `helios up --robot push`. It becomes a keyframe
-    and is answered when the maps have answered it, with what each of them made of it.
+    """Send a frame to the maps as a keyframe.
+
+    For an external camera: `helios up --robot push`. The response comes when the maps have
+    answered, and holds the acknowledgement of each map.
 
     `meta` is JSON: `K` (9 numbers) and `T_world_cam` (4 rows of 4); optional `T_world_base`,
-    `stamp_ns`, `depth_scale_m` (0.001), `robot_boot_id`, `world_epoch`, `classes` (what to look
-    for) and `wait_s` (5).
+    `stamp_ns`, `depth_scale_m` (0.001), `robot_boot_id`, `world_epoch`, `classes` (names to
+    look for) and `wait_s` (5).
 
-    Many frames go faster over the WebSocket `/v1/frames/ws`: for each frame three messages,
-    the same `meta` as text, then the two files as binary (an empty one: no depth). Each frame
-    is answered by one text: what this address answers, or a problem."""
+    For many frames the WebSocket `/v1/frames/ws` is faster. Send three messages per frame: the
+    same `meta` as text, then the two files as binary (empty: no depth). The gateway answers
+    each frame with one text: the response of this endpoint, or a problem.
+    """
     return await _push(robot, state, meta, color, depth)
 
 
@@ -66,7 +69,7 @@ async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None
     with contextlib.suppress(WebSocketDisconnect):
         with slot:
             end = await _answer_frames(robot, state, socket)
-        # The slot is free already: a sender that does not read keeps nobody waiting.
+        # The slot is already free, so a sender that does not read blocks nobody.
         with contextlib.suppress(TimeoutError, RuntimeError):
             async with asyncio.timeout(FAREWELL_S):
                 await socket.send_text(_as_text(end.problem))
@@ -76,7 +79,7 @@ async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None
 async def _push(
     robot: Served, state: GatewayState, meta: str | bytes, color: bytes, depth: bytes | None
 ) -> FrameTaken:
-    """What the maps made of a frame. Raises HeliosError."""
+    """Acknowledgements of the maps for one frame. Raises HeliosError."""
 
     def call() -> pb.PushReply:
         known = read_meta(meta)
@@ -88,7 +91,7 @@ async def _push(
 
 
 async def _answer_frames(robot: Served, state: GatewayState, socket: WebSocket) -> _End:
-    """Answers frames until the sender is silent or its key is withdrawn; returns the reason.
+    """Answer frames until the sender is silent or its key is revoked; return the reason.
 
     Raises WebSocketDisconnect.
     """
@@ -115,11 +118,11 @@ async def _answer_frames(robot: Served, state: GatewayState, socket: WebSocket) 
 
 @dataclass(frozen=True)
 class _End:
-    """What a sender is told when its socket is closed."""
+    """Last message and close reason of a sender's socket."""
 
     problem: JSONResponse
-    code: int  # of the close
-    why: str  # of the close, at most 123 bytes
+    code: int  # of the close frame
+    why: str  # of the close frame, at most 123 bytes
 
     @classmethod
     def late(cls, why: str) -> _End:
@@ -127,7 +130,7 @@ class _End:
 
 
 class _Silent(Exception):
-    """No message comes from a sender any more."""
+    """The next message of a sender did not arrive in time."""
 
 
 def _as_text(problem: JSONResponse) -> str:
@@ -135,17 +138,19 @@ def _as_text(problem: JSONResponse) -> str:
 
 
 class _Messages:
-    """A socket's messages as frames: a text begins one, two binary messages end it."""
+    """Groups a socket's messages into frames: one text, then two binary messages."""
 
     def __init__(self, socket: WebSocket, idle_s: float) -> None:
-        """idle_s: longest time for a message to arrive, whole."""
+        """idle_s: time limit for the arrival of one whole message."""
         self._socket, self._idle_s = socket, idle_s
-        self._text: str | None = None  # that came too early
+        self._text: str | None = None  # text that came too early
 
     async def next_frame(self) -> tuple[str, bytes, bytes]:
-        """meta, color, depth. Raises WebSocketDisconnect at the end, _Silent when nothing comes,
-        and InvalidInput once for every message out of turn; the frame after it is read as if
-        nothing had been."""
+        """Next frame as (meta, color, depth).
+
+        Raises WebSocketDisconnect at the end, _Silent after a timeout, and InvalidInput once for
+        every message out of order. The frame after such a message is read normally.
+        """
         meta, self._text = self._text, None
         if meta is None:
             meta = await self._receive()

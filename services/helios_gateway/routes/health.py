@@ -1,4 +1,4 @@
-"""The state of the backend, for people, for orchestrators and for Prometheus.
+"""State of the services, for people, orchestrators and Prometheus.
 
 `/healthz`, `/readyz` and `/metrics`; `/v1/robots`; `/status` and `/services/{name}/settings`.
 """
@@ -39,7 +39,10 @@ async def healthz() -> api_models.HealthAnswer:
     | {503: {"model": api_models.Readiness, "description": "no, for these reasons"}},
 )
 async def readyz(state: State, response: Response) -> api_models.Readiness:
-    """A stopped robot is a reason, too."""
+    """Report if a task would start now, and the reasons if not.
+
+    A stopped robot is a reason, too.
+    """
     reasons = state.robots.reasons()
     served = state.robots.robots.values()
     stopped = any(one.live.stopped for one in served)
@@ -76,7 +79,7 @@ async def status(robot: AddressedRobot) -> api_models.Status:
 def service_settings(
     robot: AddressedRobot, name: ServiceName, timeout_s: CallTimeout
 ) -> api_models.ServiceSettings:
-    """What it was started with, each with its default and what it means."""
+    """Return the settings that a service was started with, their defaults and their meaning."""
     known = [service.name for service in robot.live.status().services]
     if name not in known:
         raise NotFound(f"there is no service {name!r}; there are: {', '.join(known)}")
@@ -97,7 +100,10 @@ def service_settings(
 
 @robots_router.get("", summary="The robots served here", dependencies=secured(Scope.READ))
 async def robots(state: State) -> api_models.RobotList:
-    """Every address below `/v1` is also there below `/v1/robots/NAME`, for that robot."""
+    """List the robots of this gateway.
+
+    Every address below `/v1` also exists below `/v1/robots/NAME`, for that robot.
+    """
     return api_models.RobotList(robots=[
         api_models.RobotEntry(
             name=name, connected=served.live.robot().connected,

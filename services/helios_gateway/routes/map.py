@@ -1,4 +1,4 @@
-"""`/map...`, `/objects` and `/camera.jpg`: maps, objects and the camera."""
+"""`/map...`, `/objects` and `/camera.jpg`: maps, objects and the camera image."""
 
 from __future__ import annotations
 
@@ -62,7 +62,10 @@ def occupancy_png(maps: Maps, request: Request, size_px: SizePx = 900) -> Respon
     ),
 )
 def occupancy_npz(maps: Maps, request: Request) -> Response:
-    """NumPy archive; rows along world y from the origin upwards, columns along x."""
+    """Return the occupancy grid as a NumPy archive.
+
+    Rows run along world y from the origin upwards, columns along x.
+    """
     return tagged(request, maps.npz(None))
 
 
@@ -97,8 +100,11 @@ def cells(
     request: Request,
     layer: Annotated[str | None, Query(description="a value layer for the blue channel")] = None,
 ) -> Response:
-    """Red: 0 unknown, 128 free, 255 occupied. Green: 255 where seen since the search began.
-    Blue: the layer's value, 255 at the layer's `max_value` (see `/v1/map`)."""
+    """Return the map as an image for programs that colour it themselves.
+
+    Red: 0 unknown, 128 free, 255 occupied. Green: 255 where seen since the search began.
+    Blue: the layer's value, 255 at the layer's `max_value` (see `/v1/map`).
+    """
     return tagged(request, maps.cells(layer))
 
 

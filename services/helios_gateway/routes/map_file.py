@@ -1,4 +1,4 @@
-"""`/map.zip` and `/map/ros.zip`: saves both maps to a file, and loads them from one."""
+"""`/map.zip` and `/map/ros.zip`: save both maps to a file, and load them from one."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from helios_gateway.message_conversion import finite
 from helios_gateway.robot_registry import Served
 
 ZIP = "application/zip"
-FILE_S = 60.0  # a map of a large home is read and checked in seconds
-RESERVED_S = 5 * FILE_S  # longer than the calls of one change of the maps take together
+FILE_S = 60.0  # time limit of one save or load; a large home takes seconds
+RESERVED_S = 5 * FILE_S  # exceeds the total of all calls of one load or reset
 router = APIRouter(tags=["maps and camera"])
 
 
@@ -46,7 +46,10 @@ router = APIRouter(tags=["maps and camera"])
     dependencies=secured(Scope.READ),
 )
 def save(robot: AddressedRobot) -> Response:
-    """All that both maps need to go on: `helios map save`."""
+    """Save both maps in one file.
+
+    The file holds all data that both maps need to continue. Command line: `helios map save`.
+    """
     [map2d] = robot.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(), FILE_S).files
     objects = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
     data = packed(MapFile(map2d.data, objects.data), robot.bus.robot)
@@ -63,8 +66,11 @@ def save(robot: AddressedRobot) -> Response:
     dependencies=secured(Scope.READ),
 )
 def ros(robot: AddressedRobot) -> Response:
-    """`map.pgm` and `map.yaml` as map_server reads them, both of one version:
-    `helios map export --ros`."""
+    """Export the occupancy grid for ROS.
+
+    The ZIP holds `map.pgm` and `map.yaml` for map_server, both of the same version. Command
+    line: `helios map export --ros`.
+    """
     files = robot.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format="ros"), FILE_S).files
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as together:
@@ -91,10 +97,12 @@ def load(
         ),
     ],
 ) -> api_map_models.LoadedMaps:
-    """In the place of the present ones: both, or neither where one is refused. What is
-    at (x, y) in the file must be there in the robot's world, too. Refused while a task is
-    queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is
-    not known: load a file again."""
+    """Replace both maps with those of a file.
+
+    If one map refuses the file, neither is replaced. A position (x, y) in the file must mean
+    the same place in the robot's world. Returns 409 while a task is queued or under way; a new
+    task waits. After a 504 the state of the maps is unknown: load a file again.
+    """
     settings = state.settings
     maps = unpacked(file, settings.map_limit_bytes)
     with no_task(robot, "the maps are being loaded", settings.call_timeout_s):
@@ -106,7 +114,10 @@ def load(
 
 
 def _load_both(robot: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
-    """Raises HeliosError, and then neither is loaded; DeadlineExceeded where that is not known."""
+    """Load both maps.
+
+    Raises HeliosError if neither is loaded, and DeadlineExceeded if that is unknown.
+    """
     named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
     before = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
     try:
@@ -115,7 +126,7 @@ def _load_both(robot: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.Loa
         try:
             ground = _loaded(robot.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
         except DeadlineExceeded:
-            raise  # map2d may yet take its part of the file, and wants the objects with it
+            raise  # map2d may still load its part, which needs the new objects
         except HeliosError as error:
             put_back(robot.bus, before, error)
             raise
@@ -125,7 +136,7 @@ def _load_both(robot: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.Loa
 
 
 def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
-    """Raises HeliosError; DeadlineExceeded says that the outcome is not known."""
+    """Reply to a load request. Raises HeliosError; DeadlineExceeded if the outcome is unknown."""
     try:
         return bus.call(method, request, FILE_S)
     except DeadlineExceeded as error:
@@ -136,7 +147,10 @@ def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
 
 
 def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
-    """Gives the object map its former objects. Raises `why`, with that, where it fails, too."""
+    """Restore the former objects of the object map.
+
+    If that fails, raises an error of the type of `why` with both messages.
+    """
     try:
         bus.call(LOAD_OBJECTS, objects, FILE_S)
     except HeliosError as error:
@@ -148,7 +162,7 @@ def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
 
 @contextlib.contextmanager
 def no_task(robot: Served, why: str, timeout_s: float) -> Iterator[None]:
-    """Keeps the planner from starting a task until the context ends; new tasks wait and say why.
+    """Keep the planner from starting a task until the context ends; new tasks wait and report why.
 
     Raises Conflict while a task is queued, running or paused.
     """
@@ -157,5 +171,5 @@ def no_task(robot: Served, why: str, timeout_s: float) -> Iterator[None]:
     try:
         yield
     finally:
-        with contextlib.suppress(HeliosError):  # it ends by itself
+        with contextlib.suppress(HeliosError):  # the reservation expires anyway
             robot.bus.call(RESERVE, pb.ReserveRequest(token=token), timeout_s)

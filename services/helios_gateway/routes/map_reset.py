@@ -39,9 +39,12 @@ def reset(
         Query(description="objects, or occupancy with values and past views; default: both"),
     ] = None,
 ) -> api_map_models.ResetMaps:
-    """What is kept on the disk is forgotten, too: both, or neither where one cannot be. A new
-    map begins with the next image after an action. Refused while a task is queued or under way;
-    one that comes meanwhile waits. After a 504 which map is empty is not known: ask again."""
+    """Empty both maps, or one of them, including their data on disk.
+
+    If one of the two cannot be emptied, neither is. A new map begins with the next keyframe.
+    Returns 409 while a task is queued or under way; a new task waits. After a 504 the state of
+    the maps is unknown: send the request again.
+    """
     parts = BOTH if only is None else (only,)
     with no_task(robot, "the maps are being emptied", timeout_s):
         try:
@@ -55,13 +58,16 @@ def reset(
 
 
 def _reset_both(robot: Served) -> None:
-    """Raises HeliosError, and then neither is empty; DeadlineExceeded where that is not known."""
+    """Empty both maps.
+
+    Raises HeliosError if neither is empty, and DeadlineExceeded if that is unknown.
+    """
     before = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
     _reset(robot, "objects")
     try:
         _reset(robot, "occupancy")
     except DeadlineExceeded:
-        raise  # map2d may yet forget its part
+        raise  # map2d may still empty its part
     except HeliosError as error:
         put_back(robot.bus, before, error)
         raise

@@ -1,6 +1,6 @@
 """`/robot/go`, `/robot/explore` and `/robot/home`: tasks that only drive.
 
-Each endpoint submits the equivalent instruction and answers with the task.
+Each endpoint submits the equivalent instruction and returns the task.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ REFUSALS = problems(409, body=True)
 
 @router.post("/go", status_code=202, summary="Go to a point", responses=REFUSALS)
 def go(robot: AddressedRobot, request: GoRequest, timeout_s: CallTimeout) -> api_models.Task:
-    """Queue a task that drives to a point, also over floor that is not known yet.
+    """Queue a task that drives to a point, also across unknown floor.
 
-    The same as the instruction “go to 3.2, 4.1 facing 90 degrees”. Where the point is out of
-    reach it fails with cause `goal unreachable` and names the nearest place that is not."""
+    Equivalent to the instruction “go to 3.2, 4.1 facing 90 degrees”. If the point is
+    unreachable, the task fails with cause `goal unreachable` and names the nearest reachable
+    place.
+    """
     message = pb.SubmitRequest(instruction=sentence_to(request))
     return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
@@ -37,22 +39,27 @@ def go(robot: AddressedRobot, request: GoRequest, timeout_s: CallTimeout) -> api
 def explore(
     robot: AddressedRobot, request: ExploreRequest, timeout_s: CallTimeout
 ) -> api_models.Task:
-    """Queue a task that drives to the nearest border of the known floor, until nothing that
-    can be reached is unknown, or its time is up. The same as “explore the home”."""
+    """Queue a task that explores the home.
+
+    The robot drives to the nearest frontier, until it cannot reach any more unknown floor or
+    the time is up. Equivalent to the instruction “explore the home”.
+    """
     message = pb.SubmitRequest(instruction=EXPLORE, time_limit_s=request.time_limit_s or 0.0)
     return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 @router.post("/home", status_code=202, summary="Go back to the start", responses=REFUSALS)
 def home(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Task:
-    """Queue a task that drives to where the robot started in this world. The same as “return
-    to the start”."""
+    """Queue a task that drives to the robot's start position in this world.
+
+    Equivalent to the instruction “return to the start”.
+    """
     message = pb.SubmitRequest(instruction=HOME)
     return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 def sentence_to(goal: GoRequest) -> str:
-    """The equivalent instruction, to a millimetre and a hundredth of a degree."""
+    """Equivalent instruction, rounded to 1 mm and 0.01°."""
     facing = ""
     if goal.yaw_rad is not None:
         degrees = math.degrees(wrap_angle(goal.yaw_rad))
@@ -61,5 +68,5 @@ def sentence_to(goal: GoRequest) -> str:
 
 
 def _plain(value: float, digits: int) -> str:
-    """Without an exponent, trailing zeros or a minus before 0."""
+    """Decimal number without an exponent, trailing zeros or a minus before 0."""
     return f"{round(value, digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")

@@ -1,4 +1,4 @@
-"""`/objects.ply`, `/objects/{id}/...` and `/map/view.png`: objects, exported and rendered."""
+"""`/objects.ply`, `/objects/{id}/...` and `/map/view.png`: export and rendering of objects."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def points(
 def detail(
     robot: AddressedRobot, id: ObjectId, timeout_s: CallTimeout
 ) -> api_map_models.ObjectDetail:
-    """With the history of its score, and the upright box that a gripper wants to know."""
+    """Return one object with the history of its score and its upright box for grasping."""
     return message_conversion.object_detail(_detail(robot, id, timeout_s))
 
 
@@ -173,7 +173,7 @@ def view_from(
         float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="across the picture"),
     ] = 1.2,
 ) -> Response:  # fmt: skip
-    """From the pose of a frame, or from where no robot ever was."""
+    """Render the object map from any camera pose, for example the pose of a frame."""
     f = width_px / 2 / math.tan(fov_rad / 2)
     lens = Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
     T_world_cam = camera_on_base(se2_to_se3(x_m, y_m, yaw_rad), z_m, down_rad)
@@ -182,7 +182,7 @@ def view_from(
 
 
 def _detail(robot: Served, id: int, timeout_s: float) -> pb.ObjectDetail:
-    """One instance of the object map in full. Raises NotFound for an unknown id."""
+    """One instance of the object map with all details. Raises NotFound for an unknown id."""
     with invalid_as_not_found():
         return robot.bus.call(OBJECT_DETAIL, pb.ObjectRequest(object_id=id), timeout_s)
 
@@ -190,7 +190,7 @@ def _detail(robot: Served, id: int, timeout_s: float) -> pb.ObjectDetail:
 def _exported(
     robot: Served, request: Request, timeout_s: float, format: str, id: int = 0
 ) -> Response:
-    """The response with the Gaussians of one object, or of all for id 0. Raises NotFound."""
+    """Response with the Gaussians of one object, or of all for id 0. Raises NotFound."""
     with invalid_as_not_found():
         reply = robot.bus.call(
             EXPORT_OBJECTS, pb.ExportRequest(format=format, object_id=id), timeout_s
@@ -201,9 +201,9 @@ def _exported(
 def _rendered(
     robot: Served, T_world_cam: Matrix, lens: Pinhole, layer: str, name: str, timeout_s: float
 ) -> Encoded:
-    """The PNG of a layer of the object map, seen by a camera. Raises NotFound for an unknown class.
+    """PNG of a layer of the object map from a camera. Raises NotFound for an unknown class.
 
-    T_world_cam: [4, 4]. name: the class of a layer of beliefs.
+    T_world_cam: [4, 4]. name: class of the layers `probability` and `uncertainty`.
     """
     message = pb.RenderRequest(
         T_world_cam=transform_to_proto(T_world_cam), camera=pinhole_to_proto(lens),
@@ -214,7 +214,7 @@ def _rendered(
 
 
 def _robot_side(robot: Served, center_m: np.ndarray) -> float:
-    """The direction from a point to the robot, radians; 0 where the robot's pose is unknown."""
+    """Direction (rad) from a point to the robot; 0 if the robot's pose is unknown."""
     state = robot.live.robot().state
     if state is None or state.pose is None:
         return 0.0

@@ -20,9 +20,9 @@ from helios_gateway.error_responses import problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.routes.objects import ObjectId
 
-RECALL_S = 12.0  # the text model may have to wake up
-MOST_VIEWS = 50  # that are asked of map2d, of which those that show an object are taken
-NEAR_M = 0.4  # beyond its half diagonal
+RECALL_S = 12.0  # includes the loading of the text model
+MOST_VIEWS = 50  # requested from map2d, before the filter by place
+NEAR_M = 0.4  # margin beyond an object's half diagonal
 router = APIRouter(tags=["maps and camera"], dependencies=secured(Scope.READ))
 
 
@@ -36,10 +36,13 @@ def seen(
     ],
     limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
 ) -> api_map_models.SeenAnswer:
-    """Objects are those of the object map whose class the words name. Views are asked by the
-    scorer's image-text model, also for what no search ever named. Where it has none (the
-    simulator's scorer, for instance) they are those in which the detector named it while it
-    was sought, and `views_note` says so."""
+    """Find where something was seen: objects and past views that match a text.
+
+    `objects` are the instances of the object map whose class the text names. The scorer's
+    image-text model ranks the past views, also for names that no search has used. A scorer
+    without such a model (for instance the simulator's) gives the views in which the detector
+    found the name while a search looked for it; then `views_note` says so.
+    """
     recalled = _recalled(robot, pb.RecallRequest(prompt=prompt, most_places=limit))
     return api_map_models.SeenAnswer(
         prompt=prompt,
@@ -61,8 +64,11 @@ def object_views(
     id: ObjectId,
     limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
 ) -> api_map_models.ViewList:
-    """Past views that fit its class where it is, from different sides, best first; kept and
-    asked as `/v1/seen` says."""
+    """List past views of an object, from different sides, best first.
+
+    A view matches if it shows the object's class near its place. `/v1/seen` describes the past
+    views and their scores.
+    """
     found = maps.object(id)
     asked = pb.RecallRequest(prompt=found.class_name, most_places=MOST_VIEWS)
     recalled = _recalled(robot, asked)
@@ -73,7 +79,7 @@ def object_views(
 
 
 def _shows(found: api_map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
-    """Whether a place on the ground is within reach of an object."""
+    """True if the place is near the object's centre: within half its diagonal plus `NEAR_M`."""
     x, y, *_ = found.center_m
     width, depth, *_ = found.size_m
     if None in (x, y, width, depth):
@@ -83,7 +89,7 @@ def _shows(found: api_map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
 
 
 def _recalled(robot: Served, request: pb.RecallRequest) -> pb.RecallReply:
-    """The past views; where map2d does not answer, none, with the reason as the note."""
+    """Past views from map2d; if it does not answer, none, with the error as the note."""
     try:
         return robot.bus.call(RECALL, request, RECALL_S)
     except HeliosError as error:

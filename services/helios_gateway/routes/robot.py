@@ -1,4 +1,4 @@
-"""`/robot`, `/robot/stop` and `/robot/clear-stop`: the state of the robot, and stop-now."""
+"""`/robot`, `/robot/stop` and `/robot/clear-stop`: state and emergency stop (stop-now)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, CallTimeout, State, secured
 from helios_gateway.error_responses import problems
 
-BODY_S = 0.2  # that stop-now waits for its reason
+BODY_S = 0.2  # longest wait of stop-now for its body
 BODY_BYTES = 65536
 REASON_CHARACTERS = 500
 STOP_BODY = {
@@ -41,9 +41,12 @@ async def get_robot(robot: AddressedRobot) -> api_models.Robot:
     openapi_extra={"requestBody": STOP_BODY},
 )
 async def stop(robot: AddressedRobot, state: State, request: Request) -> api_models.Robot:
-    """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
-    Any key may stop; requests are not counted. No body is refused: of one that cannot be read
-    the reason alone is lost."""
+    """Stop the robot now.
+
+    The stop goes directly to the bridge, latches, and refuses every motion until
+    `/v1/robot/clear-stop`. Any key may stop, and no request limit applies. An unreadable body
+    does not prevent the stop; only its reason is lost.
+    """
     message = pb.StopRequest(reason=stop_reason(await _begun(request)))
     await anyio.to_thread.run_sync(
         functools.partial(robot.bus.call, STOP, message, state.settings.stop_timeout_s),
@@ -59,14 +62,20 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
     dependencies=secured(Scope.OPERATE),
 )
 def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robot:
-    """A robot that somebody took must be free again: the answer says who or what holds it."""
+    """Lift the emergency stop.
+
+    If a person or a program has taken over the robot, it must be free again: the error names
+    the holder.
+    """
     robot.bus.call(CLEAR_STOP, pb.Empty(), timeout_s)
     return robot.live.robot()
 
 
 def stop_reason(body: bytes) -> str:
-    """Why the robot shall stop: at most 500 printable characters, the default for what cannot be
-    read. Control characters are replaced, not refused: nothing hinders a stop."""
+    """Reason of a stop: at most 500 printable characters; the default for an unreadable body.
+
+    Control characters are replaced, so that they cannot prevent a stop.
+    """
     try:
         known = api_models.StopRequest.model_validate_json(body)
     except ValidationError:
@@ -75,7 +84,7 @@ def stop_reason(body: bytes) -> str:
 
 
 async def _begun(request: Request) -> bytes:
-    """What has come of the body, when it is whole, too long or late."""
+    """Body received until its end, its size limit or its time limit."""
     body = bytearray()
     with contextlib.suppress(TimeoutError, ClientDisconnect):
         async with asyncio.timeout(BODY_S):

@@ -1,4 +1,4 @@
-"""`/v1/session`: a browser keeps its API key in a cookie, so that pictures come with it."""
+"""`/v1/session`: stores a browser's API key in a cookie, which image requests send, too."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ async def session(request: Request, state: State) -> api_models.Session:
 async def open_session(
     request: Request, response: Response, state: State, body: api_models.SessionRequest
 ) -> api_models.Session:
-    """The cookie is for this site alone and out of reach of scripts."""
+    """Store an API key in a cookie.
+
+    The cookie is restricted to this site, and scripts cannot read it.
+    """
     key = state.keys.find(body.key)
     if key is None:
         raise Unauthorized("this API key is not known; make one with helios key")

@@ -1,4 +1,4 @@
-"""`/tasks...`, `/vocabulary` and `/suggestions`: tasks and what can be asked for."""
+"""`/tasks...`, `/vocabulary` and `/suggestions`: tasks, and the names that they may use."""
 
 from __future__ import annotations
 
@@ -42,10 +42,14 @@ TaskId = Annotated[str, Path(description="as `POST /v1/tasks` gave it")]
 def submit(
     robot: AddressedRobot, request: api_models.TaskRequest, timeout_s: CallTimeout
 ) -> api_models.Task:
-    """Queue a task. It starts when all before it have ended, those of a higher priority
-    first; watch it by its id or events.
+    """Queue a task.
 
-    An instruction that is not understood is a 400 that says what was."""
+    It starts after all tasks before it have ended; a higher priority goes first. Follow it by
+    its id or its events.
+
+    An instruction that the planner does not understand returns 400 with the part that it
+    understood.
+    """
     message = pb.SubmitRequest(
         instruction=request.instruction,
         max_steps=request.max_steps or 0,
@@ -64,7 +68,10 @@ def list_tasks(
     state: Annotated[TaskState | None, Query(description="only those in this state")] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="at most so many")] = 1000,
 ) -> api_models.TaskList:
-    """To watch them: `/v1/events`, or `/v1/events?task_id=…` for one until it has ended."""
+    """List the tasks, newest first.
+
+    To follow them, use `/v1/events`, or `/v1/events?task_id=…` for one task until it has ended.
+    """
     tasks = robot.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks
     fitting = [t for t in tasks if state in (None, t.state)]
     newest_first = sorted(fitting, key=lambda t: -t.created_s)
@@ -83,7 +90,10 @@ def get_task(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_m
     dependencies=secured(Scope.OPERATE),
 )
 def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
-    """The robot comes to rest; a task that has ended stays as it is."""
+    """Cancel a task and bring the robot to rest.
+
+    A task that has ended stays unchanged.
+    """
     return message_conversion.task(_of_task(robot, CANCEL, id, timeout_s))
 
 
@@ -94,7 +104,10 @@ def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mod
     dependencies=secured(Scope.OPERATE),
 )
 def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
-    """The action that runs is finished, no further one is begun until the task is resumed."""
+    """Pause a task after its current action.
+
+    No further action starts until the task is resumed.
+    """
     return message_conversion.task(_of_task(robot, PAUSE, id, timeout_s))
 
 
@@ -118,7 +131,10 @@ def decisions(
         Query(description="take them again under this setting, `alpha_d=0.01`; repeatable"),
     ] = None,
 ) -> api_models.DecisionList:
-    """With `set`, each holds as `recomputed` what it would have been under these settings."""
+    """List the decisions of a task, oldest first.
+
+    With `set`, each decision also holds `recomputed`: its outcome under these settings.
+    """
     if not set:
         reply = _of_task(robot, DECISIONS, id, timeout_s)
     else:
@@ -149,8 +165,11 @@ def suggestions(
     timeout_s: CallTimeout,
     limit: Annotated[int, Query(ge=1, le=20, description="tasks at most")] = 3,
 ) -> api_models.Suggestions:
-    """Of what was seen here, the surest and nearest first. Where nothing was seen yet (`seen`
-    is empty), examples of names that the detector knows."""
+    """Suggest tasks with objects of this home, those with the highest score and nearest first.
+
+    If nothing has been seen yet (`seen` is empty), they use example names that the detector
+    knows.
+    """
     known = robot.bus.call(VOCABULARY, pb.Empty(), timeout_s)
     now = robot.live.robot()
     described, pose = now.description, now.state.pose if now.state else None
@@ -167,13 +186,13 @@ def suggestions(
 
 
 def _of_task(robot: Served, method: Method[pb.TaskRequest, M], id: str, timeout_s: float) -> M:
-    """What the planner answers to a call about one task. Raises NotFound for an unknown id."""
+    """Planner's reply to a call about one task. Raises NotFound for an unknown id."""
     with invalid_as_not_found():
         return robot.bus.call(method, pb.TaskRequest(id=id), timeout_s)
 
 
 def assignment(text: str) -> tuple[str, str]:
-    """(name, value) of a text such as `alpha_d=0.01`. Raises InvalidInput."""
+    """Name and value of a text such as `alpha_d=0.01`. Raises InvalidInput."""
     name, equals, value = text.partition("=")
     if not (name.strip() and equals and value.strip()):
         raise InvalidInput(f"set is {text!r:.100}; wanted NAME=VALUE, such as alpha_d=0.01")

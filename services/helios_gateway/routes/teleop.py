@@ -1,4 +1,4 @@
-"""`/robot/teleop` and `/robot/drive`: driving by hand, over a WebSocket or by one short move."""
+"""`/robot/teleop` and `/robot/drive`: teleoperation over a WebSocket, or by one short move."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from helios_gateway.teleop.messages import DriveRequest, DriveResult, TeleopComm
 from helios_gateway.teleop.pacing import Command
 from helios_gateway.teleop.session import TeleopSession
 
-MOST_DRIVERS = 8  # sockets open at the same time
-SEND_S = 2.0  # that a driver has for reading a state
+MOST_DRIVERS = 8  # concurrent sockets
+SEND_S = 2.0  # time limit for sending one state
 GOING_AWAY, NOT_ALLOWED = 1001, 1008
 router = APIRouter(prefix="/robot", tags=["robot"])
 
@@ -46,18 +46,21 @@ async def drive(
     request: Request,
     asked: Annotated[DriveRequest, Body()],
 ) -> DriveResult:
-    """At most 0.5 m or 0.6 rad, within the robot's own limits; answered when it is over. A
-    move that the robot could not make is `succeeded: false` with its reason.
+    """Make one short move of at most 0.5 m or 0.6 rad, within the robot's own limits.
 
-    Refused (409) while a task is running or paused, while the robot is stopped, while somebody
-    else drives, and where the robot offers no motion.
+    The response comes when the move is over. If the robot could not make it, `succeeded` is
+    false and `reason` says why.
 
-    To drive for as long as a command is held: the WebSocket `/v1/robot/teleop`. Send
-    `{"forward": -1..1, "turn": -1..1}` at least every 0.3 s while the robot shall move; it
-    stands within one short move of the last one, of `{}`, and of the end of the connection.
-    Each change is told as `{"state", "reason", "kind", "pose"}`; states are `standing`,
-    `driving`, `blocked` and `refused`. The kind of a refusal is `invalid` for a wrong command
-    and `conflict` where the robot is not to be driven now."""
+    Returns 409 while a task is running or paused, while the robot is stopped, while another
+    client drives, and for a robot that cannot drive.
+
+    To drive while a command is held, use the WebSocket `/v1/robot/teleop`. Send
+    `{"forward": -1..1, "turn": -1..1}` at least every 0.3 s while the robot shall move. It
+    stops within one short move after the last command, after `{}`, and after the connection
+    ends. The gateway reports each change as `{"state", "reason", "kind", "pose"}`; states are
+    `standing`, `driving`, `blocked` and `refused`. The kind of a refusal is `invalid` for a
+    wrong command and `conflict` if the robot cannot be driven now.
+    """
     driver = TeleopDriver(robot, _who(request), state.settings.call_timeout_s)
     return await anyio.to_thread.run_sync(
         _one_move, robot, driver, asked, limiter=state.teleop_threads
@@ -85,7 +88,7 @@ async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None
 
 
 def _one_move(robot: Served, driver: TeleopDriver, asked: DriveRequest) -> DriveResult:
-    """Makes one move under the driver's lease, and gives the lease back. Raises HeliosError."""
+    """Make one move under the driver's lease, then release the lease. Raises HeliosError."""
     check_move(asked, described(robot))
     driver.acquire()
     try:
@@ -104,9 +107,9 @@ def _one_move(robot: Served, driver: TeleopDriver, asked: DriveRequest) -> Drive
 async def _driven(
     robot: Served, socket: WebSocket, session: TeleopSession, settings: Settings
 ) -> tuple[int, str] | None:
-    """Serves a driver until it is gone, silent or not allowed any more; the robot stands then.
+    """Serve a driver until it disconnects, falls silent or loses its permission; the robot stops.
 
-    Returns the code and the reason for closing the socket; None where the driver is gone.
+    Returns the code and the reason for closing the socket; None if the driver disconnected.
     """
     async with anyio.create_task_group() as group:
         group.start_soon(session.run, lambda: check_may_drive(robot, settings.call_timeout_s))
@@ -120,7 +123,7 @@ async def _driven(
 async def _commands(
     socket: WebSocket, session: TeleopSession, settings: Settings
 ) -> tuple[int, str] | None:
-    """Takes commands as they come. Returns what `_driven` returns."""
+    """Pass on commands as they arrive. Returns the close code and reason, as `_driven` does."""
     while True:
         try:
             async with asyncio.timeout(settings.teleop_idle_s):
@@ -143,7 +146,7 @@ async def _commands(
 
 
 async def _tell(socket: WebSocket, session: TeleopSession) -> None:
-    """Sends each new state, and of several that came meanwhile the newest."""
+    """Send each new state; skip those that a newer one has already replaced."""
     await session.checked.wait()
     while True:
         changed = session.changed
@@ -151,11 +154,11 @@ async def _tell(socket: WebSocket, session: TeleopSession) -> None:
             async with asyncio.timeout(SEND_S):
                 await socket.send_text(session.state.model_dump_json())
         except (TimeoutError, WebSocketDisconnect, RuntimeError):
-            return  # gone, or not reading: its commands decide
+            return  # gone, or not reading: `_commands` decides when to end
         await changed.wait()
 
 
 def _who(connection: HTTPConnection) -> str:
-    """The name of the driver's key; empty where no key is asked for."""
+    """Name of the driver's key; empty if no key is required."""
     key = key_of(connection.scope, state_of(connection).keys)
     return key.name if key else ""

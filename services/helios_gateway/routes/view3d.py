@@ -1,4 +1,4 @@
-"""`/view3d` and `/objects.viser`: viser's page, and the 3D scene of the Gaussians that it plays."""
+"""`/view3d` and `/objects.viser`: viser's page, and the 3D scene of the Gaussians for it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from helios_gateway.error_responses import problems
 from helios_gateway.gaussian_arrays import ColorBy
 
 HTML = "text/html"
-# The page is one file with its program in it, which compiles more. It may speak to this gateway
-# alone.
+# The page is one file with inline scripts that compile further code. It may connect only to this
+# gateway.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
@@ -31,8 +31,11 @@ router = APIRouter(tags=["objects"], responses=problems(), dependencies=secured(
     responses=content_docs(HTML, "viser's page"),
 )
 def view3d(request: Request) -> Response:
-    """`?playbackPath=/v1/objects.viser`, and viser's other parameters, such as `darkMode` and
-    `initialCameraPosition=X,Y,Z`. It loads nothing from another host."""
+    """Return viser's page, which shows a scene in 3D.
+
+    Parameters: `?playbackPath=/v1/objects.viser`, and viser's own, such as `darkMode` and
+    `initialCameraPosition=X,Y,Z`. The page loads nothing from another host.
+    """
     out = tagged(request, Encoded.of(viewer_scene.page(), HTML))
     out.headers["content-security-policy"] = POLICY
     return out
@@ -55,6 +58,9 @@ def scene(
         ),
     ] = "color",
 ) -> Response:
-    """With labels of the instances, over the ground of the map. viser shows it without the
-    gateway, too: https://viser.studio/main/embedded_visualizations/"""
+    """Return the Gaussians as a viser scene, with labels of the instances above the map's ground.
+
+    viser also shows the file without the gateway:
+    https://viser.studio/main/embedded_visualizations/
+    """
     return tagged(request, maps.scene(color))

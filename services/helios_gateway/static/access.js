@@ -1,4 +1,4 @@
-// The key, where one is asked for; and which robot is on show.
+// Login with an API key, and selection of the robot.
 import { $, element, robot, whenRefused } from "./api.js";
 
 whenRefused(() => {
@@ -21,7 +21,7 @@ $("login-form").addEventListener("submit", async (event) => {
   $("login-error").hidden = false;
 });
 
-/** Where one gateway serves several robots, a choice of them. */
+/** Shows the selection of robots if the gateway serves several. */
 export async function showRobots() {
   const response = await fetch("/v1/robots");
   if (!response.ok) return;

@@ -1,4 +1,4 @@
-// The HTTP interface, and small helpers for the page.
+// Client of the HTTP API, and small helpers for the page.
 
 export class Problem extends Error {}
 
@@ -6,20 +6,20 @@ export const robot = new URLSearchParams(location.search).get("robot");
 const base = robot === null ? "/v1" : `/v1/robots/${encodeURIComponent(robot)}`;
 
 let onRefused = () => {};
-/** `handle` is called when a key is asked for, or another one is needed. */
+/** Sets `handle`, which is called when a request needs a key, or another one. */
 export const whenRefused = (handle) => (onRefused = handle);
 
-/** The full address of a path below that of the robot on show. */
+/** Full address of a path below the root of the selected robot. */
 export const address = (path) => base + path;
 
-/** A response of the interface. `path` is below that of the robot on show. */
+/** Response of the API. `path` is below the root of the selected robot. */
 export async function get(path, options = {}) {
   const response = await fetch(base + path, options);
   if (response.status === 401) onRefused();
   return response;
 }
 
-/** JSON of an address. Throws Problem with the server's sentence, TypeError when it is away. */
+/** JSON response. Throws Problem with the server's detail, TypeError without a connection. */
 export async function ask(path, options = {}) {
   const response = await get(path, options);
   const body = await response.json().catch(() => ({}));
@@ -35,7 +35,7 @@ export const send = (path, body, options = {}) =>
     body: body === undefined ? undefined : JSON.stringify(body),
   });
 
-/** Events by type until the page closes; comes back by itself. */
+/** Passes events to the handler of their type until the page closes; reconnects by itself. */
 export function listen(handlers, onOpen, onLost) {
   let source;
   const open = () => {
@@ -43,7 +43,7 @@ export function listen(handlers, onOpen, onLost) {
     source.onopen = onOpen;
     source.onerror = () => {
       onLost();
-      ask("/status").catch(() => {}); // says whether a key is asked for
+      ask("/status").catch(() => {}); // opens the login if a key is required
       if (source.readyState === EventSource.CLOSED) setTimeout(open, 2000);
     };
     for (const [type, handle] of Object.entries(handlers)) {
@@ -53,7 +53,7 @@ export function listen(handlers, onOpen, onLost) {
   open();
 }
 
-/** Runs `work` soon, once however often it is asked for meanwhile, never twice at a time. */
+/** Function that runs `work`, never concurrently; calls during a run cause one more run. */
 export function coalesced(work) {
   let running = false;
   let again = false;

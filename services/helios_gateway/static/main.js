@@ -1,4 +1,4 @@
-// Joins the parts of the page to the events.
+// Connects the parts of the page to the event stream.
 import { showRobots } from "./access.js";
 import { $, coalesced, facts, get, listen, number } from "./api.js";
 import { MapView } from "./map.js";

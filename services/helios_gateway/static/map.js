@@ -1,10 +1,10 @@
-// The map: its data, its layers, the hand on it. What is drawn over the cells: overlay.js
+// Map: data, layers, pan and zoom. overlay.js draws over the cells.
 import { $, Problem, ask, coalesced, element, get, number, words } from "./api.js";
 import { drawOverlay } from "./overlay.js";
 import { paintCells, palette, ramp } from "./palette.js";
 
 const NO_LAYER = "occupancy";
-const RETRY_MS = 5000; // from a map that could not be had to the next try
+const RETRY_MS = 5000; // from a failed load to the next try
 
 export class MapView {
   constructor() {
@@ -19,10 +19,10 @@ export class MapView {
     this.decision = null;
     this.layer = NO_LAYER;
     this.layers = "";
-    this.scale = 0; // pixels a metre; 0: not placed yet
-    this.center = [0, 0]; // world point in the middle
-    this.pointed = null; // world point that a person asked for
-    this.held = false; // a person chose the view
+    this.scale = 0; // pixels per metre; 0: no view yet
+    this.center = [0, 0]; // world point in the middle of the canvas
+    this.pointed = null; // world point to highlight
+    this.held = false; // the user chose the view
     this.retry = null;
     this.load = coalesced(() => this.fetch());
     this.dirty = false;
@@ -30,7 +30,7 @@ export class MapView {
     this.drawLayers([]);
   }
 
-  /** What is known now; asked again a while after a failure, since no change may follow it. */
+  /** Loads the map; retries after a failure, because no change event may follow. */
   async fetch() {
     clearTimeout(this.retry);
     try {
@@ -45,7 +45,7 @@ export class MapView {
   async update() {
     const info = await ask("/map");
     const names = info.layers.map((one) => one.name);
-    if (!names.includes(this.layer)) this.choose(NO_LAYER); // it went with the last search
+    if (!names.includes(this.layer)) this.choose(NO_LAYER); // the layer ended with its search
     const layer = this.layer === NO_LAYER ? "" : `?layer=${encodeURIComponent(this.layer)}`;
     const response = await get(`/map/cells.png${layer}`);
     if (!response.ok) throw new Problem(`the cells of the map answered ${response.status}`);
@@ -101,7 +101,7 @@ export class MapView {
     });
   }
 
-  /** [left, bottom, right, top] of what is known, in the world. */
+  /** [left, bottom, right, top] of the map, in the world, metres. */
   get bounds() {
     const { origin_m: [x, y], cell_m, width_cells, height_cells } = this.info;
     return [x, y, x + width_cells * cell_m, y + height_cells * cell_m];
@@ -116,7 +116,7 @@ export class MapView {
     this.redraw();
   }
 
-  /** Draws a ring around a point of the world, brought into sight where it is not. */
+  /** Draws a ring around a world point, and centres the view on it if it is not visible. */
   point(at) {
     this.pointed = at;
     if (at && this.scale) {

@@ -1,10 +1,10 @@
-// The objects that are believed, and one of them in detail.
+// Objects of the object map, and one of them in detail.
 import { $, Problem, ask, coalesced, element, facts, get, number } from "./api.js";
 
 const MOST_VIEWS = 3;
 
 export class Objects {
-  /** `onList(objects)` with every new list, `onChoose(object)` with the one on show, or null. */
+  /** `onList(objects)` receives every new list, `onChoose(object)` the selected one, or null. */
   constructor(onList, onChoose) {
     this.onList = onList;
     this.onChoose = onChoose;
@@ -60,7 +60,7 @@ export class Objects {
     this.drawOne();
   }
 
-  /** Its rendered view and history, asked for once for each state of the object. */
+  /** Shows the rendered view and history; requests them once per state of the object. */
   async showView(object) {
     const shown = `${object.id} ${object.views} ${object.score}`;
     if (shown === this.shown) return;
@@ -116,7 +116,7 @@ export class Objects {
   }
 }
 
-/** Past views that the object is in. */
+/** Draws past views that show the object. */
 function drawViews(object, views) {
   const said = ({ class: name, score }) => `${name ? "detected" : "fits"} ${number(score)}`;
   $("object-views").replaceChildren(
@@ -128,7 +128,7 @@ function drawViews(object, views) {
   );
 }
 
-/** A small curve of how the score went, 0 at the bottom and 1 at the top. */
+/** Draws the history of the score as a curve, 0 at the bottom and 1 at the top. */
 function drawHistory(history) {
   const scores = history.map((moment) => moment.score ?? 0);
   const x = (i) => (scores.length < 2 ? 50 : (100 * i) / (scores.length - 1));

@@ -1,8 +1,8 @@
-// What is drawn over the map's cells: where it walked and goes, frontiers, objects, the robot.
+// Overlay on the map's cells: trajectory, path, frontiers, objects, robot.
 import { $, number } from "./api.js";
 
 const FONT = "600 12px system-ui, sans-serif";
-const FEWEST_PX = 32; // a metre; below, values of frontiers would cover the map
+const FEWEST_PX = 32; // per metre; at a smaller scale, values of frontiers would cover the map
 
 export function drawOverlay(context, view, colors) {
   const labels = new Labels(context, colors);
@@ -36,7 +36,7 @@ export function drawOverlay(context, view, colors) {
     (robot ? `, robot at x ${number(robot.x_m, 1)} m, y ${number(robot.y_m, 1)} m` : "");
 }
 
-/** A line that is seen over the values of a layer, too. */
+/** Line with a halo, so that it is visible on a value layer, too. */
 function haloed(context, view, points, colors, color, width, dash) {
   line(context, view, points, colors.label, width + 2, []);
   line(context, view, points, color, width, dash);
@@ -74,7 +74,7 @@ function drawRobot(context, view, pose, colors) {
   const glow = context.createRadialGradient(0, 0, radius, 0, 0, radius * 4.5);
   glow.addColorStop(0, `${colors.robot}66`);
   glow.addColorStop(1, `${colors.robot}00`);
-  context.beginPath(); // where it looks
+  context.beginPath(); // viewing direction
   context.moveTo(0, 0);
   context.arc(0, 0, radius * 4.5, -0.55, 0.55);
   context.fillStyle = glow;
@@ -179,10 +179,10 @@ function drawRuler(context, view, colors) {
   context.font = FONT;
   context.fillStyle = colors.muted;
   context.fillText(`${metres} m`, x + 6, y - 5);
-  return x + metres * view.scale + 8; // its right end
+  return x + metres * view.scale + 8; // right end of the ruler
 }
 
-/** Texts beside their points; the more important first, none upon another. */
+/** Labels beside their points, without overlap; a higher weight is placed first. */
 class Labels {
   constructor(context, colors) {
     this.context = context;

@@ -1,11 +1,11 @@
-// Colours of the map, from the page's style, and the map's cells painted with them.
+// Colours of the map from the page's style, and painting of the map's cells.
 
 const NAMES = [
   "unknown", "free", "old", "occupied", "low", "middle", "high", "robot", "plan", "way",
   "frontier", "beyond", "object", "label",
 ];
 
-/** The colours of the theme in force, as text. */
+/** Colours of the current theme, as text. */
 export function palette() {
   const style = getComputedStyle(document.documentElement);
   const of = (name) => style.getPropertyValue(name).trim();
@@ -16,7 +16,7 @@ export function palette() {
 const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
 const mix = (a, b, t) => a.map((value, i) => Math.round(value + (b[i] - value) * t));
 
-/** 256 colours from low over middle to high. */
+/** 256 colours from low through middle to high. */
 export function ramp(colors) {
   const [low, middle, high] = [colors.low, colors.middle, colors.high].map(rgb);
   return Array.from({ length: 256 }, (_, i) =>
@@ -24,7 +24,7 @@ export function ramp(colors) {
   );
 }
 
-/** Turns what /v1/map/cells.png says (red: state, green: explored, blue: value) into a picture. */
+/** Canvas that colours /v1/map/cells.png (red: state, green: explored, blue: value). */
 export function paintCells(bitmap, colors, withValue) {
   const canvas = document.createElement("canvas");
   canvas.width = bitmap.width;

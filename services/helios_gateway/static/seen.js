@@ -1,8 +1,8 @@
-// "Where was it seen?": believed objects of that name, and past views that fit the words.
+// "Where was it seen?": objects of the queried name, and past views that match the query.
 import { $, Problem, ask, element, number } from "./api.js";
 
 export class Seen {
-  /** `onPoint([x, y])` is called with a place that a person asks for. */
+  /** `onPoint([x, y])` receives the place that the user selects; null if it has none. */
   constructor(onPoint) {
     this.onPoint = onPoint;
     $("seen").addEventListener("submit", (event) => {

@@ -1,4 +1,4 @@
-// How each service is, and what is in the way of a task.
+// State of each service, and the reasons why a task could not start.
 import { $, element } from "./api.js";
 
 const ORDER = ["router", "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway"];

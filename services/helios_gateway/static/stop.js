@@ -1,10 +1,10 @@
-// Stop-now, and lifting it. A script of its own before the rest of the page, which cannot hinder it.
+// Stop-now and clear-stop. Loads before the other scripts, whose errors cannot block it.
 import { $, Problem, send } from "./api.js";
 
 const COMMANDS = {
   "stop": {
     doing: "Stopping…",
-    within_ms: 3000, // the gateway itself gives the bridge one second
+    within_ms: 3000, // the gateway waits one second for the bridge
     failed: "The stop did not get through",
     late: "It is not known whether the robot stops",
     instead: "Press again, or use the switch on the robot.",
@@ -18,7 +18,7 @@ const COMMANDS = {
   },
 };
 
-/** Whether the robot is stopped, as far as is known, and what was said then. */
+/** Shows if the robot is stopped, and the reason. */
 export function showStopped(stopped, why) {
   const reason = why ? ` (${why})` : "";
   $("stopped").textContent = `The robot is stopped${reason}: it will not move until you clear the stop.`;
@@ -31,7 +31,7 @@ async function press(id) {
   const button = $(id);
   $("failed").hidden = true;
   button.textContent = doing;
-  button.setAttribute("aria-busy", "true"); // never disabled: whoever presses again is heard
+  button.setAttribute("aria-busy", "true"); // never disabled: a second press must work
   try {
     const { state } = await send(`/robot/${id}`, undefined, { signal: AbortSignal.timeout(within_ms) });
     if (state) showStopped(state.stopped, state.message);

@@ -1,7 +1,7 @@
-// What the box for past views shows as an example.
+// Example text in the query box for past views.
 import { words } from "./api.js";
 
-/** What may have been seen: a name, since not every scorer can be asked in other words. */
+/** Example query: a name, because some scorers accept only names. */
 export function exampleOf({ open, names }) {
   return open || names.includes("mug") ? "mug" : words(names[0] ?? "");
 }

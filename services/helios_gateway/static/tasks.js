@@ -1,11 +1,11 @@
-// The task box, the task in view, and the tasks before it.
+// Task box, selected task, and earlier tasks.
 import { $, Problem, ask, coalesced, element, facts, send, words } from "./api.js";
 import { exampleOf } from "./suggestions.js";
 
 const MARKS = { done: "✓", failed: "✕", active: "", waiting: "" };
 const ENDED = ["succeeded", "failed", "cancelled"];
 
-/** What the box says beside the instruction; only what a person has set. */
+/** Options of the task box that the user has set. */
 function options() {
   const out = {};
   if ($("ask-priority").value !== "0") out.priority = Number($("ask-priority").value);
@@ -15,14 +15,14 @@ function options() {
 }
 
 export class Tasks {
-  /** `onView(task)` is called when another task comes into view. */
+  /** `onView(task)` is called when another task is selected. */
   constructor(onView) {
     this.tasks = new Map();
-    this.heard = new Set(); // ids that events told of while the list was asked for
+    this.heard = new Set(); // ids from events during the request of the list
     this.inView = null;
     this.onView = onView;
-    this.vocabulary = null; // what the detector can look for
-    this.hasArm = null; // not known until the robot says what it can do
+    this.vocabulary = null; // names that the detector can look for
+    this.hasArm = null; // unknown until the robot's description arrives
     this.suggest = coalesced(() => this.showSuggestions());
     $("ask").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -40,12 +40,12 @@ export class Tasks {
     );
   }
 
-  /** The task that has the robot, or null. */
+  /** Running or paused task, or null. */
   underWay() {
     return [...this.tasks.values()].find((task) => ["running", "paused"].includes(task.state)) ?? null;
   }
 
-  /** `description` of the robot. */
+  /** Takes the description of the robot. */
   takeRobot(description) {
     const hasArm = description.can_pick && description.can_place;
     if (hasArm === this.hasArm) return;
@@ -53,12 +53,12 @@ export class Tasks {
     this.suggest();
   }
 
-  /** Tasks to try, as the gateway suggests them for this robot and home. */
+  /** Shows the gateway's task suggestions for this robot and home. */
   async showSuggestions() {
     const { tasks: texts, seen } = await ask("/suggestions");
     $("try").hidden = !texts.length;
     $("try").textContent = seen?.length === 0 ? "Nothing has been seen in this home yet. For example:" : "Try";
-    if (texts.join() === this.suggested) return; // a list that is drawn anew loses the keyboard's place
+    if (texts.join() === this.suggested) return; // a redraw would lose the keyboard focus
     this.suggested = texts.join();
     $("suggestions").replaceChildren(...texts.map((text) => element("li", {}, this.chip(text))));
   }
@@ -76,7 +76,7 @@ export class Tasks {
     this.heard.clear();
     const { tasks } = await ask("/tasks");
     const told = new Map(tasks.reverse().map((task) => [task.id, task]));
-    for (const id of this.heard) told.set(id, this.tasks.get(id)); // events are newer than the answer
+    for (const id of this.heard) told.set(id, this.tasks.get(id)); // events are newer than the response
     this.tasks = told;
     const all = [...told.values()];
     const running = all.find((task) => task.state === "running");
@@ -99,7 +99,7 @@ export class Tasks {
     const isNew = !this.tasks.has(task.id);
     const began = task.state === "running" && this.tasks.get(task.id)?.state !== "running";
     this.tasks.set(task.id, task);
-    if (ENDED.includes(task.state)) this.suggest(); // more of the home is known now
+    if (ENDED.includes(task.state)) this.suggest(); // suggestions change: more of the home is known
     const seen = this.tasks.get(this.inView);
     if (began || (isNew && (!seen || ENDED.includes(seen.state)))) this.view(task.id);
     else this.draw();
@@ -119,7 +119,7 @@ export class Tasks {
     try {
       const task = await send("/tasks", { instruction: $("instruction").value, ...options() });
       $("instruction").value = "";
-      if (!this.tasks.has(task.id)) this.take(task); // an event may have told more already
+      if (!this.tasks.has(task.id)) this.take(task); // an event may have brought a newer state
       this.view(task.id);
     } catch (error) {
       $("ask-error").textContent =
@@ -130,12 +130,12 @@ export class Tasks {
     }
   }
 
-  /** `what`: cancel, pause or resume the task in view. */
+  /** Sends `what` (cancel, pause or resume) for the selected task. */
   async tell(what) {
     const buttons = [$("cancel"), $("pause")];
     for (const button of buttons) button.disabled = true;
     try {
-      await send(`/tasks/${encodeURIComponent(this.inView)}/${what}`); // events tell the rest
+      await send(`/tasks/${encodeURIComponent(this.inView)}/${what}`); // events report the result
     } catch (error) {
       $("task-message").textContent =
         error instanceof Problem ? error.message : "The gateway cannot be reached; try again.";
@@ -165,7 +165,7 @@ export class Tasks {
     this.drawFacts();
   }
 
-  /** Also called as time goes by. */
+  /** Draws the facts; also called every second. */
   drawFacts() {
     const task = this.tasks.get(this.inView);
     if (!task) return;
@@ -186,7 +186,7 @@ export class Tasks {
     $("history-empty").hidden = this.tasks.size > 0;
     const newest = [...this.tasks.values()].reverse().slice(0, 20);
     const drawn = newest.map((task) => `${task.id} ${task.state}`).join() + this.inView;
-    if (drawn === this.drawn) return; // a list that is drawn anew loses the keyboard's place
+    if (drawn === this.drawn) return; // a redraw would lose the keyboard focus
     this.drawn = drawn;
     const focused = document.activeElement?.closest("#history button")?.dataset.id;
     $("history").replaceChildren(
@@ -205,7 +205,7 @@ export class Tasks {
   }
 }
 
-/** How long a task may still take, of [low, high] seconds; empty where nobody knows. */
+/** Remaining time as text, from [low, high] seconds; empty if unknown. */
 function spanOf(seconds) {
   if (!seconds) return "";
   const [low, high] = seconds.map(Math.round);

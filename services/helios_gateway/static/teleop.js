@@ -1,12 +1,12 @@
-// Driving by hand: what is held is sent ten times a second, and the robot stands when nothing is.
+// Teleoperation: sends the held command ten times a second; the robot stops when none is held.
 import { $, address } from "./api.js";
 
-const REPEAT_MS = 100; // the gateway lets a command count for 300 ms
+const REPEAT_MS = 100; // at the gateway a command expires after 300 ms
 const KEYS = {
   w: [1, 0], arrowup: [1, 0], s: [-1, 0], arrowdown: [-1, 0],
   a: [0, 1], arrowleft: [0, 1], d: [0, -1], arrowright: [0, -1],
 };
-const PRESSES = [" ", "enter"]; // of the button that has the focus
+const PRESSES = [" ", "enter"]; // keys that press the focused button
 
 const directionOf = ({ dataset }) => [Number(dataset.forward ?? 0), Number(dataset.turn ?? 0)];
 
@@ -15,9 +15,9 @@ export class Teleop {
     this.held = new Map(); // pointer or key -> [forward, turn]
     this.socket = null;
     this.timer = null;
-    this.task = null; // that has the robot, or waits for it
+    this.task = null; // running or paused task
     this.description = null;
-    this.said = ""; // why the robot is not driven
+    this.said = ""; // message, such as the reason of a refusal
     this.state = "standing";
     const pad = $("pad");
     for (const button of pad.querySelectorAll("button")) this.listenTo(button);
@@ -26,7 +26,7 @@ export class Teleop {
     pad.addEventListener("focusout", (event) => {
       if (!pad.contains(event.relatedTarget)) this.releaseAll();
     });
-    pad.addEventListener("contextmenu", (event) => event.preventDefault()); // a long touch
+    pad.addEventListener("contextmenu", (event) => event.preventDefault()); // opened by a long touch
     for (const gone of ["blur", "pagehide"]) window.addEventListener(gone, () => this.releaseAll());
     document.addEventListener("visibilitychange", () => {
       if (document.hidden) this.releaseAll();
@@ -51,17 +51,17 @@ export class Teleop {
     const button = event.target.closest("button");
     const what = KEYS[key] ?? (PRESSES.includes(key) && button && directionOf(button));
     if (!what) return;
-    event.preventDefault(); // the page does not scroll
+    event.preventDefault(); // prevents scrolling
     if (!event.repeat && this.mayHold(what)) this.hold(`key ${key}`, what);
   }
 
-  /** `description` of the robot. */
+  /** Takes the description of the robot. */
   takeRobot(description) {
     this.description = description;
     this.draw();
   }
 
-  /** The task that is under way, or null. */
+  /** Takes the running or paused task, or null. */
   takeTask(task) {
     this.task = task;
     this.draw();
@@ -123,7 +123,7 @@ export class Teleop {
     this.socket = socket;
   }
 
-  /** A browser is not told why no socket opens. */
+  /** Shows why no socket opened, which the browser does not report. */
   async sayWhyNot() {
     const session = await fetch("/v1/session").then((response) => response.json()).catch(() => null);
     this.say(

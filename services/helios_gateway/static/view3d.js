@@ -1,22 +1,22 @@
-// The Gaussians in 3D: viser's page in a frame, playing a scene that the gateway made. While the
-// map changes, the next scene is opened behind the present one and takes its place with its camera.
+// 3D view of the Gaussians: viser's page in a frame plays a scene of the gateway. When the map
+// changes, the next scene loads behind the current one and replaces it with the same camera.
 import { $, address, element, get } from "./api.js";
 
 const COLORS = { color: "As seen", class: "Class", probability: "Probability", uncertainty: "Uncertainty" };
 const TITLE = "Gaussians of the object map in 3D: drag to turn, scroll to zoom";
-const RENEW_MS = 4000; // from a change to the next scene
-const DRAWN_MS = 600; // from a scene being there to its being drawn
-const STILL_MS = 800; // a camera that has not moved for so long is in nobody's hand
+const RENEW_MS = 4000; // from a map change to the next scene
+const DRAWN_MS = 600; // from a loaded scene to a drawn one
+const STILL_MS = 800; // a camera at rest for this time is not being dragged
 
 export class View3d {
-  /** `bounds()` gives [left, bottom, right, top] of the map in metres, or null. */
+  /** `bounds()` returns [left, bottom, right, top] of the map in metres, or null. */
   constructor(bounds) {
     this.bounds = bounds;
     this.color = "class";
     this.shown = false;
-    this.frame = null; // on show
-    this.coming = null; // the one behind it
-    this.camera = ""; // viser's parameters of it, empty until it moved
+    this.frame = null; // visible frame
+    this.coming = null; // next frame, behind the visible one
+    this.camera = ""; // viser's camera parameters; empty until the user moves it
     this.movedMs = -Infinity;
     this.timer = null;
     const buttons = Object.entries(COLORS).map(([name, textContent]) => {
@@ -49,7 +49,7 @@ export class View3d {
     for (const id of ["frame-2d", "layers", "map-tools", "legend-2d"]) $(id).hidden = shown;
     for (const id of ["frame-3d", "colors", "legend-3d"]) $(id).hidden = !shown;
     if (shown) this.load();
-    else this.close(); // what nobody sees costs nothing
+    else this.close(); // a hidden view uses no resources
   }
 
   close() {
@@ -59,7 +59,7 @@ export class View3d {
     this.frame = this.coming = null;
   }
 
-  /** There is something newer than what is on show. */
+  /** Schedules a reload after a map change. */
   changed() {
     if (this.shown) this.later(RENEW_MS);
   }
@@ -76,7 +76,7 @@ export class View3d {
     const { color } = this;
     const scene = `/objects.viser?color=${color}`;
     try {
-      const response = await get(scene); // the frame has it from the browser's store, by its tag
+      const response = await get(scene); // fills the browser cache, which the frame uses
       if (color !== this.color) return;
       if (!response.ok) {
         this.say((await response.json().catch(() => ({}))).detail ?? "There is no scene.");
@@ -87,7 +87,7 @@ export class View3d {
       this.say("The gateway cannot be reached.");
       return;
     }
-    if (!this.shown || color !== this.color) return; // another one is on its way
+    if (!this.shown || color !== this.color) return; // hidden, or a newer request is under way
     const query = new URLSearchParams({ playbackPath: address(scene), logCamera: "" });
     if (matchMedia("(prefers-color-scheme: dark)").matches) query.set("darkMode", "");
     const src = `${address("/view3d")}#${query}&${this.camera || this.above()}`;
@@ -101,7 +101,7 @@ export class View3d {
     $("frame-3d").append(frame);
   }
 
-  /** Above one side of the map, looking at its middle. */
+  /** Camera parameters above one side of the map, facing its middle. */
   above() {
     const bounds = this.bounds();
     if (!bounds) return "";
@@ -116,7 +116,7 @@ export class View3d {
     }).toString();
   }
 
-  /** What viser's page logs: its camera with every move, and that a scene is there. */
+  /** Handles a log line of viser's page: a camera move, or a loaded scene. */
   hear(source, said) {
     if (said.startsWith("&initialCamera") && source === this.frame?.contentWindow) {
       this.camera = said.slice(1);
@@ -127,7 +127,7 @@ export class View3d {
     }
   }
 
-  /** The frame behind comes to the front, unless a person turned the view meanwhile. */
+  /** Replaces the visible frame by the next one, unless the user moved the camera meanwhile. */
   swap() {
     const held = performance.now() - this.movedMs < STILL_MS || this.coming.camera !== this.camera;
     if (this.frame !== null && held) {
@@ -143,7 +143,7 @@ export class View3d {
     this.frame.className = "";
   }
 
-  /** Something in place of the scene; "" for nothing. */
+  /** Shows a text in place of the scene; "" shows the scene. */
   say(text) {
     $("empty-3d").textContent = text;
     $("empty-3d").hidden = !text;

@@ -1,8 +1,8 @@
-// Decisions: what was chosen, among what, and why.
+// Decisions: candidates, choice and reason.
 import { $, ask, coalesced, element, number, words } from "./api.js";
 
-const LAST = ["score", "total"]; // the terms that decide stand at the end
-const SAME = ["score", "score_after_view"]; // what may be all that a total is made of
+const LAST = ["score", "total"]; // columns of the deciding terms come last
+const SAME = ["score", "score_after_view"]; // terms that may equal the total
 const MEANINGS = {
   class_score: "S: how probable its class is, over all views",
   uncertainty: "U: how little is known about that",
@@ -21,7 +21,7 @@ const MEANINGS = {
 };
 
 export class Why {
-  /** `onShow(decision)` is called with the decision on show. */
+  /** `onShow(decision)` receives the decision that is shown. */
   constructor(onShow) {
     this.onShow = onShow;
     this.taskId = null;
@@ -56,7 +56,7 @@ export class Why {
     const newest = this.at === this.decisions.length - 1;
     const known = new Set(decisions.map((decision) => decision.index));
     const later = this.decisions.filter((decision) => !known.has(decision.index));
-    this.decisions = [...decisions, ...later]; // events may have told more than the answer
+    this.decisions = [...decisions, ...later]; // events may be newer than the response
     const last = this.decisions.length - 1;
     this.show(newest ? last : Math.min(this.at, last));
   }
@@ -79,7 +79,7 @@ export class Why {
 function drawTable(candidates) {
   let names = [...new Set(candidates.flatMap((c) => Object.keys(c.terms)))];
   const isTotal = (name) => candidates.every(({ terms }) => terms[name] === terms.total);
-  if (SAME.some(isTotal)) names = names.filter((name) => name !== "total"); // said once
+  if (SAME.some(isTotal)) names = names.filter((name) => name !== "total"); // drops the duplicate column
   names.sort((a, b) => LAST.indexOf(a) - LAST.indexOf(b));
   const head = element("tr", {}, element("th", { textContent: "candidate", scope: "col" }));
   head.append(...names.map((name) =>
@@ -95,13 +95,13 @@ function drawTable(candidates) {
   $("why-table").replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
 }
 
-/** A number with as many digits as it means something. */
+/** Number as text, with its significant digits. */
 function term(name, value) {
   if (name === "in_place") return value ? "yes" : "no";
   return number(value, name === "views" ? 0 : name.endsWith("_m") ? 2 : 3);
 }
 
-/** distance_m → distance (m) */
+/** Term name as text: distance_m → distance (m) */
 function termName(name) {
   const unit = /_(m|s|rad|nats|m2)$/.exec(name)?.[1];
   return unit ? `${words(name.slice(0, -unit.length - 1))} (${unit})` : words(name);

@@ -1,1 +1,1 @@
-"""Driving the robot by hand: pacing of short moves, the lease, one session over a socket."""
+"""Teleoperation: pacing of short moves, the lease, and one session per WebSocket."""

@@ -1,4 +1,4 @@
-"""The robot as somebody drives it by hand: the lease, and single moves under it."""
+"""Robot under teleoperation: the lease, and single moves under it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from helios_core.topics import ACT, LEASE, LIST_TASKS
 from helios_gateway.api_models import RobotDescription
 from helios_gateway.robot_registry import Served
 
-HAND_OVER_S = 1.5  # that who drove before has for a last image and giving the robot back
-MOVE_S = 20.0  # longest time of one move; the bridge stops the robot after it
-KEYFRAME_M, KEYFRAME_RAD = 0.5, math.radians(30)  # driven at most between two keyframes
+HAND_OVER_S = 1.5  # for the previous driver's last keyframe and release
+MOVE_S = 20.0  # time limit of one move; the bridge stops the robot after it
+KEYFRAME_M, KEYFRAME_RAD = 0.5, math.radians(30)  # longest drive and turn between two keyframes
 
 
 def described(at: Served) -> RobotDescription:
-    """What the robot is. Raises Conflict where it offers no motion, and Unavailable where that is
-    not known."""
+    """Description of the robot.
+
+    Raises Unavailable before the bridge has sent one, and Conflict for a robot that cannot drive.
+    """
     robot = at.live.robot().description
     if robot is None:
         raise Unavailable("the bridge has not described the robot yet; see /v1/status")
@@ -34,9 +36,9 @@ def described(at: Served) -> RobotDescription:
 
 
 def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
-    """What the robot is, where somebody may drive it by hand now.
+    """Description of the robot, if a person may drive it now.
 
-    Raises what `described` raises, and Conflict where the robot is stopped, or a task has it.
+    Raises the errors of `described`, and Conflict if the robot is stopped or a task holds it.
     """
     robot = described(at)
     if at.live.stopped:
@@ -52,11 +54,13 @@ def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
 
 
 class TeleopDriver:
-    """One driver's hold on the robot. Used by one thread at a time; every call waits for the
-    robot and raises HeliosError."""
+    """Lease of one driver on the robot, and moves under it.
+
+    For one thread at a time. Every call waits for the robot and raises HeliosError.
+    """
 
     def __init__(self, at: Served, who: str, timeout_s: float) -> None:
-        """who: told to others who want the robot meanwhile. timeout_s: of one answer."""
+        """who: driver's name, shown to others who request the lease. timeout_s: of one bus call."""
         self._at, self._timeout_s = at, timeout_s
         own = uuid.uuid4().hex
         self._holder = f"teleop {own[:4]}" + (f" ({who})" if who else "")
@@ -66,15 +70,15 @@ class TeleopDriver:
 
     @property
     def holds(self) -> bool:
-        """It has the lease, or had it a moment ago."""
+        """True from `acquire` to `release`; the lease may have expired meanwhile."""
         return self._token != 0
 
     def acquire(self) -> RobotDescription:
-        """Get the lease. Raises what `check_may_drive` raises, and Conflict where somebody else
-        drives.
+        """Acquire the lease; retry for `HAND_OVER_S` while another client holds it.
 
-        It is checked again under the lease: a task that began before has the robot, and one that
-        begins afterwards waits for the lease.
+        Checks again under the lease: a task that started before keeps the robot, and a later task
+        waits for the lease. Raises the errors of `check_may_drive`, and Conflict if another client
+        drives.
         """
         check_may_drive(self._at, self._timeout_s)
         request = pb.LeaseRequest(holder=self._holder)
@@ -90,12 +94,12 @@ class TeleopDriver:
         try:
             return check_may_drive(self._at, self._timeout_s)
         except HeliosError:
-            with contextlib.suppress(HeliosError):  # it runs out by itself
+            with contextlib.suppress(HeliosError):  # the lease expires anyway
                 self.release()
             raise
 
     def move(self, action: Action, keyframe: bool = False) -> pb.ActionResult:
-        """One move; without a keyframe while the newest one is near enough."""
+        """Make one move, with a keyframe if requested or if the newest one is too far away."""
         ahead_m = abs(action.distance_m) if isinstance(action, Forward) else 0.0
         turn_rad = abs(action.angle_rad) if isinstance(action, Turn) else 0.0
         keyframe = (
@@ -111,7 +115,7 @@ class TeleopDriver:
         try:
             result = self._at.bus.call(ACT, request, MOVE_S + self._timeout_s)
         except HeliosError:
-            self._since_m = self._since_rad = math.inf  # what it did is not known
+            self._since_m = self._since_rad = math.inf  # the outcome is unknown
             raise
         if keyframe:
             self._since_m = self._since_rad = 0.0
@@ -121,12 +125,12 @@ class TeleopDriver:
         return result
 
     def look(self) -> None:
-        """A keyframe from where the robot stands, if it moved since the last one."""
+        """Take a keyframe at the current pose if the robot moved since the last one."""
         if self._since_m or self._since_rad:
             self.move(Observe(), keyframe=True)
 
     def release(self) -> None:
-        """The lease; whoever waits for the robot has it at once."""
+        """Release the lease, so that a waiting client gets it at once."""
         token, self._token = self._token, 0
         if token:
             self._at.bus.call(LEASE, pb.LeaseRequest(release_token=token), self._timeout_s)

@@ -1,4 +1,4 @@
-"""Whether a robot can make a move that was asked for."""
+"""Check of a requested move against the robot's limits."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from helios_core.errors import InvalidInput
 from helios_gateway.api_models import RobotDescription
 from helios_gateway.teleop.messages import MOST_M, MOST_RAD, DriveRequest
 
-_SLACK = 1e-6  # numbers that were added up in floating point
+_SLACK = 1e-6  # tolerance for floating-point sums
 
 
 def check_move(asked: DriveRequest, robot: RobotDescription) -> None:
-    """Raises InvalidInput for a move outside the robot's own limits."""
+    """Raise InvalidInput for a move outside the robot's own limits."""
     if asked.turn_rad:
         name, value, unit = "turn_rad", asked.turn_rad, "rad"
         low, high = robot.min_turn_rad, min(MOST_RAD, robot.max_turn_rad or 0.0)

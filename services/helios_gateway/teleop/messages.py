@@ -1,4 +1,4 @@
-"""What driving by hand takes and gives over HTTP and the WebSocket."""
+"""Models of teleoperation over HTTP and the WebSocket."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from helios_gateway.api_models import RobotPose
 
-MOST_M, MOST_RAD = 0.5, 0.6  # of one asked-for move; a longer way is a task
+MOST_M, MOST_RAD = 0.5, 0.6  # limits of one requested move; a longer path needs a task
 
 StateName = Literal["standing", "driving", "blocked", "refused"]
 
 
 class TeleopCommand(BaseModel):
-    """What the driver holds now. It counts for 0.3 s: send it again while it is held."""
+    """Current drive command. It expires after 0.3 s: repeat it while the robot shall move."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -27,7 +27,7 @@ class TeleopCommand(BaseModel):
 
 
 class TeleopState(BaseModel):
-    """How the driving goes; sent whenever it changes."""
+    """State of the teleoperation; sent after each change."""
 
     state: StateName = Field(
         description="refused: what was asked for is not begun until it is let go and asked again"
@@ -42,7 +42,7 @@ class TeleopState(BaseModel):
 
 
 class DriveRequest(BaseModel):
-    """One short move: ahead or back, or a turn on the spot."""
+    """One short move: ahead, back, or a turn on the spot."""
 
     model_config = ConfigDict(
         extra="forbid", allow_inf_nan=False, json_schema_extra={"example": {"forward_m": 0.3}}
@@ -66,7 +66,7 @@ class DriveRequest(BaseModel):
 
 
 class DriveResult(BaseModel):
-    """What came of one move, as the robot itself measured it."""
+    """Result of one move, as the robot measured it."""
 
     succeeded: bool = Field(description="the move was finished")
     reason: str = Field(description="one sentence when it failed; else empty")

@@ -1,7 +1,7 @@
-"""Driving by hand as short moves: which move is due, so that the robot goes as fast as asked.
+"""Pacing of teleoperation: selects the short move that is due at the commanded speed.
 
-A robot is asked for single moves: ahead, or a turn. Short ones that follow one another drive it
-smoothly enough, and it stands after at most one of them. No I/O, no clock of its own.
+The robot accepts single moves: ahead or a turn. A sequence of short moves drives it smoothly
+enough, and it stops after at most one of them. No I/O; the caller passes the time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ AXES: tuple[Axis, ...] = ("forward", "turn")
 
 @dataclass(frozen=True)
 class Command:
-    """What a person holds: shares of the speed limits, -1 to 1; a positive turn goes left."""
+    """Drive command: shares of the speed limits, -1 to 1; a positive turn goes left."""
 
     forward: float = 0.0
     turn: float = 0.0
@@ -40,7 +40,7 @@ STAND = Command()
 
 
 class LatestCommand:
-    """The newest command, which counts for `hold_s` after it came: then the robot stands."""
+    """Newest command. It expires `hold_s` after its arrival; then the robot stands."""
 
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
@@ -55,17 +55,17 @@ class LatestCommand:
 
 @dataclass(frozen=True)
 class Moves:
-    """The length of one short move of a robot, and the speeds that are not exceeded."""
+    """Lengths of a robot's short moves, and its speed limits."""
 
     step_m: float
-    back_m: float  # 0: it cannot drive back
+    back_m: float  # 0: the robot cannot drive back
     step_rad: float
     speed_m_s: float
     turn_rad_s: float
 
     @classmethod
     def of(cls, robot: RobotDescription, speed_m_s: float, turn_rad_s: float) -> Moves:
-        """About 0.1 m and 5°, as far as the robot's own limits allow."""
+        """Moves of about 0.1 m and 5°, within the robot's own limits."""
         low_m, low_rad = robot.min_forward_m or 0.0, robot.min_turn_rad or 0.0
         step_m = max(STEP_M, low_m)
         return cls(
@@ -74,13 +74,13 @@ class Moves:
         )  # fmt: skip
 
     def step(self, axis: Axis, ahead: bool) -> float:
-        """Metres or radians of one move; 0: there is none of this kind."""
+        """Length of one move in m or rad; 0 if the robot cannot make it."""
         if axis == "turn":
             return self.step_rad
         return self.step_m if ahead else self.back_m
 
     def why_not(self, axis: Axis, ahead: bool) -> str:
-        """Why there is no such move; empty where there is one."""
+        """Reason why the robot cannot make this move; empty if it can."""
         if self.step(axis, ahead) > 0:
             return ""
         if axis == "turn":
@@ -93,33 +93,35 @@ class Moves:
         return Forward(amount) if axis == "forward" else Turn(amount)
 
     def per_s(self, axis: Axis, ahead: bool) -> float:
-        """Moves a second at the limit of speed."""
+        """Moves per second at the speed limit."""
         speed = self.speed_m_s if axis == "forward" else self.turn_rad_s
         return speed / self.step(axis, ahead)
 
 
 @dataclass(frozen=True)
 class DueMove:
-    """One move to make now."""
+    """Move to make now."""
 
     axis: Axis
-    ahead: bool  # or to the left
+    ahead: bool  # for a turn: to the left
     action: Forward | Turn
 
 
 class Pacer:
-    """Which move is due under the command held. Of each kind at most one is saved up, so that no
-    pressing, however quick, exceeds the limit of speed. A kind of move that failed is not tried
-    again before its command is let go."""
+    """Scheduler of short moves for the held command.
+
+    Saves up at most one move per axis, so that quick key presses cannot exceed the speed limit.
+    Does not retry a failed move before its command is released.
+    """
 
     def __init__(self, moves: Moves) -> None:
         self._moves = moves
-        self._saved: dict[Axis, float] = dict.fromkeys(AXES, 1.0)  # in moves
+        self._saved: dict[Axis, float] = dict.fromkeys(AXES, 1.0)  # moves that may start now
         self._at_s: float | None = None
         self._failed: dict[tuple[Axis, bool], str] = {}
 
     def due(self, command: Command, now_s: float) -> DueMove | None:
-        """The move to make now; None: none yet, or none at all."""
+        """Move to make now; None if no move is due or possible."""
         self._save(command, now_s)
         ready = []
         for axis in AXES:
@@ -141,17 +143,17 @@ class Pacer:
         return DueMove(axis, ahead, self._moves.action(axis, ahead))
 
     def failed(self, due: DueMove, reason: str) -> None:
-        """The robot did not make this move."""
+        """Record that the robot did not make this move."""
         self._failed[due.axis, due.ahead] = reason
 
     def stuck(self, command: Command) -> bool:
-        """Nothing of what is held moves the robot."""
+        """True if a command is held and all of its moves have failed."""
         held = [(axis, command.of(axis) > 0) for axis in AXES if command.of(axis)]
         return bool(held) and all(kind in self._failed for kind in held)
 
     @property
     def blocked(self) -> str:
-        """Why a part of what is held does not move the robot; empty where nothing failed."""
+        """Reason why a part of the command does not move the robot; empty if nothing failed."""
         return next(iter(self._failed.values()), "")
 
     def _save(self, command: Command, now_s: float) -> None:
@@ -163,5 +165,5 @@ class Pacer:
             if self._moves.step(axis, ahead) <= 0:
                 continue
             rate = self._moves.per_s(axis, ahead) * (abs(share) or 1.0)
-            # Moves that took longer than they should leave at most one more that is due at once.
+            # After a slow move at most one further move is due at once.
             self._saved[axis] = min(self._saved[axis] + rate * passed_s, 1.0)

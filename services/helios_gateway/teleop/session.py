@@ -1,7 +1,7 @@
-"""One driver's session: commands come, short moves go to the robot, states are told.
+"""Teleoperation session of one driver: receives commands, sends short moves, reports states.
 
-The commands and the moves run side by side on the event loop; every wait for the robot is in a
-thread. Nothing is sent to the robot but under a command that is fresh.
+Commands and moves run concurrently on the event loop; every wait for the robot is in a thread.
+The robot moves only under a command that has not expired.
 """
 
 from __future__ import annotations
@@ -26,14 +26,17 @@ from helios_gateway.teleop.messages import StateName, TeleopState
 from helios_gateway.teleop.pacing import Command, DueMove, LatestCommand, Moves, Pacer
 
 POLL_S = 0.02
-SETTLE_S = 0.4  # a driver that stands for so long gets a keyframe and gives the robot back
-FAREWELL_S = 30.0  # longest time for the last keyframe and giving the robot back
+SETTLE_S = 0.4  # standing time before a last keyframe and the release of the lease
+FAREWELL_S = 30.0  # time limit of the last keyframe and the release
 
 T = TypeVar("T")
 
 
 class TeleopSession:
-    """`command` from the socket, `run` beside it, `state` to tell whenever it changed."""
+    """Session of one driver.
+
+    The socket calls `command`, `run` executes concurrently, and `changed` signals a new `state`.
+    """
 
     def __init__(
         self,
@@ -41,31 +44,34 @@ class TeleopSession:
         settings: Settings,
         threads: CapacityLimiter,
     ) -> None:
-        """threads: that moves wait in."""
+        """threads: limiter of the threads in which moves wait."""
         self._driver, self._settings, self._threads = driver, settings, threads
         self._latest = LatestCommand(settings.teleop_hold_s)
         self._pacer: Pacer | None = None
-        self._refused = ""  # until the command is let go
-        self._moved_s = -1e9  # when the last move ended
+        self._refused = ""  # reason; cleared when the command is released
+        self._moved_s = -1e9  # end of the last move, monotonic
         self._state = TeleopState(state="standing")
         self.changed = anyio.Event()
-        self.checked = anyio.Event()  # whether it may drive is known, and stands in the state
+        self.checked = anyio.Event()  # set once `state` includes the first permission check
 
     @property
     def state(self) -> TeleopState:
         return self._state
 
     def command(self, command: Command) -> None:
-        """What the driver holds now."""
+        """Set the command that the driver holds now."""
         self._latest.take(command, time.monotonic())
 
     def refuse(self, error: HeliosError) -> None:
-        """Stand, and say why, until the command is let go."""
+        """Stop the robot and report the error as the state `refused`."""
         self._latest.take(Command(), time.monotonic())
         self._tell_refusal(error)
 
     async def run(self, may_drive: Callable[[], RobotDescription]) -> None:
-        """Until cancelled; then the robot is given back. may_drive: raises why not."""
+        """Run until cancelled, then take a last keyframe and release the lease.
+
+        may_drive: raises HeliosError if driving is impossible.
+        """
         try:
             await self._in_thread(may_drive)
         except HeliosError as error:
@@ -79,7 +85,7 @@ class TeleopSession:
                 await self._leave()
 
     async def _step(self) -> None:
-        """One move, or a short rest."""
+        """Make one move, or wait a moment."""
         now_s = time.monotonic()
         command = self._latest.now(now_s)
         if command.stands:
@@ -91,7 +97,7 @@ class TeleopSession:
         try:
             if not self._driver.holds or self._pacer is None:
                 self._pacer = self._pacer_of(await self._in_thread(self._driver.acquire))
-                return  # the command may be an old one by now
+                return  # the command may have expired meanwhile
             due = self._pacer.due(command, now_s)
             if due is None:
                 if self._pacer.stuck(command):
@@ -109,7 +115,7 @@ class TeleopSession:
         self._after(due, result, self._pacer)
 
     def _move(self, due: DueMove) -> pb.ActionResult | None:
-        """None where the command was let go before a thread was free."""
+        """Result of a move; None if the command was released before a thread was free."""
         share = self._latest.now(time.monotonic()).of(due.axis)
         if share == 0 or (share > 0) is not due.ahead:
             return None
@@ -126,7 +132,7 @@ class TeleopSession:
             self._refused = ""
             self._tell("standing", pose=self._state.pose)
         if self._pacer is not None:
-            self._pacer.due(Command(), now_s)  # what failed may be tried again
+            self._pacer.due(Command(), now_s)  # clears the failed moves
         if self._driver.holds and now_s - self._moved_s >= SETTLE_S:
             await self._leave()
         await anyio.sleep(POLL_S)
@@ -137,7 +143,7 @@ class TeleopSession:
         await self._leave()
 
     async def _leave(self) -> None:
-        """A last keyframe, and the lease back; what is refused now no longer matters."""
+        """Take a last keyframe and release the lease; ignore errors."""
         for last in (self._driver.look, self._driver.release):
             try:
                 await self._in_thread(last)
