@@ -1,8 +1,8 @@
-"""The simulated world: homes by seed, physics, truth and metrics, and its robot driver."""
+"""Simulator: homes generated from a seed, physics, ground truth, metrics and the robot driver."""
 
 import os
 import sys
 
-# Without a display MuJoCo has to be told of EGL before it is first imported.
+# Without a display MuJoCo renders through EGL; it reads the variable when first imported.
 if sys.platform == "linux":
     os.environ.setdefault("MUJOCO_GL", "egl")

@@ -1,4 +1,4 @@
-"""`python -m helios_sim --seed 0 --preset demo-v1`: settings, session, run."""
+"""Entry point of the world process: `python -m helios_sim --seed 0 --preset demo-v1`."""
 
 from __future__ import annotations
 

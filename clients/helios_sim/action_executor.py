@@ -1,7 +1,7 @@
-"""What a robot does in a world: each action carried out in the physics, with what truly came of it.
+"""Execution of robot actions in the physics, with their true outcome.
 
-Points of actions are in the frame that the robot believes in; `RobotSensors` knows where they
-truly are.
+Points of actions are in the frame of the robot's pose estimate; `RobotSensors` converts them to
+the true world frame.
 """
 
 from __future__ import annotations
@@ -30,15 +30,18 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What an action came to, with the truth that the robot is not told."""
+    """Result of an action, with the ground truth that the robot does not receive."""
 
     result: ActionResult
-    touched: frozenset[str] = frozenset()  # bodies that are no movable things
+    touched: frozenset[str] = frozenset()  # bodies touched, without movable objects
     released: Released | None = None
 
 
 class ActionExecutor:
-    """The robot's body at work. `on` says on which body each movable thing was put."""
+    """Executes actions with the robot's base, head and gripper.
+
+    `on` maps each movable object to the body that it was put on.
+    """
 
     def __init__(
         self,
@@ -49,7 +52,7 @@ class ActionExecutor:
         senses: RobotSensors,
         tracker: EpisodeTracker,
     ) -> None:
-        """tracker: is told of picks and places."""
+        """tracker: records picks and places."""
         self._model, self._data, self._robot = model, data, robot
         self._senses, self._tracker = senses, tracker
         things = [Graspable.of(model, thing.name, thing.size_m) for thing in home.objects]
@@ -60,19 +63,19 @@ class ActionExecutor:
         self._base = Base(model, data, robot, movable, self._gripper.step)
         self._manipulation = Manipulation(data, self._gripper, things, senses.bodies_in_view)
         self.on = {thing.name: thing.receptacle for thing in home.objects}
-        self.held_as = ""  # class that it was asked to pick
+        self.held_as = ""  # requested class of the held object
 
     @property
     def held_name(self) -> str:
-        """Body that the gripper holds; empty: none."""
+        """Name of the held body; empty if the gripper is empty."""
         return self._gripper.held.name if self._gripper.held else ""
 
     def touching(self) -> frozenset[str]:
-        """Bodies that the robot touches now and should not."""
+        """Bodies in contact with the robot now, without movable objects."""
         return self._named(self._base.touching())
 
     def do(self, action: Action, stop_asked: Callable[[], str | None]) -> Outcome:
-        """Carry one action out. stop_asked: why a drive has to end at once; None if it need not."""
+        """Execute one action. stop_asked: returns the reason to end a drive at once, or None."""
         match action:
             case Forward(distance_m):
                 return self._driven(self._base.forward(distance_m, _asked(stop_asked)), stop_asked)
@@ -129,7 +132,7 @@ class ActionExecutor:
             return Outcome(ActionResult(False, str(why)))
         self.held_as = ""
         on = {self._names[body]: z for body, z in rest.on.items()}
-        # Of several bodies, furniture before other things.
+        # Of several bodies, receptacles come first.
         self.on[thing.name] = min(on, key=lambda it: (it not in self._receptacles, it), default="")
         released = Released(thing.name, rest.at_rest, on, rest.height_m, self._named(rest.met))
         self._tracker.place_tried(thing.name, released, "")
@@ -139,7 +142,7 @@ class ActionExecutor:
         return frozenset(self._names[body] for body in bodies)
 
     def _pause(self) -> None:
-        """Let the physics run for a moment, then bring all poses to its last instant."""
+        """Run the physics for `_PAUSE_S`, then update all poses to its last step."""
         for _ in range(math.ceil(_PAUSE_S / self._model.opt.timestep)):
             self._gripper.step()
         self._gripper.follow()

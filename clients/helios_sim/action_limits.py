@@ -1,4 +1,4 @@
-"""Which actions a robot can be asked to begin."""
+"""Check of actions against the limits of a robot."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import math
 from helios_core.robot import Action, Forward, Pick, Place, Tilt, Turn
 from helios_core.types import RobotDescription
 
-_SLACK = 1e-6  # angles and lengths that were added up in floating point
+_SLACK = 1e-6  # tolerance (m, rad) for floating-point sums of angles and lengths
 
 
 def refusal(action: Action, robot: RobotDescription) -> str:
-    """Why an action is outside the robot's limits, as a sentence; empty if it is not."""
+    """Reason, as one sentence, why the action exceeds the robot's limits; empty if it does not."""
     match action:
         case Forward(distance_m):
             low, back = robot.min_forward_m, distance_m < 0

@@ -1,4 +1,4 @@
-"""Drives the base by its velocity controls, step by step of the physics, and feels for contacts."""
+"""Base motion: velocity control in every physics step, with contact detection."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from helios_sim.robot_model import RobotIndex
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 0.8, 2.0
 MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2 = 1.6, 5.0
 _ARRIVED_M, _ARRIVED_RAD = 5e-4, 5e-4
-_HOLD_PER_S = 10.0  # how fast errors of the base's other axes are taken back
-_BLOCKED_COS = 0.2  # a contact within about 78 degrees of straight ahead ends a drive
-_COAST_STEPS = 25  # after the controls are zero
+_HOLD_PER_S = 10.0  # proportional gain on the remaining pose error
+_BLOCKED_COS = 0.2  # a contact within about 78 degrees of the direction of travel ends a drive
+_COAST_STEPS = 25  # physics steps after the controls are set to zero
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What came of a drive; `touched` are ids of bodies that are no movable objects."""
+    """Result of a drive; `touched` holds ids of touched bodies, without movable objects."""
 
     moved_m: float
     turned_rad: float
@@ -30,7 +30,7 @@ class Drive:
 
 
 class Base:
-    """The base of a robot in a model. `movable` are bodies that may be touched without a fault."""
+    """Base of a robot in a model. Contacts with the bodies in `movable` are ignored."""
 
     def __init__(
         self,
@@ -40,27 +40,27 @@ class Base:
         movable: frozenset[int],
         step: Callable[[], None],
     ) -> None:
-        """step: advances the physics by one step."""
+        """step: function that advances the physics by one step."""
         self._model, self._data, self._robot = model, data, robot
         self._movable = movable
         self._step = step
 
     def forward(self, distance_m: float, stop_asked: Callable[[], bool]) -> Drive:
-        """Straight ahead, below 0 back, until there, blocked or stopped."""
+        """Drive straight, backward if negative, until the base arrives, is blocked or stopped."""
         x, y, yaw = self._robot.pose(self._data)
         goal = (x + distance_m * math.cos(yaw), y + distance_m * math.sin(yaw), yaw)
         slowest_s = 2.0 * (abs(distance_m) / MAX_SPEED_M_S + MAX_SPEED_M_S / MAX_ACCELERATION_M_S2)
         return self._drive(goal, slowest_s, stop_asked)
 
     def turn(self, angle_rad: float, stop_asked: Callable[[], bool]) -> Drive:
-        """On the spot; positive to the left."""
+        """Turn in place; positive to the left."""
         x, y, yaw = self._robot.pose(self._data)
         rate, acceleration = MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2
         slowest_s = 2.0 * (abs(angle_rad) / rate + rate / acceleration)
         return self._drive((x, y, yaw + angle_rad), slowest_s, stop_asked)
 
     def touching(self) -> dict[int, tuple[float, float]]:
-        """Bodies in contact that are no movable objects, with the way to each on the floor."""
+        """Non-movable bodies in contact -> horizontal direction (x, y) towards each."""
         found: dict[int, tuple[float, float]] = {}
         data, geoms = self._data, self._robot.geoms
         for k in range(data.ncon):
@@ -132,5 +132,5 @@ class Base:
 
 
 def _ramp(speed: float, remaining: float, top: float, acceleration: float, dt: float) -> float:
-    """The next speed: rising by the acceleration, low enough to brake within what remains."""
+    """Next speed, limited by acceleration, top speed and braking within the remaining distance."""
     return min(speed + acceleration * dt, top, math.sqrt(2 * acceleration * remaining))

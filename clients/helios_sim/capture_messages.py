@@ -1,4 +1,4 @@
-"""Captures as messages and back."""
+"""Conversion of captures to protobuf messages and back."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from helios_core.robot import Capture
 
 
 def capture_to_proto(capture: Capture) -> pb.WorldCapture:
-    """Depth is rounded to millimetres."""
+    """Message of a capture; depth is rounded to millimetres."""
     depth_mm = np.rint(capture.depth_m * np.float32(1000.0)).astype("<u2")
     return pb.WorldCapture(
         color=capture.color.tobytes(),
@@ -28,7 +28,7 @@ def capture_to_proto(capture: Capture) -> pb.WorldCapture:
 
 
 def capture_from_proto(message: pb.WorldCapture) -> Capture:
-    """Raises InvalidInput when the images do not have the camera's size."""
+    """Capture of a message. Raises InvalidInput when the images do not have the camera's size."""
     camera = pinhole_from_proto(message.camera)
     shape = (camera.height, camera.width)
     pixels = camera.height * camera.width

@@ -1,9 +1,9 @@
-"""The simulated robot for the bridge: asks the world process over the bus.
+"""Driver of the simulated robot: forwards each call to the world process over the bus.
 
-Any other process that answers `world/…` is a robot, too (`--robot bus`,
+Any other process that serves `world/…` is a robot, too (`--robot bus`,
 docs/reference/wire-contract.md).
-It knows what a real robot would know. It imports nothing of the world itself, so that the bridge
-needs no MuJoCo, and it may come and go: the world stays as it is.
+The driver reports only data that a real robot has. It imports no simulation code, so the bridge
+needs no MuJoCo. A restart of the driver leaves the world unchanged.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ACT_TIMEOUT_S = 60.0
 
 
 class SimDriver(RobotDriver):
-    """Every call raises Unavailable while no world is there."""
+    """Robot driver over the bus. Every call raises Unavailable while no world process runs."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus

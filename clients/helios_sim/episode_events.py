@@ -1,4 +1,4 @@
-"""What really happened in an episode, in order: the truth behind its failure causes."""
+"""Ground-truth events of an episode, from which its failure cause is derived."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PickTried:
-    """The robot reached for something. `name` is what it holds then; empty if nothing."""
+    """Attempt to pick. `name` is the body held afterwards; empty if the pick failed."""
 
-    step: int  # number of the action, the first is 1
-    path_m: float  # driven until then
+    step: int  # number of the action; the first is 1
+    path_m: float  # distance driven before the attempt
     asked_class: str
-    at_candidate: bool  # the point was on, or within a grasp of, a candidate of the task
+    at_candidate: bool  # a candidate of the task was within grasp of the requested point
     name: str = ""
     class_name: str = ""
-    candidate: bool = False  # what it holds is a candidate
-    reason: str = ""  # why it holds nothing, as the robot was told
+    candidate: bool = False  # the held body is a candidate
+    reason: str = ""  # reason of the failure, as reported to the robot
 
 
 @dataclass(frozen=True)
 class PlaceTried:
-    """The robot let go of what it held, or was refused to."""
+    """Attempt to place the held object, successful or refused."""
 
     step: int
     path_m: float
@@ -29,23 +29,23 @@ class PlaceTried:
     class_name: str
     candidate: bool
     released: bool
-    reason: str = ""  # why it was not released, as the robot was told
-    at_rest: bool = False  # in the end
-    on: tuple[str, ...] = ()  # bodies that it touched in the end
-    met_goal: bool = False  # it touched a goal receptacle at some time
-    placed: bool = False  # it rests on a goal receptacle
-    on_floor: bool = False  # it touched the floor in the end
-    height_m: float = 0.0  # of its middle
+    reason: str = ""  # reason of the refusal, as reported to the robot
+    at_rest: bool = False  # at rest at the end
+    on: tuple[str, ...] = ()  # bodies in contact at the end
+    met_goal: bool = False  # touched a goal receptacle at any time
+    placed: bool = False  # rests on a goal receptacle
+    on_floor: bool = False  # in contact with the floor at the end
+    height_m: float = 0.0  # of the object's centre
 
     @property
     def rolled_off(self) -> bool:
-        """It met a goal receptacle and did not stay there."""
+        """True if the object touched a goal receptacle but did not stay on it."""
         return self.released and self.met_goal and not self.placed
 
 
 @dataclass(frozen=True)
 class Collided:
-    """The robot touched what it must not touch, in one action."""
+    """Collisions of the robot in one action."""
 
     step: int
     bodies: tuple[str, ...]

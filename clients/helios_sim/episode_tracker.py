@@ -1,4 +1,4 @@
-"""Watches one task in a home: what counts as its object and its goal, and how far it got."""
+"""Tracking of one task in a home: candidate objects, goal receptacles, progress and events."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from helios_sim.ovmm_metrics import (
 )
 
 _CELL_M = 0.05
-_LOOK_M = 0.05  # how often a way is looked at for leaving the navigable area
+_LOOK_M = 0.05  # sampling distance along a driven segment for the navigable-area check
 
 
 def episode_of(home: Home, seed: int) -> Episode:
-    """The task that belongs to a seed in this home."""
+    """Move task that a seed selects in this home."""
     return home.sample_episode(np.random.default_rng([seed, 0x7A5C]))
 
 
 def reachable(
     home: Home, radius_m: float, cell_m: float = _CELL_M
 ) -> tuple[NDArray[np.bool_], tuple[float, float]]:
-    """Cells [row, column] where a disc fits and can get to from the start, and their origin."""
+    """Mask [row, column] of cells that a disc can reach from the start pose, and its origin (m)."""
     free, origin_m = home.free_space(radius_m, cell_m)
     _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
     row = int((home.start_pose[1] - origin_m[1]) / cell_m)
@@ -47,13 +47,17 @@ def reachable(
 
 
 def ground_of(home: Home, radius_m: float) -> NavigableArea:
-    """Where a disc fits and can get to from the start."""
+    """Area that a disc can reach from the start pose."""
     free, origin_m = reachable(home, radius_m)
     return NavigableArea(free, origin_m, _CELL_M)
 
 
 def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
-    """A task "Find the sofa": any furniture of the home whose nearest viewpoint is 1 m away."""
+    """Object-navigation task, such as "Find the sofa".
+
+    The class is any furniture of the home whose nearest viewpoint is at least 1 m from the start.
+    Raises InvalidInput if there is none.
+    """
     ground = ground_of(home, radius_m)
     furniture = {item.class_name for item in home.receptacles}
     furniture |= {item.class_name for item in home.fixtures if item.blocks}
@@ -69,7 +73,7 @@ def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
 
 
 def shortest_path_m(home: Home, targets: Targets) -> float:
-    """From the start to the nearest viewpoint of a candidate, over free ground; inf without any."""
+    """Geodesic distance (m) from the start to the nearest candidate viewpoint; inf without any."""
     viewpoints = np.concatenate([np.empty((0, 2)), *targets.objects.values()])
     return targets.ground.shortest_m(home.start_pose[:2], viewpoints)
 
@@ -77,8 +81,8 @@ def shortest_path_m(home: Home, targets: Targets) -> float:
 def targets_of(home: Home, episode: Episode, ground: NavigableArea) -> Targets:
     """Candidates and goals of a task, with their viewpoints.
 
-    A task without a start receptacle is object navigation: all things and all furniture of the
-    class are candidates.
+    A task without a start receptacle is object navigation: all movable objects and all furniture
+    of the class are candidates.
     """
 
     def around(x: float, y: float, yaw_rad: float, size_m: tuple[float, float, float]) -> Points:
@@ -109,9 +113,9 @@ def targets_of(home: Home, episode: Episode, ground: NavigableArea) -> Targets:
 
 
 class EpisodeTracker:
-    """Feeds the metrics after every action, and keeps what really happened.
+    """Updates the metrics after every action and records ground-truth events.
 
-    Asks for pictures only where they can count.
+    It requests image coverage only where the coverage can change the metrics.
     """
 
     def __init__(self, home: Home, episode: Episode, radius_m: float) -> None:
@@ -130,15 +134,15 @@ class EpisodeTracker:
         ).reshape(-1, 5)
 
     def arrived(self) -> bool:
-        """Whether the base is where object navigation succeeds; see `objectnav`."""
+        """True if the base is where object navigation succeeds; see `objectnav_metrics`."""
         return any(self.targets.at(self.track_m[-1], name) for name in self.targets.objects)
 
     def shortest_path_m(self) -> float:
-        """From the start to the nearest viewpoint of a candidate; inf without any."""
+        """Distance (m) from the start to the nearest candidate viewpoint; inf without any."""
         return shortest_path_m(self._home, self.targets)
 
     def in_question(self, base_xy_m: tuple[float, float], held: str) -> tuple[str, ...]:
-        """Names of which the coverage of the image matters here and now."""
+        """Names of targets whose image coverage can change the metrics at this base position."""
         now = self.progress
         asked = {} if now.find_object else dict(self.targets.objects)
         if not now.find_receptacle and (now.pick or held in self.targets.objects):
@@ -154,7 +158,7 @@ class EpisodeTracker:
         moved_m: float,
         released: Released | None = None,
     ) -> None:
-        """Count one action."""
+        """Update the metrics after one action."""
         way = np.linspace(self.track_m[-1], base_xy_m, 2 + math.ceil(moved_m / _LOOK_M))
         left = bool((clearance_m(way[1:], self._rectangles) < self._radius_m).any())
         step = Step(base_xy_m, coverage, held, released, collided_with, moved_m, left)
@@ -164,7 +168,7 @@ class EpisodeTracker:
             self.events.append(Collided(self.progress.steps, tuple(sorted(collided_with))))
 
     def pick_tried(self, asked_class: str, near: frozenset[str], name: str, reason: str) -> None:
-        """Note a pick that is being counted. near: things within a grasp of the asked point."""
+        """Record a pick attempt. near: objects within grasp of the requested point."""
         self.events.append(
             PickTried(
                 step=self.progress.steps + 1,
@@ -179,7 +183,7 @@ class EpisodeTracker:
         )
 
     def place_tried(self, name: str, released: Released | None, reason: str) -> None:
-        """Note a place that is being counted. released: None if it was refused."""
+        """Record a place attempt. released: None if the place was refused."""
         tried = PlaceTried(
             step=self.progress.steps + 1,
             path_m=self.progress.path_m,
@@ -202,5 +206,8 @@ class EpisodeTracker:
         self.events.append(tried)
 
     def _class_of(self, name: str) -> str:
-        """Empty for no body, and for the robot's own: a thing may fall onto its base."""
+        """Class of a body of the home; empty for any other name.
+
+        The robot's own bodies occur because an object may fall onto its base.
+        """
         return self._home.class_of(name) if name in self._home.body_names() else ""

@@ -1,25 +1,26 @@
-"""Why an episode failed: one cause of a closed list, by what really happened.
+"""Failure cause of an episode: one of a closed list, derived from ground-truth events.
 
-The truth decides. What the agent said is used only for what the truth cannot know: that it saw
-itself stuck, out of steps, or broken. The first line that holds gives the cause:
+The agent's own report is used only for facts that the ground truth lacks: the agent was stuck, ran
+out of steps, or failed internally. The first matching row gives the cause:
 
  1. success                                                    no cause
  2. a candidate rests on a goal receptacle                     collision
- 3. the agent said so, or did not end though steps were left   system error
- 4. what it grasped last is no candidate                       wrong object believed
- 5. it let a candidate go, which met a goal receptacle         object rolled off
- 6. it let a candidate go elsewhere, or was refused to         place missed; receptacle not found
-                                                               if it never got to a goal receptacle
- 7. it grasped nothing, but tried where a candidate is         pick failed
- 8. it grasped nothing, and ended where it tried in vain       wrong object believed
- 9. the agent said so                                          stuck
-10. what it looked for last had been found, steps were spent   step budget
-11. it holds a candidate                                       receptacle not found
+ 3. the agent reports it, or did not end with steps left       system error
+ 4. the last grasped object is no candidate                    wrong object believed
+ 5. a released candidate touched a goal receptacle             object rolled off
+ 6. a candidate was released elsewhere, or the release was     place missed; receptacle not found
+    refused                                                    if no goal receptacle was reached
+ 7. nothing grasped, but a pick was tried at a candidate       pick failed
+ 8. nothing grasped, and the episode ended at a failed pick    wrong object believed
+ 9. the agent reports it                                       stuck
+10. the object or receptacle sought last had been found,       step budget
+    and the steps are used up
+11. the robot holds a candidate                                receptacle not found
 12. otherwise                                                  object not found
 
-So a collision is the cause where nothing else went wrong; it is counted for every episode anyway.
-An agent that spends its steps searching did not find what it looked for: the step budget is to
-blame only where the thing had been found and nothing was done about it.
+A collision is the cause only if nothing else went wrong; collisions are counted in every episode.
+An agent that uses up its steps while searching did not find its target. The cause is the step
+budget only if the target had been found.
 """
 
 from __future__ import annotations
@@ -54,13 +55,13 @@ CAUSES = (
     STEP_BUDGET,
     SYSTEM_ERROR,
 )
-_ENDED_THERE_M = 1.0  # who drives no farther after a try has ended where it tried
+_ENDED_THERE_M = 1.0  # row 8: the robot drove less than this after its last pick attempt
 
 
 class AgentReport(NamedTuple):
-    """What the agent said of its task in the end."""
+    """Final task state, as the agent reports it."""
 
-    state: str  # succeeded, failed or cancelled; anything else: it did not end
+    state: str  # succeeded, failed or cancelled; any other value: the task did not end
     cause: str = ""
     message: str = ""
 
@@ -71,7 +72,7 @@ def failure_cause(
     said: AgentReport,
     max_steps: int,
 ) -> str:
-    """The cause of a move task's failure, one of CAUSES; empty on success. See the module."""
+    """Failure cause of a move task, one of CAUSES; empty on success. See the module."""
     if progress.success:
         return ""
     if progress.placed:
@@ -94,9 +95,9 @@ def failure_cause(
 
 
 def objectnav_cause(success: bool, steps: int, said: AgentReport, max_steps: int) -> str:
-    """The cause of an object navigation's failure; empty on success.
+    """Failure cause of an object-navigation task; empty on success.
 
-    An agent that said it had arrived, and had not, believed in a wrong object.
+    An agent that reports success away from the object gets the cause WRONG_OBJECT.
     """
     if success:
         return ""

@@ -1,4 +1,4 @@
-"""Grasps, carries and releases one object. Held things are moved along; nothing touches them."""
+"""Gripper: grasps, carries and releases one object. A held object is kinematic and contact-free."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from helios_sim.home.mujoco_model import GROUP_COLLISION
 from helios_sim.robot_model import CAMERA_HEIGHT_M, CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
 
 REST_LINEAR_M_S, REST_ANGULAR_RAD_S = 0.005, 0.05
-REST_S = 50 / 30  # 50 of the benchmark's control steps
-_AWAKE_M_S = 0.01  # a velocity from which the physics does not let a body sleep
-_ARM_ABOVE_M = 0.1  # the arm passes this high above the place of a release
-_PAST_M = 0.01
+REST_S = 50 / 30  # 50 control steps of the benchmark
+_AWAKE_M_S = 0.01  # downward velocity that keeps the physics from putting the body to sleep
+_ARM_ABOVE_M = 0.1  # height of the arm's end point above the place point
+_PAST_M = 0.01  # a ray continues this far behind a movable body
 _RELEASE_GAP_M = 0.02
 _RELEASE_STEP_M, _RELEASE_MAX_RISE_M = 0.02, 0.3
 _RELEASE_OVERLAP_M = 0.002
@@ -27,13 +27,13 @@ _SETTLE_S = 6.0
 
 @dataclass(frozen=True)
 class Graspable:
-    """A free body that can be grasped; `half_m` of its box, whose middle is the body's origin."""
+    """Free body that can be grasped; `half_m`: half extents of its box, centred on the origin."""
 
     name: str
     body: int
     qpos: int
     dof: int
-    geoms: tuple[int, ...]  # those that collide
+    geoms: tuple[int, ...]  # collision geoms
     half_m: tuple[float, float, float]
 
     @classmethod
@@ -51,7 +51,7 @@ class Graspable:
         )
 
     def distance_m(self, data: mujoco.MjData, point_world_m: Sequence[float]) -> float:
-        """From a point to the object's box; 0 inside."""
+        """Distance (m) from a point to the object's box; 0 inside."""
         R = data.xmat[self.body].reshape(3, 3)
         p_body = R.T @ (np.asarray(point_world_m) - data.xpos[self.body])
         return float(np.linalg.norm(np.maximum(np.abs(p_body) - self.half_m, 0.0)))
@@ -59,16 +59,16 @@ class Graspable:
 
 @dataclass(frozen=True)
 class Rest:
-    """How a released object ended. `on`: body -> height of the highest contact with it, m."""
+    """Final state of a released object. `on`: body -> height of the highest contact with it, m."""
 
-    at_rest: bool  # for 50 control steps without a break
-    on: dict[int, float]  # touched in the end; while at rest: all the time
+    at_rest: bool  # for 50 consecutive control steps
+    on: dict[int, float]  # touched at the end; if at rest: touched in all of these steps
     met: frozenset[int]  # touched at any time
-    height_m: float  # of its middle
+    height_m: float  # of the object's centre
 
 
 class Gripper:
-    """The robot's hand."""
+    """Gripper of the robot, with at most one held object."""
 
     def __init__(
         self,
@@ -77,25 +77,26 @@ class Gripper:
         robot: RobotIndex,
         movable: frozenset[int],
     ) -> None:
-        """movable: bodies that an arm can reach past."""
+        """movable: bodies that do not block the arm."""
         self._model, self._data, self._robot = model, data, robot
         self._movable = movable
         self.held: Graspable | None = None
         self._R_base_object = np.eye(3)
 
     def rest_world_m(self) -> NDArray[np.float64]:
-        """Where the end effector is when it rests [3]."""
+        """Position [3] of the end effector at rest."""
         T = self._T_world_base()
         return T[:3, :3] @ np.array(GRIPPER_BASE_M) + T[:3, 3]
 
     def away_m(self, point_world_m: Sequence[float] | NDArray[np.float64]) -> float:
-        """From the end effector at rest to a point."""
+        """Distance (m) from the end effector at rest to a point."""
         return float(np.linalg.norm(np.asarray(point_world_m) - self.rest_world_m()))
 
     def barred(self, point_world_m: Sequence[float]) -> bool:
-        """Whether a wall or furniture is in the arm's way to a little above a point.
+        """True if walls or furniture block the arm on its path to 0.1 m above the point.
 
-        The arm comes level from over the base or down from the camera's height.
+        The arm takes one of two straight paths from above the base: horizontal, or from the
+        camera's height.
         """
         goal = np.add(point_world_m, (0.0, 0.0, _ARM_ABOVE_M))
         x, y, _ = self._robot.pose(self._data)
@@ -103,7 +104,7 @@ class Gripper:
         return all(self._meets(np.array(start), goal) for start in starts)
 
     def grasp(self, thing: Graspable) -> None:
-        """Take it to the carrying pose; it touches nothing until released."""
+        """Move the object to the carrying pose and disable its contacts until it is released."""
         R_world_base = self._T_world_base()[:3, :3]
         self._R_base_object = R_world_base.T @ self._data.xmat[thing.body].reshape(3, 3)
         self.held = thing
@@ -111,19 +112,22 @@ class Gripper:
         self.follow()
 
     def follow(self) -> None:
-        """Move the held object with the base; also wanted after the last step."""
+        """Move the held object with the base. Call it also after the last physics step."""
         if self.held is not None:
             T = self._T_world_base()
             position = T[:3, :3] @ np.array(CARRY_BASE_M) + T[:3, 3]
             self._put(self.held, position, T[:3, :3] @ self._R_base_object)
 
     def step(self) -> None:
-        """One step of the physics, with what is held moved along."""
+        """Advance the physics by one step and move the held object along."""
         self.follow()
         mujoco.mj_step(self._model, self._data)
 
     def release(self, point_world_m: Sequence[float]) -> bool:
-        """Let go above a point, upright as it was grasped. False when there is no room for it."""
+        """Release the held object above a point, in its orientation relative to the base.
+
+        Return False if there is no room for it.
+        """
         thing = self.held
         if thing is None:
             return False
@@ -145,7 +149,7 @@ class Gripper:
         return False
 
     def settle(self, thing: Graspable) -> Rest:
-        """Step until it has been at rest for 50 control steps, or for 6 s."""
+        """Step the physics until the object rests for 50 control steps; at most 6 s."""
         data = self._data
         dt = float(self._model.opt.timestep)
         wanted = math.ceil(REST_S / dt)
@@ -156,7 +160,7 @@ class Gripper:
         for _ in range(math.ceil(_SETTLE_S / dt)):
             self.step()
             velocity = data.qvel[thing.dof : thing.dof + 6]
-            # A sleeping body keeps the contacts it fell asleep with, but they are not listed.
+            # A sleeping body keeps its last contacts, but MuJoCo does not list them.
             if data.body_awake[thing.body]:
                 on = self.touched_by(thing)
                 met |= on.keys()
@@ -197,7 +201,7 @@ class Gripper:
         self._data.qvel[thing.dof : thing.dof + 6] = [0.0, 0.0, -_AWAKE_M_S, 0.0, 0.0, 0.0]
 
     def _meets(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> bool:
-        """Whether the line between two points meets anything that cannot be moved."""
+        """True if a body that is not movable intersects the line between two points."""
         group = np.zeros(6, np.uint8)
         group[GROUP_COLLISION] = 1
         geom = np.array([-1], np.int32)

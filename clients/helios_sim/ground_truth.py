@@ -1,4 +1,4 @@
-"""What only the simulated detector and the evaluation may know."""
+"""Ground-truth types, only for the simulated detector and the evaluation."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class TruthInstance:
-    """One body of the home that is seen in a picture."""
+    """One body of the home that an image shows."""
 
     id: int
     name: str
     class_name: str
     graspable: bool
     center_m: tuple[float, float, float]  # world
-    on: str = ""  # body on which it stands, as far as it is a graspable thing
+    on: str = ""  # body on which a graspable object stands; empty for furniture
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """Which instance each pixel of a picture shows; 0 is background."""
+    """Instance id of each pixel of an image; 0 is background."""
 
     stamp_ns: int
     ids: NDArray[np.int32]  # [h, w]
-    instances: tuple[TruthInstance, ...]  # those that the picture shows
+    instances: tuple[TruthInstance, ...]  # visible in the image
 
 
 @dataclass(frozen=True)
 class TrueThing:
-    """One piece of furniture or movable thing as it is now. World frame, metres."""
+    """Current state of one piece of furniture or movable object. World frame, metres."""
 
     name: str
     class_name: str
     center_m: tuple[float, float, float]  # of its box
-    size_m: tuple[float, float, float]  # of its box: along its turned x and y, and upwards
+    size_m: tuple[float, float, float]  # of its box: along its rotated x and y axes, and upwards
     yaw_rad: float
     graspable: bool
-    on: str = ""  # receptacle that a graspable thing was put on; empty: held, or on the floor
+    on: str = ""  # body that a graspable object was put on; empty: held, or on the floor

@@ -1,4 +1,4 @@
-"""The truth as messages."""
+"""Conversion of simulator ground truth to protobuf messages."""
 
 from __future__ import annotations
 

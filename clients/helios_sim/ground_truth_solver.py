@@ -1,4 +1,4 @@
-"""Solves tasks with the truth: proves that they can be solved and that the metrics notice.
+"""Task solver with access to the ground truth: checks that tasks are solvable and metrics correct.
 
 `python -m helios_sim.ground_truth_solver --seeds 0-9 --preset demo-v1` prints a line for each seed.
 """
@@ -29,28 +29,28 @@ from helios_sim.world import World
 _CELL_M = 0.05
 _ON_SURFACE_GRID_M = 0.05
 _MAX_PLACES = 12
-_LIFT_M = 0.06  # above what is set down
+_LIFT_M = 0.06  # headroom above an object that is placed
 
 Cell = tuple[int, int]
 
 
 class _OutOfSteps(Exception):
-    """It may not act any more."""
+    """The step limit of the task is reached."""
 
 
 class GroundTruthSolver:
-    """Carries one task out in a world, knowing everything."""
+    """Solves one task in a world with full ground truth."""
 
     def __init__(self, world: World, max_steps: int | None = None) -> None:
-        """max_steps: actions that the task may take; None for any number."""
+        """max_steps: limit on the number of actions; None for no limit."""
         self._world, self._max_steps = world, max_steps
-        # Everything in a home can be reached with this much room; a drive ends up to 0.1 m off.
+        # Everything in a home is reachable with this radius; a drive ends up to 0.1 m off.
         radius_m = world.home.preset.passage_radius_m
         self._free, self._origin_m = reachable(world.home, radius_m, _CELL_M)
         self._actions = 0
 
     def run(self) -> Progress:
-        """The progress when it is done, cannot go on, or has taken all its steps."""
+        """Solve the task; return the progress when it is done, fails, or is out of steps."""
         with suppress(_OutOfSteps):
             self._carry_out()
         return self._world.progress
@@ -65,31 +65,31 @@ class GroundTruthSolver:
                     break
 
     def fetch(self, name: str) -> bool:
-        """Pick a thing by its body's name; whether it is held now."""
+        """Pick an object by its body name; return True if it is now held."""
         class_name = self._world.home.class_of(name)
         return any(
             self._act(Pick(self._point(name), class_name)).succeeded for _ in self._approaches(name)
         )
 
     def approach(self, name: str) -> bool:
-        """Stand before a thing and look at it."""
+        """Drive to an object or receptacle and face it; return True on success."""
         return next(self._approaches(name), False)
 
     def go_to_most_room(self) -> bool:
-        """Go to where the most floor is free around."""
+        """Drive to the cell with the largest clearance."""
         room = cv2.distanceTransform(self._free.astype(np.uint8), cv2.DIST_L2, 5)
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
         return self._go((int(row), int(column)))
 
     def go_near(self, point_xy_m: tuple[float, float]) -> bool:
-        """Go to the free cell nearest to a point."""
+        """Drive to the free cell nearest to a point."""
         rows, columns = np.nonzero(self._free)
         x, y = self._middle(rows, columns)
         k = int(np.argmin(np.hypot(x - point_xy_m[0], y - point_xy_m[1])))
         return self._go((int(rows[k]), int(columns[k])))
 
     def _approaches(self, name: str) -> Iterator[bool]:
-        """True each time that it stands before the thing and looks at it."""
+        """Drive to one spot after another and yield True each time the robot faces the object."""
         for spot in self._spots(self._world.position_m(name)):
             if self._go(spot) and self.face(self._world.position_m(name)):
                 yield True
@@ -108,9 +108,9 @@ class GroundTruthSolver:
         return False
 
     def _free_points(self, name: str) -> Iterator[NDArray[np.float64]]:
-        """Points on the receptacle within reach, those with most room around them first.
+        """Points on the receptacle within reach, those with the most free space around them first.
 
-        Only on surfaces with height enough for what is held.
+        Surfaces without enough headroom for the held object are skipped.
         """
         home = self._world.home
         held = (t.size_m[2] for t in home.objects if t.name == self._world.held_name)
@@ -130,7 +130,7 @@ class GroundTruthSolver:
         return itertools.islice(within_reach, _MAX_PLACES)
 
     def _spots(self, point: NDArray[np.float64]) -> list[Cell]:
-        """A few cells from which the point is well within reach, nearest to the robot first."""
+        """About a dozen cells well within reach of the point, nearest to the robot first."""
         rows, columns = np.nonzero(self._free)
         x, y = self._middle(rows, columns)
         flat = np.hypot(x - point[0], y - point[1])
@@ -145,7 +145,7 @@ class GroundTruthSolver:
         return [(int(rows[k]), int(columns[k])) for k in best[::step]]
 
     def _go(self, goal: Cell) -> bool:
-        """Along the shortest path over free cells."""
+        """Drive along the shortest path over free cells; return True on arrival."""
         path = shortest_path(self._free, self._cell(), goal)
         if not path:
             return False
@@ -176,14 +176,14 @@ class GroundTruthSolver:
             if abs(left) < math.radians(5):
                 return
             limit = math.radians(30)
-            # Never leave a rest below the smallest turn.
+            # Split the turn so that the remainder is never below the smallest turn.
             turn = left if abs(left) <= limit else math.copysign(limit, left)
             if limit < abs(left) < limit + math.radians(5):
                 turn = math.copysign(limit - math.radians(5), left)
             self._act(Turn(turn))
 
     def face(self, point: NDArray[np.float64]) -> bool:
-        """Turn and tilt towards a point of the world."""
+        """Turn the base and tilt the camera towards a point in the world frame."""
         at = self._world.state().T_world_base[:2, 3]
         self._turn_to(math.atan2(point[1] - at[1], point[0] - at[0]))
         flat = math.hypot(point[0] - at[0], point[1] - at[1])
@@ -215,7 +215,7 @@ class GroundTruthSolver:
 
 
 def shortest_path(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell]:
-    """Cells after the start up to the goal, 8-connected (A*); empty if there is no way."""
+    """Shortest 8-connected path by A*, without the start cell; empty if there is none."""
     if not free[goal]:
         return []
 

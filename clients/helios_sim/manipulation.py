@@ -1,7 +1,7 @@
-"""Pick and place as a robot is asked for them: by points, with a reason when they cannot be done.
+"""Pick and place by points, with a reason for each failure.
 
-The pick is the benchmark's oracle pick: what is nearest to the point is held at once, if it is in
-reach and in view. What is there is taken, whatever its class.
+The pick is the benchmark's oracle pick: the gripper holds the object nearest to the point at once,
+if it is within reach and in view. The class of the object does not matter.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from helios_sim.gripper import Graspable, Gripper, Rest
 from helios_sim.robot_model import REACH_M
 
-PICK_WITHIN_M = 0.15  # from the asked point to the object's box
+PICK_WITHIN_M = 0.15  # from the requested point to the object's box
 
 Point = tuple[float, float, float]
 
 
 class CannotDo(Exception):
-    """Why a pick or place failed: one sentence that tells nothing a robot could not know."""
+    """Pick or place failed; the message is one sentence without ground truth."""
 
 
 class Manipulation:
-    """What the gripper does with the things of a home."""
+    """Pick and place of the movable objects of a home with the gripper."""
 
     def __init__(
         self,
@@ -35,12 +35,12 @@ class Manipulation:
         things: Collection[Graspable],
         bodies_seen: Callable[[], NDArray[np.int32]],
     ) -> None:
-        """bodies_seen: body of each pixel now."""
+        """bodies_seen: returns the body id of each pixel of the current view."""
         self._data, self._gripper, self._things = data, gripper, things
         self._bodies_seen = bodies_seen
 
     def pick(self, point_world_m: Point, spot: str) -> Graspable:
-        """Hold what is at the point; spot: what it is called. Raises CannotDo."""
+        """Grasp the object at the point. spot: text for the point in messages. Raises CannotDo."""
         if self._gripper.held:
             raise CannotDo("the gripper already holds something; place it first")
         nearest = min(
@@ -61,13 +61,13 @@ class Manipulation:
         return thing
 
     def within_grasp(self, point_world_m: Point) -> frozenset[str]:
-        """Names of all things that a pick at this point could mean."""
+        """Names of all objects within grasp of the point."""
         return frozenset(
             t.name for t in self._things if t.distance_m(self._data, point_world_m) <= PICK_WITHIN_M
         )
 
     def place(self, point_world_m: Point, spot: str) -> tuple[Graspable, Rest]:
-        """Release what is held above the point and wait until it rests. Raises CannotDo."""
+        """Release the held object above the point and wait until it rests. Raises CannotDo."""
         thing = self._gripper.held
         if thing is None:
             raise CannotDo("the gripper is empty; pick something first")

@@ -1,9 +1,9 @@
-"""The ground that a robot can stand on, as cells, and distances over it. Pure.
+"""Navigable area of a robot as grid cells, with geodesic distances over it. Pure functions.
 
-Distances are geodesic: along the shortest way over free cells. Under 0.1 m such a way is a straight
-line to within half a millimetre, for a disc of 0.3 m: so a test of "within 0.1 m" is a straight
-distance and a look whether the line is free. Long ways are found by Dijkstra's algorithm over 16
-neighbours, then pulled straight; they come out up to 2 % too long.
+A geodesic distance is the length of the shortest path over free cells. Below 0.1 m, for a disc of
+0.3 m, such a path is straight to within half a millimetre: the test "within 0.1 m" checks the
+straight distance and a free line. Dijkstra's algorithm over 16 neighbours finds longer paths, which
+are then shortened by line of sight; their lengths are up to 2 % too long.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Points = NDArray[np.float64]  # [n, 2] m, world
 Xy = tuple[float, float]
 
 _LOOKS_PER_CELL = 4
-# Ways to half of the 16 neighbours, with the cells that have to be free on the way.
+# Moves to half of the 16 neighbours, each with the cells in between that must be free.
 _MOVES: tuple[tuple[int, int, tuple[tuple[int, int], ...]], ...] = (
     (0, 1, ()),
     (1, 0, ()),
@@ -35,14 +35,14 @@ _MOVES: tuple[tuple[int, int, tuple[tuple[int, int], ...]], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class NavigableArea:
-    """Cells [row, column] where the robot fits and can get to; cell (0, 0) begins at the origin."""
+    """Cells [row, column] that the robot can reach; cell (0, 0) has its corner at `origin_m`."""
 
     free: NDArray[np.bool_]
     origin_m: Xy
     cell_m: float
 
     def holds(self, points_m: Points) -> NDArray[np.bool_]:
-        """Which points [n, 2] lie in free cells [n]."""
+        """Mask [n] of the points [n, 2] that lie in free cells."""
         column, row = np.floor((points_m - np.asarray(self.origin_m)) / self.cell_m).astype(int).T
         rows, columns = self.free.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -50,7 +50,7 @@ class NavigableArea:
         return inside
 
     def straight(self, a_m: Xy, b_m: Xy) -> bool:
-        """Whether the line from a to b is free. The cell of a counts as free: it is there."""
+        """True if the line from a to b is free. The cell of a, the robot's own, counts as free."""
         away_m = math.dist(a_m, b_m)
         looks = max(2, math.ceil(_LOOKS_PER_CELL * away_m / self.cell_m) + 1)
         line = np.linspace(a_m, b_m, looks)
@@ -58,13 +58,13 @@ class NavigableArea:
         return bool((self.holds(line) | (cells == cells[0]).all(axis=1)).all())
 
     def within(self, base_xy_m: Xy, goals_m: Points, limit_m: float) -> bool:
-        """Whether one of the goals [n, 2] is within a limit of up to 0.1 m of the base."""
+        """True if a goal of [n, 2] is within `limit_m` (at most 0.1 m) geodesic of the base."""
         away_m = np.hypot(*(goals_m - np.asarray(base_xy_m)).T)
         near = goals_m[away_m <= limit_m]
         return any(self.straight(base_xy_m, (float(x), float(y))) for x, y in near)
 
     def shortest_m(self, start_m: Xy, goals_m: Points) -> float:
-        """Length of the shortest way to the nearest goal of [n, 2]; inf if there is none."""
+        """Length of the shortest path to the nearest goal of [n, 2]; inf if there is none."""
         goals_m = goals_m[self.holds(goals_m)] if len(goals_m) else goals_m
         row, column = self._cells(np.array([start_m]))[0]
         rows, columns = self.free.shape
@@ -85,7 +85,7 @@ class NavigableArea:
         return self._pulled([start_m, *inner, (float(goals_m[best, 0]), float(goals_m[best, 1]))])
 
     def _pulled(self, way: list[Xy]) -> float:
-        """Length of a way after corners that are not needed are left out."""
+        """Length of a path after removal of its unnecessary corners."""
         at, length_m = 0, 0.0
         while at < len(way) - 1:
             far = at + 1
@@ -122,9 +122,9 @@ class NavigableArea:
 
 
 def clearance_m(points_m: Points, rectangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of points [n, 2] to the nearest of rectangles [m, 5]; 0 inside, inf without any.
+    """Distance [n] of points [n, 2] to the nearest of rectangles [m, 5]; 0 inside, inf without any.
 
-    A rectangle is x, y, half extents along its own axes, and yaw.
+    A rectangle is (x, y, half_x, half_y, yaw), with half extents along its own axes.
     """
     x, y, half_x, half_y, yaw = rectangles.T
     dx, dy = points_m[:, :1] - x, points_m[:, 1:] - y

@@ -1,4 +1,4 @@
-"""Lists what is in a home now, from the state of the physics."""
+"""Current boxes of furniture and movable objects, from the state of the physics."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from helios_sim.ground_truth import TrueThing
 from helios_sim.home import Fixture, Home
 
-_FLOOR_M = 0.1  # what ends below this has fallen down
+_FLOOR_M = 0.1  # an object whose underside is below this height lies on the floor
 
 
 def things_now(home: Home, data: mujoco.MjData, on: Mapping[str, str]) -> Iterator[TrueThing]:
-    """Furniture, then movable things. on: movable thing -> body on which it stands."""
+    """Furniture, then movable objects. on: movable object -> body on which it stands."""
     for item in (*home.receptacles, *home.fixtures):
         z = item.z_m if isinstance(item, Fixture) else 0.0
         center = (item.x, item.y, z + item.size_m[2] / 2)
@@ -32,9 +32,9 @@ def things_now(home: Home, data: mujoco.MjData, on: Mapping[str, str]) -> Iterat
 def upright_box(
     R_world_body: NDArray[np.float64], size_m: tuple[float, float, float]
 ) -> tuple[tuple[float, float, float], float]:
-    """Size and yaw of the upright box around a turned box; the same size if it stands upright."""
+    """Size and yaw of the upright box around a rotated box; the same size if it stands upright."""
     ahead = R_world_body[:, 0]
-    if abs(ahead[2]) > 0.9:  # its x axis points up or down: go by y
+    if abs(ahead[2]) > 0.9:  # the x axis is almost vertical
         ahead = R_world_body[:, 1]
     yaw_rad = math.atan2(ahead[1], ahead[0])
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)

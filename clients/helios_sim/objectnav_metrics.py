@@ -1,19 +1,19 @@
-"""Object navigation, "find the X", by the rules of HM3D that VLFM was measured with. Pure.
+"""Metrics of object navigation ("find the X") by the HM3D rules of the VLFM evaluation. Pure.
 
-- Success: the agent says that it has arrived while its base is within 0.1 m geodesic of a viewpoint
-  of any instance of the class. Where it looks does not matter. Saying so ends the episode; an agent
-  that says nothing within 500 steps has failed.
-- Viewpoints are those of `metrics`: up to 1.0 m from the box of an instance, where the robot can
-  stand and can get to.
-- SPL: success × l / max(p, l), with l the shortest way over free ground from the start to the
-  nearest viewpoint, and p what the base drove. 0 for a failure.
-- Collisions do not matter to it.
+- Success: the agent reports arrival while its base is within 0.1 m geodesic of a viewpoint of any
+  instance of the class. Its viewing direction does not matter. The report ends the episode; an
+  agent without a report within 500 steps fails.
+- Viewpoints are those of `ovmm_metrics`: up to 1.0 m from the box of an instance, where the robot
+  fits and which it can reach.
+- SPL: success × l / max(p, l), where l is the shortest path over free ground from the start to the
+  nearest viewpoint, and p the distance that the base drove. 0 for a failure.
+- Collisions are ignored.
 """
 
 from __future__ import annotations
 
 MAX_STEPS = 500
-MIN_SHORTEST_M = 1.0  # tasks that begin nearer are not posed
+MIN_SHORTEST_M = 1.0  # lower limit of l in a task
 
 
 def spl(success: bool, path_m: float, shortest_m: float) -> float:

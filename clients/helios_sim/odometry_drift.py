@@ -1,7 +1,8 @@
-"""Where a robot believes that it is: odometry that adds up errors, as a random walk.
+"""Simulated odometry whose errors accumulate as a random walk.
 
-An action's true motion is measured with an error in the frame of the base: of position and heading
-by the square root of the way, and of heading by the square root of the turn. Errors stay.
+The true motion of an action is measured with errors in the base frame: errors in position and
+heading grow with the square root of the distance, and errors in heading also with the square root
+of the turn angle. Errors are never corrected.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ Pose = tuple[float, float, float]  # x, y, yaw; yaw is not wrapped
 
 
 class Drift:
-    """Follows the true pose of a base. The same seed and motions give the same errors."""
+    """Pose estimate of a base with drift. The same seed and motions give the same errors."""
 
     def __init__(self, sensor: SensorRealism, seed: int, start: Pose) -> None:
         self._sensor = sensor
@@ -46,19 +47,19 @@ class Drift:
 
     @property
     def T_believed_true(self) -> Matrix:
-        """Takes points of the true world to where the robot believes them [4, 4]."""
+        """Transform [4, 4] from the true world frame to the robot's estimated world frame."""
         if self.believed == self._true:
             return np.eye(4)
         return se2_to_se3(*self.believed) @ invert(se2_to_se3(*self._true))
 
     def true_point_m(self, believed_m: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Where a point truly is that the robot names in its own frame."""
+        """True world position of a point given in the robot's estimated world frame."""
         T_true_believed = invert(self.T_believed_true)
         x, y, z = T_true_believed[:3, :3] @ believed_m + T_true_believed[:3, 3]
         return float(x), float(y), float(z)
 
 
 def moved(before: Pose, after: Pose) -> tuple[float, float]:
-    """Metres and radians between two poses."""
+    """Distance (m) and heading change (rad) between two poses."""
     way = math.hypot(after[0] - before[0], after[1] - before[1])
     return way, wrap_angle(after[2] - before[2])

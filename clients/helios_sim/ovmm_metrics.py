@@ -1,30 +1,29 @@
-"""The phases of a move task, as HomeRobot OVMM defines them. Pure: records in, progress out.
+"""Metrics of a move task by the rules of HomeRobot OVMM. Pure functions.
 
 - FindObj, latched: the base is within 0.1 m geodesic of a viewpoint of a candidate object, and that
-  candidate covers at least 0.001 of the image. Candidates are of the asked class on a receptacle of
-  the asked class when the task begins.
+  candidate covers at least 0.001 of the image. Candidates are objects of the requested class that
+  lie on a receptacle of the requested class when the task begins.
 - Pick, latched: FindObj, and the held object is a candidate.
 - FindRec, latched: Pick, then the test of FindObj for a goal receptacle.
-- Placed: a candidate was released and was at rest (below 0.005 m/s and 0.05 rad/s) for 50 control
-  steps of 1/30 s without a break, all the while in contact with a goal receptacle at a height of at
-  least 0.05 m. It ends when a candidate is held again.
-- Place, latched: FindRec, and placed. The phases are a chain.
-- SR: placed, and no collision of the robot with the scene in the whole task. As in habitat this
-  takes the unchained place: who brings the object without having been at a viewpoint succeeds.
+- Placed: a candidate was released and was at rest (below 0.005 m/s and 0.05 rad/s) for 50
+  consecutive control steps of 1/30 s, in contact with a goal receptacle at a height of at least
+  0.05 m in all of them. It ends when a candidate is held again.
+- Place, latched: FindRec, and placed. The phases form a chain.
+- SR: placed, and no collision of the robot with the scene in the whole task. As in Habitat, SR uses
+  the unchained place: an agent that never was at a viewpoint can succeed.
 - Partial success: (FindObj + Pick + FindRec + SR) / 4.
-- Collisions: contact of the robot's body with anything but movable things, at most once a step. The
-  body ends 1 cm above the floor: its wheels are not modelled.
-- Steps: actions carried out, whatever their kind. The limit, 1250, is the caller's.
+- Collisions: contact of the robot's body with anything but movable objects, at most one per step.
+  The body ends 1 cm above the floor: the wheels are not modelled.
+- Steps: executed actions of any kind. The caller applies the limit of 1250.
 
-Viewpoints stand on a grid of 0.15 m around a bounding box, up to 1.0 m beyond it, where a disc of
-0.3 m fits and can get to.
+Viewpoints lie on a grid of 0.15 m around a bounding box, up to 1.0 m from it, where a disc of
+0.3 m fits and which it can reach.
 
-Leaving the navigable area is counted apart from collisions, at most once a step. Habitat has no
-contact between its base and the scene, so it must reject the whole of such a move; then a robot can
-never graze anything. Here the move is carried out and the body, 0.27 m, is stopped where it touches
-something: that is a collision, and the step counts as one that left the navigable area (0.3 m) too.
-This is how a real robot fails, and it is stricter: habitat forgives a move into a table that it
-rejects, here it spoils SR.
+Leaving the navigable area is counted separately from collisions, at most once per step. Habitat has
+no contact between base and scene, and rejects such a move completely. Here the move is executed,
+and the body (radius 0.27 m) stops at the contact: a collision, in a step that also counts as
+leaving the navigable area (radius 0.3 m). This rule is stricter: a move into a table, which Habitat
+only rejects, makes SR false here.
 """
 
 from __future__ import annotations
@@ -45,18 +44,18 @@ MIN_PLACE_HEIGHT_M = 0.05
 
 @dataclass(frozen=True)
 class Released:
-    """What came of a release."""
+    """Result of a release."""
 
     name: str
-    at_rest: bool  # for 50 steps
+    at_rest: bool  # for 50 control steps
     on: Mapping[str, float]  # bodies touched in all of them -> height of the highest contact, m
-    height_m: float  # of its middle
+    height_m: float  # of the object's centre
     met: frozenset[str] = frozenset()  # bodies touched at any time
 
 
 @dataclass(frozen=True)
 class Step:
-    """What is true after one action. `coverage`: share of the image by candidate or goal name."""
+    """Ground truth after one action. `coverage`: candidate or goal name -> share of the image."""
 
     base_xy_m: tuple[float, float]
     coverage: Mapping[str, float] = field(default_factory=dict)
@@ -64,14 +63,14 @@ class Step:
     released: Released | None = None
     collided_with: frozenset[str] = frozenset()
     moved_m: float = 0.0
-    left_navigable: bool = False  # at some time of the move
+    left_navigable: bool = False  # at any time during the move
 
 
 @dataclass(frozen=True)
 class Targets:
-    """What the task is about: names of candidates and goals, with their viewpoints [n, 2] in m.
+    """Candidates and goals of a task: name -> viewpoints [n, 2] in m.
 
-    Viewpoints and the base stand on `ground`.
+    Viewpoints and the base lie on `ground`.
     """
 
     objects: Mapping[str, Points]
@@ -79,39 +78,39 @@ class Targets:
     ground: NavigableArea
 
     def at(self, base_xy_m: tuple[float, float], name: str) -> bool:
-        """Whether the base is within 0.1 m geodesic of a viewpoint of a candidate or goal."""
+        """True if the base is within 0.1 m geodesic of a viewpoint of the candidate or goal."""
         viewpoints = self.objects[name] if name in self.objects else self.goals[name]
         return self.ground.within(base_xy_m, viewpoints, AT_VIEWPOINT_M)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """The metrics so far."""
+    """Metrics after the actions executed so far."""
 
     find_object: bool = False
     pick: bool = False
     find_receptacle: bool = False
     place: bool = False
-    placed: bool = False  # a candidate rests on a goal receptacle, whatever came before
+    placed: bool = False  # a candidate rests on a goal receptacle, regardless of earlier phases
     collisions: int = 0
     collided_with: tuple[str, ...] = ()
-    left_navigable: int = 0  # steps
+    left_navigable: int = 0  # number of steps
     steps: int = 0
     path_m: float = 0.0
 
     @property
     def success(self) -> bool:
-        """SR"""
+        """Success (SR)."""
         return self.placed and self.collisions == 0
 
     @property
     def partial_success(self) -> float:
-        """0 to 1"""
+        """Partial success, 0 to 1."""
         return (self.find_object + self.pick + self.find_receptacle + self.success) / 4
 
 
 def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
-    """The progress after one more action."""
+    """Progress after one more action."""
     find_object = progress.find_object or _found(step, targets, targets.objects)
     pick = progress.pick or (find_object and step.held in targets.objects)
     find_receptacle = progress.find_receptacle or (pick and _found(step, targets, targets.goals))
@@ -134,7 +133,7 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
 
 
 def placed(released: Released | None, targets: Targets) -> bool:
-    """Whether a candidate rests on a goal receptacle."""
+    """True if a released candidate rests on a goal receptacle."""
     return (
         released is not None
         and released.name in targets.objects
@@ -148,7 +147,7 @@ def viewpoints_of(
     box_max_m: tuple[float, float],
     ground: NavigableArea,
 ) -> Points:
-    """Viewpoints [n, 2] around a box on the ground."""
+    """Viewpoints [n, 2] on the navigable area around a box."""
     low = np.asarray(box_min_m) - VIEWPOINT_MAX_M
     high = np.asarray(box_max_m) + VIEWPOINT_MAX_M
     x = np.arange(low[0], high[0] + 1e-9, VIEWPOINT_GRID_M)

@@ -1,4 +1,4 @@
-"""The truth of pictures already taken: rendered only when somebody asks for it."""
+"""Ground truth of past frames, rendered on request."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _REMEMBERED_PICTURES = 4
 
 
 class Past:
-    """The last captures of a world: joint positions by stamp."""
+    """Last captures of a world: joint positions by stamp."""
 
     def __init__(
         self, model: mujoco.MjModel, painter: Painter, home: Home, graspable: Collection[int]
@@ -37,20 +37,20 @@ class Past:
         for body, name in enumerate(names):
             if name in known:
                 x, y, z = (float(v) for v in model.body_pos[body])
-                # Furniture has its origin on the floor, movable things in their middle.
+                # Furniture has its origin on the floor, a movable object at its centre.
                 z += sizes[name][2] / 2 if name in sizes else 0.0
                 self._instances[body] = TruthInstance(
                     body, name, home.class_of(name), body in graspable, (x, y, z)
                 )
 
     def remember(self, stamp_ns: int, qpos: NDArray[np.float64], on: Mapping[str, str]) -> None:
-        """Keep the state of a capture. on: graspable thing -> body on which it stands."""
+        """Store the state of a capture. on: graspable object -> body on which it stands."""
         self._taken[stamp_ns] = (qpos.copy(), dict(on))
         while len(self._taken) > REMEMBERED_CAPTURES:
             self._taken.popitem(last=False)
 
     def segmentation(self, stamp_ns: int) -> Segmentation:
-        """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
+        """Segmentation of one of the last 64 captures. Raises InvalidInput for any other stamp."""
         if stamp_ns not in self._taken:
             raise InvalidInput(
                 f"there is no capture with stamp {stamp_ns} among the last "
@@ -65,7 +65,7 @@ class Past:
         return Segmentation(stamp_ns, ids, instances)
 
     def bodies(self, qpos: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Body id of each pixel [h, w] with joints at these positions; painted once. Read-only."""
+        """Body id of each pixel [h, w] for these joint positions. Cached and read-only."""
         key = qpos.tobytes()
         if key not in self._painted:
             self._data.qpos[:] = qpos

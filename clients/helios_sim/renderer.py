@@ -1,6 +1,6 @@
-"""Pictures of the world: colour and depth in one pass, instances in a second one when asked.
+"""Rendering: colour and depth in one pass, body ids in a second pass on request.
 
-A `Painter` holds a GL context and belongs to the thread that made it.
+A `Painter` holds a GL context; only the thread that created it may use it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from helios_sim.frustum_culling import Frustum
 
-_MAX_GEOMS = 5000  # two bytes name a geom in the picture of instances
+_MAX_GEOMS = 5000  # must fit into two bytes of the segmentation image
 _HIDDEN_GROUP = 5
 
 
@@ -64,7 +64,7 @@ class Painter:
         self._option.geomgroup[:] = [int(group in groups) for group in range(6)]
         self._frustum = Frustum(model, camera, size[0] / size[1])
         self._groups = model.geom_group.copy()
-        # A geom in the shadows' way matters even where it is not seen itself.
+        # With shadows, a geom outside the view may still cast a visible shadow.
         self._cull = not (model.light_castshadow.any() and model.vis.quality.shadowsize > 0)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -76,7 +76,7 @@ class Painter:
     def color_and_depth(
         self, data: mujoco.MjData, max_depth_m: float
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """RGB [h, w, 3] and metric depth along the optical axis [h, w], of one pass."""
+        """RGB [h, w, 3] and metric depth along the optical axis [h, w], from one pass."""
         color = np.empty((self._height, self._width, 3), np.uint8)
         depth = np.empty((self._height, self._width), np.float32)
         self._draw(data, segment=False)
@@ -85,7 +85,7 @@ class Painter:
         return np.ascontiguousarray(color[::-1]), np.ascontiguousarray(depth_m[::-1])
 
     def bodies(self, data: mujoco.MjData) -> NDArray[np.int32]:
-        """Body id of each pixel [h, w]; 0 where nothing or only the world body is seen."""
+        """Body id of each pixel [h, w]; 0 for background and for the world body."""
         color = np.empty((self._height, self._width, 3), np.uint8)
         self._draw(data, segment=True)
         mujoco.mjr_readPixels(color, None, self._viewport, self._context)
@@ -100,7 +100,7 @@ class Painter:
         return body_of[number]
 
     def close(self) -> None:
-        """Give the GL context back; from the thread that made it."""
+        """Release the GL context; call it from the thread that created it."""
         if self._gl is not None:
             self._context.free()
             self._gl.free()

@@ -1,7 +1,7 @@
-"""The robot's body: an upright cylinder on a planar base, a camera on a tilting head, one gripper.
+"""Robot model: an upright cylinder on a planar base, a camera on a tilting head, one gripper.
 
-The base moves by three velocity-controlled joints (x, y, yaw), the head turns about its y axis.
-Nothing of the robot is drawn: its own body never stands in its pictures.
+The base moves by three velocity-controlled joints (x, y, yaw); the head tilts about its y axis.
+The robot is not drawn: its own body never appears in its images.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ BODY_BOTTOM_M = 0.01
 BODY_TOP_M = 1.25
 CAMERA_HEIGHT_M = 1.31
 IMAGE_WIDTH, IMAGE_HEIGHT = 640, 480
-FOVY_DEG = 54.0  # 68.4 degrees across
+FOVY_DEG = 54.0  # horizontal: 68.4 degrees
 MAX_DEPTH_M = 10.0
 TILT_RANGE_RAD = (-0.6, 1.2)
 START_TILT_RAD = math.pi / 6
 REACH_M = 0.8  # gripper at rest to object centre; also true of the ground distance from the base
 GRIPPER_BASE_M = (0.45, 0.0, 0.75)  # end effector at rest, base frame
-CARRY_BASE_M = (-0.15, 0.0, 1.75)  # middle of what is held, base frame: behind the camera's view
+CARRY_BASE_M = (-0.15, 0.0, 1.75)  # centre of a held object, base frame: behind the camera
 
 BASE_BODY, HEAD_BODY, CAMERA = "robot_base", "robot_head", "robot_camera"
 ROBOT_GROUP = 4  # not drawn
@@ -34,13 +34,13 @@ _DRIVES = (("robot_x", 3000.0, 400.0), ("robot_y", 3000.0, 400.0), ("robot_yaw",
 
 
 def pinhole() -> Pinhole:
-    """Intrinsics of the rendered image; whole numbers are middles of pixels."""
+    """Intrinsics of the rendered image; integer coordinates are pixel centres."""
     f = IMAGE_HEIGHT / 2 / math.tan(math.radians(FOVY_DEG) / 2)
     return Pinhole(f, f, IMAGE_WIDTH / 2 - 0.5, IMAGE_HEIGHT / 2 - 0.5, IMAGE_WIDTH, IMAGE_HEIGHT)
 
 
 def description(max_depth_m: float = MAX_DEPTH_M) -> RobotDescription:
-    """What the robot tells of itself."""
+    """Description of the robot, as its driver reports it."""
     return RobotDescription(
         name="simulated robot",
         footprint_radius_m=0.3,
@@ -56,7 +56,7 @@ def description(max_depth_m: float = MAX_DEPTH_M) -> RobotDescription:
 
 
 def add_robot(spec: mujoco.MjSpec) -> None:
-    """Add the robot to a model, at the origin of the base's joints."""
+    """Add the robot to a model, at the origin of the base joints."""
     base = spec.worldbody.add_body(name=BASE_BODY)
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     base.add_joint(name="robot_x", type=slide, axis=[1, 0, 0])
@@ -87,7 +87,7 @@ def add_robot(spec: mujoco.MjSpec) -> None:
 
 @dataclass(frozen=True)
 class RobotIndex:
-    """Where the robot is in a compiled model's arrays."""
+    """Indices of the robot in the arrays of a compiled model."""
 
     qpos: tuple[int, int, int]  # x, y, yaw
     dof: tuple[int, int, int]
@@ -118,13 +118,13 @@ class RobotIndex:
         )
 
     def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:
-        """(x, y, yaw) of the base; yaw is not wrapped."""
+        """Pose (x, y, yaw) of the base; yaw is not wrapped."""
         x, y, yaw = (float(data.qpos[k]) for k in self.qpos)
         return x, y, yaw
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Matrix:
-    """T_world_cam [4, 4], OpenCV; MuJoCo's cameras look along -z with y up."""
+    """T_world_cam [4, 4] in the OpenCV convention; MuJoCo cameras look along -z with y up."""
     out = np.eye(4)
     out[:3, :3] = data.cam_xmat[camera].reshape(3, 3) * [1.0, -1.0, -1.0]
     out[:3, 3] = data.cam_xpos[camera]

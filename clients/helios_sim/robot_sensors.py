@@ -1,4 +1,4 @@
-"""A robot's camera and odometry in a world: what they tell the robot, and what was truly there."""
+"""Camera and odometry of a simulated robot: sensor data with errors, and their ground truth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Point = tuple[float, float, float]
 
 
 class RobotSensors:
-    """Holds a GL context and belongs to the thread that made it."""
+    """Camera and odometry. Holds a GL context; only the thread that created it may use it."""
 
     def __init__(
         self,
@@ -47,28 +47,28 @@ class RobotSensors:
 
     @property
     def T_world_base(self) -> Matrix:
-        """Where the robot believes its base [4, 4]."""
+        """Estimated base pose [4, 4]."""
         return se2_to_se3(*self._drift.believed)
 
     @property
     def T_believed_true(self) -> Matrix:
-        """Takes points of the true world to where the robot believes them now [4, 4]."""
+        """Transform [4, 4] from the true world frame to the currently estimated world frame."""
         return self._drift.T_believed_true
 
     def true_point_m(self, believed_m: Point) -> Point:
-        """Where a point truly is that the robot names."""
+        """True world position of a point given in the robot's estimated world frame."""
         return self._drift.true_point_m(believed_m) if self._sensor.drifts else believed_m
 
     def feel_motion(self) -> tuple[float, float]:
-        """Metres and radians that the robot believes to have moved since the last call."""
+        """Update the odometry; return the measured motion (m, rad) since the last call."""
         before = self._drift.believed
         self._drift.follow(self._robot.pose(self._data))
         return moved(before, self._drift.believed)
 
     def capture(self, on: Mapping[str, str]) -> Capture:
-        """RGB and depth of one pass, with the stamp of simulated time.
+        """Capture of RGB and depth from one pass, stamped with simulated time.
 
-        on: movable thing -> body on which it stands, for the truth of this capture.
+        on: movable object -> body on which it stands, for the ground truth of this capture.
         """
         stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
@@ -84,13 +84,13 @@ class RobotSensors:
         )
 
     def bodies_in_view(self) -> NDArray[np.int32]:
-        """Body id of each pixel now [h, w]. Read-only."""
+        """Body id of each pixel of the current view [h, w]. Read-only."""
         return self._past.bodies(self._data.qpos)
 
     def segmentation(self, stamp_ns: int) -> Segmentation:
-        """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
+        """Segmentation of one of the last 64 captures. Raises InvalidInput for any other stamp."""
         return self._past.segmentation(stamp_ns)
 
     def close(self) -> None:
-        """Give the graphics back; from the thread that made them."""
+        """Release the GL context; call it from the thread that created it."""
         self._painter.close()

@@ -1,14 +1,14 @@
-"""What a real camera and real odometry do to perfect pictures and poses. Pure and seeded.
+"""Sensor noise model for depth and colour images. Pure functions with seeds.
 
 Depth, after Khoshelham and Elberink, "Accuracy and resolution of Kinect depth data" (2012): the
-sensor measures inverse depth, with an error of constant size, in steps of constant size. So noise
-and steps of depth grow with its square: at 4 m, 2.3 cm and 4.6 cm. Neighbouring pixels share part
-of their error, as they share the matched patch. Nothing is measured outside the range, in the
-shadow behind a depth edge, and where a surface is met at a grazing angle.
+sensor measures inverse depth with constant noise and constant quantization. Noise and step of the
+depth therefore grow with its square: at 4 m, 2.3 cm and 4.6 cm. Neighbouring pixels share part of
+their error because they share the matched patch. Depth is invalid outside the range, in the shadow
+behind a depth edge, and at grazing angles.
 
-Colour: slightly out of focus, and smeared along a line, by an amount of its own for each picture.
+Colour: slight defocus and linear motion blur, with random amounts for each image.
 
-Poses: `odometry_drift.py`. The truth (segmentation, metrics) knows nothing of all this.
+Poses: `odometry_drift.py`. Ground truth (segmentation, metrics) has none of these errors.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ Color = NDArray[np.uint8]  # [h, w, 3]
 
 @dataclass(frozen=True)
 class SensorRealism:
-    """How much a robot's senses err; all zeros: not at all."""
+    """Error parameters of a robot's sensors; with the defaults they are exact."""
 
     name: str
-    inverse_depth_noise_per_m: float = 0.0  # standard deviation; depth_m**2 times this, in metres
-    inverse_depth_step_per_m: float = 0.0  # depth_m**2 times this is the step between depths
-    edge_per_m: float = 0.0  # step in inverse depth from which an edge throws a shadow; 0: none
+    inverse_depth_noise_per_m: float = 0.0  # standard deviation; in depth: depth_m**2 times this
+    inverse_depth_step_per_m: float = 0.0  # quantization step; in depth: depth_m**2 times this
+    edge_per_m: float = 0.0  # smallest step in inverse depth that casts a shadow; 0: no shadows
     edge_px: int = 0  # width of the shadow
-    grazing_cos: float = 0.0  # cosine of the angle to the normal below which nothing is measured
+    grazing_cos: float = 0.0  # depth is invalid below this cosine of the incidence angle
     min_depth_m: float = 0.0
     max_depth_m: float = math.inf
-    defocus_px: float = 0.0  # largest standard deviation of the blur
-    smear_px: float = 0.0  # largest length of the smear
-    drift_m: float = 0.0  # of position, per square root of a metre driven
-    drift_rad: float = 0.0  # of heading, per square root of a metre driven
-    turn_drift_rad: float = 0.0  # of heading, per square root of a radian turned
+    defocus_px: float = 0.0  # maximum standard deviation of the defocus blur
+    smear_px: float = 0.0  # maximum length of the motion blur
+    drift_m: float = 0.0  # position drift per square root of a metre driven
+    drift_rad: float = 0.0  # heading drift per square root of a metre driven
+    turn_drift_rad: float = 0.0  # heading drift per square root of a radian turned
 
     @property
     def errs_in_depth(self) -> bool:
-        """Whether depth is anything but exact."""
+        """True if depth has errors."""
         errors = (self.inverse_depth_noise_per_m, self.inverse_depth_step_per_m, self.edge_per_m)
         limits = (self.grazing_cos, self.min_depth_m, 1 / self.max_depth_m)
         return any(value > 0 for value in (*errors, *limits))
 
     @property
     def drifts(self) -> bool:
-        """Whether poses are anything but exact."""
+        """True if poses have errors."""
         return max(self.drift_m, self.drift_rad, self.turn_drift_rad) > 0
 
 
@@ -80,7 +80,7 @@ SENSORS: dict[str, SensorRealism] = {
 }
 
 _BANK_PX = 1024
-_SHARED = 0.7  # part of the noise's deviation that neighbours share
+_SHARED = 0.7  # share of the noise's standard deviation that is common to neighbours
 _PATCH_PX = 2.0
 _GRAZING_SPREAD = 0.25
 
@@ -88,7 +88,7 @@ _GRAZING_SPREAD = 0.25
 def sensed_depth(
     depth_m: Depth, camera: Pinhole, sensor: SensorRealism, seed: int, stamp_ns: int
 ) -> Depth:
-    """Depth as the sensor measures it. The same seed and stamp give the same noise."""
+    """Depth with sensor errors. The same seed and stamp give the same noise."""
     if not sensor.errs_in_depth:
         return depth_m
     rng = np.random.default_rng([seed, stamp_ns, 1])
@@ -118,10 +118,10 @@ def sensed_depth(
 
 
 def incidence_cos(inverse: Depth, camera: Pinhole) -> Depth:
-    """Cosine of the angle between each pixel's ray and the surface's normal [h, w], 0 to 1.
+    """Cosine of the angle between each pixel's ray and the surface normal [h, w], 0 to 1.
 
-    A plane is linear in inverse depth, i = gx x + gy y + c with x and y the pixel's tangents: its
-    normal points along (gx, gy, c), and the ray times the normal is i itself.
+    A plane is linear in inverse depth, i = gx x + gy y + c, with x and y the pixel's tangents: its
+    normal points along (gx, gy, c), and the scalar product of ray and normal is i itself.
     """
     x, y, away = _rays(camera)
     gx = cv2.Sobel(inverse, cv2.CV_32F, 1, 0, ksize=3, scale=camera.fx / 8)
@@ -132,10 +132,10 @@ def incidence_cos(inverse: Depth, camera: Pinhole) -> Depth:
 
 
 def sensed_color(color: Color, sensor: SensorRealism, seed: int, stamp_ns: int) -> Color:
-    """Colour as the camera takes it: out of focus, and smeared."""
+    """Colour image with defocus and motion blur."""
     rng = np.random.default_rng([seed, stamp_ns, 2])
     sigma, length = sensor.defocus_px * rng.random(), sensor.smear_px * rng.random() ** 2
-    angle = rng.normal(0.0, 0.3)  # a robot turns and rolls on: smears lie about level
+    angle = rng.normal(0.0, 0.3)  # a robot turns and drives: motion blur is almost horizontal
     if sigma > 0.2:
         color = cv2.GaussianBlur(color, (0, 0), sigma).astype(np.uint8, copy=False)
     if length > 1.0:
@@ -144,7 +144,7 @@ def sensed_color(color: Color, sensor: SensorRealism, seed: int, stamp_ns: int) 
 
 
 def smear_kernel(length_px: float, angle_rad: float) -> NDArray[np.float32]:
-    """Weights [n, n] of a straight smear; they add up to 1."""
+    """Kernel [n, n] of a linear motion blur; its weights add up to 1."""
     half = math.ceil(length_px / 2)
     kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
     along = np.linspace(-length_px / 2, length_px / 2, 8 * half + 1)
@@ -157,7 +157,7 @@ def smear_kernel(length_px: float, angle_rad: float) -> NDArray[np.float32]:
 def _grazed(
     inverse: Depth, camera: Pinhole, limit: float, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Pixels [h, w] at too small an angle, with a ragged edge; looked at on every second pixel."""
+    """Mask [h, w] of pixels at a grazing angle, with a noisy border; computed at half size."""
     half = Pinhole(
         camera.fx / 2,
         camera.fy / 2,
@@ -175,7 +175,7 @@ def _grazed(
 
 @lru_cache(maxsize=4)
 def _rays(camera: Pinhole) -> tuple[Depth, Depth, Depth]:
-    """Tangents x [1, w] and y [h, 1] of the pixels, and the length of their rays per metre."""
+    """Tangents x [1, w] and y [h, 1] of the pixels, and ray lengths [h, w] per metre of depth."""
     x = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)[None, :]
     y = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)[:, None]
     return x, y, np.sqrt(1 + x * x + y * y)
@@ -183,7 +183,7 @@ def _rays(camera: Pinhole) -> tuple[Depth, Depth, Depth]:
 
 @lru_cache(maxsize=1)
 def _bank() -> Depth:
-    """A field of noise of deviation 1, of which pictures take pieces [1024, 1024]."""
+    """Noise field [1024, 1024] of standard deviation 1, from which images take crops."""
     rng = np.random.default_rng(0x5E45)
     own = rng.standard_normal((_BANK_PX, _BANK_PX), np.float32)
     shared = cv2.GaussianBlur(
@@ -194,7 +194,7 @@ def _bank() -> Depth:
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, ...]) -> Depth:
-    """A piece [h, w] of the field, mirrored or not."""
+    """Random crop [h, w] of the noise field, randomly mirrored."""
     height, width = shape
     bank = _bank()
     if height > _BANK_PX or width > _BANK_PX:

@@ -1,4 +1,4 @@
-"""The world process: one world behind the bus, for its driver and, under truth/, for the judges."""
+"""World process: serves one world on the bus, with ground truth for the evaluation under truth/."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ T = TypeVar("T")
 
 
 class WorldService:
-    """Serves a world that is already made. The world's thread does everything but stop."""
+    """Request handlers of a world; all except stop, clear-stop and describe run on its thread."""
 
     def __init__(self, bus: Bus, thread: WorldThread, health: Health) -> None:
         self._thread, self._health = thread, health
@@ -63,7 +63,7 @@ class WorldService:
             TRUTH_EPISODE, lambda _: thread.run(lambda w: episode_to_proto(w.home, w.episode))
         )
         bus.serve(TRUTH_METRICS, lambda _: thread.run(lambda w: metrics_to_proto(w.progress)))
-        # Last: who finds the description finds everything.
+        # Served last: once a client finds the description, all other queries are served.
         bus.serve(WORLD_DESCRIBE, lambda _: description_to_proto(thread.describe()))
         health.ready()
 
@@ -100,7 +100,7 @@ class WorldService:
 
 
 class HostedWorld:
-    """The world's process: makes the world in the background, then serves it."""
+    """World process: builds the world in the background, then serves it."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
         self._ending = threading.Event()

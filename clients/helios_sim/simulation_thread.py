@@ -1,4 +1,4 @@
-"""A world on a thread of its own, usable from any thread: a driver without a bus."""
+"""Robot driver without a bus: a world on its own thread, callable from any thread."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ T = TypeVar("T")
 
 
 class WorldThread(RobotDriver):
-    """Makes a world on a new thread and does everything there, one call after the other."""
+    """World on a new thread, which executes all calls one after the other."""
 
     def __init__(self, make: Callable[[], World]) -> None:
-        """Returns when the world is made, and raises what `make` raised."""
+        """Wait until the world is created. Raises any exception of `make`."""
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._closed = threading.Event()
-        self._ending = threading.Lock()  # so that nothing is put after the end
+        self._ending = threading.Lock()  # no call enters the queue after the end
         made: Future[World] = Future()
         self._thread = threading.Thread(
             target=self._serve, args=(make, made), name="world", daemon=True
@@ -33,7 +33,7 @@ class WorldThread(RobotDriver):
         self._world = made.result()
 
     def run(self, call: Callable[[World], T]) -> T:
-        """Do something with the world on its thread and wait for it."""
+        """Run `call` on the world's thread and return its result. Raises Unavailable if closed."""
         done: Future[T] = Future()
 
         def carry_out() -> None:
@@ -63,13 +63,13 @@ class WorldThread(RobotDriver):
         return self.run(lambda world: world.act(action, action_id))
 
     def stop(self, reason: str) -> None:
-        self._world.stop(reason)  # at once: an action may be running on the thread
+        self._world.stop(reason)  # not through the queue: an action may be running on the thread
 
     def clear_stop(self) -> None:
         self._world.clear_stop()
 
     def close(self) -> None:
-        """End the thread after what it does now. What still waited is told Unavailable."""
+        """End the thread after its current call. Waiting calls raise Unavailable."""
         with self._ending:
             if self._closed.is_set():
                 return

@@ -1,7 +1,8 @@
-"""The simulated world: a home, a robot in it, physics, pictures, truth and the task's metrics.
+"""Simulated world: a home with a robot, physics, images, ground truth and task metrics.
 
-One thread uses a World (it holds a GL context), except for `stop`, which may come from any. In its
-own process it is served by `service.py`; `simulation_thread.py` gives it a thread within a process.
+Only one thread may use a World, because it holds a GL context; `stop` and `clear_stop` may come
+from any thread. `service.py` serves a World in its own process; `simulation_thread.py` runs it on
+its own thread.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _START_SETTLE_S = 1.0
 
 
 class World(RobotDriver):
-    """See the module. Also a driver of itself, for use within one thread."""
+    """Simulated world, and robot driver for use within one thread. See the module."""
 
     def __init__(
         self,
@@ -61,18 +62,18 @@ class World(RobotDriver):
         boot_id: str = "",
         sensor: SensorRealism = SENSORS["none"],
     ) -> None:
-        """episode: the task to measure; None takes no metrics but steps and collisions.
+        """episode: the task to measure; None measures only steps and collisions.
 
-        sensor: how pictures and poses err, by the seed of the home.
+        sensor: errors of images and poses, seeded with the seed of the home.
         """
         spec = home.spec()
         add_robot(spec)
         camera = pinhole()
         spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
         spec.visual.quality.shadowsize = 0  # no light of a home casts shadows
-        spec.compiler.usethread = False  # no faster, and each thread keeps a heap for good
+        spec.compiler.usethread = False  # threads are no faster, and each keeps its heap
         self._model = model = spec.compile()
-        # Before the data is made: what lies still costs nothing.
+        # Bodies at rest sleep and cost no time. Must be set before MjData is created.
         model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
         self._data = mujoco.MjData(model)
         self._robot = robot = RobotIndex.of(model)
@@ -92,12 +93,12 @@ class World(RobotDriver):
             model, self._data, robot, home, self._sensors, self._tracker
         )
 
-    # --- what a driver offers -----------------------------------------------------------------
+    # --- driver interface ---------------------------------------------------------------------
     def describe(self) -> RobotDescription:
         return self._description
 
     def state(self) -> RobotState:
-        """How the robot is; `held` is the class it was asked to pick, not what it truly holds."""
+        """State of the robot; `held` is the requested class, not the object it truly holds."""
         with self._stop_lock:
             reason = self._stop_reason
         return RobotState(
@@ -111,11 +112,14 @@ class World(RobotDriver):
         )
 
     def capture(self) -> Capture:
-        """RGB and depth of one pass, with the stamp of simulated time."""
+        """Capture of RGB and depth from one pass, stamped with simulated time."""
         return self._sensors.capture(self._executor.on)
 
     def act(self, action: Action, action_id: str) -> ActionResult:
-        """Do it once; the same id again is answered from memory. A refusal is not remembered."""
+        """Execute the action once; a repeated id returns the stored result.
+
+        A refused action is not stored. Raises InvalidInput for an empty id.
+        """
         if not action_id:
             raise InvalidInput("the action has no id; give each action an id of its own")
         if action_id in self._results:
@@ -135,7 +139,7 @@ class World(RobotDriver):
         return result
 
     def stop(self, reason: str) -> None:
-        """From any thread: ends a drive within one step of the physics, and latches."""
+        """End a drive within one physics step and latch the stop. Thread-safe."""
         with self._stop_lock:
             self._stop_reason = reason or "stop-now"
 
@@ -144,69 +148,69 @@ class World(RobotDriver):
             self._stop_reason = None
 
     def close(self) -> None:
-        """Give the graphics back; from the thread that made the world."""
+        """Release the GL context; call it from the thread that created the world."""
         self._sensors.close()
 
-    # --- the truth ----------------------------------------------------------------------------
+    # --- ground truth -------------------------------------------------------------------------
     @property
     def home(self) -> Home:
-        """The home that the robot is in."""
+        """Home in which the robot is."""
         return self._home
 
     @property
     def episode(self) -> Episode:
-        """The task that is measured; empty where there is none."""
+        """Measured task; an empty episode if there is none."""
         return self._tracker.episode
 
     @property
     def tracker(self) -> EpisodeTracker:
-        """Candidates, goals and viewpoints of the task."""
+        """Tracker of the task, with candidates, goals and viewpoints."""
         return self._tracker
 
     @property
     def progress(self) -> Progress:
-        """The metrics so far."""
+        """Metrics after the actions executed so far."""
         return self._tracker.progress
 
     @property
     def held_name(self) -> str:
-        """Body that the gripper holds; empty: none."""
+        """Name of the held body; empty if the gripper is empty."""
         return self._executor.held_name
 
     def position_m(self, name: str) -> NDArray[np.float64]:
-        """Where a body of the home is now [3]; the middle of a graspable thing's box."""
+        """Current position [3] of a body of the home; for a graspable object the box centre."""
         return self._data.body(name).xpos.copy()
 
     def things(self) -> tuple[TrueThing, ...]:
-        """All furniture and movable things as they are now."""
+        """Current state of all furniture and movable objects."""
         return tuple(things_now(self._home, self._data, self._executor.on))
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Picks, places and collisions so far."""
+        """All picks, places and collisions so far."""
         return tuple(self._tracker.events)
 
     def arrived(self) -> bool:
-        """Whether an agent that says now that it has found the thing is right (see objectnav)."""
+        """True if an agent that reports success now has found the object; see objectnav_metrics."""
         return self._tracker.arrived()
 
     @property
     def T_believed_true(self) -> Matrix:
-        """Takes points of the true world to where the robot believes them now [4, 4]."""
+        """Transform [4, 4] from the true world frame to the currently estimated world frame."""
         return self._sensors.T_believed_true
 
     @property
     def trajectory_m(self) -> NDArray[np.float64]:
-        """Where the base truly was at the start and after each action [n, 2]."""
+        """True base positions [n, 2] at the start and after each action."""
         return np.array(self._tracker.track_m)
 
     def segmentation(self, stamp_ns: int) -> Segmentation:
-        """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
+        """Segmentation of one of the last 64 captures. Raises InvalidInput for any other stamp."""
         return self._sensors.segmentation(stamp_ns)
 
     # --- actions ------------------------------------------------------------------------------
     def _refusal(self, action: Action) -> str:
-        """Why this cannot be begun; empty if it can."""
+        """Reason why the action cannot start; empty if it can."""
         with self._stop_lock:
             reason = self._stop_reason
         if reason is not None:
@@ -231,7 +235,7 @@ class World(RobotDriver):
         )
 
     def _settle(self) -> None:
-        """Put the robot where it starts, and let all things come to rest."""
+        """Put the robot at its start pose and let all objects come to rest."""
         data, robot = self._data, self._robot
         for address, value in zip(robot.qpos, self._home.start_pose, strict=True):
             data.qpos[address] = value

@@ -1,7 +1,7 @@
 """Optional realistic furniture: Debian's `sweethome3d-furniture`, baked into the user's cache.
 
-`bake()` makes a pack of it; `realistic()` is the dressing that `generate_home` takes. Baking needs
-the extra `assets`; using a baked pack does not.
+`bake()` creates a pack of models; `realistic()` returns the dressing of that pack for
+`generate_home`. Baking needs the extra `assets`; using a baked pack does not.
 """
 
 from helios_sim.assets.asset_pack import Pack

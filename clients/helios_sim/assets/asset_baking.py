@@ -1,4 +1,4 @@
-"""Makes a pack of chosen models: read, thinned out, with boxes and surfaces, attributed."""
+"""Baking of selected models into a pack: simplification, collision boxes, surfaces, attribution."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from helios_sim.assets.obj_reader import Part, load_parts
 from helios_sim.assets.surface_sampling import face_normals
 from helios_sim.assets.sweethome_library import Entry, Library, open_libraries
 
-VERSION = 1  # of how models are baked: raised with every change of the result
+VERSION = 1  # version of the baking procedure; raise it with every change of the result
 
 
 @dataclass(frozen=True)
 class _Grade:
-    """How finely a kind of model is baked."""
+    """Level of detail for one kind of model."""
 
     triangles: int
     pitch_m: float
@@ -42,18 +42,18 @@ _GRADES: dict[Kind, _Grade] = {
     "soft": _Grade(2000, 0.05, 48, 0.03),
     "thing": _Grade(700, 0.02, 14, 0.0),
 }
-_MOST_TRIANGLES = 2.5  # times what is wanted
+_MOST_TRIANGLES = 2.5  # limit, as a multiple of the requested number
 _HEIGHTS_M = (0.08, 1.6)
 
 
 @dataclass(frozen=True)
 class Baked:
-    """What came of a bake. `left_out` says why, by model."""
+    """Result of a bake. `left_out`: model -> reason why it is missing."""
 
     folder: Path
     pack: Pack
     left_out: Mapping[str, str]
-    fresh: bool  # False: the same pack was there already
+    fresh: bool  # False: the cache already held this pack
 
 
 def bake(
@@ -62,12 +62,12 @@ def bake(
     choices: Sequence[Choice] = CHOICES,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Baked:
-    """Bake the chosen models of a source into the cache, unless they are there already.
+    """Bake the selected models of a source into the cache, unless the cache holds them already.
 
-    Raises Unavailable or InvalidInput, see `open_libraries`; InvalidInput if no chosen model is
-    in the source.
+    Raises Unavailable without the extra `assets`, InvalidInput if no selected model can be baked,
+    and both as `open_libraries` does.
     """
-    try:  # the extra `assets`; it is used further in
+    try:  # from the extra `assets`; used in `mesh_simplification`
         import fast_simplification  # noqa: F401
     except ImportError as error:
         raise Unavailable(
@@ -108,7 +108,7 @@ def _current(cache: Path, recipe: str) -> Pack | None:
 
 
 class _Oven:
-    """Bakes models one by one; one that is used for several classes is read once."""
+    """Bakes models one by one; a model that serves several classes is baked once per kind."""
 
     def __init__(self, libraries: Sequence[Library]) -> None:
         self._home = {key: library for library in libraries for key in library.entries}
@@ -141,7 +141,7 @@ class _Oven:
         vertices = np.concatenate([p.vertices for p in parts])
         starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
         faces = np.concatenate([p.faces + s for p, s in zip(parts, starts, strict=False)])
-        # Thinning may have drawn the outermost points in a little.
+        # Simplification may move the outermost points inwards.
         shift = np.array([*(vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2,
                           vertices[:, 2].min()])  # fmt: skip
         vertices = vertices - shift
@@ -187,7 +187,7 @@ class _Oven:
 
 
 def _in_a_row(modules: list[list[Part]], entries: list[Entry]) -> list[Part]:
-    """Modules side by side, backs in line."""
+    """Parts of modules placed side by side, with their backs aligned."""
     width = sum(entry.size_m[0] for entry in entries)
     deepest = max(entry.size_m[1] for entry in entries)
     x, out = -width / 2, []

@@ -1,8 +1,8 @@
-"""Baked furniture: small models with looks, boxes and surfaces, in a folder of the user's cache.
+"""Packs of baked models with visuals, boxes and surfaces, in a folder of the user's cache.
 
 $XDG_CACHE_HOME/helios/furniture/current -> sweethome3d-KEY/
-    models.npz       triangles and pictures
-    models.json      everything else, with the SHA-256 of models.npz
+    models.npz       triangles and textures
+    models.json      all other data, with the SHA-256 of models.npz
     ATTRIBUTIONS.md  author and licence of each model
 """
 
@@ -31,19 +31,19 @@ BAKE_FIRST = "bake it with: helios assets bake"
 
 @dataclass(frozen=True)
 class Look:
-    """What is drawn of one material; vertices and normals [n, 3], uv [n, 2], faces [m, 3]."""
+    """Visual mesh of one material; vertices and normals [n, 3], uv [n, 2], faces [m, 3]."""
 
     vertices: NDArray[np.float32]
     normals: NDArray[np.float32]
     uv: NDArray[np.float32]
     faces: NDArray[np.int32]
     rgb: tuple[float, float, float]
-    picture: str = ""  # key of `Pack.pictures`
+    picture: str = ""  # texture: key of `Pack.pictures`
 
 
 @dataclass(frozen=True)
 class Model:
-    """A baked model in the furniture frame: floor at 0, +y the back, metres."""
+    """Baked model in the furniture frame: floor at z = 0, back at +y, metres."""
 
     key: str
     classes: tuple[str, ...]
@@ -52,14 +52,14 @@ class Model:
     licence: str
     size_m: tuple[float, float, float]
     rgb: tuple[float, float, float]
-    boxes: tuple[tuple[float, ...], ...]  # middle and half extents, 6 each
-    surfaces: tuple[tuple[float, ...], ...]  # middle x, y, half extents x, y, height
+    boxes: tuple[tuple[float, ...], ...]  # centre and half extents, 6 values each
+    surfaces: tuple[tuple[float, ...], ...]  # centre x, y, half extents x, y, height
     looks: tuple[Look, ...] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True)
 class Pack:
-    """All baked models. `digest` names them and how they were made."""
+    """All baked models. `digest` identifies the models and the baking procedure."""
 
     digest: str
     models: tuple[Model, ...]
@@ -70,14 +70,14 @@ class Pack:
 
 
 def default_cache() -> Path:
-    """`$XDG_CACHE_HOME/helios/furniture`, or under `~/.cache`."""
+    """Folder `$XDG_CACHE_HOME/helios/furniture`, or `~/.cache/helios/furniture`."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     root = Path(base) if os.path.isabs(base) else Path.home() / ".cache"
     return root / "helios" / "furniture"
 
 
 def write(pack: Pack, attributions: str, cache: Path) -> Path:
-    """Put a pack in place of the current one, all or nothing. The folder."""
+    """Replace the current pack atomically; return the folder of the new one."""
     cache.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=".baking-", dir=cache))
     try:
@@ -109,9 +109,9 @@ def write(pack: Pack, attributions: str, cache: Path) -> Path:
 
 
 def _put(scratch: Path, cache: Path, digest: str) -> Path:
-    """Rename the folder into place, then turn `current` to it; both are atomic."""
+    """Rename the folder into place, then point the link `current` to it; both are atomic."""
     target = cache / f"{NAME}-{digest[:12]}"
-    if target.exists():  # the same pack, but damaged
+    if target.exists():  # a damaged copy of the same pack
         target.rename(scratch.with_name(scratch.name + ".old"))
     scratch.chmod(0o755)
     scratch.rename(target)
@@ -126,7 +126,7 @@ def _put(scratch: Path, cache: Path, digest: str) -> Path:
 
 
 def read(cache: Path | None = None) -> Pack:
-    """The current pack. Unavailable if there is none; InvalidInput for a damaged or foreign one."""
+    """Current pack. Raises Unavailable if there is none, InvalidInput if damaged or foreign."""
     folder = (cache or default_cache()) / "current"
     head = read_index(folder)
     try:
@@ -147,7 +147,7 @@ def read(cache: Path | None = None) -> Pack:
 
 
 def read_index(folder: Path) -> dict[str, Any]:
-    """`models.json` of a folder. Unavailable if there is none; InvalidInput for a foreign one."""
+    """Content of `models.json`. Raises Unavailable without the file, InvalidInput if foreign."""
     path = folder / INDEX
     try:
         head = json.loads(path.read_text())
@@ -162,7 +162,7 @@ def read_index(folder: Path) -> dict[str, Any]:
 
 
 def _packed(prefix: str, look: Look, size_m: tuple[float, float, float]) -> dict[str, NDArray[Any]]:
-    """Positions in 1/65535 of twice the model's box, normals in 1/127, uv in 1/1024."""
+    """Quantized arrays: positions in 1/65535 of twice the box, normals in 1/127, uv in 1/1024."""
     span = np.array(size_m) * 2
     return {
         f"{prefix}v": np.round((look.vertices / span + 0.5) * 65535).clip(0, 65535).astype("u2"),

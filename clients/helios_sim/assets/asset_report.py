@@ -1,4 +1,4 @@
-"""Who made the baked models, and what they are like."""
+"""Attributions and listing of the baked models."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from helios_sim.assets.asset_pack import Model, Pack
 from helios_sim.assets.sweethome_library import LICENCE_ADDRESSES
 
-# What the libraries' licence files ask to be named beside the author in the catalogue.
+# Holders that a library's licence file requires in addition to the author in the catalogue.
 _HOLDERS = {
     "Scopia": "Scopia Visual Interfaces Systems, s.l. (http://www.scopia.es) and eTeks",
     "KatorLegaz": "Andrew Kator & Jennifer Legaz",
@@ -23,7 +23,7 @@ def _credit(model: Model) -> str:
 
 
 def attributions(pack: Pack) -> str:
-    """Who made what, under which licence, in Markdown."""
+    """Author and licence of each model, as Markdown."""
     lines = [
         "# Attributions",
         "",
@@ -43,7 +43,7 @@ def attributions(pack: Pack) -> str:
 
 
 def rows_of(pack: Pack) -> list[dict[str, Any]]:
-    """What `helios assets show` lists, by class."""
+    """Rows for `helios assets show`, sorted by class."""
     return [
         {
             "key": model.key,

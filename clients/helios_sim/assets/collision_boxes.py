@@ -1,4 +1,4 @@
-"""What a mesh is touched by: its voxels, merged into few boxes and drawn tight."""
+"""Collision boxes of a mesh: its voxels, merged into few boxes that are shrunk to the surface."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from helios_sim.assets.surface_sampling import sample
 
 _COARSER = 1.3
 _MIN_HALF_M = 0.004
-# Orders in which a box grows along the axes; the largest box counts.
+# Axis orders in which a box grows; the largest resulting box is used.
 _ORDERS = ((0, 1, 2), (2, 1, 0), (1, 0, 2), (0, 2, 1))
 
 
 def merged_boxes(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], pitch_m: float, at_most: int
 ) -> NDArray[np.float64]:
-    """Boxes [n, 6] (middle, half extents; metres) that cover a surface and what it closes in.
+    """Boxes [n, 6] (centre, half extents; metres) that cover a surface and its enclosed volume.
 
-    Voxels of `pitch_m` are merged greedily; they grow by 1.3 until `at_most` boxes are enough.
+    Voxels of `pitch_m` are merged greedily; the pitch grows by 1.3 until `at_most` boxes suffice.
     A box ends where the surface in its voxels ends.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -35,7 +35,7 @@ def merged_boxes(
         if spans is not None:
             break
         pitch_m *= _COARSER
-    # The extent of the matter in each voxel: of its samples, or all of it within.
+    # Occupied extent of each voxel: that of its samples on the surface, the full voxel inside.
     grid = np.stack(np.meshgrid(*(np.arange(d) for d in dims), indexing="ij"), axis=-1)
     lows, highs = low + grid * cell, low + (grid + 1) * cell
     lows[shell], highs[shell] = np.inf, -np.inf
@@ -86,9 +86,9 @@ def _volume(span: tuple[NDArray[np.int64], NDArray[np.int64]]) -> int:
 def levelled(
     boxes: NDArray[np.float64], surfaces: NDArray[np.float64], slab_m: float = 0.02
 ) -> NDArray[np.float64]:
-    """Boxes [n, 6] with nothing above the surfaces [k, 5], and a level slab under each.
+    """Boxes [n, 6] without any volume above the surfaces [k, 5], and a flat slab under each.
 
-    What of a voxel sticks out over a surface is cut off: the model itself shows nothing there.
+    Parts of voxels above a surface are cut off, because the model is empty there.
     """
     for x, y, half_x, half_y, height in surfaces:
         low = np.array([x - half_x, y - half_y, height])
@@ -102,7 +102,7 @@ def levelled(
 def _cut(
     box: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What is left of a box [k, 6] outside of a region: slices off it, side by side."""
+    """Remainder of a box outside a region, as disjoint boxes [k, 6]."""
     a, b = box[:3] - box[3:], box[:3] + box[3:]
     if (np.minimum(b, high) - np.maximum(a, low) <= 1e-4).any():
         return box[None]

@@ -1,4 +1,4 @@
-"""Where things can stand on a model: flat rectangles with nothing of the model above them."""
+"""Support surfaces of a model: flat rectangles without any part of the model above them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def flat_tops(
     heights_m: tuple[float, float],
     at_most: int = 2,
 ) -> NDArray[np.float64]:
-    """Rectangles [n, 5] (middle x, y, half extents x, y, height; metres), the largest first.
+    """Rectangles [n, 5] (centre x, y, half extents x, y, height; metres), the largest first.
 
-    Seen from above, all that shows of the model within a rectangle is level (within 22°) and at
-    most `uneven_m` below its height. Only heights in the closed interval count.
+    Seen from above, the model within a rectangle is horizontal (within 22°) and at most `uneven_m`
+    below its height. Only heights in the closed interval `heights_m` are used.
     """
     found = sample(vertices, faces, _CELL_M / 2.5)
     normals, _ = face_normals(vertices, faces)
@@ -35,7 +35,7 @@ def flat_tops(
     top, floor = np.full(dims, -np.inf), np.full(dims, -np.inf)
     np.maximum.at(top, tuple(cell.T), found.points[:, 2])
     np.maximum.at(floor, tuple(cell[level].T), found.points[level, 2])
-    with np.errstate(invalid="ignore"):  # -inf - -inf where nothing is
+    with np.errstate(invalid="ignore"):  # -inf - -inf in empty cells
         flat = top - floor < 0.004
     rectangles = []
     while len(rectangles) < at_most:
@@ -61,7 +61,7 @@ def flat_tops(
 def _levels(
     top: NDArray[np.float64], flat: NDArray[np.bool_], heights_m: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Heights worth trying: one per centimetre at which something is flat."""
+    """Candidate heights: one per centimetre at which the model has a flat cell."""
     heights = top[flat]
     heights = heights[(heights >= heights_m[0]) & (heights <= heights_m[1])]
     return np.unique(np.round(heights, 2))
@@ -74,12 +74,12 @@ def _rectangle_at(
 
 
 def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[float, tuple[int, int, int, int]]:
-    """Number of cells and (row0, column0, row1, column1) of the largest all-true rectangle."""
+    """Cell count and (row0, column0, row1, column1) of the largest all-true rectangle."""
     best, where = 0.0, (0, 0, 0, 0)
-    run = np.zeros(mask.shape[1] + 1, int)  # true cells upward of this row; 0 at the end
+    run = np.zeros(mask.shape[1] + 1, int)  # consecutive true cells up to this row; last entry 0
     for row in range(mask.shape[0]):
         run[:-1] = np.where(mask[row], run[:-1] + 1, 0)
-        open_at: list[tuple[int, int]] = []  # (first column, height), heights rising
+        open_at: list[tuple[int, int]] = []  # (first column, height), by rising height
         for column, height in enumerate(run.tolist()):
             first = column
             while open_at and open_at[-1][1] >= height:

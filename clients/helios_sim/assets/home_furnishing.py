@@ -1,4 +1,4 @@
-"""Gives the furniture and things of a home the looks, boxes and surfaces of baked models."""
+"""Replacement of the parametric furniture and objects of a home by baked models."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from helios_sim.home.home_types import (
 )
 from helios_sim.home.seating_shapes import Maker
 
-# How far a model may be scaled to the size that the home drew: furniture on each axis by itself,
-# things as a whole. The result is at most so much larger than drawn.
+# Limits for scaling a model to the size of the drawn shape: furniture per axis, objects uniformly.
+# The result exceeds the drawn size by a factor of at most MOST_LARGER.
 FURNITURE_SCALE = (0.7, 1.4)
 THING_SCALE = (0.3, 1.6)
 MOST_LARGER = 1.12
-# A model stands for a receptacle only if something can be put on it at a height in reach.
+# A model can replace a receptacle only if it has a surface at a reachable height.
 SURFACE_HEIGHT_M = (0.3, 1.2)
 _MIN_SURFACE_HALF_M = 0.085
-_MOST_STRETCH = 1.5  # of the largest to the smallest of a piece's three scales
+_MOST_STRETCH = 1.5  # limit of the ratio of the largest to the smallest scale of a model
 
 
 @dataclass(frozen=True, eq=False)
 class Dressing:
-    """Makers of a catalog, wrapped: each shape drawn is replaced by a baked model that fits.
+    """Wraps the makers of a catalog: a baked model that fits replaces each parametric shape.
 
-    Which one is drawn from the home's generator, so a home depends on seed, preset and pack. A
-    class without a fitting model keeps its parametric shape.
+    The home's random generator selects the model, so a home depends on seed, preset and pack.
+    A shape without a fitting model is kept.
     """
 
     pack: Pack
@@ -50,7 +50,7 @@ class Dressing:
     _pictures: dict[str, Picture] = field(default_factory=dict, repr=False)
 
     def over(self, catalog: Catalog) -> Catalog:
-        """The same catalog, dressed."""
+        """Copy of the catalog with wrapped makers."""
         return replace(
             catalog,
             receptacles={
@@ -87,13 +87,13 @@ class Dressing:
         def made(rng: np.random.Generator, palette: Palette) -> Shape:
             drawn = make(rng, palette)
             if drawn.rolls and not _is_ball(drawn):
-                return drawn  # it lies on its side
+                return drawn  # a round object on its side
             fitting = [(m, s) for m in models if (s := thing_scale(m, drawn)) is not None]
             if not fitting:
                 return drawn
             model, scale = fitting[int(rng.integers(len(fitting)))]
             shape = self._shape(model, scale, drawn, origin_z=0.5)
-            # What rolls keeps its round solid.
+            # A ball keeps its sphere as the collision shape.
             return replace(shape, solids=drawn.solids) if _is_ball(drawn) else shape
 
         return made
@@ -106,7 +106,7 @@ class Dressing:
     def _shape(
         self, model: Model, scale: NDArray[np.float64], drawn: Shape, *, origin_z: float
     ) -> Shape:
-        """A model at a scale [3]; its frame's origin at that share of its height."""
+        """Shape of a model at a scale [3]; `origin_z`: height of its origin / model height."""
         size = _vec3(np.array(model.size_m) * scale)
         move = np.array([0.0, 0.0, -origin_z * size[2]])
         return Shape(
@@ -146,15 +146,15 @@ class Dressing:
 
 
 def realistic(cache: Path | None = None) -> Dressing:
-    """The dressing of the pack in the user's cache. Raises as `pack.read`."""
+    """Dressing of the pack in the user's cache. Raises as `asset_pack.read` does."""
     return Dressing(packs.read(cache))
 
 
 def furniture_scale(model: Model, drawn: Shape) -> NDArray[np.float64] | None:
-    """Scale [3] that brings a model as near to the drawn size as the limits allow.
+    """Scale [3] that brings a model as close to the drawn size as the limits allow.
 
-    What things are put on is measured by the height of its main surface. None if it would be too
-    large or too stretched, or leave no place to put things where the drawn shape has one.
+    If both have surfaces, the height of the main surface sets the vertical scale. None if the
+    result is too large or too stretched, or has no surface although the drawn shape has one.
     """
     wanted = np.array(drawn.size_m) / np.array(model.size_m)
     if drawn.surfaces and model.surfaces:
@@ -169,7 +169,7 @@ def furniture_scale(model: Model, drawn: Shape) -> NDArray[np.float64] | None:
 
 
 def thing_scale(model: Model, drawn: Shape) -> NDArray[np.float64] | None:
-    """One scale for all axes [3], by the longest side; a ball takes the drawn size exactly."""
+    """Uniform scale [3] by the longest side, None if too large; a ball gets the drawn size."""
     wanted = np.array(drawn.size_m) / np.array(model.size_m)
     if _is_ball(drawn):
         return wanted
@@ -179,7 +179,7 @@ def thing_scale(model: Model, drawn: Shape) -> NDArray[np.float64] | None:
 
 
 def _surfaces(model: Model, scale: NDArray[np.float64]) -> tuple[Surface, ...]:
-    """Those in reach and not too narrow."""
+    """Scaled surfaces of a model that are within reach and not too narrow."""
     found = []
     for x, y, half_x, half_y, height in model.surfaces:
         surface = Surface(

@@ -1,4 +1,4 @@
-"""Fewer triangles and fewer parts; normals that keep edges sharp and round things round."""
+"""Mesh simplification: fewer triangles and parts; vertex normals with sharp creases."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FEWEST = 24
 
 
 def refined(parts: list[Part], at_most: int) -> list[Part]:
-    """The same model with about `at_most` triangles, parts of like colour merged."""
+    """Model with about `at_most` triangles, in which parts of similar colour are merged."""
     parts = _joined(parts)
     areas = np.array([face_normals(p.vertices, p.faces)[1].sum() for p in parts])
     counts = np.array([len(p.faces) for p in parts], float)
@@ -33,7 +33,7 @@ def refined(parts: list[Part], at_most: int) -> list[Part]:
 
 
 def _joined(parts: list[Part]) -> list[Part]:
-    """Plain parts of nearly one colour in one; so are those with the same picture."""
+    """Parts, after merging those of nearly the same colour or with the same texture."""
     groups: list[list[Part]] = []
     for part in sorted(parts, key=lambda p: -len(p.faces)):
         for group in groups:
@@ -65,7 +65,7 @@ def _concatenated(group: list[Part]) -> Part:
 
 
 def _decimated(part: Part, target: int) -> Part:
-    """About `target` triangles, by quadric errors on the surface without its texture seams."""
+    """Part with about `target` triangles, by quadric error metrics on the seamless surface."""
     import fast_simplification
 
     _, first, inverse = np.unique(
@@ -80,7 +80,7 @@ def _decimated(part: Part, target: int) -> Part:
     points, faces = np.asarray(fewer[0], float), np.asarray(fewer[1], np.int64)
     if part.uv is None:
         return replace(part, vertices=points, faces=faces)
-    corners = points[faces]  # [m, 3, 3]; from here each triangle has its own corners
+    corners = points[faces]  # [m, 3, 3]; triangles share no vertices from here on
     return replace(
         part,
         vertices=corners.reshape(-1, 3),
@@ -92,8 +92,8 @@ def _decimated(part: Part, target: int) -> Part:
 def _texture_at(part: Part, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Texture coordinates [m, 3, 2] for the corners of new triangles on an old surface.
 
-    Each corner looks up the old triangle nearest to a point a little within its new one, which
-    decides between the sides of a seam, and reads that triangle's map at the corner itself.
+    Each corner uses the old triangle nearest to a point slightly inside the new triangle, so that
+    it stays on its side of a seam. The coordinates are those of that old triangle at the corner.
     """
     assert part.uv is not None
     extent = float(np.ptp(part.vertices, axis=0).max())
@@ -109,7 +109,7 @@ def _texture_at(part: Part, corners: NDArray[np.float64]) -> NDArray[np.float64]
 def _barycentric(
     a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], p: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Weights [k, 3] of p projected on triangles; at most half a triangle beyond their edges."""
+    """Barycentric weights [k, 3] of p projected on triangles, clipped to -0.5 to 1.5."""
     u, v, w = b - a, c - a, p - a
     uu, uv, vv = (np.einsum("kx,kx->k", *pair) for pair in ((u, u), (u, v), (v, v)))
     wu, wv = np.einsum("kx,kx->k", w, u), np.einsum("kx,kx->k", w, v)
@@ -132,14 +132,14 @@ def _without_slivers(part: Part) -> Part:
 
 
 def with_normals(part: Part) -> tuple[Part, NDArray[np.float64]]:
-    """The part with vertices split at edges sharper than 44°, and a unit normal for each."""
+    """Part with vertices split at edges sharper than 44°, and unit normals [n, 3]."""
     normals, areas = face_normals(part.vertices, part.faces)
     _, position = np.unique(np.round(part.vertices, 5), axis=0, return_inverse=True)
-    at = position.ravel()[part.faces].ravel()  # position of each of the 3m corners
+    at = position.ravel()[part.faces].ravel()  # position index of each of the 3m corners
     order = np.argsort(at, kind="stable")
     counts = np.bincount(at)
     starts = np.cumsum(counts) - counts
-    # All pairs of corners that meet in one position.
+    # All pairs of corners at the same position.
     many = counts[at[order]]
     left = np.repeat(order, many)
     offset = np.arange(len(left)) - np.repeat(np.cumsum(many) - many, many)

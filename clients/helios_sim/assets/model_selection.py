@@ -1,7 +1,7 @@
-"""Which catalogue entry may stand for which class of ours, and how it is baked.
+"""Selection of catalogue entries for each object class, and their kind for baking.
 
-Chosen by eye: household things of plausible size, with their front to -y and no leaves on flat
-cards. A class that is not here keeps its parametric shapes.
+Selected by eye: household objects of plausible size, with their front at -y and without flat
+textured leaves. A class that is not listed keeps its parametric shapes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ Kind = Literal["hard", "seat", "soft", "thing"]
 class Choice:
     """Entries for one class. A tuple of keys is a row of modules, left to right.
 
-    `kind`: hard furniture, a seat, soft furniture (how level a surface has to be), or a thing.
+    `kind` sets the level of detail and the required flatness of surfaces: hard furniture, a seat,
+    soft furniture, or "thing" for a movable object.
     """
 
     class_name: str
@@ -166,5 +167,5 @@ CHOICES: tuple[Choice, ...] = (
 
 
 def digest(choices: tuple[Choice, ...]) -> str:
-    """SHA-256 of a table."""
+    """SHA-256 of the selection table."""
     return hashlib.sha256(repr(choices).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Reads Wavefront OBJ and MTL: triangles by material, as Sweet Home 3D's libraries use them."""
+"""Reader for Wavefront OBJ and MTL files of Sweet Home 3D libraries: triangles by material."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PLAIN_RGB: Rgb = (0.7, 0.7, 0.7)
 
 @dataclass(frozen=True)
 class Part:
-    """Triangles of one material. `uv` goes with `picture`, [h, w, 3] uint8, row 0 at v = 0."""
+    """Triangles of one material. `uv` refers to `picture`, [h, w, 3] uint8, row 0 at v = 0."""
 
     vertices: NDArray[np.float64]  # [n, 3]
     faces: NDArray[np.int64]  # [m, 3]
@@ -42,19 +42,20 @@ class _Material:
 
 @dataclass
 class _Text:
-    """An OBJ as it was read; corners are rows of (position, texture coordinate), -1 for none."""
+    """Parsed OBJ file; corners are rows of (position, texture coordinate) indices, -1 for none."""
 
     positions: list[list[float]] = field(default_factory=list)
     texture: list[list[float]] = field(default_factory=list)
-    corners: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # by material, by 3
+    # material name -> corners, three per triangle
+    corners: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
     libraries: list[str] = field(default_factory=list)
 
 
 def load_parts(files: dict[str, io.BytesIO], entry: Entry) -> list[Part]:
-    """The model in our furniture frame: x right, +y the back, z up from the floor, the origin
-    under the middle of the footprint, scaled to the size in the catalogue.
+    """Parts of a model in the furniture frame, scaled to the size in the catalogue.
 
-    Raises InvalidInput for what is no mesh, or has pictures with holes.
+    Frame: x right, +y the back, z up, origin on the floor at the centre of the footprint.
+    Raises InvalidInput if the file is no mesh or has cut-out textures.
     """
     name = entry.model.rpartition("/")[2]
     try:
@@ -69,7 +70,7 @@ def load_parts(files: dict[str, io.BytesIO], entry: Entry) -> list[Part]:
         raise InvalidInput(f"model {entry.key} holds no triangles")
     positions = np.array(text.positions)
     texture = np.array(text.texture) if text.texture else np.zeros((0, 2))
-    texture[~(np.abs(texture) < _MOST_REPEATS)] = 0.0  # a few files hold rubbish
+    texture[~(np.abs(texture) < _MOST_REPEATS)] = 0.0  # a few files hold invalid coordinates
     parts = []
     for material_name, rows in text.corners.items():
         if rows:
@@ -102,7 +103,7 @@ def _read(file: io.BytesIO) -> _Text:
 
 
 def _corner(word: str, text: _Text) -> tuple[int, int]:
-    """Indices from 0 of "position/texture/normal", each from 1 or back from the end."""
+    """Zero-based indices of "position/texture/normal", which count from 1 or from the end."""
     position, _, rest = word.partition("/")
     uv = rest.partition("/")[0]
     p, t = int(position), int(uv) if uv else 0
@@ -143,18 +144,18 @@ def _part(
     if picture is not None and (rows[:, 1] >= 0).all():
         return Part(positions[rows[:, 0]], faces, (1.0, 1.0, 1.0), texture[rows[:, 1]], picture)
     rgb = material.rgb
-    if picture is not None:  # nothing says how it lies: its mean colour
+    if picture is not None:  # without texture coordinates: the mean colour
         r, g, b = (picture.reshape(-1, 3).mean(axis=0) / 255).tolist()
         rgb = (r, g, b)
     elif material.alpha < _GLASS_ALPHA:
-        # Glass is drawn opaque, so that depth sensors and eyes agree with what collides.
+        # Glass is drawn opaque, so that images and depth agree with the collision shape.
         r, g, b = (0.3 * x + 0.7 * y for x, y in zip(rgb, _GLASS_RGB, strict=True))
         rgb = (r, g, b)
     return Part(positions[rows[:, 0]], faces, rgb)
 
 
 def _picture(files: dict[str, io.BytesIO], name: str, entry: Entry) -> NDArray[np.uint8] | None:
-    """At most 256 px a side, row 0 at v = 0. Options before the file's name are passed over."""
+    """Texture, at most 256 px a side, row 0 at v = 0. Options before the file name are ignored."""
     file = files.get(name) or files.get(name.rpartition(" ")[2])
     if file is None:
         return None
@@ -179,7 +180,7 @@ def _in_our_frame(parts: list[Part], entry: Entry) -> list[Part]:
     width, depth, height = entry.size_m
     scale = np.array([width, height, depth]) / np.maximum(high - low, 1e-9)
     origin = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-    # Their front is +z and up is +y: ours are -y and +z.
+    # In the file, front is +z and up is +y; in the furniture frame, -y and +z.
     axes = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
     mirrored = float(np.linalg.det(entry.rotation)) < 0
     out = []

@@ -1,4 +1,4 @@
-"""Points on triangles, spread evenly and the same each time."""
+"""Deterministic, even sampling of points on triangles."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ _MOST_PER_EDGE = 400
 
 @dataclass(frozen=True)
 class Samples:
-    """Points on a surface, with the triangle of each and its place in it."""
+    """Points on a surface, with the triangle and the barycentric weights of each."""
 
     points: NDArray[np.float64]  # [k, 3] m
     face: NDArray[np.int64]  # [k]
-    weights: NDArray[np.float64]  # [k, 3] of the triangle's corners, sum 1
+    weights: NDArray[np.float64]  # [k, 3] for the triangle's corners, sum 1
 
 
 def sample(vertices: NDArray[np.float64], faces: NDArray[np.int64], spacing_m: float) -> Samples:
-    """A lattice at most `spacing_m` wide on every triangle, its corners and edges included."""
+    """Lattice of points, at most `spacing_m` apart, on every triangle with its corners and edges.
+
+    Spacing grows on edges longer than 400 spacings.
+    """
     corners = vertices[faces]  # [m, 3, 3]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     steps = np.clip(np.ceil(edges / spacing_m), 1, _MOST_PER_EDGE).astype(np.int64)
@@ -40,7 +43,7 @@ def sample(vertices: NDArray[np.float64], faces: NDArray[np.int64], spacing_m: f
 def face_normals(
     vertices: NDArray[np.float64], faces: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit normals [m, 3] (0 for slivers) and areas [m]."""
+    """Unit normals [m, 3] (0 for degenerate triangles) and areas [m]."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     twice = np.linalg.norm(cross, axis=1)

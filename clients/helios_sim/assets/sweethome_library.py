@@ -1,6 +1,6 @@
-"""Reads Sweet Home 3D furniture libraries: `.sh3f` archives with a catalogue, models and a licence.
+"""Reader for Sweet Home 3D libraries: `.sh3f` archives with a catalogue, models and a licence.
 
-They come as a folder, as one archive, or inside Debian's package `sweethome3d-furniture`.
+The source is a folder, one archive, or Debian's package `sweethome3d-furniture`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ HOW_TO_GET = (
 )
 _CATALOGUE = "PluginFurnitureCatalog.properties"
 _PROPERTY = re.compile(r"\s*(\w+)#(\d+)\s*=\s*(.*)")
-# What is found in a library's LICENSE.TXT -> (short name, address); the first match counts.
+# (text in a library's LICENSE.TXT, short name of the licence); the first match is used.
 _LICENCES = (
     ("creativecommons.org/licenses/by/3.0/us", "CC-BY-3.0-US"),
     ("creativecommons.org/licenses/by/3.0", "CC-BY-3.0"),
@@ -44,7 +44,7 @@ LICENCE_ADDRESSES = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One model of a catalogue. `key` is "Library/id"; sizes are (width, depth, height)."""
+    """One model of a catalogue. `key` is "Library/id"; `size_m` is (width, depth, height)."""
 
     key: str
     name: str
@@ -57,10 +57,10 @@ class Entry:
 
 
 class Library:
-    """An open `.sh3f` archive."""
+    """Open `.sh3f` archive."""
 
     def __init__(self, path: Path) -> None:
-        """InvalidInput for what is no furniture library or has no licence that we know."""
+        """Raises InvalidInput if the file is no furniture library or has an unknown licence."""
         self.name = path.stem
         try:
             self.sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -102,7 +102,7 @@ class Library:
                 )
 
     def folder(self, entry: Entry) -> dict[str, io.BytesIO]:
-        """The files that lie beside an entry's model, by name."""
+        """Files in the folder of an entry's model, by name."""
         stem = entry.model.rpartition("/")[0] + "/"
         return {
             name[len(stem) :]: io.BytesIO(self._archive.read(name))
@@ -116,9 +116,9 @@ class Library:
 
 @contextmanager
 def open_libraries(source: Path | None) -> Iterator[list[Library]]:
-    """The libraries of a folder, an `.sh3f`, a `.deb` or, by default, of the installed package.
+    """Libraries of a folder, an `.sh3f`, a `.deb` or, by default, of the installed package.
 
-    Unavailable if the package is not installed; InvalidInput for any other thing.
+    Raises Unavailable if the package is not installed, InvalidInput for any other source.
     """
     with tempfile.TemporaryDirectory() as scratch:
         libraries = [Library(path) for path in _archives(source, Path(scratch))]
@@ -150,7 +150,7 @@ def _archives(source: Path | None, scratch: Path) -> list[Path]:
 
 
 def _unpack(package: Path, scratch: Path) -> list[Path]:
-    """The `.sh3f` files of a Debian package, written into `scratch`."""
+    """Paths of the `.sh3f` files of a Debian package, unpacked into `scratch`."""
     try:
         with package.open("rb") as file, tarfile.open(fileobj=_data_member(file)) as tar:
             for member in tar:
@@ -168,7 +168,7 @@ def _unpack(package: Path, scratch: Path) -> list[Path]:
 
 
 def _data_member(file: io.BufferedReader) -> io.BytesIO:
-    """`data.tar.*` of an ar archive: 60-byte headers, contents padded to even length."""
+    """Member `data.tar.*` of an ar archive (60-byte headers, contents padded to even length)."""
     if file.read(8) != b"!<arch>\n":
         raise ValueError("no ar archive")
     while len(header := file.read(60)) == 60:

@@ -1,6 +1,7 @@
-"""Homes by seed: rooms and doorways, furniture, things on it, and the MuJoCo model of all that.
+"""Homes generated from a seed: rooms, doorways, furniture, objects, and their MuJoCo model.
 
-`generate_home(seed, PRESETS["demo-v1"])` gives a `Home`; `Home.spec()` the model without a robot.
+`generate_home(seed, PRESETS["demo-v1"])` returns a `Home`; `Home.spec()` is its model without a
+robot.
 """
 
 from helios_sim.home.generated_home import Home

@@ -1,4 +1,4 @@
-"""Furniture with doors and drawers. Origin on the floor under the middle, +y is the back."""
+"""Shapes of furniture with doors and drawers. Origin on the floor at the centre, back at +y."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def fronts(
     *,
     bar: bool,
 ) -> None:
-    """A grid of drawer fronts or doors on the plane `y`, with knobs or bar handles."""
+    """Add a grid of drawer fronts or doors on the plane `y`, with knobs or bar handles."""
     width, height = (x[1] - x[0]) / columns, (z[1] - z[0]) / rows
     tall = height > width * 1.1
     for i in range(columns):
@@ -141,7 +141,7 @@ def tv_stand(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def bookcase(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Low enough for its top to be in reach; its shelves are full of books and baskets."""
+    """Bookcase whose top is within reach and whose boards are full of books and baskets."""
     width, depth = float(rng.uniform(0.8, 1.05)), float(rng.uniform(0.3, 0.34))
     rows = int(rng.integers(2, 4))
     height = {2: float(rng.uniform(0.74, 0.84)), 3: float(rng.uniform(1.0, 1.1))}[rows]
@@ -176,7 +176,7 @@ def shelf_goods(
     z: float,
     room: float,
 ) -> None:
-    """Books and baskets on a board of a shelf at height z, `room` high; drawn, not touched."""
+    """Add books and baskets on a shelf board at height z, with `room` above it; visuals only."""
     x, end = span_x
     colors = [
         Material(tinted((0.62, 0.34, 0.28), rng, 0.2), "", 0.08),

@@ -1,4 +1,4 @@
-"""Which classes there are, how they are made, and where each stands by custom."""
+"""Catalog of the demo homes: classes, their makers, and the usual receptacles of each object."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,17 +18,17 @@ from helios_sim.home.seating_shapes import Maker
 
 @dataclass(frozen=True)
 class Catalog:
-    """What the homes of a preset are made of, by class."""
+    """Makers of furniture and objects for the homes of a preset, by class."""
 
     receptacles: Mapping[str, tuple[str, Maker]]  # class -> (stem of the body name, maker)
     fixtures: Mapping[str, Maker]
     objects: Mapping[str, tuple[Maker, tuple[str, ...]]]  # class -> (maker, likely receptacles)
-    ovmm_class: Mapping[str, str] = field(default_factory=dict)  # ours -> the benchmark's
-    look_alikes: tuple[tuple[str, ...], ...] = ()  # classes that are taken for each other
+    ovmm_class: Mapping[str, str] = field(default_factory=dict)  # own class -> OVMM class
+    look_alikes: tuple[tuple[str, ...], ...] = ()  # groups of classes that are easily confused
 
 
 class Dressing(Protocol):
-    """Other makers for the classes of a catalog; `name` marks homes that are made with them."""
+    """Replacement of the makers of a catalog; `name` is appended to the preset name of a home."""
 
     @property
     def name(self) -> str: ...
@@ -54,7 +54,7 @@ RECEPTACLES: dict[str, tuple[str, Maker]] = {
     "washstand": ("washstand", counter_shapes.washstand),
 }
 
-# Furniture and decoration that is no receptacle.
+# Furniture and decoration that are no receptacles.
 FIXTURES: dict[str, Maker] = {
     "chair": seating_shapes.chair,
     "plant": decoration_shapes.plant,

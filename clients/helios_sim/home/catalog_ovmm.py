@@ -1,9 +1,9 @@
-"""Classes of the benchmark's homes: all 21 receptacle classes of OVMM, 42 classes of things.
+"""Catalog of the benchmark homes: all 21 receptacle classes of OVMM and 42 object classes.
 
-We keep plain names where they are better for language: `OVMM_CLASS` says which class of the
-benchmark each of our receptacles is (its list: bathtub, bed, bench, cabinet, chair, chest of
-drawers, couch, counter, filing cabinet, hamper, serving cart, shelves, shoe rack, sink, stand,
-stool, table, toilet, trunk, wardrobe, washer/dryer).
+Receptacles have own class names that suit plain language; `OVMM_CLASS` maps each of them to its
+class in OVMM (bathtub, bed, bench, cabinet, chair, chest of drawers, couch, counter, filing
+cabinet, hamper, serving cart, shelves, shoe rack, sink, stand, stool, table, toilet, trunk,
+wardrobe, washer/dryer).
 """
 
 from helios_sim.home import (
@@ -26,7 +26,7 @@ from helios_sim.home.catalog import Catalog
 from helios_sim.home.seating_shapes import Maker
 from helios_sim.home.shape_variation import varied
 
-# Ours -> (stem of the body name, maker, class of the benchmark).
+# Own class -> (stem of the body name, maker, OVMM class).
 _RECEPTACLES: dict[str, tuple[str, Maker, str]] = {
     "sofa": ("sofa", seating_shapes.sofa, "couch"),
     "armchair": ("armchair", seating_shapes.armchair, "chair"),

@@ -1,4 +1,4 @@
-"""The catalogs by the names that presets use."""
+"""Catalogs by name, as `HomePreset.catalog` refers to them."""
 
 from helios_sim.home.catalog import DEMO, Catalog
 from helios_sim.home.catalog_ovmm import OVMM

@@ -1,4 +1,4 @@
-"""One picture of all classes of a catalog, a few of each: to look at what homes are made of.
+"""Overview image of all classes of a catalog, with a few examples of each.
 
 `python -m helios_sim.home.class_sheets objects --out FILE` (or `receptacles`, `fixtures`).
 """
@@ -8,7 +8,7 @@ import math
 import os
 from pathlib import Path
 
-# Without a display MuJoCo has to be told of EGL before it is imported.
+# Without a display MuJoCo renders through EGL; it reads the variable when first imported.
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import cv2
@@ -29,7 +29,7 @@ _FLOOR_RGBA = (0.78, 0.77, 0.75, 1.0)
 
 
 def class_sheet(makers: dict[str, Maker], *, centered: bool) -> Image:
-    """A tile for each class. centered: origins are in the middle, as those of things to pick."""
+    """Image with one tile per class. centered: the origin is the box centre, as for objects."""
     tiles = []
     for number, (name, make) in enumerate(makers.items()):
         shapes = []
@@ -71,7 +71,7 @@ def _tile(shapes: list[Shape], centered: bool) -> Image:
 
 
 def main() -> None:
-    """Draws the sheet asked for on the command line."""
+    """Draw the sheet that the command line selects."""
     parser = argparse.ArgumentParser(description="All classes of a catalog in one picture")
     parser.add_argument("what", choices=("objects", "receptacles", "fixtures"))
     parser.add_argument("--catalog", default="ovmm", choices=sorted(CATALOGS))

@@ -1,4 +1,4 @@
-"""The colours of one home, drawn by seed so that its furniture goes together."""
+"""Colour palette of one home, drawn from its seed, so that its furniture matches."""
 
 from dataclasses import dataclass
 
@@ -54,7 +54,7 @@ LINEN = Material((0.95, 0.94, 0.91), "fabric", 0.02, 0.05)
 
 @dataclass(frozen=True)
 class Palette:
-    """Woods, paints and fabrics of a home."""
+    """Materials and wall colours of a home."""
 
     woods: tuple[Material, ...]
     paints: tuple[Material, ...]
@@ -82,7 +82,7 @@ class Palette:
 
 
 def draw_palette(rng: np.random.Generator) -> Palette:
-    """Two woods, two paints, three fabrics, four accents, three wall colours."""
+    """Random palette: two woods, two paints, three fabrics, four accents, three wall colours."""
     return Palette(
         woods=tuple(Material(c, "wood", 0.12, 0.25) for c in _pick(rng, _WOODS, 2)),
         paints=tuple(Material(c, "ceramic", 0.15, 0.3) for c in _pick(rng, _PAINTS, 2)),
@@ -96,13 +96,13 @@ def draw_palette(rng: np.random.Generator) -> Palette:
 
 
 def tinted(rgb: Rgb, rng: np.random.Generator, spread: float = 0.05) -> Rgb:
-    """A colour near `rgb`, each channel within `spread`."""
+    """Random colour near `rgb`, each channel within `spread`."""
     r, g, b = (float(np.clip(c + rng.uniform(-spread, spread), 0.03, 0.97)) for c in rgb)
     return r, g, b
 
 
 def darker(material: Material, factor: float) -> Material:
-    """The same material, its colour multiplied."""
+    """Copy of the material with its colour multiplied by `factor`."""
     r, g, b = material.rgb
     return Material(
         (r * factor, g * factor, b * factor),

@@ -1,4 +1,4 @@
-"""Kitchen counter and washstand. Origin on the floor under the middle, +y is the back."""
+"""Shapes of kitchen counter and washstand. Origin on the floor at the centre, back at +y."""
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def kitchen_counter(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def _sink(b: ShapeBuilder, x: float, height: float) -> None:
-    """A basin in the top and its tap."""
+    """Add a basin in the counter top and its tap."""
     basin = darker(STEEL, 0.62)
     b.box((x, -0.01, height + 0.002), (0.52, 0.42, 0.012), STEEL, bevel_m=0.005)
     b.box((x, -0.01, height + 0.005), (0.44, 0.34, 0.012), basin, bevel_m=0.005)
@@ -118,7 +118,7 @@ def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def _bowl(b: ShapeBuilder, x: float, r: float, height: float) -> None:
-    """A bowl of radius r on the top and its tap."""
+    """Add a bowl of radius r on the top and its tap."""
     b.lathe(
         [
             (0, 0),

@@ -1,4 +1,4 @@
-"""Furniture and decoration on which nothing is put. Origin under the middle, +y is the back."""
+"""Shapes of furniture and decoration without surfaces. Origin below the centre, back at +y."""
 
 import numpy as np
 

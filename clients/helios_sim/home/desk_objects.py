@@ -1,6 +1,6 @@
-"""Things of a desk and a sofa to pick: phone, tablet, laptop, stapler, cube, frame, tissues, tape.
+"""Objects of desk and sofa: phone, tablet, laptop, stapler, cube, picture frame, tissues, tape.
 
-Drawn lying or standing on z = 0, then moved so that the origin is in the middle of the box.
+They are drawn on z = 0, then moved so that the origin is the centre of the bounding box.
 """
 
 import math
@@ -38,7 +38,7 @@ def _bright(rng: np.random.Generator, texture: str = "") -> Material:
 
 
 def _slab(rng: np.random.Generator, w: float, d: float, h: float, mass_kg: float) -> Shape:
-    """A device with a dark screen on top."""
+    """Flat device with a screen on top."""
     case = _case(rng)
     glow = (0.10, 0.12, 0.15) if rng.random() < 0.6 else (0.30, 0.45, 0.60)
     b = ShapeBuilder()
@@ -60,7 +60,7 @@ def tablet(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def laptop(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A small one, open; its front looks to -y."""
+    """Small open laptop with its front at -y."""
     w, d, h = float(rng.uniform(0.27, 0.3)), float(rng.uniform(0.19, 0.21)), 0.0
     case = _case(rng)
     lean, tall = 0.22, float(rng.uniform(0.18, 0.2))
@@ -98,7 +98,7 @@ def stapler(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def puzzle_cube(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Nine coloured fields on each side."""
+    """Cube with nine coloured squares on each face except the bottom."""
     s = float(rng.uniform(0.056, 0.064))
     colors = [Material(c, "", 0.4, 0.5) for c in _BRIGHT]
     b = ShapeBuilder()
@@ -121,7 +121,7 @@ def puzzle_cube(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def picture_frame(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Stands on a foot, leaning back."""
+    """Picture frame on a foot, leaning back."""
     w, tall = float(rng.uniform(0.12, 0.16)), float(rng.uniform(0.16, 0.2))
     frame = palette.wood(rng) if rng.random() < 0.6 else STEEL
     lean = 0.2
@@ -165,7 +165,7 @@ def tissue_box(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def tape_roll(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Lies flat."""
+    """Tape roll that lies flat."""
     r, h = float(rng.uniform(0.045, 0.055)), float(rng.uniform(0.03, 0.045))
     tape = Material(tinted((0.76, 0.62, 0.42), rng, 0.12), "", 0.4, 0.6)
     b = ShapeBuilder()

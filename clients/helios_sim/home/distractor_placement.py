@@ -1,8 +1,8 @@
-"""Clutters the benchmark's homes: doubles, look-alikes beside them, things behind others.
+"""Object placement in the benchmark homes: duplicates, look-alikes and hidden objects.
 
-Everything stays within reach of a free stand, and each receptacle keeps room for one more thing.
-The physics (`physics_settling`) checks that a thing rests and can be seen; otherwise another is
-placed.
+Every object stays within reach of a free robot position, and each receptacle keeps space for one
+more object. The physics (`physics_settling`) checks that an object is at rest and visible;
+otherwise another one is placed.
 """
 
 import math
@@ -23,10 +23,10 @@ _SPARE_RADIUS_M = 0.12
 _REACH_SLACK_M = 0.06
 _DROP_M = 0.002
 _TRIES = 16
-_LIKELY = 0.75  # share of things that stand where they do by custom
-_LOOK_ALIKE, _BEHIND = 0.5, 0.6  # shares of later things
-_CROWD = 5  # things at most on one surface
-_HIDDEN = 4  # things set behind taller ones
+_LIKELY = 0.75  # probability of a receptacle that is usual for the class
+_LOOK_ALIKE, _BEHIND = 0.5, 0.6  # probabilities: look-alike class; position behind a neighbour
+_CROWD = 5  # largest number of objects on one surface
+_HIDDEN = 4  # number of objects placed behind taller ones
 _TALL_M, _AROUND_M = 0.13, 2.5
 
 Point = tuple[float, float]
@@ -42,7 +42,7 @@ class _Disc:
 
 
 class Scatter:
-    """Objects placed so far and where more fit."""
+    """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
     def __init__(self, furnisher: Furnisher) -> None:
         self._f, self._rng = furnisher, furnisher.rng
@@ -58,7 +58,7 @@ class Scatter:
             self._floor[room.index] = (x_of[columns], y_of[rows])
         self._hosts = {host.name: host for host in furnisher.receptacles}
         self._discs: dict[str, list[_Disc]] = {name: [] for name in self._hosts}
-        # Some furniture is crowded, some is empty.
+        # Random weights make some furniture crowded and leave some empty.
         self._drawn_to = {name: float(self._rng.gamma(0.7)) + 0.02 for name in self._hosts}
         self._made = self._hidden = 0
         classes = list(furnisher.catalog.objects)
@@ -68,7 +68,7 @@ class Scatter:
         self.objects: list[SceneObject] = []
 
     def top_up(self, count: int) -> None:
-        """Places things until there are `count`: one of each class, then company for them."""
+        """Place objects up to `count`: one per class, hidden ones, duplicates and look-alikes."""
         for class_name in self._order:
             if len({thing.class_name for thing in self.objects}) >= self._distinct:
                 break
@@ -88,14 +88,17 @@ class Scatter:
                 self._place(anchor.class_name)
 
     def keep(self, settled: Sequence[SceneObject]) -> None:
-        """Forgets all things but these, which are where they came to rest."""
+        """Replace the objects by `settled`, a subset of them at their rest poses."""
         names = {thing.name for thing in settled}
         self.objects = list(settled)
         for host, discs in self._discs.items():
             self._discs[host] = [disc for disc in discs if disc.name in names]
 
     def hide_more(self, hidden: NDArray[np.bool_]) -> None:
-        """Takes some doubles away that are not hidden [n], to be placed behind others."""
+        """Remove some duplicates that are not hidden, so that `top_up` can place hidden ones.
+
+        hidden: mask [n] over the objects.
+        """
         away: list[SceneObject] = []
         counts = Counter(thing.class_name for thing in self.objects)
         for thing, is_hidden in reversed(list(zip(self.objects, hidden, strict=True))):
@@ -106,7 +109,7 @@ class Scatter:
         self._hidden = 0
 
     def _like(self, class_name: str) -> str:
-        """A class that is taken for this one; itself where there is none."""
+        """Random look-alike class of this one; the class itself if there is none."""
         groups = [g for g in self._f.catalog.look_alikes if class_name in g]
         if not groups:
             return class_name
@@ -135,7 +138,7 @@ class Scatter:
         return False
 
     def _hide(self) -> bool:
-        """A tall and wide thing before a small one, or a small one behind a tall one."""
+        """Place a tall and wide object before a small one, or a small one behind a tall one."""
         thing = self.objects[int(self._rng.integers(len(self.objects)))]
         in_front = bool(self._rng.random() < 0.5)
         classes = sorted({other.class_name for other in self.objects})
@@ -151,7 +154,7 @@ class Scatter:
         return False
 
     def _away_from_floor(self, host: Receptacle, anchor: _Disc) -> float:
-        """Direction (rad) from the middle of the free floor around a thing to the thing."""
+        """Direction (rad) from the centre of the free floor around an object to the object."""
         x, y = self._floor[host.room]
         near = np.hypot(x - anchor.x, y - anchor.y) < _AROUND_M
         if not near.any():
@@ -159,7 +162,7 @@ class Scatter:
         return math.atan2(anchor.y - float(y[near].mean()), anchor.x - float(x[near].mean()))
 
     def _beside(self, class_name: str, thing: SceneObject) -> bool:
-        """A thing of that class next to another one."""
+        """Place an object of that class next to another one."""
         host = self._hosts[thing.receptacle]
         anchor = next(disc for disc in self._discs[host.name] if disc.name == thing.name)
         shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
@@ -182,7 +185,10 @@ class Scatter:
     def _near(
         self, class_name: str, shape: Shape, host: Receptacle, anchor: _Disc, *, behind: int
     ) -> bool:
-        """Close to another thing; behind: 1 on the side away from the floor, -1 before it."""
+        """Place an object close to `anchor`.
+
+        behind: 1 on the side away from the free floor, -1 on the opposite side, 0 on any side.
+        """
         radius = _radius(shape)
         surface = host.surfaces[anchor.level]
         away, spread = self._away_from_floor(host, anchor), 0.35 if behind else math.pi
@@ -210,7 +216,7 @@ class Scatter:
         self._made += 1
         self._discs[host.name].append(added)
         z = surface.height_m + shape.size_m[2] / 2 + _DROP_M
-        # What has a front (drawn towards -y) looks about where its furniture looks.
+        # An object with a front (drawn towards -y) faces roughly the same way as its furniture.
         spread = 0.6 if shape.size_m[0] != shape.size_m[1] else math.pi
         turned = surface.yaw_rad + float(self._rng.uniform(-spread, spread))
         yaw = math.remainder(turned, math.tau)
@@ -241,7 +247,7 @@ class Scatter:
         )
 
     def _spare_spot(self, host: Receptacle, added: _Disc) -> bool:
-        """Whether one more thing fits within reach on some surface with height to spare."""
+        """True if one more object fits within reach on a surface with enough headroom."""
         for level, surface in enumerate(host.surfaces):
             if surface.clear_m < 0.2:
                 continue
@@ -262,7 +268,7 @@ class Scatter:
 
 
 def _hides(screen_m: Vec3, small_m: Vec3) -> bool:
-    """Whether a thing of one size can hide most of another."""
+    """True if an object of size `screen_m` can hide most of an object of size `small_m`."""
     tall = screen_m[2] >= max(_TALL_M, 1.25 * small_m[2])
     return tall and 1.3 * min(screen_m[:2]) >= max(small_m[:2])
 
@@ -274,7 +280,7 @@ def _world(surface: Surface, u: float, v: float) -> Point:
 
 
 def _to_edge(surface: Surface, point: Point) -> float:
-    """Distance to the nearest edge; negative beyond it."""
+    """Distance to the nearest edge of the surface; negative outside."""
     dx, dy = point[0] - surface.center_xy[0], point[1] - surface.center_xy[1]
     cos, sin = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
     half_x, half_y = surface.half_extent_xy

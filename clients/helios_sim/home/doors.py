@@ -1,4 +1,4 @@
-"""Door leaves that stand open: on hinges beside the opening, folded into one of the rooms."""
+"""Open door leaves, hinged beside the opening and turned into one of the rooms."""
 
 import math
 from collections.abc import Iterator
@@ -12,13 +12,13 @@ from helios_sim.home.shape_builder import ShapeBuilder
 from helios_sim.home.wall_placement import Pose
 
 THICK_M = 0.04
-_BESIDE_M = 0.045  # hinge beside the opening, and before the face of the frame
-_BEFORE_M = 0.045
+_BESIDE_M = 0.045  # from the edge of the opening to the hinge
+_BEFORE_M = 0.045  # from the wall face to the hinge
 _NARROWER_M = 0.02
 
 
 def door_leaf(rng: np.random.Generator, palette: Palette, width_m: float = 0.9) -> Shape:
-    """A leaf of that width with panels and handles; its origin is under its middle."""
+    """Door leaf for an opening of that width; its origin is below its centre."""
     width, height = width_m - _NARROWER_M, floor_plans.DOOR_HEIGHT_M - 0.02
     coat = palette.paint(rng) if rng.random() < 0.6 else palette.wood(rng)
     b = ShapeBuilder()
@@ -39,10 +39,10 @@ def door_leaf(rng: np.random.Generator, palette: Palette, width_m: float = 0.9) 
 def open_poses(
     rng: np.random.Generator, door: Doorway, rooms: tuple[Room, ...], width_m: float
 ) -> Iterator[tuple[Room, Pose]]:
-    """Ways for a leaf of that width to stand open: (room into which it opens, pose).
+    """Open poses of a leaf of that width: (room into which it opens, pose).
 
-    Widely opened ones stand along the wall, others reach into the room beside the opening. The
-    hinge stands outside the opening, so that the doorway keeps its width.
+    Wide open leaves stand along the wall; the others reach into the room beside the opening. The
+    hinge is outside the opening, so that the doorway keeps its width.
     """
     ways = [(s, t, wide) for wide in (True, False) for s in (-1, 1) for t in (-1, 1)]
     weights = rng.random(len(ways))
@@ -52,7 +52,7 @@ def open_poses(
         angle = math.radians(float(rng.uniform(158, 172) if wide else rng.uniform(92, 112)))
         along = s * (door.width_m / 2 + _BESIDE_M)
         across = t * (floor_plans.WALL_HALF_M + _BEFORE_M)
-        # In the frame of the wall: u along it, v across it.
+        # In the frame of the wall: u along the wall, v across it.
         du, dv = -s * math.cos(angle), t * math.sin(angle)
         half = width_m / 2
         u, v = along + du * half, across + dv * half

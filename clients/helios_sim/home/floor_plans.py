@@ -1,4 +1,4 @@
-"""The floor plan: a rectangle cut into rooms by binary space partition, joined by doorways."""
+"""Floor plan: a rectangle divided into rooms by binary space partitioning, joined by doorways."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ WALL_HEIGHT_M = 2.6
 DOOR_HEIGHT_M = 2.1
 _DOOR_TO_CORNER_M = 0.3
 
-# Kinds by falling area, for as many rooms as there are; the smallest of five or more is a bathroom.
+# Number of rooms -> room kinds by decreasing area; of five or more, the smallest is a bathroom.
 _KINDS = {
     4: ("living room", "kitchen", "bedroom", "office"),
     5: ("living room", "kitchen", "bedroom", "office", "bathroom"),
@@ -31,7 +31,7 @@ _KINDS = {
     ),
 }
 
-# The same for homes of the "ovmm" catalog; a bar joins alternatives of which one is drawn.
+# Room kinds for the "ovmm" catalog; one of the alternatives separated by a bar is drawn.
 _OVMM_KINDS = {
     4: "living room, kitchen, bedroom, bathroom",
     5: "living room, kitchen, bedroom, office|dining room|hallway, bathroom",
@@ -46,7 +46,7 @@ Rect = tuple[float, float, float, float]  # x0, y0, x1, y1 in m
 
 @dataclass(frozen=True)
 class WallPiece:
-    """A stretch of wall; `axis` 0: at x = `at_m`, y from `lo_m` to `hi_m`; 1: x and y swapped."""
+    """Piece of wall; `axis` 0: at x = `at_m`, y from `lo_m` to `hi_m`; 1: x and y swapped."""
 
     axis: int
     at_m: float
@@ -69,7 +69,7 @@ class WallPiece:
 def draw_plan(
     rng: np.random.Generator, preset: HomePreset
 ) -> tuple[tuple[Room, ...], tuple[Doorway, ...]] | None:
-    """Rooms and doorways, or None when this draw cannot be cut into that many rooms."""
+    """Random rooms and doorways; None if this draw gives no valid floor plan."""
     count = int(rng.integers(preset.rooms[0], preset.rooms[1] + 1))
     width, depth = _size(rng, preset, count)
     rects = _partition(rng, (0.0, 0.0, width, depth), count, preset)
@@ -85,7 +85,7 @@ def draw_plan(
 
 
 def _size(rng: np.random.Generator, preset: HomePreset, count: int) -> tuple[float, float]:
-    """Width and depth of the home in metres."""
+    """Random width and depth of the home in metres."""
     if preset.room_area_m2 == (0.0, 0.0):
         width = round(float(rng.uniform(*preset.width_m)), 2)
         return width, round(float(rng.uniform(*preset.depth_m)), 2)
@@ -98,7 +98,7 @@ def _size(rng: np.random.Generator, preset: HomePreset, count: int) -> tuple[flo
 
 
 def _kinds(rng: np.random.Generator, preset: HomePreset, count: int) -> list[str]:
-    """Kinds of rooms by falling area."""
+    """Random room kinds by decreasing area."""
     if preset.catalog == "ovmm":
         alternatives = [names.split("|") for names in _OVMM_KINDS[count].split(", ")]
         return [names[int(rng.integers(len(names)))] for names in alternatives]
@@ -130,7 +130,7 @@ def _partition(
 
 
 def _shared_wall(a: Room, b: Room) -> tuple[int, float, float, float] | None:
-    """(axis, at, lo, hi) of the wall between two rooms."""
+    """(axis, at, lo, hi) of the wall between two rooms; None if they share none."""
     for axis, (a0, a1, b0, b1), (c0, c1, d0, d1) in (
         (0, (a.x0, a.x1, b.x0, b.x1), (a.y0, a.y1, b.y0, b.y1)),
         (1, (a.y0, a.y1, b.y0, b.y1), (a.x0, a.x1, b.x0, b.x1)),
@@ -176,7 +176,7 @@ def _doorways(
 
 
 def bounds_of(rooms: tuple[Room, ...]) -> Rect:
-    """Outer faces of the outer walls."""
+    """Rectangle of the outer faces of the outer walls."""
     return (
         min(r.x0 for r in rooms) - WALL_HALF_M,
         min(r.y0 for r in rooms) - WALL_HALF_M,
@@ -186,7 +186,7 @@ def bounds_of(rooms: tuple[Room, ...]) -> Rect:
 
 
 def wall_pieces(rooms: tuple[Room, ...], doorways: tuple[Doorway, ...]) -> list[WallPiece]:
-    """All walls with their openings left out; a header of wall over each doorway."""
+    """All pieces of wall: beside the doorways, and a lintel above each doorway."""
     pieces = []
     for axis, at, lo, hi in _wall_runs(rooms):
         cursor, end = lo - WALL_HALF_M, hi + WALL_HALF_M
@@ -201,7 +201,7 @@ def wall_pieces(rooms: tuple[Room, ...], doorways: tuple[Doorway, ...]) -> list[
 def openings(
     doorways: tuple[Doorway, ...], axis: int, at: float, lo: float, hi: float
 ) -> list[tuple[float, float]]:
-    """Door intervals along the wall line (axis, at), in order."""
+    """Intervals of the doorways along the wall line (axis, at), in order."""
     found = []
     for door in doorways:
         across, along = (door.x, door.y) if door.axis == 0 else (door.y, door.x)
@@ -211,7 +211,7 @@ def openings(
 
 
 def _wall_runs(rooms: tuple[Room, ...]) -> list[tuple[int, float, float, float]]:
-    """Wall lines (axis, at, lo, hi), those of neighbouring rooms merged."""
+    """Wall lines (axis, at, lo, hi); overlapping lines of neighbouring rooms are merged."""
     sides = []
     for room in rooms:
         sides += [(0, room.x0, room.y0, room.y1), (0, room.x1, room.y0, room.y1)]

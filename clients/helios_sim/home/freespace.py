@@ -1,4 +1,4 @@
-"""Where a disc-shaped robot fits: exact distances from cell middles to rectangles."""
+"""Free space for a disc-shaped robot: exact distances from cell centres to rectangles."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -16,7 +16,7 @@ CELL_M = 0.05
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A rectangle on the floor: middle, half extents and turn."""
+    """Rectangle on the floor: centre, half extents and yaw."""
 
     x: float
     y: float
@@ -31,7 +31,7 @@ def obstacles(
     receptacles: Iterable[Receptacle],
     fixtures: Iterable[Fixture],
 ) -> list[Obstacle]:
-    """Walls and the footprints of all that stands in a robot's way."""
+    """Walls, and footprints of all furniture that blocks a robot."""
     found = [
         Obstacle(*piece.center_xy, *piece.half_extent_xy, 0.0)
         for piece in floor_plans.wall_pieces(rooms, doorways)
@@ -43,12 +43,12 @@ def obstacles(
 
 
 def footprint(item: Receptacle | Fixture) -> Obstacle:
-    """The rectangle under a piece of furniture."""
+    """Footprint of a piece of furniture."""
     return Obstacle(item.x, item.y, item.size_m[0] / 2, item.size_m[1] / 2, item.yaw_rad)
 
 
 def grid_shape(bounds: floor_plans.Rect, cell_m: float) -> tuple[int, int]:
-    """(rows, columns) that cover the bounds."""
+    """Number of (rows, columns) that cover the bounds."""
     rows = math.ceil((bounds[3] - bounds[1]) / cell_m - 1e-9)
     columns = math.ceil((bounds[2] - bounds[0]) / cell_m - 1e-9)
     return rows, columns
@@ -57,7 +57,7 @@ def grid_shape(bounds: floor_plans.Rect, cell_m: float) -> tuple[int, int]:
 def cell_centers(
     bounds: floor_plans.Rect, cell_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """x [columns] and y [rows] of the cells' middles."""
+    """x [columns] and y [rows] of the cell centres."""
     rows, columns = grid_shape(bounds, cell_m)
     x = bounds[0] + (np.arange(columns, dtype=np.float64) + 0.5) * cell_m
     y = bounds[1] + (np.arange(rows, dtype=np.float64) + 0.5) * cell_m
@@ -67,7 +67,7 @@ def cell_centers(
 def clearance_m(
     bounds: floor_plans.Rect, blocked: Sequence[Obstacle], cell_m: float
 ) -> NDArray[np.float64]:
-    """Distance from each cell's middle [rows, columns] to the nearest obstacle; 0 inside one."""
+    """Distance from each cell centre [rows, columns] to the nearest obstacle; 0 inside one."""
     clearance = np.full(grid_shape(bounds, cell_m), np.inf)
     for obstacle in blocked:
         np.minimum(clearance, distance_m(bounds, obstacle, cell_m), out=clearance)
@@ -75,7 +75,7 @@ def clearance_m(
 
 
 def distance_m(bounds: floor_plans.Rect, obstacle: Obstacle, cell_m: float) -> NDArray[np.float64]:
-    """Distance from each cell's middle [rows, columns] to one obstacle."""
+    """Distance from each cell centre [rows, columns] to one obstacle."""
     x, y = cell_centers(bounds, cell_m)
     dx, dy = x[None, :] - obstacle.x, y[:, None] - obstacle.y
     cos, sin = math.cos(obstacle.yaw_rad), math.sin(obstacle.yaw_rad)
@@ -85,7 +85,7 @@ def distance_m(bounds: floor_plans.Rect, obstacle: Obstacle, cell_m: float) -> N
 
 
 def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest 4-connected part of the free cells."""
+    """Mask of the largest 4-connected region of the free cells."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         free.astype(np.uint8), connectivity=4
     )
@@ -96,7 +96,7 @@ def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def room_mask(room: Room, bounds: floor_plans.Rect, cell_m: float) -> NDArray[np.bool_]:
-    """Cells whose middle is in the room."""
+    """Mask of the cells whose centre is in the room."""
     x, y = cell_centers(bounds, cell_m)
     inside_x = (x >= room.x0) & (x < room.x1)
     inside_y = (y >= room.y0) & (y < room.y1)
@@ -104,7 +104,7 @@ def room_mask(room: Room, bounds: floor_plans.Rect, cell_m: float) -> NDArray[np
 
 
 def distance_to_cells_m(cells: NDArray[np.bool_], cell_m: float) -> NDArray[np.float32]:
-    """Distance from each cell's middle to the nearest marked cell's middle; large without any."""
+    """Distance from each cell centre to that of the nearest marked cell; 1e6 without any."""
     if not cells.any():
         return np.full(cells.shape, 1e6, dtype=np.float32)
     pixels = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

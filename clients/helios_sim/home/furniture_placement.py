@@ -1,4 +1,4 @@
-"""Puts furniture into rooms: each piece at a fitting place that keeps the home passable."""
+"""Furniture placement in rooms, such that the home stays passable."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,7 @@ _REACHABLE_SHARE = 0.2
 
 
 def world_surface(surface: Surface, pose: Pose) -> Surface:
-    """A surface of a shape whose frame stands at `pose`."""
+    """Surface in the world frame, of a shape at `pose`."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     cx, cy = surface.center_xy
     return replace(
@@ -31,7 +31,7 @@ def world_surface(surface: Surface, pose: Pose) -> Surface:
 
 
 def surface_points(surface: Surface, inset_m: float = 0.06) -> NDArray[np.float64]:
-    """A lattice of points [n, 2] on a surface (world), `inset_m` off its edges."""
+    """Lattice of points [n, 2] on a surface (world frame), `inset_m` from its edges."""
     axes = []
     for half in surface.half_extent_xy:
         reach = max(half - inset_m, 0.0)
@@ -44,7 +44,7 @@ def surface_points(surface: Surface, inset_m: float = 0.06) -> NDArray[np.float6
 
 
 class Furnisher:
-    """Furniture placed so far, and the free space that is left."""
+    """Placement of furniture; holds the furniture placed so far and the remaining free space."""
 
     def __init__(
         self,
@@ -76,12 +76,12 @@ class Furnisher:
             for door in doorways
         ]
 
-    # ---- what can be placed
+    # ---- placement
 
     def receptacle(
         self, class_name: str, room: Room, poses: Poses, *, beside: Placed | None = None
     ) -> Receptacle | None:
-        """A receptacle at the first of the poses that fits; None if none does.
+        """Place a receptacle at the first pose that fits; return None if none fits.
 
         It may touch the footprint of `beside`.
         """
@@ -107,7 +107,7 @@ class Furnisher:
     def fixture(
         self, class_name: str, room: Room, poses: Poses, *, beside: Placed | None = None
     ) -> Fixture | None:
-        """Furniture that is no receptacle; it may touch the footprint of `beside`."""
+        """Place a blocking fixture, like `receptacle`; it may touch the footprint of `beside`."""
         shape = self.catalog.fixtures[class_name](self.rng, self.palette)
         pose = self._first_fit(shape, room, poses, ignore=beside)
         return None if pose is None else self.hang(class_name, room, pose, shape, blocks=True)
@@ -122,7 +122,7 @@ class Furnisher:
         z_m: float = 0.0,
         blocks: bool = False,
     ) -> Fixture:
-        """A fixture at a pose that is known to fit."""
+        """Place a fixture at a pose that is known to fit."""
         item = Fixture(
             self._name(class_name.replace(" ", "_")),
             class_name,
@@ -140,24 +140,24 @@ class Furnisher:
         return item
 
     def lay(self, class_name: str, room: Room, pose: Pose, shape: Shape) -> None:
-        """A rug or the like, if it fits between the walls."""
+        """Place a flat fixture such as a rug, if it fits between the walls."""
         if _inside(_rect(shape, pose), room):
             self.hang(class_name, room, pose, shape)
 
-    # ---- where it fits
+    # ---- checks
 
     def stands_open(self, shape: Shape, room: Room, pose: Pose) -> bool:
-        """Whether a door's leaf can stand there: doorways may be near, other things not."""
+        """True if a door leaf fits there; it may be close to doorways, but not to furniture."""
         rect = _rect(shape, pose)
         free = not any(_overlap(rect, other, 0.03) for other in self._taken[room.index])
         return _inside(rect, room) and free and self._stays_passable(rect, room, [])
 
     def passable(self) -> NDArray[np.bool_]:
-        """Cells from which the robot, with its margin, reaches everything."""
+        """Mask of the largest region in which the robot, with its margin, can move."""
         return freespace.largest_region(self.clearance > self.preset.passage_radius_m)
 
     def reach_map(self, room: int, passable: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Distance of each cell to the nearest passable cell of that room."""
+        """Distance from each cell to the nearest passable cell of that room."""
         return freespace.distance_to_cells_m(passable & self._masks[room], CELL_M)
 
     def _first_fit(
@@ -247,7 +247,7 @@ def _inside(rect: Obstacle, room: Room) -> bool:
 
 
 def _overlap(a: Obstacle, b: Obstacle, gap_m: float) -> bool:
-    """Whether two turned rectangles come closer than about `gap_m` (separating axes)."""
+    """True if two rotated rectangles are closer than about `gap_m` (separating axis test)."""
     ca, cb = _corners(a, gap_m / 2), _corners(b, gap_m / 2)
     for yaw in (a.yaw_rad, b.yaw_rad):
         for axis in ((math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))):

@@ -1,4 +1,4 @@
-"""A generated home: what stands where, its MuJoCo model, its free space and its tasks."""
+"""Generated home: layout, MuJoCo model, free space and tasks."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from helios_sim.home.presets import HomePreset
 
 @dataclass(frozen=True)
 class Home:
-    """A home by seed. The same seed and preset give the same home.
+    """Home generated from a seed. The same seed and preset give the same home.
 
     `bounds` is (x0, y0, x1, y1) in metres; `start_pose` is (x, y, yaw) with room for a robot.
     """
@@ -40,7 +40,7 @@ class Home:
     styles: tuple[RoomStyle, ...] = field(repr=False)
 
     def spec(self, *, visuals: bool = True) -> mujoco.MjSpec:
-        """The model of everything but the robot; without visuals only what collides."""
+        """MuJoCo model without a robot; without visuals only collision geoms."""
         return mujoco_model.assemble(
             self.rooms,
             self.doorways,
@@ -52,7 +52,7 @@ class Home:
         )
 
     def class_of(self, body_name: str) -> str:
-        """Class of a body of `spec()`: "mug", "dining table", "wall". KeyError for any other."""
+        """Class of a body of `spec()`, such as "mug" or "wall". Raises KeyError for other names."""
         try:
             return self._classes[body_name]
         except KeyError:
@@ -61,7 +61,7 @@ class Home:
             ) from None
 
     def body_names(self) -> tuple[str, ...]:
-        """Names of all bodies of `spec()` but the world itself."""
+        """Names of all bodies of `spec()` except the world body."""
         return tuple(self._classes)
 
     @cached_property
@@ -72,7 +72,7 @@ class Home:
         return classes
 
     def receptacle(self, name: str) -> Receptacle:
-        """The receptacle of that body name. KeyError if there is none."""
+        """Receptacle of that body name. Raises KeyError if there is none."""
         return self._receptacles[name]
 
     @cached_property
@@ -80,10 +80,10 @@ class Home:
         return {receptacle.name: receptacle for receptacle in self.receptacles}
 
     def structure_hash(self) -> str:
-        """SHA-256 of what stands where, poses rounded to 1 mm: `drawn_hash` and the things.
+        """SHA-256 of rooms, doorways, furniture and objects, poses rounded to 1 mm.
 
-        The things lie where the physics left them, so this is the same wherever the same version
-        of MuJoCo gives the same results: in every process of a machine, and on machines alike.
+        Object poses result from the physics. The hash is therefore the same in all processes and
+        on all machines where the same version of MuJoCo gives the same results.
         """
         digest = self._drawn()
         for thing in self.objects:
@@ -93,9 +93,9 @@ class Home:
     def drawn_hash(self) -> str:
         """SHA-256 of rooms, doorways and furniture, poses rounded to 1 mm.
 
-        Of preset ovmm-v1 the physics has no say in them (but for few seeds, whose things found no
-        rest in the first draw: see generate): the same by seed on any machine, up to rounding
-        errors of its arithmetic that would have to move something across 1 mm.
+        In preset ovmm-v1 they do not depend on the physics, except for a few seeds whose first
+        draw failed in the physics (see `home_generator`). The hash of a seed is then the same on
+        any machine, unless a rounding error moves a value across a 1 mm step.
         """
         return self._drawn().hexdigest()
 
@@ -112,9 +112,9 @@ class Home:
     def free_space(
         self, radius_m: float, cell_m: float = 0.05
     ) -> tuple[NDArray[np.bool_], tuple[float, float]]:
-        """Cells [iy, ix] at whose middle a disc of that radius touches nothing, and the origin.
+        """Mask [iy, ix] of cells at whose centre a disc of that radius is free, and its origin.
 
-        Cell (iy, ix) has its middle at origin + ((ix + 0.5) cell_m, (iy + 0.5) cell_m).
+        The centre of cell (iy, ix) is origin + ((ix + 0.5) cell_m, (iy + 0.5) cell_m).
         """
         clearance = freespace.clearance_m(
             self.bounds,
@@ -124,7 +124,7 @@ class Home:
         return clearance > radius_m, (self.bounds[0], self.bounds[1])
 
     def sample_episode(self, rng: np.random.Generator) -> Episode:
-        """A task that can be solved; see `episodes`."""
+        """Random task that can be solved; see `task_sampling`."""
         if self.preset.catalog == "ovmm":
             return task_sampling.sample_any(self.receptacles, self.objects, rng)
         return task_sampling.sample(self.receptacles, self.objects, rng)

@@ -1,4 +1,4 @@
-"""Draws a home: plan, furniture, things, settling, and the checks that make it solvable."""
+"""Home generation: floor plan, furniture, objects, physics, and checks that tasks are solvable."""
 
 import math
 import zlib
@@ -27,7 +27,7 @@ from helios_sim.home.presets import HomePreset
 
 _ATTEMPTS = 60
 _ROUNDS = 12
-HIDDEN_SHARE = 0.3  # of the stands around, from which a partly hidden thing cannot be seen
+HIDDEN_SHARE = 0.3  # a hidden object is invisible from at least this share of the stands around it
 
 _FLOORS: dict[str, str] = {"kitchen": "tiles", "bathroom": "tiles", "bedroom": "carpet"}
 _FLOORS |= {"laundry room": "tiles", "hallway": "tiles"}
@@ -39,13 +39,13 @@ _FLOOR_COLORS: dict[str, tuple[Rgb, ...]] = {
 
 
 def generate_home(seed: int, preset: HomePreset, dressing: Dressing | None = None) -> Home:
-    """The home of a seed. The same seed and preset give the same home in every process.
+    """Home of a seed. The same seed and preset give the same home in every process.
 
     A dressing changes the furniture, and the preset's name to "ovmm-v1+…".
 
-    Draws until a home meets the preset's counts, everything stands firm, and every object and
-    receptacle can be seen and reached. InvalidInput for a negative seed; Internal if no draw
-    will do.
+    Homes are drawn until one meets the preset's counts, all objects are at rest, and every object
+    and receptacle is visible and within reach. Raises InvalidInput for a negative seed, Internal
+    if no draw is valid.
     """
     if seed < 0:
         raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
@@ -100,10 +100,10 @@ def _draw(
 
 
 def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
-    """A home whose things were placed, settled and, where they fell, placed anew.
+    """Home whose objects are placed, settled and, where they fell, placed again.
 
-    So which furniture stands where never depends on the physics, but for a home in which no place
-    for all things is found in `_ROUNDS`; that one is drawn anew.
+    The furniture therefore does not depend on the physics. Exception: if `_ROUNDS` rounds do not
+    place all objects, the result is None and the home is drawn again.
     """
     preset = furnisher.preset
     count = int(furnisher.rng.integers(preset.objects[0], preset.objects[1] + 1))
@@ -128,7 +128,7 @@ def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
 
 
 def _home(furnisher: Furnisher, seed: int, objects: Sequence[SceneObject]) -> Home | None:
-    """The home as it is drawn; None without a place to start from."""
+    """Home of the placed furniture and these objects; None if there is no start pose."""
     start = _start_pose(furnisher)
     if start is None:
         return None
@@ -155,7 +155,7 @@ def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
 
 
 def _start_pose(furnisher: Furnisher) -> tuple[float, float, float] | None:
-    """A pose with room to turn, looking along the longest free line of eight."""
+    """Random pose with space to turn, facing along the longest of eight free lines."""
     roomy = furnisher.passable() & (furnisher.clearance > furnisher.preset.robot_radius_m + 0.25)
     rows, columns = np.nonzero(roomy)
     if len(rows) == 0:

@@ -1,7 +1,7 @@
-"""Pictures of homes: a view from above and views at eye level.
+"""Images of homes: a view from above and views at eye level.
 
 `python -m helios_sim.home.home_pictures --seeds 0-9 --out DIR` writes one PNG per seed;
-`--sheet FILE` one picture of all seeds.
+`--sheet FILE` writes one image of all seeds.
 """
 
 import argparse
@@ -9,7 +9,7 @@ import math
 import os
 from pathlib import Path
 
-# Without a display MuJoCo has to be told of EGL before it is imported.
+# Without a display MuJoCo renders through EGL; it reads the variable when first imported.
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import cv2
@@ -30,7 +30,7 @@ _TILT_RAD = -0.3
 
 
 class Pictures:
-    """Renders one home. Close it when done: it holds a graphics context."""
+    """Renderer of one home. Close it after use: it holds a GL context."""
 
     def __init__(self, home: Home, width_px: int = 640, height_px: int = 480) -> None:
         self.home = home
@@ -53,7 +53,7 @@ class Pictures:
         return self._render(camera, 40.0, ceiling=False)
 
     def at_eye_level(self, x: float, y: float, yaw_rad: float) -> Image:
-        """What a robot's camera sees from there."""
+        """View of a robot's camera at this pose."""
         camera = mujoco.MjvCamera()
         camera.azimuth, camera.elevation = math.degrees(yaw_rad), math.degrees(_TILT_RAD)
         camera.distance = 0.1
@@ -75,7 +75,7 @@ class Pictures:
 
 
 def room_views(home: Home) -> list[tuple[float, float, float]]:
-    """For each room a free pose (x, y, yaw) that overlooks it, with nothing tall in between."""
+    """Free pose (x, y, yaw) for each room that overlooks it, if possible past tall furniture."""
     free, origin = home.free_space(home.preset.robot_radius_m)
     rows, columns = np.nonzero(free)
     x, y = origin[0] + (columns + 0.5) * 0.05, origin[1] + (rows + 0.5) * 0.05
@@ -95,7 +95,7 @@ def room_views(home: Home) -> list[tuple[float, float, float]]:
 def _behind_tall(
     home: Home, x: NDArray[np.floating], y: NDArray[np.floating], to: tuple[float, float]
 ) -> NDArray[np.bool_]:
-    """From which points [n] furniture as high as the eye, or a door, fills the view to a point."""
+    """Mask [n] of points from which eye-high furniture or a door blocks the view to a point."""
     blocked = np.zeros(len(x), dtype=bool)
     ahead, away = np.arctan2(to[1] - y, to[0] - x), np.hypot(to[0] - x, to[1] - y)
     for item in (*home.receptacles, *home.fixtures):
@@ -114,7 +114,7 @@ def _behind_tall(
 
 
 def object_views(home: Home, count: int) -> list[tuple[float, float, float]]:
-    """Poses 1.3 m and less from objects, looking at them."""
+    """Poses about 1.1 m from objects, facing them."""
     free, origin = home.free_space(home.preset.passage_radius_m)
     rows, columns = np.nonzero(free)
     x, y = origin[0] + (columns + 0.5) * 0.05, origin[1] + (rows + 0.5) * 0.05
@@ -131,7 +131,7 @@ def object_views(home: Home, count: int) -> list[tuple[float, float, float]]:
 
 
 def contact_sheet(home: Home) -> Image:
-    """From above, every room, and some things near by, in one picture three tiles wide."""
+    """One image, three tiles wide: the home from above, every room, and some objects close up."""
     pictures = Pictures(home)
     try:
         rooms = room_views(home)
@@ -143,7 +143,7 @@ def contact_sheet(home: Home) -> Image:
 
 
 def overview(homes: list[Home], columns: int = 5, tile_px: int = 400) -> Image:
-    """All homes from above with one room of each below."""
+    """One image of all homes from above, with one room of each below."""
     above, inside = [], []
     for number, home in enumerate(homes):
         pictures = Pictures(home)
@@ -166,7 +166,7 @@ def _small(image: Image, width_px: int) -> Image:
 
 
 def grid(tiles: list[Image], columns: int) -> Image:
-    """Pictures of one size in rows, in white frames."""
+    """Images of equal size arranged in rows, with white frames."""
     blank = np.full_like(tiles[0], 255)
     padded = tiles + [blank] * (-len(tiles) % columns)
     framed = [
@@ -177,7 +177,7 @@ def grid(tiles: list[Image], columns: int) -> Image:
 
 
 def write_picture(path: Path, image: Image) -> None:
-    """As PNG or JPEG by the file's name. OSError when that cannot be."""
+    """Write an image as PNG or JPEG, by the file name. Raises OSError for other names."""
     path.parent.mkdir(parents=True, exist_ok=True)
     options = [cv2.IMWRITE_JPEG_QUALITY, 82] if path.suffix in (".jpg", ".jpeg") else []
     if path.suffix not in (".png", ".jpg", ".jpeg"):
@@ -192,7 +192,7 @@ def _seeds(text: str) -> list[int]:
 
 
 def main() -> None:
-    """Draws the pictures asked for on the command line."""
+    """Draw the images that the command line selects."""
     parser = argparse.ArgumentParser(description="Pictures of homes by seed")
     parser.add_argument("--seeds", default="0-9", type=_seeds, help="one seed, or FIRST-LAST")
     parser.add_argument("--preset", default="demo-v1", choices=sorted(PRESETS))

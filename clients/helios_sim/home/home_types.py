@@ -1,9 +1,9 @@
-"""What a home is made of: frozen data in metres and radians, z up, floor at 0.
+"""Data types of a home: immutable, in metres and radians, z up, floor at 0.
 
-A `Shape` is geometry in a body's own frame: what is drawn (`visuals`), what is touched (`solids`)
-and where things can stand (`surfaces`). Furniture frames have their origin on the floor under the
-middle of the footprint, +y is the back (towards the wall). Object frames have their origin in the
-middle of the bounding box.
+A `Shape` is geometry in a body's own frame: drawn meshes (`visuals`), collision primitives
+(`solids`) and support surfaces (`surfaces`). A furniture frame has its origin on the floor at the
+centre of the footprint, with the back (towards the wall) at +y. An object frame has its origin at
+the centre of the bounding box.
 """
 
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid"]
 
 @dataclass(frozen=True)
 class Picture:
-    """An image laid over a mesh once per unit of its uv. Two of one name are the same."""
+    """Texture image that covers one unit of uv. Pictures with the same name are equal."""
 
     name: str
     pixels: NDArray[np.uint8] = field(repr=False, compare=False)  # [h, w, 3], row 0 at v = 0
@@ -28,9 +28,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface looks. `texture` names a pattern of `textures.PATTERNS`, tinted by `rgb`.
+    """Appearance of a surface. `texture` names a pattern of `textures.PATTERNS`, tinted by `rgb`.
 
-    `picture` takes its place where a surface has an image of its own.
+    `picture` replaces it where a surface has its own image.
     """
 
     rgb: Rgb
@@ -43,17 +43,17 @@ class Material:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles with one normal and one texture coordinate per vertex."""
+    """Triangle mesh with one normal and one texture coordinate per vertex."""
 
     vertices: NDArray[np.float32]  # [n, 3] m
     normals: NDArray[np.float32]  # [n, 3] unit
     uv: NDArray[np.float32]  # [n, 2] in repeats of the texture
-    faces: NDArray[np.int32]  # [m, 3] counter-clockwise from outside
+    faces: NDArray[np.int32]  # [m, 3] counter-clockwise, seen from outside
 
 
 @dataclass(frozen=True)
 class Visual:
-    """A drawn mesh of one material."""
+    """Drawn mesh of one material."""
 
     mesh: Mesh
     material: Material
@@ -61,7 +61,7 @@ class Visual:
 
 @dataclass(frozen=True)
 class CollisionBox:
-    """A collision primitive; `half_extent`: half sizes of a box; radius, half height."""
+    """Collision primitive; `half_extent`: half sizes, or (radius, half height) of a cylinder."""
 
     kind: SolidKind
     half_extent: Vec3
@@ -71,9 +71,9 @@ class CollisionBox:
 
 @dataclass(frozen=True)
 class Surface:
-    """A flat rectangle on which things can stand, `height_m` above the frame's floor.
+    """Flat rectangle on which objects can stand, `height_m` above the floor of the frame.
 
-    `clear_m` is the height of what fits on it: up to the next shelf board, else as good as endless.
+    `clear_m` is the headroom: up to the next shelf board, otherwise practically unlimited.
     """
 
     center_xy: tuple[float, float]
@@ -98,7 +98,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Room:
-    """An axis-aligned room between the wall axes, `kind` such as "kitchen"."""
+    """Axis-aligned room, bounded by the wall axes; `kind` is for example "kitchen"."""
 
     index: int
     kind: str
@@ -121,7 +121,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Doorway:
-    """An opening centred at (x, y). `axis` 0: in a wall of constant x; 1: of constant y."""
+    """Opening centred at (x, y). `axis` 0: in a wall of constant x; 1: of constant y."""
 
     x: float
     y: float
@@ -132,7 +132,7 @@ class Doorway:
 
 @dataclass(frozen=True)
 class Receptacle:
-    """Furniture on which things stand. `surfaces` are in the world frame."""
+    """Furniture on which objects stand. `surfaces` are in the world frame."""
 
     name: str
     class_name: str
@@ -148,9 +148,9 @@ class Receptacle:
 
 @dataclass(frozen=True)
 class Fixture:
-    """Furniture and decoration on which nothing is put: chairs, plants, wardrobes, pictures.
+    """Furniture or decoration that is no receptacle, such as a plant, a fridge or a picture.
 
-    `blocks` says whether it stands in a robot's way; `z_m` is the height of its frame's floor.
+    `blocks` is True if it blocks a robot; `z_m` is the height of the floor of its frame.
     """
 
     name: str
@@ -168,7 +168,7 @@ class Fixture:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """A thing that can be picked, upright at rest; `position_m` is the middle of its box."""
+    """Movable object, upright at rest; `position_m` is the centre of its box."""
 
     name: str
     class_name: str
@@ -182,7 +182,7 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Episode:
-    """One task: "Move the mug from the coffee table to the kitchen counter"."""
+    """One task, such as "Move the mug from the coffee table to the kitchen counter"."""
 
     object_class: str
     start_receptacle_class: str
@@ -192,7 +192,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class RoomStyle:
-    """Paint and floor of a room."""
+    """Wall colour and floor of a room."""
 
     wall_rgb: Rgb
     floor_pattern: str

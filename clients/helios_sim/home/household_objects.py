@@ -1,6 +1,6 @@
-"""Soft things and things of a bathroom and a hall to pick.
+"""Objects of cloth, and objects of bathroom and hall.
 
-Drawn standing on z = 0, then moved so that the origin is in the middle of the bounding box.
+They are drawn standing on z = 0, then moved so that the origin is the centre of the bounding box.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def _cloth(rng: np.random.Generator, texture: str) -> Material:
 
 
 def towel(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Folded in three or four layers."""
+    """Towel folded in three or four layers."""
     w, d = float(rng.uniform(0.2, 0.26)), float(rng.uniform(0.16, 0.2))
     layers, thick = int(rng.integers(3, 5)), 0.02
     cloth = _cloth(rng, "stripes" if rng.random() < 0.3 else "fabric")
@@ -43,7 +43,7 @@ def towel(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def toilet_paper(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Stands on end."""
+    """Upright roll of toilet paper."""
     r, h = float(rng.uniform(0.05, 0.06)), float(rng.uniform(0.095, 0.105))
     paper = Material(tinted((0.95, 0.95, 0.94), rng, 0.02), "fabric", 0.02, 0.05)
     b = ShapeBuilder()
@@ -92,7 +92,7 @@ def sponge(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def shoe(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A trainer, its tip to -y."""
+    """Trainer with its tip at -y."""
     d, w = float(rng.uniform(0.24, 0.27)), float(rng.uniform(0.088, 0.098))
     h = float(rng.uniform(0.1, 0.115))
     leather = _cloth(rng, "fabric") if rng.random() < 0.6 else darker(_cloth(rng, ""), 0.5)
@@ -117,7 +117,7 @@ def shoe(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def hat(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A brimmed hat, brim down."""
+    """Hat with its brim down."""
     r, h = float(rng.uniform(0.1, 0.12)), float(rng.uniform(0.1, 0.12))
     felt = Material(tinted((0.62, 0.50, 0.34), rng, 0.15), "weave", 0.02, 0.02)
     b = ShapeBuilder()
@@ -133,7 +133,7 @@ def hat(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def basket(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A small woven one, open at the top, with a handle."""
+    """Small woven basket, open at the top, with a handle."""
     r, rim = float(rng.uniform(0.09, 0.11)), float(rng.uniform(0.09, 0.11))
     weave = Material(tinted((0.70, 0.54, 0.34), rng, 0.1), "weave", 0.03, 0.05)
     h = rim + 0.09
@@ -148,7 +148,7 @@ def basket(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def cushion(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Lies flat."""
+    """Square cushion that lies flat."""
     w, h = float(rng.uniform(0.23, 0.27)), float(rng.uniform(0.075, 0.095))
     patterns = ("fabric", "stripes", "checks", "dots")
     cloth = _cloth(rng, patterns[int(rng.integers(4))])

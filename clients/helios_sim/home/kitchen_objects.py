@@ -1,6 +1,6 @@
-"""More things of a kitchen to pick: glass, jar, jug, kettle, pan, shaker, roll, orange, banana.
+"""Objects of a kitchen: glass, jar, jug, kettle, pan, salt shaker, orange, banana.
 
-Drawn standing on z = 0, then moved so that the origin is in the middle of the bounding box.
+They are drawn standing on z = 0, then moved so that the origin is the centre of the bounding box.
 """
 
 import math
@@ -28,7 +28,7 @@ def _one_of(rng: np.random.Generator, colors: tuple[Rgb, ...], spread: float = 0
 
 
 def glass(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A tumbler; opaque, for a depth camera sees no glass either."""
+    """Opaque tumbler, because depth cameras do not measure glass."""
     r, h = float(rng.uniform(0.034, 0.04)), float(rng.uniform(0.10, 0.14))
     body = Material(_one_of(rng, _GLASS), "", 0.8, 0.9)
     b = ShapeBuilder()
@@ -41,7 +41,7 @@ def glass(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def jar(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A storage jar with a lid and something in it."""
+    """Filled storage jar with a lid."""
     r, h = float(rng.uniform(0.04, 0.05)), float(rng.uniform(0.11, 0.16))
     fill: tuple[Rgb, ...] = ((0.75, 0.5, 0.25), (0.7, 0.2, 0.2), (0.9, 0.85, 0.7), (0.4, 0.28, 0.2))
     body = Material(_one_of(rng, fill), "speckle", 0.6, 0.8)
@@ -57,7 +57,7 @@ def jar(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def jug(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A pitcher with a handle and a lip."""
+    """Pitcher with a handle and a lip."""
     r, h = float(rng.uniform(0.055, 0.065)), float(rng.uniform(0.18, 0.22))
     glaze = Material(_one_of(rng, _ENAMEL), "ceramic", 0.5, 0.6)
     b = ShapeBuilder()
@@ -76,7 +76,7 @@ def jug(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def kettle(rng: np.random.Generator, palette: Palette) -> Shape:
-    """An electric kettle on its base."""
+    """Electric kettle on its base."""
     r, h = float(rng.uniform(0.072, 0.08)), float(rng.uniform(0.21, 0.24))
     coat = STEEL if rng.random() < 0.5 else Material(_one_of(rng, _ENAMEL), "ceramic", 0.5, 0.6)
     b = ShapeBuilder()
@@ -96,7 +96,7 @@ def kettle(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def pan(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A saucepan with a straight handle, short enough for a shelf."""
+    """Saucepan with a straight handle, short enough for a shelf."""
     r, h = float(rng.uniform(0.07, 0.085)), float(rng.uniform(0.07, 0.09))
     coat = (
         darker(STEEL, 0.9)
@@ -109,7 +109,7 @@ def pan(rng: np.random.Generator, palette: Palette) -> Shape:
     grip = float(rng.uniform(0.1, 0.13))
     b.box((r + grip / 2 - 0.005, 0, h * 0.86), (grip, 0.02, 0.014), BLACK, bevel_m=0.005)
     b.solid("cylinder", (0, 0, h / 2), (2 * r, 2 * r, h))
-    # The handle weighs little: the pot must not tip over.
+    # The handle is thin and light, so that the pan does not tip over.
     b.solid("box", (r + grip / 2, 0, h * 0.86), (grip, 0.016, 0.012))
     shift = grip / 2
     del palette
@@ -118,7 +118,7 @@ def pan(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def _shifted_x(shape: Shape, by_m: float) -> Shape:
-    """Moved along x, so that the origin is in the middle of a box that is longer on one side."""
+    """Shape moved along x; it centres a bounding box that is longer on one side."""
     visuals = tuple(
         replace(v, mesh=mesh_primitives.transformed(v.mesh, np.eye(3), (by_m, 0, 0)))
         for v in shape.visuals
@@ -130,7 +130,7 @@ def _shifted_x(shape: Shape, by_m: float) -> Shape:
 
 
 def salt_shaker(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A small mill or shaker."""
+    """Small shaker or mill."""
     r, h = float(rng.uniform(0.022, 0.027)), float(rng.uniform(0.09, 0.13))
     body = palette.wood(rng) if rng.random() < 0.5 else WHITE
     b = ShapeBuilder()
@@ -143,7 +143,7 @@ def salt_shaker(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def orange(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Rolls."""
+    """Orange; it rolls."""
     r = float(rng.uniform(0.036, 0.042))
     skin = Material(tinted((0.93, 0.52, 0.12), rng, 0.05), "speckle", 0.2, 0.3)
     b = ShapeBuilder()
@@ -155,7 +155,7 @@ def orange(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def banana(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Lies on its side."""
+    """Banana that lies on its side."""
     skin = Material(tinted((0.93, 0.79, 0.20), rng, 0.04), "", 0.2, 0.3)
     r, bend = float(rng.uniform(0.018, 0.021)), float(rng.uniform(0.09, 0.11))
     tip = Material((0.35, 0.26, 0.12), "", 0.1)

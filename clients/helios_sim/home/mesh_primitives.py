@@ -1,7 +1,7 @@
-"""Meshes made by code: boxes with rounded edges, lathed profiles, tubes, ellipsoids.
+"""Mesh primitives: boxes with rounded edges, lathed profiles, tubes, ellipsoids, flat grids.
 
-Every function gives triangles counter-clockwise from outside, with unit normals and texture
-coordinates in metres along the surface.
+Triangles are counter-clockwise seen from outside, with unit normals and texture coordinates in
+metres along the surface.
 """
 
 import math
@@ -17,7 +17,7 @@ _SMOOTH_BELOW_COS = math.cos(math.radians(40))
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of all triangles."""
+    """One mesh with the triangles of all meshes."""
     offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
@@ -32,7 +32,7 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 def transformed(
     mesh: Mesh, rotation: NDArray[np.float64], translation: Sequence[float], scale: Vec3 = (1, 1, 1)
 ) -> Mesh:
-    """Scaled along its axes, then rotated [3, 3], then moved."""
+    """Mesh scaled along its axes, then rotated [3, 3], then translated."""
     normals = mesh.normals / np.asarray(scale)
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     return Mesh(
@@ -46,7 +46,7 @@ def transformed(
 
 
 def rotation_xyz(roll_rad: float, pitch_rad: float, yaw_rad: float) -> NDArray[np.float64]:
-    """Rotation about x, then y, then z of the fixed frame [3, 3]."""
+    """Rotation matrix [3, 3] about x, then y, then z of the fixed frame."""
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
     cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -56,7 +56,7 @@ def rotation_xyz(roll_rad: float, pitch_rad: float, yaw_rad: float) -> NDArray[n
     return about_z @ about_y @ about_x
 
 
-# For each face of a box: the outward axis, its sign, and the two axes (u, v) with u x v = outward.
+# Faces of a box: outward axis, its sign, and the two axes (u, v) with u x v = outward.
 _BOX_FACES = (
     (0, 1, 1, 2),
     (0, -1, 2, 1),
@@ -68,9 +68,9 @@ _BOX_FACES = (
 
 
 def box(size: Vec3, bevel_m: float = 0.0, segments: int = 1) -> Mesh:
-    """A box of that size about the origin; with `bevel_m` its edges are rounded in `segments`."""
+    """Box of that size about the origin; `bevel_m` rounds its edges in `segments` steps."""
     half = np.asarray(size, dtype=np.float64) / 2
-    # Less than 0.1 mm cannot be seen, and its normals cannot be told.
+    # A bevel below 0.1 mm is invisible, and its normals are unreliable.
     radius = min(bevel_m, float(half.min()) * 0.98) if bevel_m > 1e-4 else 0.0
     parts = []
     for axis, sign, u_axis, v_axis in _BOX_FACES:
@@ -90,7 +90,7 @@ def box(size: Vec3, bevel_m: float = 0.0, segments: int = 1) -> Mesh:
             normals = np.zeros_like(points)
             normals[:, axis] = sign
             vertices = points
-        # Patterns run along u: let that be the longer side of the face.
+        # Patterns run along u, so u is the longer side of the face.
         long_axis, short_axis = (
             (u_axis, v_axis) if half[u_axis] >= half[v_axis] else (v_axis, u_axis)
         )
@@ -108,9 +108,9 @@ def _grid_line(half: float, radius: float, segments: int) -> NDArray[np.float64]
 
 @lru_cache(maxsize=512)
 def _grid_faces(rows: int, columns: int, wrap: bool = False) -> NDArray[np.int32]:
-    """Two triangles per cell of a grid of vertices; with `wrap` the last column meets the first.
+    """Faces [m, 3] of a grid of vertices; with `wrap` the last column is joined to the first.
 
-    Shared between meshes: not to be written to.
+    Shared between meshes and therefore read-only.
     """
     row, column = np.mgrid[0 : rows - 1, 0 : columns if wrap else columns - 1]
     following = (column + 1) % columns
@@ -134,7 +134,7 @@ def _mesh(
 
 
 def lathe(profile: Sequence[tuple[float, float]], sides: int = 20) -> Mesh:
-    """A profile of (radius, height), from the bottom up along the outside, turned about z.
+    """Surface of revolution about z of a profile (radius, height), outside from the bottom up.
 
     Corners sharper than 40 degrees stay sharp. A profile that returns downwards on the inside
     makes a vessel.
@@ -172,11 +172,11 @@ def lathe(profile: Sequence[tuple[float, float]], sides: int = 20) -> Mesh:
 
 
 def tube(path: Sequence[Vec3], radius_m: float, sides: int = 8) -> Mesh:
-    """A round tube along a path, open at both ends."""
+    """Round tube along a path, open at both ends."""
     points = np.asarray(path, dtype=np.float64)
     tangents = np.gradient(points, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    # A fixed reference across the path's plane keeps the sections from twisting.
+    # A fixed normal of the path's plane keeps the cross-sections from twisting.
     spread = np.linalg.svd(points - points.mean(0))[2][2]
     side = np.cross(tangents, spread)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
@@ -217,12 +217,12 @@ def _unit_sphere(sides: int, rings: int) -> Mesh:
 
 
 def ellipsoid(half: Vec3, sides: int = 14, rings: int = 8) -> Mesh:
-    """An ellipsoid about the origin."""
+    """Ellipsoid about the origin with these half axes."""
     return transformed(_unit_sphere(sides, rings), np.eye(3), (0, 0, 0), half)
 
 
 def quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3, cells_u: int = 1, cells_v: int = 1) -> Mesh:
-    """A flat grid; its normal is edge_u x edge_v; uv in metres from the corner."""
+    """Flat grid with the normal edge_u x edge_v; uv in metres from the corner."""
     u, v = np.asarray(edge_u, dtype=np.float64), np.asarray(edge_v, dtype=np.float64)
     s, t = np.meshgrid(np.linspace(0, 1, cells_u + 1), np.linspace(0, 1, cells_v + 1))
     vertices = np.asarray(corner) + s.reshape(-1, 1) * u + t.reshape(-1, 1) * v
@@ -235,13 +235,13 @@ def quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3, cells_u: int = 1, cells_v: in
 
 
 def covered_once(mesh: Mesh, size_m: tuple[float, float]) -> Mesh:
-    """The same flat mesh of that size, its texture laid over it once."""
+    """Flat mesh of that size whose texture covers it exactly once."""
     uv = (mesh.uv / np.asarray(size_m)).astype(np.float32)
     return Mesh(mesh.vertices, mesh.normals, uv, mesh.faces)
 
 
 def _without_slivers(mesh: Mesh) -> Mesh:
-    """Without triangles of no area (at the poles of a lathed profile)."""
+    """Mesh without triangles of zero area, which occur at the poles of a lathed profile."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return Mesh(mesh.vertices, mesh.normals, mesh.uv, mesh.faces[area > 1e-12])

@@ -1,6 +1,6 @@
-"""A home as a MuJoCo model: bodies by name, drawn meshes, collision primitives, light.
+"""MuJoCo model of a home: named bodies, drawn meshes, collision primitives, lights.
 
-Groups: 0 structure, 1 ceiling, 2 furniture and objects (all drawn), 3 what collides.
+Geom groups: 0 structure, 1 ceiling, 2 furniture and objects (all drawn), 3 collision geoms.
 """
 
 import math
@@ -54,7 +54,7 @@ def assemble(
     *,
     visuals: bool = True,
 ) -> mujoco.MjSpec:
-    """The model of everything but the robot."""
+    """MuJoCo model of a home without a robot."""
     model = ModelBuilder(visuals)
     bounds = floor_plans.bounds_of(rooms)
     pieces = floor_plans.wall_pieces(rooms, doorways)
@@ -88,7 +88,7 @@ def assemble(
     for item in (*receptacles, *fixtures):
         z = item.z_m if isinstance(item, Fixture) else 0.0
         body = model.body(item.name, (item.x, item.y, z), item.yaw_rad)
-        # What hangs from the ceiling is left out with it.
+        # Fixtures at the ceiling are hidden together with it.
         model.draw(body, item.shape.visuals, GROUP_CEILING if z > 1.9 else GROUP_FURNITURE)
         for solid in item.shape.solids:
             model.solid(body, solid, "")
@@ -106,7 +106,7 @@ def _key(bounds: floor_plans.Rect) -> list[int]:
 
 
 class ModelBuilder:
-    """An `MjSpec` under construction; materials and textures are shared by value."""
+    """Builder of an `MjSpec`; equal materials and textures are added once."""
 
     def __init__(self, visuals: bool) -> None:
         self._visuals = visuals
@@ -123,7 +123,7 @@ class ModelBuilder:
         return body
 
     def thing(self, thing: SceneObject) -> None:
-        """A free object whose mass is spread over its solids."""
+        """Add a free object; its mass is distributed over its solids by volume."""
         body = self.body(thing.name, thing.position_m, thing.yaw_rad)
         body.add_freejoint()
         shape = thing.shape
@@ -136,7 +136,7 @@ class ModelBuilder:
             geom.friction = [0.8, 0.005, 0.002]
 
     def solid(self, body: mujoco.MjsBody, solid: CollisionBox, name: str) -> mujoco.MjsGeom:
-        """A collision geom."""
+        """Add a collision geom."""
         geom = body.add_geom(type=_GEOMS[solid.kind])
         if name:
             geom.name = name
@@ -148,7 +148,7 @@ class ModelBuilder:
         return geom
 
     def draw(self, body: mujoco.MjsBody, visuals: Iterable[Visual], group: int) -> None:
-        """Geoms that are seen and never touched."""
+        """Add drawn geoms without collision."""
         if self._visuals:
             for visual in visuals:
                 repeat = _repeat_m(visual.material)
@@ -161,7 +161,7 @@ class ModelBuilder:
                 self.mesh(body, scaled, self._material(visual.material), group)
 
     def mesh(self, body: mujoco.MjsBody, mesh: Mesh, material: str, group: int) -> None:
-        """One drawn mesh."""
+        """Add one drawn mesh."""
         name = f"mesh_{self._meshes}"
         self._meshes += 1
         asset = self.spec.add_mesh(name=name)
@@ -187,7 +187,7 @@ class ModelBuilder:
         return self._materials[material]
 
     def picture(self, name: str, image: np.ndarray) -> str:
-        """A material that is one picture."""
+        """Add a material that shows one image; return its name."""
         asset = self.spec.add_material(name=name, rgba=[1.0, 1.0, 1.0, 1.0])
         asset.specular, asset.shininess = 0.05, 0.1
         self._textured(asset, self._texture(name, image))
@@ -221,7 +221,7 @@ class ModelBuilder:
         asset.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture
 
     def finish(self, bounds: floor_plans.Rect) -> mujoco.MjSpec:
-        """Options and light."""
+        """Add options and lights; return the spec."""
         spec = self.spec
         if self._visuals:
             spec.add_texture(
@@ -238,7 +238,7 @@ class ModelBuilder:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
         spec.visual.quality.offsamples = 0
-        # The extent scales the clipping planes: 10 m makes znear and zfar metres / 10.
+        # The extent (m) scales the clipping planes: with 10 m, znear and zfar are metres / 10.
         spec.stat.extent = 10.0
         spec.stat.center = [(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2, 1.0]
         spec.visual.map.znear, spec.visual.map.zfar = 0.003, 3.0

@@ -1,6 +1,6 @@
-"""Puts things on furniture: within reach, apart from one another, room left for one more.
+"""Object placement in homes of the "demo" catalog: within reach, apart, with space for one more.
 
-For homes of the "demo" catalog; `distractor_placement.py` does it for the benchmark.
+`distractor_placement.py` places the objects of the benchmark homes.
 """
 
 import math
@@ -29,7 +29,7 @@ class _Disc:
 
 
 class Clutter:
-    """Objects placed so far and where more fit."""
+    """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
     def __init__(self, furnisher: Furnisher) -> None:
         self._f = furnisher
@@ -43,7 +43,7 @@ class Clutter:
         self.objects: list[SceneObject] = []
 
     def fill(self) -> None:
-        """About as many objects as the preset wants: first one of each class, then doubles."""
+        """Place a number of objects in the preset's range: one per class, then duplicates."""
         preset = self._f.preset
         count = int(self._rng.integers(preset.objects[0] + 1, preset.objects[1] + 1))
         classes = list(OBJECTS)
@@ -112,7 +112,7 @@ class Clutter:
         )
 
     def _yaw(self, shape: Shape, surface: Surface) -> float:
-        # What has a front (drawn towards -y) looks about where its furniture looks.
+        # An object with a front (drawn towards -y) faces roughly the same way as its furniture.
         spread = 0.5 if shape.size_m[0] != shape.size_m[1] else math.pi
         turned = surface.yaw_rad + float(self._rng.uniform(-spread, spread))
         return math.remainder(turned, math.tau)

@@ -1,6 +1,6 @@
-"""Stool, trunk, filing cabinet, hamper, washing machine, sideboard, chair, bath, toilet.
+"""Shapes of stool, trunk, filing cabinet, hamper, washing machine, sideboard, chair, bath, toilet.
 
-Origin on the floor under the middle, +y is the back. Legs collide as thin as they are drawn.
+Origin on the floor at the centre, back at +y. Collision legs are as thin as the drawn ones.
 """
 
 import math
@@ -23,12 +23,12 @@ def _thin_legs(
     thick: float,
     material: Material,
 ) -> None:
-    """Four legs that spread from under a seat to the floor."""
+    """Add four legs that spread from the underside of a seat to the floor."""
     for x in (-1, 1):
         for y in (-1, 1):
             dx, dy = x * (foot_half[0] - top_half[0]), y * (foot_half[1] - top_half[1])
             length = math.sqrt(height**2 + dx**2 + dy**2)
-            # Rotation about x, then y, that lays z along the leg from the foot up.
+            # Rotation about x, then y, that aligns z with the leg, from the foot upwards.
             tilt = (math.asin(dy / length), -math.atan2(dx, height), 0.0)
             middle = (
                 x * (top_half[0] + foot_half[0]) / 2,
@@ -39,7 +39,7 @@ def _thin_legs(
 
 
 def stool(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A low stool or a bar stool on four spread legs."""
+    """Low stool or bar stool on four spread legs."""
     height = float(rng.choice([0.46, 0.66])) + float(rng.uniform(-0.03, 0.03))
     wood = palette.wood_or_paint(rng)
     legs = wood if rng.random() < 0.5 else BLACK
@@ -64,7 +64,7 @@ def stool(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def chair(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A dining chair whose four legs stand apart; things lie on its seat."""
+    """Dining chair with four separate legs and a seat on which objects can lie."""
     width, depth = float(rng.uniform(0.41, 0.46)), float(rng.uniform(0.43, 0.48))
     seat, back = float(rng.uniform(0.44, 0.47)), float(rng.uniform(0.82, 0.95))
     wood = palette.wood_or_paint(rng)
@@ -101,7 +101,7 @@ def chair(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def trunk(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A chest with a lid, straps and corner irons."""
+    """Chest with a lid, straps and a lock plate."""
     width, depth = float(rng.uniform(0.8, 1.05)), float(rng.uniform(0.42, 0.5))
     height, lid = float(rng.uniform(0.42, 0.5)), 0.11
     wood = palette.wood(rng)
@@ -121,7 +121,7 @@ def trunk(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def filing_cabinet(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A steel cabinet of two or three deep drawers with label holders."""
+    """Steel cabinet with two or three deep drawers and label holders."""
     width, depth, rows = 0.42, float(rng.uniform(0.5, 0.58)), int(rng.integers(2, 4))
     height = 0.05 + rows * float(rng.uniform(0.31, 0.335))
     coats: tuple[Rgb, ...] = ((0.62, 0.65, 0.67), (0.30, 0.33, 0.36), (0.86, 0.86, 0.83))
@@ -143,7 +143,7 @@ def filing_cabinet(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def hamper(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A woven laundry basket with a flat lid, round or square."""
+    """Woven laundry basket with a flat lid, round or rectangular."""
     height = float(rng.uniform(0.52, 0.64))
     weave = Material(tinted((0.74, 0.6, 0.42), rng, 0.08), "weave", 0.03, 0.05)
     lid = darker(weave, 0.85) if rng.random() < 0.5 else palette.wood(rng)
@@ -170,7 +170,7 @@ def hamper(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def washing_machine(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A front loader; some are dryers with a wider, darker door."""
+    """Washing machine with a front door of random size and colour."""
     width, depth, height = 0.6, float(rng.uniform(0.56, 0.62)), float(rng.uniform(0.84, 0.88))
     coat = WHITE if rng.random() < 0.7 else darker(STEEL, 0.85)
     b = ShapeBuilder()
@@ -194,7 +194,7 @@ def washing_machine(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def sideboard(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A low cabinet with doors, on feet."""
+    """Low cabinet with doors, on feet."""
     width, depth = float(rng.uniform(1.15, 1.5)), float(rng.uniform(0.4, 0.46))
     height, foot = float(rng.uniform(0.72, 0.85)), float(rng.uniform(0.08, 0.16))
     body = palette.wood(rng)
@@ -216,7 +216,7 @@ def sideboard(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def bathtub(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A bath with a board across it, on which things stand."""
+    """Bathtub with a board across it, on which objects can stand."""
     tub = decoration_shapes.bathtub(rng, palette)
     width, depth, rim = tub.size_m
     board, x = float(rng.uniform(0.4, 0.55)), float(rng.uniform(-0.15, width / 2 - 0.4))
@@ -228,7 +228,7 @@ def bathtub(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def toilet(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A toilet with its lid closed; small things stand on the cistern."""
+    """Toilet with a closed lid; objects can stand on the lid and on the cistern."""
     bowl = decoration_shapes.toilet(rng, palette)
     b = ShapeBuilder()
     disc = mesh_primitives.lathe(

@@ -1,4 +1,4 @@
-"""Other things to pick: book, box, toys, lamp, clock, remote control, pot plant."""
+"""Objects: book, box, toys, lamp, alarm clock, remote control, pot plant."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Lets the things of a home come to rest, and keeps those that can be seen and grasped."""
+"""Settling of objects in the physics, with a check that they are visible and within reach."""
 
 import math
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ _MAX_DRIFT_M = 0.04
 _MAX_TILT_COS = math.cos(math.radians(2))
 _VIEW_CELLS = 24
 _AROUND_M = 2.5
-# Parts of a thing's box that are looked for: (share of its width, share of its height).
+# Points of an object's box for the visibility test: (share of its width, share of its height).
 _MIDDLE = ((0.0, 0.0), (0.0, 0.4))
 _FACE = (*_MIDDLE, (-0.35, 0.0), (0.35, 0.0), (-0.3, 0.35), (0.3, 0.35))
 
 
 def settled(home: Home, passable: NDArray[np.bool_]) -> tuple[SceneObject, ...]:
-    """What stays upright in its place and can be seen by a robot in reach, where it rests.
+    """Objects at their rest poses that stay upright, in place and visible to a robot within reach.
 
     passable: cells [row, column] where the robot fits with its margin.
     """
@@ -38,7 +38,7 @@ def settled(home: Home, passable: NDArray[np.bool_]) -> tuple[SceneObject, ...]:
         drift = float(np.linalg.norm(body.xpos - thing.position_m))
         up = float(body.xmat[8])
         yaw = math.atan2(float(body.xmat[3]), float(body.xmat[0]))
-        # A ball has no upright.
+        # A ball has no upright orientation.
         upright = up > _MAX_TILT_COS or (len(thing.shape.solids) == 1 and thing.shape.rolls)
         if drift > _MAX_DRIFT_M or not upright:
             continue
@@ -56,9 +56,9 @@ def _can_be_seen(
     model: mujoco.MjModel,
     data: mujoco.MjData,
 ) -> bool:
-    """Whether a robot within reach has enough of the thing in its line of sight.
+    """True if a robot within reach sees enough of the object.
 
-    The demo asks for its middle or its top, the benchmark for half of its face.
+    The demo requires its centre or its top, the benchmark half of the points on its face.
     """
     receptacle = home.receptacle(thing.receptacle)
     near = passable & freespace.room_mask(home.rooms[receptacle.room], home.bounds, CELL_M)
@@ -79,9 +79,9 @@ def _can_be_seen(
 
 
 def hidden_shares(home: Home, passable: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """For each object [n] the share of the stands around it from which its middle is not seen.
+    """Share [n], for each object, of the stands around it from which its centre is not visible.
 
-    Stands are places in its room within `_AROUND_M` where the robot fits with its margin.
+    A stand is a position in its room within `_AROUND_M` where the robot fits with its margin.
     """
     model = home.spec(visuals=False).compile()
     data = mujoco.MjData(model)
@@ -109,9 +109,10 @@ def sees(
     across: float,
     up: float,
 ) -> bool:
-    """Whether a ray from the eye [3] to a part of the thing meets nothing before it.
+    """True if a ray from the eye [3] to a point of the object hits the object first.
 
-    across: shares of its smaller width to the side, as seen from the eye; up: of its height.
+    across: lateral offset of the point, seen from the eye, as a share of the smaller width;
+    up: vertical offset as a share of the height.
     """
     target = np.array(thing.position_m)
     to = target[:2] - eye[:2]
@@ -124,7 +125,7 @@ def sees(
 
 
 def renumbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
-    """Names without gaps: mug_0, mug_1, …"""
+    """Objects renamed without gaps: mug_0, mug_1, …"""
     counts: dict[str, int] = {}
     named = []
     for thing in things:

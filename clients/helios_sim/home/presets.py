@@ -1,4 +1,4 @@
-"""Named kinds of homes. A preset never changes once published: a new one gets a new name."""
+"""Presets of homes. A published preset never changes; a new one gets a new name."""
 
 import hashlib
 from dataclasses import dataclass, fields
@@ -7,11 +7,12 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class HomePreset:
-    """Everything that a home depends on apart from its seed; pairs are inclusive ranges.
+    """All parameters of a home except its seed; pairs are inclusive ranges.
 
-    `catalog` names the makers and recipes (`catalogs.py`); `min_receptacle_classes` counts in its
-    own classes ("demo") or in the 21 of the OVMM benchmark ("ovmm"). `room_area_m2` is the mean
-    area of a room, which then sets width and depth within their limits; (0, 0): drawn directly.
+    `catalog` names the makers and recipes (`catalogs.py`); `min_receptacle_classes` counts the
+    catalog's own classes ("demo") or the 21 classes of the OVMM benchmark ("ovmm"). `room_area_m2`
+    is the mean area of a room, which sets width and depth within their limits; (0, 0): width and
+    depth are drawn directly.
     """
 
     name: str
@@ -29,21 +30,21 @@ class HomePreset:
     robot_radius_m: float = 0.3
     clearance_margin_m: float = 0.1
     reach_m: float = 0.75
-    view_distance_m: float = 1.5  # read by nothing; stays, for `digest` counts it
+    view_distance_m: float = 1.5  # unused; kept because `digest` includes it
     camera_height_m: float = 1.31
     surface_height_m: tuple[float, float] = (0.3, 1.2)
     catalog: Literal["demo", "ovmm"] = "demo"
     room_area_m2: tuple[float, float] = (0.0, 0.0)
-    hidden_objects: int = 0  # at least; see generate.HIDDEN_SHARE
-    cut: tuple[float, float] = (0.42, 0.58)  # where a floor plan's part is cut in two
+    hidden_objects: int = 0  # minimum number; see home_generator.HIDDEN_SHARE
+    cut: tuple[float, float] = (0.42, 0.58)  # position of a cut, as a share of the divided length
 
     @property
     def passage_radius_m(self) -> float:
-        """Radius of the disc for which everything in the home is reachable."""
+        """Radius of the disc that can reach everything in the home."""
         return self.robot_radius_m + self.clearance_margin_m
 
     def digest(self) -> str:
-        """SHA-256 of all fields by name, the first 16 hexadecimal digits: for reports."""
+        """First 16 hexadecimal digits of the SHA-256 of all fields by name, for reports."""
         text = "\n".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

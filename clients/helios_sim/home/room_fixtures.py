@@ -1,6 +1,6 @@
-"""Ceiling lamp, towel rail, coat rack, wall clock, cooker: what rooms are lived in with.
+"""Shapes of ceiling lamp, towel rail, coat rack, wall clock and cooker.
 
-Origin under the middle, +y is the wall.
+Origin below the centre, wall at +y.
 """
 
 import math
@@ -15,7 +15,7 @@ _GLOW = Material((1.0, 0.96, 0.88), "", 0.0, 0.0, 0.7)
 
 
 def ceiling_lamp(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Hangs from the ceiling; its frame's floor is at the lower rim of its shade."""
+    """Ceiling lamp; z = 0 of its frame is the lower rim of its shade."""
     drop = float(rng.uniform(0.3, 0.45))
     shade = darker(palette.accent(rng), 0.9) if rng.random() < 0.5 else WHITE
     b = ShapeBuilder()
@@ -33,7 +33,7 @@ def ceiling_lamp(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def towel_rail(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Two towels over a bar."""
+    """Bar with two towels."""
     width = float(rng.uniform(0.55, 0.7))
     b = ShapeBuilder()
     z = 0.6
@@ -51,7 +51,7 @@ def towel_rail(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def coat_rack(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A board with hooks, and a coat or two."""
+    """Board with hooks and up to four coats."""
     width = float(rng.uniform(0.7, 0.95))
     wood = palette.wood(rng)
     b = ShapeBuilder()
@@ -90,7 +90,7 @@ def wall_clock(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def cooker(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A free-standing oven with a hob."""
+    """Free-standing oven with a hob."""
     width, depth, height = 0.6, 0.61, 0.9
     coat = WHITE if rng.random() < 0.5 else STEEL
     b = ShapeBuilder()

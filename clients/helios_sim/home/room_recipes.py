@@ -1,4 +1,4 @@
-"""What a living room, a kitchen, a bedroom… is furnished with, in the order of placing."""
+"""Furniture of each kind of room in the demo homes, in the order of placement."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from helios_sim.home.wall_placement import EAST, NORTH, SOUTH, WEST, side_of, wa
 
 
 def furnish_all(furnisher: Furnisher) -> None:
-    """Fills each room by its kind."""
+    """Furnish each room by its kind."""
     for room in furnisher.rooms:
         _RECIPES[room.kind](furnisher, room)
 
@@ -104,7 +104,7 @@ def _dining_set(f: Furnisher, room: Room) -> None:
 
 
 def above(f: Furnisher, room: Room, item: Receptacle, class_name: str, z_m: float) -> None:
-    """A television or a mirror over a piece of furniture."""
+    """Hang a television or a mirror above a piece of furniture."""
     make = {"television": decoration_shapes.television, "mirror": decoration_shapes.mirror}[
         class_name
     ]
@@ -119,7 +119,7 @@ def mount(
     shape: decoration_shapes.Shape,
     z_m: float,
 ) -> Fixture:
-    """On the wall behind a piece of furniture."""
+    """Hang a fixture on the wall behind a piece of furniture."""
     side = side_of(item.yaw_rad)
     along = item.y if side in (WEST, EAST) else item.x
     pose = wall_pose(room, side, along, shape.size_m[1] / 2 + 0.002)
@@ -127,7 +127,7 @@ def mount(
 
 
 def decorate(f: Furnisher, room: Room) -> None:
-    """Windows in outer walls and pictures on inner ones, where no tall furniture or door is."""
+    """Hang windows on outer walls and pictures on any wall, clear of tall furniture and doors."""
     used = [wall_use(f, room, side) for side in range(4)]
     outer = f.bounds
     wall = floor_plans.WALL_HALF_M
@@ -156,7 +156,7 @@ def decorate(f: Furnisher, room: Room) -> None:
 
 
 def wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
-    """Intervals along a wall that a window or a picture should keep clear of."""
+    """Intervals along a wall that are occupied by doorways and tall furniture."""
     at = {WEST: room.x0, EAST: room.x1, SOUTH: room.y0, NORTH: room.y1}[side]
     axis = 0 if side in (WEST, EAST) else 1
     lo, hi = wall_range(room, side)
@@ -177,7 +177,7 @@ def wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
 def free_stretch(
     f: Furnisher, room: Room, side: int, width: float, used: list[tuple[float, float]]
 ) -> float | None:
-    """Where along a wall something of that width hangs clear of what is used."""
+    """Random centre of a free interval of that width along a wall; None if none is found."""
     lo, hi = wall_range(room, side)
     if hi - lo < width + 0.3:
         return None

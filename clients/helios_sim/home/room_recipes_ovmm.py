@@ -1,4 +1,4 @@
-"""What the rooms of the benchmark's homes are furnished with, in the order of placing."""
+"""Furniture of each kind of room in the benchmark homes, in the order of placement."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from helios_sim.home.wall_placement import wall_pose
 
 
 def furnish_all(f: Furnisher) -> None:
-    """Door leaves first, then room by room what it needs, then what else there is space for."""
+    """Place door leaves, the required furniture of each room, then optional furniture and decor."""
     for door in f.doorways:
         if f.rng.random() < 0.8:
             _leaf(f, door)
@@ -28,7 +28,7 @@ def furnish_all(f: Furnisher) -> None:
 
 
 def _furnish_more(f: Furnisher) -> None:
-    """More receptacles, by preference of classes that the home has not yet."""
+    """Place more receptacles, preferably of classes that are new in the home."""
     lo, hi = f.preset.receptacles
     wanted = min(hi, max(lo, round(3.2 * len(f.rooms) + float(f.rng.uniform(4.5, 8.5)))))
     choices = [(room, name) for room in f.rooms for name in _MORE[room.kind]]
@@ -57,7 +57,7 @@ def _leaf(f: Furnisher, door: floor_plans.Doorway) -> None:
 
 
 def hang_more(f: Furnisher, room: Room) -> None:
-    """What hangs on the walls beside windows and pictures."""
+    """Hang the wall fixtures of the room's kind, clear of windows and pictures."""
     for class_name, z_m in _HANGS.get(room.kind, ()):
         shape = f.catalog.fixtures[class_name](f.rng, f.palette)
         for side in (int(k) for k in f.rng.permutation(4)):
@@ -142,7 +142,7 @@ def _laundry_room(f: Furnisher, room: Room) -> None:
 
 
 def _laundry(f: Furnisher, room: Room) -> None:
-    """Washing machine and hamper, once in a home."""
+    """Place a washing machine and a hamper, once per home."""
     there = {item.class_name for item in f.receptacles}
     if "washing machine" not in there:
         f.receptacle("washing machine", room, wall_placement.along_walls(f.rng))
@@ -189,7 +189,7 @@ _RECIPES: dict[str, Callable[[Furnisher, Room], None]] = {
     "dining room": _dining_room,
 }
 
-# What else may stand in a room; "a@b": beside its b, or along a wall without one.
+# Optional receptacles by room kind; "a@b": beside b if the room has one, otherwise along a wall.
 _MORE: dict[str, tuple[str, ...]] = {
     "living room": ("side table@sofa", "bookcase", "sideboard", "shelf", "trunk", "stool"),
     "kitchen": ("serving cart", "stool", "bench", "shelf", "shoe rack"),
@@ -201,7 +201,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     "dining room": ("serving cart", "bench", "armchair", "shelf", "bookcase"),
 }
 
-# What hangs on the walls: (class, height of its lower edge).
+# Wall fixtures by room kind: (class, height of the frame origin in metres).
 _HANGS: dict[str, tuple[tuple[str, float], ...]] = {
     "living room": (("wall clock", 1.75),),
     "kitchen": (("wall clock", 1.75),),

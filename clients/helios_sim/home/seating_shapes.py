@@ -1,4 +1,4 @@
-"""Sofa, armchair, bed, bench, chair. Origin on the floor under the middle, +y is the back."""
+"""Shapes of sofa, armchair, bed, bench, chair. Origin on the floor at the centre, back at +y."""
 
 from collections.abc import Callable
 
@@ -82,7 +82,7 @@ def _cushions(
     back_y: float,
     seat: float,
 ) -> None:
-    """Lean against the back, the first one at the left arm."""
+    """Add cushions that lean against the back, the first one at -x."""
     for k in range(cushions):
         side = -1 if k == 0 else 1
         x = side * (inner / 2 - 0.19)

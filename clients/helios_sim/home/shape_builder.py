@@ -1,4 +1,4 @@
-"""Builds a `Shape` part by part: what is drawn, what is touched, where things can stand."""
+"""Builder of a `Shape` from parts: drawn meshes, collision primitives, support surfaces."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from helios_sim.home.home_types import (
 
 
 class ShapeBuilder:
-    """Collects parts in the body's frame; sizes are full sizes in metres."""
+    """Collects the parts of a shape in the body's frame; sizes are full sizes in metres."""
 
     def __init__(self) -> None:
         self._meshes: dict[Material, list[Mesh]] = {}
@@ -39,7 +39,7 @@ class ShapeBuilder:
         tilt_rad: Vec3 = (0.0, 0.0, 0.0),
         solid: bool = False,
     ) -> None:
-        """A box with rounded edges, turned by (roll, pitch, yaw) about its middle."""
+        """Add a box with rounded edges, rotated by (roll, pitch, yaw) about its centre."""
         mesh = mesh_primitives.box(size, bevel_m, segments)
         self.mesh(
             mesh_primitives.transformed(mesh, mesh_primitives.rotation_xyz(*tilt_rad), center),
@@ -61,7 +61,7 @@ class ShapeBuilder:
         tilt_rad: Vec3 = (0.0, 0.0, 0.0),
         solid: bool = False,
     ) -> None:
-        """A cylinder or cone frustum along z about its middle."""
+        """Add a cylinder or a truncated cone along z, centred at `center`."""
         top = radius_m if top_radius_m is None else top_radius_m
         low, high, b = -height_m / 2, height_m / 2, bevel_m
         profile = [(0, low), (radius_m - b, low), (radius_m, low + b)]
@@ -80,7 +80,7 @@ class ShapeBuilder:
         sides: int = 18,
         tilt_rad: Vec3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """A profile of (radius, height above `center`), outside from the bottom up."""
+        """Add a lathed profile of (radius, height above `center`), outside from the bottom up."""
         self.mesh(
             mesh_primitives.transformed(
                 mesh_primitives.lathe(profile, sides),
@@ -100,7 +100,7 @@ class ShapeBuilder:
         rings: int = 8,
         tilt_rad: Vec3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """An ellipsoid given by half axes."""
+        """Add an ellipsoid with these half axes."""
         mesh = mesh_primitives.ellipsoid(half, sides, rings)
         self.mesh(
             mesh_primitives.transformed(mesh, mesh_primitives.rotation_xyz(*tilt_rad), center),
@@ -110,17 +110,17 @@ class ShapeBuilder:
     def tube(
         self, path: Sequence[Vec3], radius_m: float, material: Material, *, sides: int = 8
     ) -> None:
-        """A round tube along a path."""
+        """Add a round tube along a path."""
         self.mesh(mesh_primitives.tube(path, radius_m, sides), material)
 
     def mesh(self, mesh: Mesh, material: Material) -> None:
-        """Any mesh, in the body's frame."""
+        """Add a mesh in the body's frame."""
         self._meshes.setdefault(material, []).append(mesh)
 
     def solid(
         self, kind: SolidKind, center: Vec3, size: Vec3, tilt_rad: Vec3 = (0.0, 0.0, 0.0)
     ) -> None:
-        """A collision primitive that fills a box of that size."""
+        """Add a collision primitive that fills a box of that size."""
         half = (size[0] / 2, size[1] / 2, size[2] / 2)
         if kind == "cylinder":
             half = (half[0], half[2], 0.0)
@@ -133,14 +133,14 @@ class ShapeBuilder:
         height_m: float,
         clear_m: float = 10.0,
     ) -> None:
-        """A flat rectangle on which things up to `clear_m` high can stand."""
+        """Add a flat rectangle on which objects up to `clear_m` high can stand."""
         half = (size_xy[0] / 2, size_xy[1] / 2)
         self._surfaces.append(Surface(center_xy, half, 0.0, height_m, clear_m))
 
     def finish(
         self, size_m: Vec3, main: Material, *, mass_kg: float = 0.0, rolls: bool = False
     ) -> Shape:
-        """The shape, with the colour of its main material."""
+        """Shape of all parts, with the colour of its main material."""
         visuals = tuple(
             Visual(mesh_primitives.merge(parts), material)
             for material, parts in self._meshes.items()
@@ -157,7 +157,7 @@ class ShapeBuilder:
 
 
 def lowered(shape: Shape, by_m: float) -> Shape:
-    """The same shape with its origin `by_m` higher."""
+    """Shape moved down by `by_m` relative to its origin."""
     visuals = tuple(
         replace(v, mesh=mesh_primitives.transformed(v.mesh, np.eye(3), (0, 0, -by_m)))
         for v in shape.visuals

@@ -1,4 +1,4 @@
-"""Changes whole shapes: joined, scaled, laid on the side, in other colours."""
+"""Operations on whole shapes: join, scale, lay on the side, recolour."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ _SQRT_HALF = 0.7071067811865476
 
 
 def joined(shape: Shape, more: Shape) -> Shape:
-    """One shape of two in the same frame, with the size and colour of the first."""
+    """Union of two shapes in the same frame, with the size and colour of the first."""
     return replace(
         shape,
         visuals=(*shape.visuals, *more.visuals),
@@ -25,7 +25,7 @@ def joined(shape: Shape, more: Shape) -> Shape:
 
 
 def scaled(shape: Shape, factor: float) -> Shape:
-    """A thing of another size, about its origin; its mass goes with the volume."""
+    """Object scaled about its origin; its mass scales with the volume."""
     return replace(
         shape,
         size_m=_times(shape.size_m, factor),
@@ -47,7 +47,7 @@ def scaled(shape: Shape, factor: float) -> Shape:
 
 
 def laid_down(shape: Shape) -> Shape:
-    """The same thing fallen over: its z axis along -y. It may roll."""
+    """Object lying on its side, its z axis along -y. It may roll."""
     turn = mesh_primitives.rotation_xyz(np.pi / 2, 0, 0)
     x, y, z = shape.size_m
     return replace(
@@ -63,7 +63,7 @@ def laid_down(shape: Shape) -> Shape:
 
 
 def recolored(shape: Shape, rng: np.random.Generator, spread: float, texture: str) -> Shape:
-    """Other tints, and a pattern on its main material; one draw for each material."""
+    """Shape with a random tint per material, and a pattern on its main material."""
     changed: dict[Material, Material] = {}
     for visual in shape.visuals:
         old = visual.material
@@ -83,9 +83,10 @@ def varied(
     textures: tuple[str, ...] = (),
     lies: float = 0.0,
 ) -> Maker:
-    """A maker of the same things in more sizes, tints and patterns; some lie on their side.
+    """Maker that varies the size, tints and pattern of its objects; some lie on their side.
 
-    size: range of the factor; textures: drawn from these and none; lies: share that has fallen.
+    size: range of the scale; textures: patterns to draw from, besides none; lies: share on the
+    side.
     """
 
     def made(rng: np.random.Generator, palette: Palette) -> Shape:
@@ -103,7 +104,7 @@ def _times(values: Vec3, factor: float) -> Vec3:
 
 
 def _turned(solid: CollisionBox) -> CollisionBox:
-    """Turned by 90 degrees about x."""
+    """Solid rotated by 90 degrees about x."""
     x, y, z = solid.center
     w, i, j, k = solid.quat
     s = _SQRT_HALF

@@ -1,4 +1,4 @@
-"""Open storage with things on several levels. Origin on the floor, +y is the back."""
+"""Shapes of open storage with surfaces on several levels. Origin on the floor, back at +y."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _BOARD_M = 0.022
 
 
 def shelf(rng: np.random.Generator, palette: Palette) -> Shape:
-    """An open rack of three or four boards; a basket fills part of the lowest one."""
+    """Open rack of three or four boards; a basket fills part of the lowest one."""
     width, depth = float(rng.uniform(0.75, 1.0)), float(rng.uniform(0.32, 0.38))
     boards = int(rng.integers(3, 5))
     low, pitch = float(rng.uniform(0.12, 0.18)), float(rng.uniform(0.32, 0.345))
@@ -58,7 +58,7 @@ def _basket(
 
 
 def bookcase(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Three rows, each partly full of books; things stand on its top and beside the books."""
+    """Bookcase with three rows, partly full of books; surfaces on top and beside the books."""
     width, depth = float(rng.uniform(0.9, 1.15)), float(rng.uniform(0.3, 0.34))
     height, rows = float(rng.uniform(1.06, 1.14)), 3
     wood = palette.wood_or_paint(rng)
@@ -90,7 +90,7 @@ def bookcase(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def shoe_rack(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Two or three low boards."""
+    """Shoe rack with two or three low boards."""
     width, depth = float(rng.uniform(0.7, 0.95)), float(rng.uniform(0.29, 0.33))
     boards, low = int(rng.integers(2, 4)), float(rng.uniform(0.11, 0.14))
     pitch = float(rng.uniform(0.22, 0.25)) if boards == 2 else float(rng.uniform(0.2, 0.22))
@@ -117,7 +117,7 @@ def shoe_rack(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def serving_cart(rng: np.random.Generator, palette: Palette) -> Shape:
-    """A trolley with two or three trays, on castors."""
+    """Trolley with two or three trays, on castors."""
     width, depth = float(rng.uniform(0.6, 0.75)), float(rng.uniform(0.38, 0.44))
     height = float(rng.uniform(0.76, 0.84))
     trays = int(rng.integers(2, 4))
@@ -152,7 +152,7 @@ def serving_cart(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def wardrobe(rng: np.random.Generator, palette: Palette) -> Shape:
-    """Doors on one half, open boards on the other, clothes on a rail above them."""
+    """Wardrobe with a door on one half, open boards on the other, and clothes above the boards."""
     width, depth = float(rng.uniform(1.2, 1.5)), 0.56
     height = float(rng.uniform(1.95, 2.1))
     body = palette.wood_or_paint(rng)
@@ -190,7 +190,7 @@ def _clothes(
     rail_xz: tuple[float, float],
     width: float,
 ) -> None:
-    """Short clothes on a rail, above reach: drawn, not touched."""
+    """Add short clothes on a rail, above reach; visuals only."""
     x0, z = rail_xz
     b.box((x0, 0.02, z), (width, 0.02, 0.02), STEEL)
     count = int(rng.integers(3, 6))

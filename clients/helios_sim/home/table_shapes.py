@@ -1,4 +1,4 @@
-"""Tables: dining, coffee, side table, desk. Origin on the floor, +y is the back."""
+"""Shapes of dining table, coffee table, side table and desk. Origin on the floor, back at +y."""
 
 import numpy as np
 
@@ -144,7 +144,7 @@ def _round_table(rng: np.random.Generator, palette: Palette, radius: float, heig
             ]
             b.tube([(float(x), float(y), float(z)) for x, y, z in path], 0.018, wood)
         b.solid("cylinder", (0, 0, height / 2 - 0.02), (radius, radius, height - 0.04))
-    # The largest square that fits keeps things on the round top.
+    # A square within the circle keeps objects on the round top.
     side = radius * 1.5
     b.surface((0, 0), (side, side), height)
     return b.finish((2 * radius, 2 * radius, height), wood)

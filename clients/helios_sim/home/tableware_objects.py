@@ -1,6 +1,6 @@
-"""Lathed things to pick: mug, bowl, plate, bottle, can, vase, teapot, candle, fruit.
+"""Lathed objects: mug, bowl, plate, bottle, can, vase, teapot, candle, apple.
 
-Drawn standing on z = 0, then moved so that the origin is in the middle of the bounding box.
+They are drawn standing on z = 0, then moved so that the origin is the centre of the bounding box.
 """
 
 import math
@@ -250,7 +250,7 @@ def apple(rng: np.random.Generator, palette: Palette) -> Shape:
         Material((0.3, 0.2, 0.1)),
         sides=6,
     )
-    # The hollow under an apple keeps it upright until it is pushed.
+    # A flat base keeps the apple upright until it is pushed.
     b.solid("cylinder", (0, 0, r * 0.1), (r * 0.9, r * 0.9, r * 0.2))
     b.solid("sphere", (0, 0, r * 0.98), (2 * r * 0.96, 2 * r * 0.96, 2 * r * 0.96))
     del palette

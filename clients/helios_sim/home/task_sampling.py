@@ -1,4 +1,4 @@
-"""Tasks in a home: move one thing from one kind of furniture to another."""
+"""Random move tasks in a home: one object from one receptacle class to another."""
 
 import math
 
@@ -8,9 +8,8 @@ from helios_sim.home.home_types import Episode, Receptacle, SceneObject
 
 _EDGE_M = 0.03
 
-# Names that in plain language also mean something else of a home: a floor lamp is a lamp, an
-# armchair a chair. Tasks of the benchmark never use them, so that right and wrong are no matter of
-# words.
+# Class names that in plain language also cover another class: a floor lamp is a lamp, an armchair
+# is a chair. Benchmark tasks never use them, so that success does not depend on wording.
 AMBIGUOUS = frozenset({"chair", "lamp", "plant", "pot plant"})
 
 
@@ -19,10 +18,10 @@ def sample(
     objects: tuple[SceneObject, ...],
     rng: np.random.Generator,
 ) -> Episode:
-    """A task that can be solved, by preference one that names a single place to find the thing.
+    """Solvable task, preferably with an object class that is on one receptacle class only.
 
-    Every receptacle of a generated home has room for one more thing within reach, so any class
-    but the start's can be the goal. Things that roll are asked for only where nothing else is.
+    Every receptacle of a generated home has space for one more object within reach, so any class
+    except the start class can be the goal. Objects that roll are used only if there are no others.
     """
     class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
     places: dict[str, set[str]] = {}
@@ -45,11 +44,11 @@ def sample_any(
     objects: tuple[SceneObject, ...],
     rng: np.random.Generator,
 ) -> Episode:
-    """A task like the benchmark's: a class of things, where one of them is, where it shall go.
+    """Task in the style of the benchmark: object class, start receptacle, goal receptacle.
 
-    Others of the class may stand elsewhere: they are the wrong ones. A class is the likelier the
-    more there are of it. What rolls is never asked for: where it comes to rest is a matter of luck.
-    No name is AMBIGUOUS. The goal has a surface on which the thing fits.
+    Objects of the class on other receptacles are wrong. The probability of a class is proportional
+    to its number of objects. Objects that roll are never used, because their rest position is
+    random. No name is AMBIGUOUS. The goal has a surface on which the object fits.
     """
     class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
     steady = [

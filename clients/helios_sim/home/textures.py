@@ -1,7 +1,7 @@
-"""Patterns drawn with numpy: grey ones to be tinted by a material, and a few coloured ones.
+"""Procedural patterns: grey ones for tinting by a material, and a few coloured ones.
 
-Each pattern is the same in every home (its noise is seeded by its name's place in the table);
-variety comes from tint and scale.
+Each pattern is the same in every home (its index in the table seeds its noise); tint and scale
+vary.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ _SIDE = 256
 def smooth_noise(
     rng: np.random.Generator, shape: tuple[int, int], cell_px: tuple[float, float]
 ) -> NDArray[np.float32]:
-    """Noise of unit spread whose blobs are about `cell_px` (vertical, horizontal) large."""
+    """Noise of unit standard deviation with blobs of about `cell_px` (vertical, horizontal)."""
     rows = max(2, round(shape[0] / cell_px[0]))
     columns = max(2, round(shape[1] / cell_px[1]))
     coarse = rng.standard_normal((rows, columns)).astype(np.float32)
@@ -59,7 +59,7 @@ def _marble(rng: np.random.Generator) -> Image:
 
 
 def _plaster(rng: np.random.Generator) -> Image:
-    """One repeat is a wall from floor (row 0) to ceiling: darker at both ends."""
+    """Plaster; one repeat covers a wall from floor (row 0) to ceiling, darker at both ends."""
     height = np.linspace(0, 2.6, _SIDE)[:, None]
     shade = 1 - 0.22 * np.exp(-height / 0.22) - 0.16 * np.exp(-(2.6 - height) / 0.3)
     fine = 0.008 * smooth_noise(rng, (_SIDE, _SIDE), (3, 3))
@@ -127,7 +127,7 @@ def _screen(rng: np.random.Generator) -> Image:
 
 
 def _art(rng: np.random.Generator) -> Image:
-    """An abstract picture: soft fields and a few bold shapes."""
+    """Abstract painting: two ellipses on a soft colour field."""
     side = 128
     palette = rng.uniform(0.25, 0.95, (4, 3))
     field = smooth_noise(rng, (side, side), (40, 60))
@@ -142,7 +142,7 @@ def _art(rng: np.random.Generator) -> Image:
 
 
 def _weave(rng: np.random.Generator) -> Image:
-    """Wicker: strands that go over and under."""
+    """Wicker of interwoven strands."""
     y, x = np.mgrid[0:_SIDE, 0:_SIDE] / 16.0
     over = (np.floor(x) + np.floor(y)) % 2 == 0
     round_y, round_x = np.sin(np.pi * (y % 1)), np.sin(np.pi * (x % 1))
@@ -158,14 +158,14 @@ def _dots(rng: np.random.Generator) -> Image:
 
 
 def _bands(rng: np.random.Generator) -> Image:
-    """Rings around lathed things."""
+    """Rings around lathed objects."""
     y, _ = np.mgrid[0:_SIDE, 0:_SIDE] / _SIDE
     value = np.where((y > 0.35) & (y < 0.5), 0.5, 0.96)
     del rng
     return _grey(np.where((y > 0.58) & (y < 0.62), 0.6, value))
 
 
-# Pattern -> (metres of one repeat, how it is drawn).
+# Pattern -> (length of one repeat in metres, drawing function).
 PATTERNS: dict[str, tuple[float, Callable[[np.random.Generator], Image]]] = {
     "wood": (0.8, _wood),
     "fabric": (0.35, _fabric),
@@ -189,7 +189,7 @@ PATTERNS: dict[str, tuple[float, Callable[[np.random.Generator], Image]]] = {
 
 @lru_cache(maxsize=64)
 def pattern(name: str) -> Image:
-    """The picture of a pattern; row 0 is at v = 0. KeyError for a name not in `PATTERNS`."""
+    """Image of a pattern; row 0 is at v = 0. Raises ValueError for a name not in `PATTERNS`."""
     number = list(PATTERNS).index(name)
     return PATTERNS[name][1](np.random.default_rng([7, number]))
 
@@ -201,7 +201,10 @@ def floor(
     size_m: tuple[float, float],
     px_per_m: float,
 ) -> NDArray[np.float32]:
-    """The floor of a room as [h, w, 3] in 0..1; row 0 is at the low-y edge."""
+    """Floor image [h, w, 3] of a room, from 0 to 1; row 0 is at the low-y edge.
+
+    Raises KeyError for an unknown kind.
+    """
     height, width = round(size_m[1] * px_per_m), round(size_m[0] * px_per_m)
     y, x = (np.mgrid[0:height, 0:width] + 0.5) / px_per_m
     shape = (height, width)

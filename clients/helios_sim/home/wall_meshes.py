@@ -1,4 +1,4 @@
-"""What is drawn of a home's structure: floors with soft shadows, painted walls, door frames."""
+"""Visual meshes of a home's structure: floors with soft shadows, painted walls, door frames."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -22,13 +22,13 @@ _BOARD_M = 0.09
 
 
 def inner(room: Room) -> floor_plans.Rect:
-    """The room between the faces of its walls."""
+    """Rectangle of the room between the faces of its walls."""
     t = floor_plans.WALL_HALF_M
     return room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
 
 
 def floor_mesh(room: Room) -> Mesh:
-    """The floor; its texture covers it once."""
+    """Floor mesh, which its texture covers once."""
     x0, y0, x1, y1 = inner(room)
     cells = (math.ceil((x1 - x0) / _WALL_CELL_M), math.ceil((y1 - y0) / _WALL_CELL_M))
     mesh = mesh_primitives.quad((x0, y0, 0), (x1 - x0, 0, 0), (0, y1 - y0, 0), *cells)
@@ -43,7 +43,7 @@ def floor_mesh(room: Room) -> Mesh:
 def floor_texture(
     rng: np.random.Generator, room: Room, style: RoomStyle, blocked: Iterable[Obstacle]
 ) -> NDArray[np.uint8]:
-    """The floor's picture [h, w, 3], darkened along walls and under furniture; row 0 at low y."""
+    """Floor image [h, w, 3], darkened along walls and under furniture; row 0 at low y."""
     x0, y0, x1, y1 = inner(room)
     size = (x1 - x0, y1 - y0)
     image = textures.floor(rng, style.floor_pattern, style.floor_rgb, size, _FLOOR_PX_PER_M)
@@ -61,13 +61,13 @@ def floor_texture(
     edge = np.minimum(np.minimum(x, size[0] - x), np.minimum(y, size[1] - y))
     light = (1 - 0.32 * wide - 0.22 * tight) * (1 - 0.2 * np.exp(-edge / 0.16))
     shaded = image * light[..., None] * 255
-    # Multiples of four keep every row aligned for the graphics library.
+    # Multiples of four pixels keep every row aligned for OpenGL.
     shaded = cv2.resize(shaded, (width // 4 * 4, height // 4 * 4), interpolation=cv2.INTER_AREA)
     return np.clip(shaded, 0, 255).astype(np.uint8)
 
 
 def ceiling_mesh(room: Room) -> Mesh:
-    """Seen from below only."""
+    """Ceiling mesh, visible only from below."""
     x0, y0, x1, y1 = inner(room)
     return mesh_primitives.quad(
         (x0, y0, floor_plans.WALL_HEIGHT_M), (0, y1 - y0, 0), (x1 - x0, 0, 0), 3, 3
@@ -75,7 +75,7 @@ def ceiling_mesh(room: Room) -> Mesh:
 
 
 def wall_visuals(room: Room, doorways: tuple[Doorway, ...], style: RoomStyle) -> list[Visual]:
-    """The four painted faces of a room with their openings, and the skirting boards."""
+    """Painted wall faces of a room, with openings, and skirting boards."""
     paint = Material(style.wall_rgb, "plaster", 0.02, 0.1)
     own = tuple(door for door in doorways if room.index in door.rooms)
     visuals = []
@@ -97,7 +97,7 @@ def wall_visuals(room: Room, doorways: tuple[Doorway, ...], style: RoomStyle) ->
 def _face_pieces(
     room: Room, doorways: tuple[Doorway, ...], side: int
 ) -> list[tuple[float, float, float, float]]:
-    """(lo, hi, z0, z1) of the parts of a wall's face: beside and above the doorways."""
+    """Parts (lo, hi, z0, z1) of a wall face, beside and above the doorways."""
     axis = 0 if side < 2 else 1
     at = (room.x0, room.x1, room.y0, room.y1)[side]
     x0, y0, x1, y1 = inner(room)
@@ -114,7 +114,7 @@ def _face_pieces(
 def _wall_face(room: Room, side: int, lo: float, hi: float, z0: float, z1: float) -> Mesh:
     x0, y0, x1, y1 = inner(room)
     along, up = hi - lo, (0.0, 0.0, z1 - z0)
-    # Each face looks into the room: edge_u x up points inwards.
+    # Each face is visible from inside the room: edge_u x up points inwards.
     corner, edge = {
         0: ((x0, lo, z0), (0.0, along, 0.0)),
         1: ((x1, hi, z0), (0.0, -along, 0.0)),
@@ -148,7 +148,7 @@ def _board(room: Room, side: int, lo: float, hi: float) -> Mesh:
 
 
 def doorway_visuals(door: Doorway, threshold: Material) -> tuple[Visual, ...]:
-    """Frame on both faces of the wall, lining, and threshold, in the world frame."""
+    """Door frame on both faces of the wall, lining and threshold, in the world frame."""
     b = ShapeBuilder()
     wall, height, half = 2 * floor_plans.WALL_HALF_M, floor_plans.DOOR_HEIGHT_M, door.width_m / 2
     turn = 0.0 if door.axis == 1 else math.pi / 2
@@ -168,7 +168,7 @@ def doorway_visuals(door: Doorway, threshold: Material) -> tuple[Visual, ...]:
 
 
 def wall_caps(pieces: Sequence[floor_plans.WallPiece]) -> Visual:
-    """The cut tops of the walls, seen when the ceiling is left out."""
+    """Top faces of the walls, visible when the ceiling is hidden."""
     caps = []
     for piece in pieces:
         half = piece.half_extent_xy

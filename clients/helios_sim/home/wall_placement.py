@@ -1,4 +1,4 @@
-"""Ways to choose a place for furniture: along walls, beside, in front of, under a table."""
+"""Candidate poses for furniture: along walls, beside or in front of furniture, under a table."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -10,10 +10,10 @@ from helios_sim.home.home_types import Fixture, Receptacle, Room, Shape
 
 Pose = tuple[float, float, float]  # x, y, yaw
 Placed = Receptacle | Fixture
-Poses = Callable[[Shape, Room], Iterator[Pose]]  # places to try, best first
+Poses = Callable[[Shape, Room], Iterator[Pose]]  # candidate poses, best first
 
 WEST, EAST, SOUTH, NORTH = range(4)
-# Yaw with which furniture stands with its back (+y) to a wall.
+# Yaw of furniture whose back (+y) is at the wall.
 WALL_YAW = {
     WEST: math.pi / 2,
     EAST: -math.pi / 2,
@@ -25,7 +25,7 @@ _TRIES = 40
 
 
 def wall_pose(room: Room, side: int, along: float, off_wall: float) -> Pose:
-    """A pose `off_wall` metres in front of a wall's face, `along` it in world coordinates."""
+    """Pose `off_wall` metres from a wall face, at world coordinate `along` on the wall axis."""
     off = floor_plans.WALL_HALF_M + off_wall
     yaw = WALL_YAW[side]
     if side == WEST:
@@ -38,18 +38,18 @@ def wall_pose(room: Room, side: int, along: float, off_wall: float) -> Pose:
 
 
 def wall_range(room: Room, side: int) -> tuple[float, float]:
-    """The inner extent of a wall along itself."""
+    """Inner extent (lo, hi) of a wall along its axis."""
     lo, hi = (room.y0, room.y1) if side in (WEST, EAST) else (room.x0, room.x1)
     return lo + floor_plans.WALL_HALF_M, hi - floor_plans.WALL_HALF_M
 
 
 def side_of(yaw_rad: float) -> int:
-    """The wall to which furniture of that yaw has its back."""
+    """Wall at the back of furniture with that yaw."""
     return min(WALL_YAW, key=lambda side: abs(math.remainder(WALL_YAW[side] - yaw_rad, math.tau)))
 
 
 def along_walls(rng: np.random.Generator) -> Poses:
-    """Back to a wall, anywhere along it."""
+    """Poses with the back to a wall, anywhere along it."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         for _ in range(_TRIES):
@@ -59,7 +59,7 @@ def along_walls(rng: np.random.Generator) -> Poses:
             if hi - lo <= 2 * half:
                 continue
             along = float(rng.uniform(lo + half, hi - half))
-            # Furniture that nearly fills a corner goes right into it.
+            # Furniture close to a corner is moved into the corner.
             if along - half - lo < 0.35:
                 along = lo + half
             elif hi - along - half < 0.35:
@@ -70,7 +70,7 @@ def along_walls(rng: np.random.Generator) -> Poses:
 
 
 def corners(rng: np.random.Generator) -> Poses:
-    """Back to a wall in a corner."""
+    """Poses with the back to a wall, in a corner."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         for k in rng.permutation(8):
@@ -84,7 +84,7 @@ def corners(rng: np.random.Generator) -> Poses:
 
 
 def opposite(rng: np.random.Generator, anchor: Placed) -> Poses:
-    """Back to the wall that the anchor faces."""
+    """Poses with the back to the wall that the anchor faces."""
     facing = {WEST: EAST, EAST: WEST, SOUTH: NORTH, NORTH: SOUTH}[side_of(anchor.yaw_rad)]
     center = anchor.y if facing in (WEST, EAST) else anchor.x
 
@@ -97,7 +97,7 @@ def opposite(rng: np.random.Generator, anchor: Placed) -> Poses:
 
 
 def in_front_of(rng: np.random.Generator, anchor: Placed, gap_m: tuple[float, float]) -> Poses:
-    """Before the anchor's front, in line with it."""
+    """Poses in front of the anchor, aligned with it."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         del room
@@ -110,7 +110,7 @@ def in_front_of(rng: np.random.Generator, anchor: Placed, gap_m: tuple[float, fl
 
 
 def beside(rng: np.random.Generator, anchor: Placed) -> Poses:
-    """At the anchor's left or right, backs in line."""
+    """Poses to the left or right of the anchor, backs aligned."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         del room
@@ -125,7 +125,7 @@ def beside(rng: np.random.Generator, anchor: Placed) -> Poses:
 
 
 def in_the_middle(rng: np.random.Generator) -> Poses:
-    """Free in the room, along one of its axes, by preference near its middle."""
+    """Free-standing poses parallel to a room axis, preferably near the room centre."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         del shape
@@ -143,7 +143,7 @@ def in_the_middle(rng: np.random.Generator) -> Poses:
 
 
 def tucked_under(rng: np.random.Generator, table: Placed) -> Poses:
-    """Chairs pushed under a table's long sides or ends, backs outward."""
+    """Poses of chairs pushed under the long sides or ends of a table, backs outward."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         del room
@@ -162,7 +162,7 @@ def tucked_under(rng: np.random.Generator, table: Placed) -> Poses:
 
 
 def at_desk(rng: np.random.Generator, desk: Placed) -> Poses:
-    """A chair at a desk's front, its back to the room."""
+    """Poses of a chair at the front of a desk, its back to the room."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         del room
@@ -175,7 +175,7 @@ def at_desk(rng: np.random.Generator, desk: Placed) -> Poses:
 
 
 def pulled_out(rng: np.random.Generator, table: Placed, *, front_only: bool = False) -> Poses:
-    """Chairs around a table, most of their seats before its edge, backs outward."""
+    """Poses of chairs around a table, seats mostly outside its edge, backs outward."""
 
     def poses(shape: Shape, room: Room) -> Iterator[Pose]:
         del room
