@@ -1,10 +1,10 @@
-"""What must hold of every robot driver, as a suite of tests (`docs/tutorials/your-own-robot.md`).
+"""Contract tests for robot drivers, detectors and scorers (`docs/tutorials/your-own-robot.md`).
 
-On one's own driver, from the shell:
+For your driver, from the shell:
 
     python -m helios_contract my_package:MyRobot
 
-or among one's own tests:
+or among your tests:
 
     from helios_contract.rig import Rig
     from helios_contract.suite import DriverContract

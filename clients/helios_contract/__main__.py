@@ -1,5 +1,7 @@
-"""`python -m helios_contract my_package:MyRobot`, `--detector my_package:Mine` or `--scorer …`:
-does it keep the contract?"""
+"""Entry point `python -m helios_contract`: contract tests of a driver, a detector or a scorer.
+
+Call it with `my_package:MyRobot`, `--detector my_package:Mine` or `--scorer …`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ from helios_contract import command_line_choice
 from helios_contract.bench import DetectorBench, ScorerBench
 from helios_contract.rig import Rig
 
-HERE = Path(__file__).parent  # what is in it is imported by pytest: so asserts say their values
+HERE = Path(__file__).parent  # pytest imports its files, so asserts show their values
 
 
 def main() -> int:
@@ -37,7 +39,7 @@ def main() -> int:
         print(f"helios-contract: {error.message}", file=sys.stderr)
         return 2
     alone = ["-c", os.devnull, "--rootdir", str(Path.cwd()), "-p", "no:cacheprovider"]
-    shown = ["-v", "-rfEs", "--no-header"]  # with why a claim was skipped
+    shown = ["-v", "-rfEs", "--no-header"]  # shows the reasons of skipped tests
     return int(pytest.main([*alone, *shown, str(HERE / suite), *argv[at + 1 :]]))
 
 
@@ -82,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _choose(args: argparse.Namespace) -> str:
-    """Which file of tests. Raises HeliosError."""
+    """Prepare the chosen tests. Returns the name of their file. Raises HeliosError."""
     options, pictures = DetectorOptions(), tuple(_picture(path) for path in args.image)
     if args.detector:
         names = tuple(name.strip() for name in args.classes.split(",") if name.strip())
@@ -92,7 +94,7 @@ def _choose(args: argparse.Namespace) -> str:
             not args.random,
             classes=names,
         )
-        _ = command_line_choice.detector.detector  # what cannot be opened is no failed claim
+        _ = command_line_choice.detector.detector  # a loading error is no failed test
         return "chosen_detector.py"
     if args.scorer:
         command_line_choice.scorer = ScorerBench(
@@ -114,7 +116,7 @@ def _choose(args: argparse.Namespace) -> str:
 
 
 def _picture(path: Path) -> np.ndarray:
-    """[h, w, 3] RGB. Raises InvalidInput."""
+    """RGB image [h, w, 3] of a file. Raises InvalidInput."""
     color = cv2.imread(str(path))
     if color is None:
         raise InvalidInput(f"--image {path} is no picture that can be read; give a JPEG or PNG")

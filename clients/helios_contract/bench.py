@@ -1,4 +1,4 @@
-"""A detector or a scorer on the test bench, and the frames that it is shown."""
+"""Test bench of a detector or a scorer, with its test frames."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ B = TypeVar("B", DetectorBackend, ScorerBackend)
 
 CAMERA = Pinhole(fx=140, fy=140, cx=79.5, cy=59.5, width=160, height=120)
 CAMERA_HEIGHT_M = 1.2
-ANY_NAMES = ("table", "box", "shelf")  # asked of an open vocabulary; they are in the room
-MOST_ASKED = 5  # of a fixed vocabulary
+ANY_NAMES = ("table", "box", "shelf")  # searched with an open vocabulary; all are in the room
+MOST_ASKED = 5  # names of a fixed vocabulary
 UNKNOWN = "surely no such thing"
 
 
 def room(yaw_rad: float = 0.0, seq: int = 1) -> Frame:
-    """The painted room of the example, seen from its middle; colour and depth agree."""
+    """Frame in the painted room of the example, from its middle; colour and depth agree."""
     T_world_base = se2_to_se3(-0.5, 0.0, yaw_rad)
     T_world_cam = camera_on_base(T_world_base, CAMERA_HEIGHT_M, 0.4)
     color, depth_m = look(CAMERA, T_world_cam)
@@ -34,19 +34,19 @@ def room(yaw_rad: float = 0.0, seq: int = 1) -> Frame:
 
 
 def plain(value: int) -> Frame:
-    """A frame of one grey."""
+    """Frame of one grey value."""
     frame = room()
     return replace(frame, color=np.full_like(frame.color, value))
 
 
 def without_depth() -> Frame:
-    """A frame whose depth is invalid everywhere."""
+    """Frame whose depth is invalid everywhere."""
     frame = room()
     return replace(frame, depth_m=np.zeros_like(frame.depth_m))
 
 
 def tiny(height: int = 6, width: int = 8) -> Frame:
-    """A frame of a few pixels."""
+    """Frame of a few pixels."""
     frame, scale = room(), width / CAMERA.width
     camera = Pinhole(
         CAMERA.fx * scale, CAMERA.fy * scale, (width - 1) / 2, (height - 1) / 2, width, height
@@ -60,7 +60,7 @@ def tiny(height: int = 6, width: int = 8) -> Frame:
 
 
 def photo(color: np.ndarray) -> Frame:
-    """A picture [h, w, 3] as a frame, everything 2 m away."""
+    """Frame of an image [h, w, 3], with a depth of 2 m everywhere."""
     height, width = color.shape[:2]
     camera = Pinhole(width, width, (width - 1) / 2, (height - 1) / 2, width, height)
     depth_m = np.full((height, width), 2.0, np.float32)
@@ -68,12 +68,12 @@ def photo(color: np.ndarray) -> Frame:
 
 
 def views(pictures: Sequence[np.ndarray]) -> list[Frame]:
-    """Frames in which there may be something."""
+    """Frames that may show objects."""
     return [room(0.0), room(2.4, seq=2), *(photo(p) for p in pictures)]
 
 
 def odd() -> dict[str, Frame]:
-    """Frames that a detector meets seldom."""
+    """Unusual frames by name."""
     return {
         "black": plain(0), "grey": plain(128), "white": plain(255), "tiny": tiny(),
         "without depth": without_depth(),
@@ -81,22 +81,22 @@ def odd() -> dict[str, Frame]:
 
 
 def searching(names: Sequence[str], threshold: float = 0.05) -> SearchContext:
-    """A search for these classes."""
+    """Search context for these classes."""
     return SearchContext("contract", tuple(SearchClass(n, Role.OBJECT, threshold) for n in names))
 
 
 @dataclass(frozen=True)
 class Bench(Generic[B]):
-    """One back end. make: a new one."""
+    """Test bench of one back end. make: constructs a new one."""
 
     make: Callable[[], B]
     pictures: tuple[np.ndarray, ...] = ()  # [h, w, 3] RGB
-    deterministic: bool = True  # the same frame gives the same
+    deterministic: bool = True  # the same frame gives the same result
     made: list[B] = field(default_factory=list)
 
     @property
     def back_end(self) -> B:
-        """The one that all claims share, warm."""
+        """Warmed-up back end that all tests share."""
         if not self.made:
             made = self.make()
             made.warm_up()
@@ -110,8 +110,10 @@ class Bench(Generic[B]):
 
 @dataclass(frozen=True)
 class DetectorBench(Bench[DetectorBackend]):
-    """One detector, which should find something in its pictures. classes: what to ask for, empty:
-    of its vocabulary."""
+    """Test bench of one detector, which should find an object in each of its images.
+
+    classes: names to search for; empty: names of its vocabulary.
+    """
 
     classes: tuple[str, ...] = ()
 
@@ -121,12 +123,12 @@ class DetectorBench(Bench[DetectorBackend]):
 
     @property
     def asked(self) -> tuple[str, ...]:
-        """Names that it knows."""
+        """Class names that the detector knows."""
         return self.classes or (self.detector.vocabulary() or ANY_NAMES)[:MOST_ASKED]
 
 
 class ScorerBench(Bench[ScorerBackend]):
-    """One scorer."""
+    """Test bench of one scorer."""
 
     @property
     def scorer(self) -> ScorerBackend:

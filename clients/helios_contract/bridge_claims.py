@@ -1,4 +1,4 @@
-"""The driver behind its bridge, as everybody else meets it: leases, keyframes, stop-now."""
+"""Contract tests of the driver behind its bridge: lease, keyframes, emergency stop."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ CALL_S = 60.0
 
 
 class Host:
-    """A bridge around the rig's driver, and somebody at the other end of the bus."""
+    """Bridge around the rig's driver, with a client on the other end of the bus."""
 
     def __init__(self, rig: Rig) -> None:
         hub = MemoryHub()
         self._bus = MemoryBus(hub)
         self.keyframes: list[pb.Frame] = []
         self._bus.subscribe(KEYFRAME, self.keyframes.append)
-        # Never started nor closed: no threads, and the driver is the rig's.
+        # Neither started nor closed: it runs no threads, and the rig owns the driver.
         settings = Settings(stream_hz=0, autoplay=False)
         BridgeService(MemoryBus(hub), rig.driver, settings, Health(), first_number=0)
         self.motion: Action = Turn(rig.turn_rad) if rig.robot.can_move else Observe()
@@ -58,7 +58,7 @@ class Host:
 
 
 class Hosted:
-    """Of the driver and the bridge together."""
+    """Contract tests of driver and bridge together."""
 
     @pytest.fixture
     def host(self, rig: Rig) -> Host:
@@ -68,7 +68,7 @@ class Hosted:
         result = host.act(host.lease(), Observe())
         (keyframe,) = host.keyframes
         assert result.keyframe == keyframe.id
-        frame = frame_from_proto(keyframe)  # raises where it does not hold together
+        frame = frame_from_proto(keyframe)  # raises if inconsistent
         assert frame.keyframe
         np.testing.assert_allclose(frame.T_world_base, rig.pose(), atol=rig.tolerance_m)
 

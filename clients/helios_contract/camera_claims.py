@@ -1,4 +1,4 @@
-"""What the robot sees, and from where."""
+"""Contract tests of the camera image and its pose."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from helios_core.robot import Capture, Observe
 
 from helios_contract.rig import Rig, seen_points
 
-LEAST_VALID = 0.05  # of the pixels
+LEAST_VALID = 0.05  # share of the pixels
 FLOOR_TOLERANCE_M = 0.15
-BELOW_FLOOR = 0.02  # of the points: mirrors, noise
+BELOW_FLOOR = 0.02  # share of the points, for mirrors and noise
 MOUNT_TOLERANCE_M = 0.25
 
 
 class CameraClaims:
-    """Of `capture` and `state`."""
+    """Contract tests of `capture` and `state`."""
 
     def test_an_image_has_the_type_and_size_that_its_calibration_says(self, rig: Rig) -> None:
         check_capture(rig.driver.capture())
@@ -63,7 +63,7 @@ class CameraClaims:
         assert abs(T_world_base[2, 3]) <= FLOOR_TOLERANCE_M, "the base's origin is on the floor"
 
     def test_the_camera_is_mounted_where_the_description_says(self, rig: Rig) -> None:
-        rig.act(Observe())  # a robot may get up for its first action
+        rig.act(Observe())  # a robot may stand up for its first action
         x_m, y_m, z_m = _T_base_cam(rig.driver.capture())[:3, 3]
         assert z_m == pytest.approx(rig.robot.camera_height_m, abs=MOUNT_TOLERANCE_M)
         assert x_m == pytest.approx(rig.robot.camera_forward_m, abs=MOUNT_TOLERANCE_M)

@@ -1,4 +1,4 @@
-"""The suite on the detector that was chosen; collected by `python -m helios_contract`."""
+"""Suite for the chosen detector; collected by `python -m helios_contract`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from helios_contract.plugin_suite import DetectorContract
 
 
 class TestDetector(DetectorContract):
-    """As named on the command line."""
+    """Contract tests of the detector named on the command line."""
 
     @classmethod
     def stand(cls) -> DetectorBench:

@@ -1,4 +1,4 @@
-"""The suite on the driver that was chosen; collected by `python -m helios_contract`."""
+"""Suite for the chosen driver; collected by `python -m helios_contract`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from helios_contract.suite import DriverContract
 
 
 class TestDriver(DriverContract):
-    """As named on the command line."""
+    """Contract tests of the driver named on the command line."""
 
     @classmethod
     @contextmanager

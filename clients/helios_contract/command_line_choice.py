@@ -1,4 +1,4 @@
-"""What `python -m helios_contract` was told to test."""
+"""Test object that the command line of `python -m helios_contract` names."""
 
 from helios_contract.bench import DetectorBench, ScorerBench
 from helios_contract.rig import Rig

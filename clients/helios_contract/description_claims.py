@@ -1,4 +1,4 @@
-"""What the robot is."""
+"""Contract tests of the robot's description."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from helios_contract.rig import Rig
 
 
 class DescriptionClaims:
-    """Of `describe`."""
+    """Contract tests of `describe`."""
 
     def test_the_description_stays_the_same(self, rig: Rig) -> None:
         assert rig.driver.describe() == rig.driver.describe()

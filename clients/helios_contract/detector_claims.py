@@ -1,4 +1,4 @@
-"""What must hold of every detector."""
+"""Contract tests of detectors."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from helios_detector.output_checks import held_findings
 from helios_contract.bench import UNKNOWN, DetectorBench, odd, searching, views
 from helios_contract.model_claims import BackEndContract
 
-HIGH = 0.9  # a threshold
-SLACK = 1e-6  # of a score in float32
+HIGH = 0.9  # a high threshold
+SLACK = 1e-6  # rounding margin of a float32 score
 
 
 class DetectorContract(BackEndContract[DetectorBench]):
-    """Every claim about one detector. Subclass it, with a name that begins with Test, and say in
-    `stand` how the detector is made."""
+    """All contract tests of one detector.
+
+    Subclass it under a name that begins with Test, and construct the detector in `stand`.
+    """
 
     # --- names ---------------------------------------------------------------------------------
     def test_its_vocabulary_is_none_or_a_tuple_of_names(self, bench: DetectorBench) -> None:
@@ -116,7 +118,7 @@ class DetectorContract(BackEndContract[DetectorBench]):
         for frame in views(bench.pictures)[-len(bench.pictures) :]:
             assert _found(bench, frame).detections
 
-    # --- frames and searches that are odd ------------------------------------------------------
+    # --- unusual frames and searches -----------------------------------------------------------
     def test_a_search_for_nothing_detects_nothing(self, bench: DetectorBench) -> None:
         for frame in views(bench.pictures):
             assert not bench.detector.detect(frame, searching([])).detections
@@ -173,7 +175,7 @@ def _detections(bench: DetectorBench) -> Iterator[tuple[Frame, Detection]]:
 
 
 def _as_list(found: Findings) -> list[object]:
-    """The findings as what can be compared."""
+    """Findings as comparable values."""
     things = [(d.class_name, d.score, d.box_xyxy, d.mask.tobytes()) for d in found.detections]
     return [things, [(s.class_name, s.score) for s in found.seen]]
 

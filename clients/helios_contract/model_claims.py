@@ -1,4 +1,4 @@
-"""What must hold of detectors and scorers alike, and how their suites get the one to test."""
+"""Common contract tests of detectors and scorers, and the construction of the tested back end."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ T = TypeVar("T", bound=Bench[Any])
 
 
 class BackEndContract(Generic[T]):
-    """Subclass a suite, with a name that begins with Test, and say in `stand` how the back end is
-    made."""
+    """Common contract tests of back ends.
+
+    Subclass a suite under a name that begins with Test, and construct the back end in `stand`.
+    """
 
     _bench: ClassVar[Any]
 
     @classmethod
     def stand(cls) -> T:
-        """How it is made."""
+        """Test bench with the back end."""
         raise NotImplementedError("say how it is made: def stand(cls), which returns a bench")
 
     @classmethod

@@ -1,4 +1,4 @@
-"""What the robot does."""
+"""Contract tests of the robot's actions."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from helios_core.robot import Action, Capture, Forward, Observe, Pick, Place, Ti
 from helios_contract.rig import Rig, seen_points
 
 FAR_AWAY_M = (60.0, 60.0, 0.8)
-LEAST_AGREEING = 0.7  # of what is in both images: edges hide and show
+LEAST_AGREEING = 0.7  # share of the common points; edges appear and disappear
 LEAST_SHARED = 200  # points
 
 
 class MotionClaims:
-    """Of `act`. A robot that cannot move has to say so."""
+    """Contract tests of `act`. A robot that cannot move must report it."""
 
     def test_a_positive_turn_goes_left_by_that_angle(self, rig: Rig) -> None:
         rig.need_motion()
@@ -54,7 +54,7 @@ class MotionClaims:
         x_m, y_m = (invert(before) @ rig.pose())[:2, 3]
         assert x_m == pytest.approx(-back_m, abs=rig.tolerance_m)
         assert y_m == pytest.approx(0.0, abs=rig.tolerance_m)
-        assert result.moved_m == pytest.approx(back_m, abs=rig.tolerance_m)  # never below 0
+        assert result.moved_m == pytest.approx(back_m, abs=rig.tolerance_m)  # never negative
 
     def test_a_robot_that_cannot_move_back_says_so_and_stays(self, rig: Rig) -> None:
         rig.need_motion()
@@ -87,7 +87,7 @@ class MotionClaims:
         assert now.held == before.held
 
     def test_what_was_seen_is_still_there_after_a_move(self, rig: Rig) -> None:
-        """Ties poses, intrinsics, depth and directions together: one wrong and it moves."""
+        """Check poses, intrinsics, depth and directions together: one error shifts the points."""
         moves: tuple[Action, ...] = (Observe(),)
         if rig.robot.can_move:
             moves = (Turn(rig.turn_rad / 2), Forward(rig.forward_m / 2), Turn(-rig.turn_rad / 2))
@@ -139,7 +139,7 @@ def _failed_with_a_sentence(rig: Rig, action: Action) -> None:
 
 
 def _agreeing(before: Capture, now: Capture, rig: Rig) -> float:
-    """The share of points seen in both images that the second sees at the depth it should."""
+    """Share of the common points of two images at which the second has the expected depth."""
     points_m = seen_points(before, rig.robot.max_depth_m)
     uv, depth_m = project(points_m, now.camera, now.T_world_cam)
     column, row = np.rint(uv).astype(int).T

@@ -1,4 +1,4 @@
-"""The suites for detectors and scorers: import them from here, so that asserts say their values."""
+"""Suites for detectors and scorers: import them from here, so that asserts show their values."""
 
 from __future__ import annotations
 

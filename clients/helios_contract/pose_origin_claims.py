@@ -1,4 +1,4 @@
-"""Where the robot's poses count from, over its starts."""
+"""Contract tests of the origin of the robot's poses across restarts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UNNAMED = "this driver names no origin: maps begin anew at each of its starts"
 
 
 class Origin:
-    """Of `RobotState.origin_id`."""
+    """Contract tests of `RobotState.origin_id`."""
 
     def test_the_name_of_the_origin_is_short_enough_to_be_shown(self, rig: Rig) -> None:
         assert len(rig.driver.state().origin_id) <= LONGEST_NAME

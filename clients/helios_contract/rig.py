@@ -1,4 +1,4 @@
-"""A driver on the test stand."""
+"""Test rig of a driver."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ BACK_WITHIN_S = 60.0
 
 @dataclass(frozen=True)
 class Rig:
-    """One driver, how far it may move, and how exact it is. The scene before it stays as it is.
+    """One driver with its motion limits and tolerances. The scene in front of it must not change.
 
-    The suite drives ahead, three times and back once where the robot can move back, else twice,
-    and turns on the spot, to the left first.
+    The suite drives ahead three times, and back once, if the robot can move back; otherwise it
+    drives ahead twice. It turns on the spot, to the left first.
     """
 
     driver: RobotDriver
-    forward_m: float = 0.3  # of one drive; one is half as far
+    forward_m: float = 0.3  # distance of a drive; one drive is half as long
     turn_rad: float = 0.4
-    tolerance_m: float = 0.05  # of where it says it is after a drive
+    tolerance_m: float = 0.05  # tolerance of the reported position after a drive
     tolerance_rad: float = 0.06
-    depth_tolerance_m: float = 0.05  # of its depth image, at 2 m
+    depth_tolerance_m: float = 0.05  # tolerance of the depth image, at 2 m
     away: Callable[[], AbstractContextManager[object]] | None = (
-        None  # in it, no robot can be reached
+        None  # context in which the robot is unreachable
     )
     started_again: Callable[[], AbstractContextManager[RobotDriver]] | None = (
-        None  # a second driver of the same robot, as after a start anew
+        None  # a second driver of the same robot, like after a restart
     )
 
     @property
@@ -44,19 +44,21 @@ class Rig:
         return self.driver.describe()
 
     def act(self, action: Action) -> ActionResult:
-        """Under an id of its own."""
+        """Execute an action under a new id."""
         return self.driver.act(action, uuid.uuid4().hex)
 
     def pose(self) -> Matrix:
-        """T_world_base [4, 4] as the driver tells it."""
+        """T_world_base [4, 4] that the driver reports."""
         return self.driver.state().T_world_base
 
     def when_back(self) -> Capture:
-        """The first image after the robot was away and acts again. Raises Unavailable when it stays
-        away."""
+        """First image after an absence of the robot, once it acts again.
+
+        Raises Unavailable if it stays unreachable.
+        """
         deadline_s = time.monotonic() + BACK_WITHIN_S
         while True:
-            try:  # a line that was not used while it was away may break once more
+            try:  # an idle connection may fail once more
                 self.act(Turn(self.turn_rad) if self.robot.can_move else Observe())
                 return self.driver.capture()
             except Unavailable:
@@ -65,7 +67,7 @@ class Rig:
                 time.sleep(0.1)
 
     def need_motion(self) -> None:
-        """Skips the test for a robot that cannot move."""
+        """Skip the test if the robot cannot move."""
         if not self.robot.can_move:
             pytest.skip("this robot cannot move")
 

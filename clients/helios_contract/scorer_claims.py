@@ -1,4 +1,4 @@
-"""What must hold of every scorer."""
+"""Contract tests of scorers."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from helios_contract.model_claims import BackEndContract
 PROMPTS = {"pick": "Seems like there is a mug ahead", "place": "Seems like there is a sofa ahead"}
 SEEN = (Seen("table", 0.9), Seen("shelf", 0.4))
 ODD_PROMPTS = {"pick": "", "place": "杯子 " * 200}
-ALIKE = 1e-6  # two scores of one prompt
+ALIKE = 1e-6  # margin between two scores of one prompt
 
 
 class ScorerContract(BackEndContract[ScorerBench]):
-    """Every claim about one scorer. Subclass it, with a name that begins with Test, and say in
-    `stand` how the scorer is made."""
+    """All contract tests of one scorer.
+
+    Subclass it under a name that begins with Test, and construct the scorer in `stand`.
+    """
 
     def test_every_layer_gets_a_score_and_nothing_else_does(self, bench: ScorerBench) -> None:
         for frame in _frames(bench):

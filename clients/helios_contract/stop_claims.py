@@ -1,4 +1,4 @@
-"""How the robot is stopped."""
+"""Contract tests of stopping the robot."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from helios_contract.rig import Rig
 
 WITHIN_S = 15.0
 REASON = "a child in the way"
-PARTS = 8  # of the time of a turn, after which it is stopped
-MOVED_RAD = 0.02  # it turns, then
-STILL_S = 0.5  # so long it is watched after it has stopped
+PARTS = 8  # fractions of a turn's duration at which a stop is tried
+MOVED_RAD = 0.02  # smallest turn that counts as motion
+STILL_S = 0.5  # duration of the observation after a stop
 POLL_S = 0.01
 
 
 class StopClaims:
-    """Of `stop` and `clear_stop`."""
+    """Contract tests of `stop` and `clear_stop`."""
 
     def test_a_stop_latches_refuses_every_action_and_says_why(self, rig: Rig) -> None:
         before = rig.pose()
@@ -69,8 +69,10 @@ class StopClaims:
 
 
 def _stopped_turn(rig: Rig) -> _Turning:
-    """One that a stop ended in the middle. A robot in a simulation turns in a few milliseconds, so
-    that most stops come too early or too late: then it tries again, another part of a turn later.
+    """A turn that a stop ended in the middle.
+
+    A simulated robot turns within a few milliseconds, so most stops come too early or too late.
+    Each retry stops another fraction of a turn later.
     """
     until_s, whole_s, n = time.monotonic() + WITHIN_S, 0.0, 0
     while True:
@@ -92,7 +94,7 @@ def _stopped_turn(rig: Rig) -> _Turning:
 
 
 class _Turning:
-    """A turn that runs in a thread of its own."""
+    """Turn that runs in its own thread."""
 
     def __init__(self, rig: Rig, angle_rad: float) -> None:
         self._rig, self._before = rig, rig.pose()
@@ -104,12 +106,12 @@ class _Turning:
         self._thread.join(seconds)
 
     def wait_until_it_moves(self) -> None:
-        """Or is over: not every robot tells its pose meanwhile."""
+        """Wait until it moves or ends: not every robot reports its pose during a turn."""
         while self._thread.is_alive() and self._turned_rad() < MOVED_RAD:
             time.sleep(POLL_S)
 
     def end(self) -> float:
-        """How far it has turned in the end; positive."""
+        """Wait for the end. Returns the absolute angle turned."""
         self._thread.join(WITHIN_S)
         assert not self._thread.is_alive(), f"it turns on, {WITHIN_S:g} s after the stop"
         assert REASON in self.refusal or not self.refusal
@@ -125,7 +127,7 @@ class _Turning:
 
 
 def _refusal(rig: Rig, action: Action) -> str:
-    """Why it was not done, told by a failed result or a Conflict; empty where it was done."""
+    """Reason from a failed result or a Conflict; "" if the action was executed."""
     try:
         result = rig.act(action)
     except Conflict as error:

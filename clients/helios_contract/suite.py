@@ -1,4 +1,4 @@
-"""The whole suite: one class, subclassed once per driver."""
+"""Complete driver suite: one class, subclassed once per driver."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ from helios_contract.stop_claims import StopClaims  # noqa: E402
 
 
 class DriverContract(DescriptionClaims, Origin, CameraClaims, MotionClaims, StopClaims, Hosted):
-    """Every claim about one driver. Subclass it, with a name that begins with Test, and say in
-    `stand` how the driver is made; all claims share it."""
+    """All contract tests of one driver, which they share.
+
+    Subclass it under a name that begins with Test, and construct the driver in `stand`.
+    """
 
     _ending: ClassVar[ExitStack]
     _rig: ClassVar[Rig]
 
     @classmethod
     def stand(cls) -> AbstractContextManager[Rig]:
-        """A context in which the driver is ready; where it ends, the driver is let go of."""
+        """Context manager with a ready driver, which it closes at its end."""
         raise NotImplementedError("say how the driver is made: def stand(cls), a context of a Rig")
 
     @classmethod
@@ -43,7 +45,7 @@ class DriverContract(DescriptionClaims, Origin, CameraClaims, MotionClaims, Stop
 
     @pytest.fixture
     def rig(self) -> Iterator[Rig]:
-        """Each claim begins and ends with a robot that may move."""
+        """Rig of one test, with the stop cleared before and after."""
         self._rig.driver.clear_stop()
         yield self._rig
         self._rig.driver.clear_stop()

@@ -1,1 +1,1 @@
-"""A robot and a detector to copy from (`docs/tutorials/your-own-robot.md`)."""
+"""Example robot, detector, scorer and agents to copy (`docs/tutorials/your-own-robot.md`)."""

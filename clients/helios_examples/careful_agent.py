@@ -1,4 +1,4 @@
-"""A whole agent: it acts on what it has seen from three sides (docs/tutorials/your-own-agent.md).
+"""Complete agent that acts on objects seen from three views (docs/tutorials/your-own-agent.md).
 
 helios up --agent helios_examples.careful_agent:agent
 """
@@ -17,7 +17,7 @@ from helios_planner.plugins import (
 )
 
 VIEWS = 3
-SAME_M = 0.3  # nothing is tried again so near to what was tried in vain
+SAME_M = 0.3  # radius around a failed target in which nothing is tried again
 
 
 def nearest(places: Places):

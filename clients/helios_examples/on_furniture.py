@@ -1,4 +1,4 @@
-"""A value scorer: small things are where furniture is (docs/tutorials/your-own-detector.md).
+"""Value scorer: small objects are where furniture is (docs/tutorials/your-own-detector.md).
 
 helios up --scorer helios_examples.on_furniture:OnFurniture
 """
@@ -12,7 +12,7 @@ FURNITURE = {"table", "shelf", "desk", "counter", "nightstand", "side table", "s
 
 
 class OnFurniture(ScorerBackend):
-    """The best score of a piece of furniture in the image, for every layer; at least 0.1."""
+    """Scorer that gives every layer the best score of the furniture in the image; at least 0.1."""
 
     name = "on-furniture"
 
@@ -23,7 +23,7 @@ class OnFurniture(ScorerBackend):
         return {layer: max(best, 0.1) for layer in prompts}
 
     def warm_up(self) -> None:
-        """Nothing to load."""
+        """Do nothing: there is no model."""
 
     def close(self) -> None:
-        """Holds nothing."""
+        """Do nothing: there is no model."""

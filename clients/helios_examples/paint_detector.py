@@ -1,4 +1,4 @@
-"""A whole detector: it knows the things of `room.py` by their paint, and nothing else in the world.
+"""Complete detector that knows the objects of `room.py` by their paint, and nothing else.
 
 `--detector paint`: an entry point of the group `helios.detectors` names it (pyproject.toml).
 """
@@ -18,7 +18,7 @@ MIN_PX = 10
 
 
 class PaintDetector(DetectorBackend):
-    """Score 1 for every thing of which at least 10 pixels show."""
+    """Detector with score 1 for every object of which at least 10 pixels are visible."""
 
     name = "paint"
 
@@ -47,14 +47,14 @@ class PaintDetector(DetectorBackend):
         )
 
     def warm_up(self) -> None:
-        """Nothing to load."""
+        """Do nothing: there is no model."""
 
     def close(self) -> None:
-        """Holds nothing."""
+        """Do nothing: there is no model."""
 
 
 def open_paint(argument: str, options: DetectorOptions) -> PaintDetector:
-    """The entry point. Raises InvalidInput: there is nothing to choose."""
+    """Entry point of the detector. Raises InvalidInput for any argument: it has no options."""
     if argument:
         raise InvalidInput(f"the detector paint takes no argument; {argument!r} came")
     return PaintDetector()

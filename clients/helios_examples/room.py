@@ -1,4 +1,4 @@
-"""In place of hardware: a painted room, its picture by ray casting, and where a base fits."""
+"""Simulated hardware: a painted room, its image by ray casting, and a collision check."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def look(camera: Pinhole, T_world_cam: Matrix) -> tuple[NDArray[np.uint8], NDArr
     """Colour [h, w, 3] and depth [h, w] along the optical axis, metres."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
     rays_cam = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, u**0], -1)
-    rays = rays_cam @ T_world_cam[:3, :3].T  # 1 m along the optical axis: so a length is a depth
+    rays = rays_cam @ T_world_cam[:3, :3].T  # 1 m along the optical axis, so lengths are depths
     eye_m = T_world_cam[:3, 3]
-    walls_m = ((ROOM_M[:, None, None] - eye_m) / rays).max(0)  # [h, w, 3]: each axis's far side
+    walls_m = ((ROOM_M[:, None, None] - eye_m) / rays).max(0)  # [h, w, 3]: far wall per axis
     depth_m, color = walls_m.min(-1), PAINT[walls_m.argmin(-1)]
     for corners_m, paint in THINGS:
         sides_m = (corners_m[:, None, None] - eye_m) / rays
@@ -32,7 +32,7 @@ def look(camera: Pinhole, T_world_cam: Matrix) -> tuple[NDArray[np.uint8], NDArr
 
 
 def fits(x_m: float, y_m: float, radius_m: float) -> bool:
-    """Whether a round base stands there without touching anything."""
+    """True if a round base at this position touches nothing."""
     at_m = np.array([x_m, y_m])
     inside = (at_m - radius_m >= ROOM_M[0, :2]).all() and (at_m + radius_m <= ROOM_M[1, :2]).all()
     gaps_m = [np.linalg.norm(np.clip(at_m, *c[:, :2]) - at_m) for c, _ in THINGS]

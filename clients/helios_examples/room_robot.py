@@ -1,6 +1,6 @@
-"""A whole driver: `helios up --robot helios_examples.room_robot:RoomRobot --detector paint`
+"""Complete driver: `helios up --robot helios_examples.room_robot:RoomRobot --detector paint`
 
-No hardware: where yours asks motors and a camera, this one asks `room.py`. Nothing slips there.
+It needs no hardware: `room.py` replaces motors and camera. Nothing slips there.
 """
 
 import math
@@ -31,7 +31,7 @@ class RoomRobot(RobotDriver):
         return ROBOT
 
     def state(self) -> RobotState:
-        base = se2_to_se3(self._x_m, self._y_m, self._yaw_rad)  # (0, 0) is there at every start
+        base = se2_to_se3(self._x_m, self._y_m, self._yaw_rad)  # the same origin at every start
         return RobotState(base, self._tilt_rad, stopped=self._stopped.is_set(), origin_id="room")
 
     def capture(self) -> Capture:
@@ -41,10 +41,10 @@ class RoomRobot(RobotDriver):
         return Capture(time.time_ns(), color, depth_m, CAMERA, T_world_cam, T_world_base)
 
     def act(self, action, action_id: str) -> ActionResult:
-        if action_id not in self._results:  # the same id is done once
+        if action_id not in self._results:  # each id is executed once
             x_m, y_m, yaw_rad = self._x_m, self._y_m, self._yaw_rad
             why_not = self._why if self._stopped.is_set() else self._do(action)
-            moved_m = math.hypot(self._x_m - x_m, self._y_m - y_m)  # measured, not as asked
+            moved_m = math.hypot(self._x_m - x_m, self._y_m - y_m)  # measured, not as requested
             turned_rad, steps = wrap_angle(self._yaw_rad - yaw_rad), len(self._results) + 1
             done = ActionResult(not why_not, why_not, moved_m, turned_rad, steps=steps)
             self._results[action_id] = done
@@ -58,7 +58,7 @@ class RoomRobot(RobotDriver):
         self._stopped.clear()
 
     def _do(self, action) -> str:
-        """Why it failed; empty when it is done."""
+        """Execute an action. Returns the reason of a failure, "" on success."""
         if isinstance(action, Forward) and action.distance_m >= 0:
             return self._move(action.distance_m, 0.0)
         if isinstance(action, Turn):

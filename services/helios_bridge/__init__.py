@@ -1,1 +1,1 @@
-"""The bridge: hosts one RobotDriver, gives frames their identity, keeps the lease and results."""
+"""Bridge service: hosts one RobotDriver, numbers frames, and keeps the lease and action results."""

@@ -1,4 +1,4 @@
-"""`python -m helios_bridge`: settings, session, run."""
+"""Entry point `python -m helios_bridge`: loads the settings and runs the service."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 class RobotHost:
-    """The bridge, from the moment its robot can be reached."""
+    """Host of the bridge service, which it creates as soon as the robot is reachable."""
 
     def __init__(
         self, bus: Bus, health: Health, settings: Settings, executor: DriverExecutor
@@ -39,10 +39,10 @@ class RobotHost:
                     health.waiting(f"the robot cannot be reached: {error.message}")
                     self._ending.wait(0.3)
                     continue
-                except HeliosError as error:  # trying again would not help
+                except HeliosError as error:  # no retry: the error would stay
                     health.degraded(error.message)
                     return
-                except Exception as error:  # of ours
+                except Exception as error:  # an internal error
                     log.exception("the bridge could not be made")
                     health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
                     return
@@ -55,7 +55,7 @@ class RobotHost:
 
     def close(self) -> None:
         self._ending.set()
-        if self._service is None:  # it may be about to be
+        if self._service is None:  # `connect` may be creating it
             self._executor.wait(END_WITHIN_S)
         if self._service is not None:
             self._service.close()

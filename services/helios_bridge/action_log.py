@@ -1,4 +1,4 @@
-"""Actions by id: done once, however often and from wherever they are asked for."""
+"""Action log: each action id is executed once, however often and by any client it is requested."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ REMEMBERED = 512
 
 
 class ActionLog:
-    """Results of the newest actions, and the one that is being done."""
+    """Results of the newest actions, and the futures of running ones."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._results: OrderedDict[str, Future[pb.ActionResult]] = OrderedDict()
         self._robot_results: OrderedDict[str, ActionResult] = OrderedDict()
-        self.last_id = ""  # of the newest deed
+        self.last_id = ""  # id of the newest action that the robot executed
 
     def once(self, action_id: str, do: Callable[[], pb.ActionResult]) -> pb.ActionResult:
-        """The result of `do`, which is called only if the id is new.
+        """Result of `do`, which is called only if the id is new.
 
-        A second asker waits for the first. What raises is not remembered: it was not done.
+        A second caller waits for the first. An action that raises is not stored: it was not
+        executed.
         """
         mine: Future[pb.ActionResult] = Future()
         with self._lock:
@@ -47,8 +48,10 @@ class ActionLog:
         return result
 
     def robot_result(self, action_id: str, do: Callable[[], ActionResult]) -> ActionResult:
-        """What the robot did, by `do` unless it did it before: what comes after a deed may fail,
-        and be asked for again, without moving the robot twice."""
+        """Robot's result for an action id. Calls `do` only the first time.
+
+        The steps after an action may fail and be retried; this never moves the robot twice.
+        """
         done = self._robot_results.get(action_id)
         if done is None:
             done = self._robot_results[action_id] = do()

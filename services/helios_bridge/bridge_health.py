@@ -1,4 +1,4 @@
-"""The bridge's health, of which several threads speak."""
+"""Health of the bridge, reported from several threads."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from helios_core.health import Health
 
 
 class BridgeHealth:
-    """As Health, but what is wrong with the driver outweighs all that is said meanwhile, its stop
-    most of all: a frame of the stream is no sign that the robot stands, or that it can drive.
-    Thread-safe."""
+    """Health in which driver faults take precedence over all other states. Thread-safe.
+
+    A failing stop precedes all: a stream frame does not prove that the robot stands or can drive.
+    """
 
     def __init__(self, health: Health) -> None:
         self._health = health
         self._lock = threading.Lock()
-        self._stop = ""  # what is wrong with it
-        self._faults: dict[str, str] = {}  # method of the driver -> what is wrong with it
-        self._said = health.state  # last, of everything else
+        self._stop = ""  # fault of the driver's stop, "" for none
+        self._faults: dict[str, str] = {}  # method of the driver -> its fault
+        self._said = health.state  # last state without regard to driver faults
 
     def ready(self, note: str = "") -> None:
         self._say("ready", note)
@@ -29,7 +30,7 @@ class BridgeHealth:
         self._say("degraded", reason)
 
     def stop_fails(self, reason: str) -> None:
-        """Until `stop_works`."""
+        """Report a failing stop until `stop_works`."""
         with self._lock:
             self._stop = reason
             self._tell()
@@ -41,9 +42,9 @@ class BridgeHealth:
                 self._tell()
 
     def driver_fails(self, method: str, reason: str) -> None:
-        """Until `driver_works` for the same method."""
+        """Report a fault of a driver method until `driver_works` for the same method."""
         with self._lock:
-            self._faults.pop(method, None)  # the newest is said
+            self._faults.pop(method, None)  # the newest fault is reported
             self._faults[method] = reason
             self._tell()
 

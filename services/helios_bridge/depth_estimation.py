@@ -1,6 +1,6 @@
-"""Depth for robots that have none: the detector makes it of the colour image.
+"""Estimated depth for robots without a depth sensor: the detector computes it from the image.
 
-It is filled in before a frame is published, so that every reader gets one whole frame.
+It is added before a frame is published, so that every subscriber gets a complete frame.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from helios_core.types import Frame
 
 
 def with_estimated_depth(frame: Frame, bus: Bus, timeout_s: float) -> Frame:
-    """The frame with the detector's depth, and with its focal length where it used its own.
+    """Frame with the detector's depth, and with its focal length if it estimated one.
 
-    Raises Unavailable or DeadlineExceeded without a detector, InvalidInput when that makes none.
+    Raises Unavailable or DeadlineExceeded without a detector, InvalidInput if it makes no depth.
     """
     message = frame_to_proto(replace(frame, depth_m=np.zeros(frame.color.shape[:2], np.float32)))
     request = pb.DepthRequest(raw_color=message.raw_color, calibration=message.calibration)

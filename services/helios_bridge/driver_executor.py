@@ -1,9 +1,9 @@
-"""The bridge's threads that use the driver, and calls that may never come back.
+"""Threads that use the driver, and calls that may never return.
 
-A driver is somebody else's code, which may hang. Nobody waits for it for ever: what must be
-answered has a deadline, and what still hangs at the end is named and left behind. The process then
-ends without the interpreter's own farewell: a daemon thread that wakes up in a library of C++ or
-Rust after it aborts the process ("exception not rethrown").
+A driver is external code and may hang. No thread waits for it without limit: requests have a
+deadline, and threads that still hang at the end are named and abandoned. The process then exits
+without the interpreter's shutdown, because a daemon thread that wakes up in a C++ or Rust library
+after it aborts the process ("exception not rethrown").
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from concurrent.futures import Future
 
 
 class DriverExecutor:
-    """Thread-safe. All threads are daemons."""
+    """Starts jobs in daemon threads. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._threads: list[threading.Thread] = []
 
     def start(self, name: str, job: Callable[[], None]) -> None:
-        """Run a job in a thread of its own."""
+        """Run a job in its own thread."""
         thread = threading.Thread(target=job, name=name, daemon=True)
         with self._lock:
             self._threads = [t for t in self._threads if t.is_alive() or t.ident is None]
@@ -30,7 +30,7 @@ class DriverExecutor:
         thread.start()
 
     def begin(self, name: str, do: Callable[[], None]) -> Future[None]:
-        """Do it in a thread of its own; what came of it, once it is over."""
+        """Run a job in its own thread. Returns the future of its result."""
         done: Future[None] = Future()
 
         def run() -> None:
@@ -43,7 +43,7 @@ class DriverExecutor:
         return done
 
     def wait(self, within_s: float) -> list[str]:
-        """The names of the threads that have not ended in time."""
+        """Wait for the threads. Returns the names of those that have not ended in time."""
         deadline_s = time.monotonic() + within_s
         with self._lock:
             threads = [t for t in self._threads if t is not threading.current_thread()]

@@ -1,7 +1,7 @@
-"""A driver whose faults arrive as sentences: which driver, which method, what it did.
+"""Guard around a driver: turns its faults into messages that name driver, method and fault.
 
-A driver is somebody else's code. Its typed errors pass. Whatever else it raises, and whatever it
-returns that is not of the promised type, becomes a `DriverFault`; the traceback goes to the log.
+A driver is external code. Its typed errors pass. Every other exception, and every return value of a
+wrong type, becomes a `DriverFault`; the traceback goes to the log.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ WHERE = "`helios logs bridge` shows where"
 
 
 class DriverFault(Internal):
-    """A fault in the driver; the message names driver and method."""
+    """Fault in the driver; the message names driver and method."""
 
 
 class GuardedDriver(RobotDriver):
-    """A driver behind checks. Each fault is told to `health` until the same method succeeds.
+    """Driver with checks. Each fault is reported to `health` until the same method succeeds.
 
-    Safe from as many threads as the driver itself.
+    As thread-safe as the driver itself.
     """
 
     def __init__(self, driver: RobotDriver, health: BridgeHealth) -> None:
@@ -76,8 +76,10 @@ class GuardedDriver(RobotDriver):
         wanted: type[R] | None = None,
         encode: Callable[[R], object] | None = None,
     ) -> R:
-        """What the driver returns. Raises DriverFault, and the driver's own HeliosError and
-        EndOfRecording. `encode` raises where a field has a wrong type."""
+        """Return value of a driver method. `encode` raises if a field has a wrong type.
+
+        Raises DriverFault, and the driver's own HeliosError and EndOfRecording.
+        """
         try:
             out = call()
         except (HeliosError, EndOfRecording):
@@ -107,7 +109,7 @@ class GuardedDriver(RobotDriver):
         with self._lock:
             is_new = self._logged.get(method) != said
             self._logged[method] = said
-        if is_new:  # a camera may fail many times a second
+        if is_new:  # log once: a camera may fail many times a second
             log.error("%s", said, exc_info=error)
         self._health.driver_fails(method, said)
         return DriverFault(said)
@@ -120,6 +122,6 @@ class GuardedDriver(RobotDriver):
 
 
 def _a(kind: type) -> str:
-    """Its name with its article."""
+    """Name of a type with its article."""
     name = kind.__name__
     return f"an {name}" if name[0] in "AEIOUaeiou" else f"a {name}"

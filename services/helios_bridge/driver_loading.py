@@ -1,4 +1,4 @@
-"""Which driver: by name, by an entry point, or `package:Class` of anybody's own."""
+"""Loading of the driver: by name, by entry point, or from a user's `package:Class`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMED = {
     "replay": "helios_replay.driver:ReplayDriver",
     "spot": "helios_spot.driver:SpotDriver",
     "push": "helios_bridge.pushed_frames:PushDriver",
-    "bus": "helios_sim.driver:SimDriver",  # whoever serves `world/…`, in whatever language
+    "bus": "helios_sim.driver:SimDriver",  # any process that serves `world/…`, in any language
 }
 OFFERED = (
     "source", "limit", "from_s", "to_s", "rate", "topics", "contexts", "address", "max_depth_m",
@@ -25,12 +25,11 @@ OFFERED = (
 
 
 def load_driver(settings: Settings, bus: Bus) -> RobotDriver:
-    """The driver that `settings.driver` names.
+    """Driver that `settings.driver` names.
 
-    Its constructor may ask by name for `bus`, for the settings of a replay (`source`, `limit`,
-    `from_s`, `to_s`, `rate`, `topics`, `contexts`), for the `address` of a robot and for
-    `max_depth_m`; whatever else it needs it has defaults for.
-    Raises InvalidInput when it cannot be loaded or made.
+    Its constructor may have parameters named `bus`, the settings of a replay (`source`, `limit`,
+    `from_s`, `to_s`, `rate`, `topics`, `contexts`), the `address` of a robot and `max_depth_m`; all
+    others need defaults. Raises InvalidInput if it cannot be loaded or constructed.
     """
     named = find(ROBOTS, NAMED.get(settings.driver, settings.driver))
     if named is None:

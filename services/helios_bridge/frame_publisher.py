@@ -1,6 +1,6 @@
-"""One look: the driver's image becomes a frame with an identity, and goes out.
+"""Capture and publication of frames: the driver's image gets a frame id and goes out.
 
-In lockstep a keyframe is over when the maps have answered it.
+In lockstep a keyframe is complete when the maps have acknowledged it.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from helios_bridge.depth_estimation import with_estimated_depth
 from helios_bridge.pose_checks import check_poses
 from helios_bridge.settings import Settings
 
-SAY_WAITING_S = 3.0  # a keyframe that waits longer for the maps says so
+SAY_WAITING_S = 3.0  # a longer wait for the maps is reported
 
 
 class FramePublisher:
-    """Captures, names and publishes frames. Whoever calls it has the driver to himself."""
+    """Captures, numbers and publishes frames. The caller must hold the lock on the driver."""
 
     def __init__(
         self,
@@ -39,25 +39,25 @@ class FramePublisher:
         acks: KeyframeAcks,
         first_number: int,
     ) -> None:
-        """first_number: the frames' numbers rise from here."""
+        """first_number: frame numbers start after it."""
         self._bus, self._driver, self._settings, self._health = bus, driver, settings, health
         self._acks = acks
         self._number = first_number
-        self._own_boot_id = uuid.uuid4().hex  # of robots that have none
+        self._own_boot_id = uuid.uuid4().hex  # for robots without a boot id
         self._searching = True  # at the last capture
         self.last_keyframe = 0
         self.last_look_s = 0.0  # monotonic
-        self.finished = False  # a recording has come to its end
+        self.finished = False  # the recording has ended
 
     def boot_id(self, state: RobotState) -> str:
-        """Of the robot, or of its bridge where the robot tells none."""
+        """Boot id of the robot, or of its bridge if the robot reports none."""
         return state.robot_boot_id or self._own_boot_id
 
     def look(self, keyframe: bool) -> FrameId:
-        """Capture and publish; in lockstep, until the maps have answered a keyframe: while nothing
-        is looked for, only the occupancy can.
+        """Capture and publish. In lockstep, wait until the maps have acknowledged a keyframe.
 
-        Raises EndOfRecording, and what the driver raises.
+        Before a search only the occupancy part acknowledges. Raises EndOfRecording and driver
+        errors.
         """
         id = self.take(keyframe)
         if keyframe and self._settings.lockstep:
@@ -65,7 +65,7 @@ class FramePublisher:
         return id
 
     def take(self, keyframe: bool) -> FrameId:
-        """Capture and publish. Raises as `look`, and InvalidInput for what is no posed image."""
+        """Capture and publish. Raises like `look`, and InvalidInput for a bad image or pose."""
         began = time.monotonic()
         try:
             capture = self._driver.capture()
@@ -91,7 +91,7 @@ class FramePublisher:
 
     def _publish(self, c: Capture, id: FrameId, keyframe: bool, state: RobotState) -> None:
         topic = KEYFRAME if keyframe else FRAME
-        if c.recorded is not None:  # as it was, to the last bit
+        if c.recorded is not None:  # republished bit for bit
             self._bus.publish(topic, c.recorded)
             return
         frame = Frame(
@@ -130,7 +130,7 @@ class FramePublisher:
 
 
 def check_capture(c: Capture) -> None:
-    """Raises InvalidInput that names what a driver gave and what is wanted."""
+    """Check types and shapes of a capture. Raises InvalidInput that names the requirement."""
     if not isinstance(c.camera, Pinhole):
         raise InvalidInput(f"the driver's camera is a {type(c.camera).__name__}; give a Pinhole")
     if not isinstance(c.stamp_ns, (int, np.integer)):

@@ -1,4 +1,4 @@
-"""Who may drive: one holder, a token that rises with every grant, an end unless renewed."""
+"""Lease on the robot: one holder at a time, a token that rises with every grant, and an expiry."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from helios_core.errors import Conflict
 
 
 class Lease:
-    """Thread-safe. `first_token` must rise from one start of the bridge to the next."""
+    """Thread-safe lease. `first_token` must rise from one start of the bridge to the next."""
 
     def __init__(
         self, duration_s: float, first_token: int, clock: Callable[[], float] = time.monotonic
@@ -21,7 +21,7 @@ class Lease:
         self._token, self._holder, self._ends_s = first_token, "", 0.0
 
     def grant(self, holder: str, take: bool = False) -> int:
-        """A new token. Raises Conflict while somebody else holds it, unless `take`."""
+        """Grant a new token. Raises Conflict if another holder has the lease, unless `take`."""
         with self._lock:
             if self._held() and self._holder != holder and not take:
                 left = self._ends_s - self._clock()
@@ -34,7 +34,7 @@ class Lease:
             return self._token
 
     def check(self, token: int) -> None:
-        """Renews it. Raises Conflict for an older token, none, or one that has run out."""
+        """Check and renew the lease. Raises Conflict for an older, missing or expired token."""
         with self._lock:
             if token != self._token:
                 holder = self._holder or "nobody"
@@ -48,13 +48,13 @@ class Lease:
             self._ends_s = self._clock() + self.duration_s
 
     def renew(self, token: int) -> None:
-        """After a long action: its driver keeps the lease, if nobody has taken it meanwhile."""
+        """Renew after a long action, unless another holder has taken the lease meanwhile."""
         with self._lock:
             if token == self._token and self._holder:
                 self._ends_s = self._clock() + self.duration_s
 
     def release(self, token: int) -> None:
-        """Give it back; without effect for a token that is not the present one."""
+        """Release the lease; no effect for a token that is not the current one."""
         with self._lock:
             if token == self._token:
                 self._holder, self._ends_s = "", 0.0

@@ -1,8 +1,9 @@
-"""What no robot's poses can be, as every driver and every frame from outside is checked.
+"""Plausibility checks of poses, for every driver and every pushed frame.
 
-A rotation that is none, a base that lies on its side or its head, a floor 500 m below: the maps
-would hold such a frame for a home. The bounds are wide, so that a slope, a ramp, a drifting
-localisation or a camera on a mast is none of it. Cameras may be mounted in any way.
+They refuse a matrix that is not a rotation, a base that lies on its side or upside down, or a floor
+500 m below: the maps would accept such a frame as part of a home. The bounds are wide, so that a
+slope, a ramp, a drifting localisation or a camera on a mast passes. Cameras may be mounted in any
+orientation.
 """
 
 from __future__ import annotations
@@ -13,14 +14,17 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, is_rigid
 
-LEANING_RAD = math.radians(45)  # from upright; beyond it a base has fallen over
+LEANING_RAD = math.radians(45)  # largest tilt from upright; beyond it a base has fallen over
 OFF_FLOOR_M = 2.0  # of the base's origin, up or down; the floor is at 0
-CAMERA_M = (-2.0, 10.0)  # height of a camera
-AWAY_M = 5.0  # from the base to its camera, level; the 2D map takes no more either
+CAMERA_M = (-2.0, 10.0)  # range of a camera's height
+AWAY_M = 5.0  # horizontal, base to camera; the 2D map has the same limit
 
 
 def check_poses(T_world_cam: Matrix, T_world_base: Matrix, whose: str) -> None:
-    """Raises InvalidInput that says what came and what is wanted. whose: "the driver's"."""
+    """Check the poses of a camera and its base. whose: "the driver's".
+
+    Raises InvalidInput that names the value and the requirement.
+    """
     for name, T in (("T_world_cam", T_world_cam), ("T_world_base", T_world_base)):
         if not isinstance(T, np.ndarray):
             raise InvalidInput(f"{whose} {name} is a {type(T).__name__}; give an array [4, 4]")

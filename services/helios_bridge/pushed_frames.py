@@ -1,4 +1,4 @@
-"""Frames from outside: somebody else's camera, one frame a call, each answered by the maps."""
+"""Pushed frames: images of an external camera, one per request, each acknowledged by the maps."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from helios_bridge.pose_checks import check_poses
 
 DETECTOR_THRESHOLD = 0.25  # confidence from which a class that was asked for counts
 LONGEST_WAIT_S = 60.0
-LONGEST_TURN_S = 10.0  # that a frame waits for those before it
+LONGEST_TURN_S = 10.0  # longest wait of a frame for those before it
 MOST_CLASSES, LONGEST_NAME = 64, 64
 NOMINAL_CAMERA = Pinhole(525.0, 525.0, 319.5, 239.5, 640, 480)  # each frame brings its own
 
 
 class PushDriver(RobotDriver):
-    """A camera that somebody else carries: every frame is offered once and captured once."""
+    """Driver of an external camera: each frame is offered once and captured once."""
 
     def __init__(self, max_depth_m: float = 5.0) -> None:
-        """max_depth_m: beyond it the maps do not use the depth of the frames."""
+        """max_depth_m: the maps use no depth beyond it."""
         self._max_depth_m = max_depth_m
         self._offered: Capture | None = None
         self._state = RobotState(se2_to_se3(0.0, 0.0, 0.0))
@@ -44,7 +44,7 @@ class PushDriver(RobotDriver):
     def offer(
         self, capture: Capture, robot_boot_id: str, world_epoch: int, origin_id: str = ""
     ) -> None:
-        """The next frame; the others name the world that its poses live in."""
+        """Set the next frame; the other arguments name the world of its poses."""
         self._offered = capture
         self._state = RobotState(
             capture.T_world_base, robot_boot_id=robot_boot_id, world_epoch=world_epoch,
@@ -90,7 +90,7 @@ class PushDriver(RobotDriver):
 
 
 class PushedFrameQueue:
-    """Answers `bridge/push`. Frames are taken one at a time, in the order of their coming."""
+    """Handler of `bridge/push`. It takes frames one at a time, in the order of arrival."""
 
     def __init__(
         self,
@@ -102,22 +102,20 @@ class PushedFrameQueue:
         estimated_depth: bool,
         threshold: float = DETECTOR_THRESHOLD,
     ) -> None:
-        """turn: whoever holds it uses the driver. threshold: detector confidence from which what is
-        looked for counts."""
+        """turn: lock on the driver. threshold: detector score from which a class counts."""
         self._bus, self._driver, self._publisher, self._acks = bus, driver, publisher, acks
         self._turn = turn
         self._estimated_depth, self._threshold = estimated_depth, threshold
         self._classes: tuple[str, ...] = ()
         self._world = ("", 0, "")
-        self._sought = threading.Event()  # something is looked for
+        self._sought = threading.Event()  # set once there is a search context
         bus.subscribe(CONTEXT, lambda _: self._sought.set())
 
     def push(self, request: pb.PushRequest, publish_state: Callable[[], None]) -> pb.PushReply:
-        """Make a keyframe of it and wait for the maps' answers. told: called when the state has
-        changed.
+        """Publish the frame as a keyframe and wait for the maps' acknowledgements.
 
-        Raises InvalidInput for a frame that does not hold together, and DeadlineExceeded when
-        those before it take too long.
+        publish_state: called after each change of the state. Raises InvalidInput for an
+        inconsistent frame, and DeadlineExceeded if the frames before it take too long.
         """
         if not 0 <= request.wait_s <= LONGEST_WAIT_S:  # NaN too
             raise InvalidInput(f"wait_s is {request.wait_s}; send 0 to {LONGEST_WAIT_S:g} seconds")
@@ -133,7 +131,7 @@ class PushedFrameQueue:
             id = request.frame.id
             world = (id.robot_boot_id, id.world_epoch, request.frame.origin_id)
             self._driver.offer(capture, *world)
-            if world != self._world:  # the maps change worlds when the robot says so
+            if world != self._world:  # the robot state tells the maps to change worlds
                 self._world = world
                 publish_state()
             taken = self._publisher.take(keyframe=True)
@@ -162,7 +160,7 @@ class PushedFrameQueue:
 
 
 def refuse_push(robot: str) -> NoReturn:
-    """Of a robot that has a camera of its own. Raises Conflict."""
+    """Refuse a pushed frame, because the robot has its own camera. Raises Conflict."""
     raise Conflict(
         f"the robot {robot!r} has a camera of its own; frames from outside are taken by "
         "`helios up --robot push`"
@@ -170,9 +168,9 @@ def refuse_push(robot: str) -> NoReturn:
 
 
 def capture_of(frame: pb.Frame, estimated_depth: bool) -> Capture:
-    """What a driver would have captured. `estimated_depth`: a frame needs none of its own.
+    """Capture from a pushed frame. `estimated_depth`: the frame needs no depth of its own.
 
-    Raises InvalidInput for a frame that does not hold together.
+    Raises InvalidInput for an inconsistent frame.
     """
     names = {"robot_boot_id": frame.id.robot_boot_id, "origin_id": frame.origin_id}
     for name, given in names.items():
@@ -184,7 +182,7 @@ def capture_of(frame: pb.Frame, estimated_depth: bool) -> Capture:
         whole.raw_depth.CopyFrom(_no_depth(frame))
     below = not frame.HasField("T_world_base")
     if below:
-        whole.T_world_base.CopyFrom(frame.T_world_cam)  # until that one has been checked
+        whole.T_world_base.CopyFrom(frame.T_world_cam)  # until that one is checked
     f = frame_from_proto(whole)
     T_world_base = base_below_camera(f.T_world_cam) if below else f.T_world_base
     check_poses(f.T_world_cam, T_world_base, "the frame's")
@@ -192,7 +190,7 @@ def capture_of(frame: pb.Frame, estimated_depth: bool) -> Capture:
 
 
 def _no_depth(frame: pb.Frame) -> RawImage:
-    """A depth image without depth, of the calibrated size."""
+    """Depth image without valid depth, in the calibrated size."""
     width, height = frame.calibration.width, frame.calibration.height
     if width * height > MAX_PIXELS:
         raise InvalidInput(f"the calibration is of {width}x{height} pixels; send a smaller image")

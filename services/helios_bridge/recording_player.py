@@ -1,7 +1,7 @@
-"""A recording goes on by itself, frame by frame, once somebody is there to see it.
+"""Playback of a recording, frame by frame, once the maps are ready.
 
-A frame that cannot be read is left out, counted and said: one bad file among thousands should not
-cost the others. Where that must not be, `strict` ends it there.
+An unreadable frame is skipped, counted and reported, so that one bad file among thousands does not
+cost the others. `strict` ends the playback at that frame.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from helios_bridge.frame_publisher import FramePublisher
 log = logging.getLogger(__name__)
 
 VIEWERS = frozenset({"detector", "objectmap", "map2d"})
-UNREADABLE = "unreadable_frames"  # the figure that counts them
-AFTER_UNREADABLE_S = 0.01  # so that a camera that gives nothing else does not take a whole core
+UNREADABLE = "unreadable_frames"  # the counter's name
+AFTER_UNREADABLE_S = 0.01  # limits the CPU load of a source with only bad frames
 
 
 class RecordingPlayer:
-    """Plays the driver's recording, one keyframe after the other."""
+    """Player of the driver's recording, one keyframe after the other."""
 
     def __init__(
         self,
@@ -39,8 +39,10 @@ class RecordingPlayer:
         brings_contexts: bool,
         strict: bool,
     ) -> None:
-        """turn: whoever holds it uses the driver. brings_contexts: the recording says itself what
-        is looked for; else it waits until somebody does. strict: see the module."""
+        """turn: lock on the driver. strict: see the module.
+
+        brings_contexts: the recording contains search contexts; otherwise the player waits for one.
+        """
         self._driver, self._publisher, self._turn, self._health = driver, publisher, turn, health
         self._strict = strict
         self._ready: set[str] = set()
@@ -51,7 +53,7 @@ class RecordingPlayer:
         bus.subscribe(ANY_STATUS, self._note)
 
     def run(self, ending: threading.Event, publish_state: Callable[[], None]) -> None:
-        """Until the recording or the bridge ends. told: called when the state has changed."""
+        """Play until the recording or the bridge ends. publish_state: called after each change."""
         while not (self._context_known.is_set() and self._ready >= VIEWERS):
             missing = ", ".join(sorted(VIEWERS - self._ready))
             self._health.ready(f"the recording waits for {missing or 'a search context'}")
@@ -79,7 +81,7 @@ class RecordingPlayer:
             except HeliosError as error:
                 self._fail(error.message)
                 return
-            except Exception as error:  # of ours
+            except Exception as error:  # an internal error
                 log.exception("a keyframe could not be made")
                 self._fail(f"the bridge failed ({type(error).__name__}: {error})")
                 return
@@ -93,7 +95,7 @@ class RecordingPlayer:
         self._health.degraded(f"the recording cannot go on: {why}")
 
     def _note(self, status: pb.ServiceStatus) -> None:
-        if status.state in ("ready", "degraded"):  # degraded: it works, and says what is wrong
+        if status.state in ("ready", "degraded"):  # a degraded service works, with a known fault
             self._ready.add(status.service)
         else:
             self._ready.discard(status.service)

@@ -1,7 +1,7 @@
-"""The bridge's service: one driver behind the bus.
+"""Bridge service: one driver on the bus.
 
 One thread at a time uses the driver (`_turn`), except for stop. Actions come by `bridge/act`. After
-each the robot looks, and the frame goes out as a keyframe (`frame_publisher`). Threads of their own
+each action the bridge captures a keyframe and publishes it (`frame_publisher`). Separate threads
 (`driver_executor`) stream frames while the robot stands, play a recording (`recording_player`), and
 stop an action that exceeds its time. With the driver `push`, frames come by `bridge/push`
 (`pushed_frames`).
@@ -59,13 +59,13 @@ log = logging.getLogger(__name__)
 
 LONGEST_ACTION_S = 600.0
 LONGEST_ID = 200
-END_WITHIN_S = 0.3  # of what runs when the bridge ends
-CLOSE_WITHIN_S = 1.2  # of the driver's close after that; a process has two seconds in all
-MOST_REASONS = 200  # characters in all that say why the robot is stopped
+END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
+CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
+MOST_REASONS = 200  # length of all stop reasons together, characters
 
 
 class BridgeService:
-    """See the module."""
+    """Bus interface to one driver: see the module."""
 
     def __init__(
         self,
@@ -76,19 +76,21 @@ class BridgeService:
         first_number: int | None = None,
         executor: DriverExecutor | None = None,
     ) -> None:
-        """`first_number`: where frame and lease numbers start; they must rise from one start of the
-        bridge to the next while the robot stays up, so by default they start at the clock's.
-        `executor`: whose threads use the driver. Raises InvalidInput when the driver describes a
-        robot that there can't be."""
+        """first_number: start of the frame and lease numbers; default: the clock, in ms.
+
+        The numbers must rise from one start of the bridge to the next while the robot stays up.
+        executor: threads that use the driver. Raises InvalidInput for an impossible robot
+        description.
+        """
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._settings = bus, settings
         self._health = BridgeHealth(health)
         self._driver = GuardedDriver(driver, self._health)
-        self._turn = threading.Lock()  # whoever holds it uses the driver
-        self._stopped_why = ""  # all reasons, the first one first
+        self._turn = threading.Lock()  # lock on the driver
+        self._stopped_why = ""  # all stop reasons, oldest first; "" if not stopped
         self._last_stop_why = ""
-        self._busy_until_s: float | None = None  # when the running action has outlived its time
-        self._stop_call: Future[None] | None = None  # the driver's last stop
+        self._busy_until_s: float | None = None  # deadline of the running action
+        self._stop_call: Future[None] | None = None  # last call of the driver's stop
         self._stop_lock = threading.Lock()
         self._stops = 0
         self._stop_late = False
@@ -97,7 +99,7 @@ class BridgeService:
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
-        self._description = description_from_proto(description)  # as every service will check it
+        self._description = description_from_proto(description)  # validated like in every service
         self._publisher = FramePublisher(
             bus, self._driver, settings, self._health, self._acks, first
         )
@@ -125,7 +127,7 @@ class BridgeService:
         bus.serve(GET_STATE, lambda _: state_to_proto(self.state()))
 
     def start(self) -> None:
-        """Start streaming, playing and watching. Without it the bridge acts only when asked."""
+        """Start the threads: watchdog, and stream or playback. Without them, only requests act."""
         self._executor.start("watchdog", self._watchdog)
         player = self._player
         if player is not None:
@@ -148,7 +150,7 @@ class BridgeService:
     def act(self, request: pb.ActionRequest) -> pb.ActionResult:
         if not request.action_id:
             raise InvalidInput("the action has no id; give every action one of its own")
-        if len(request.action_id) > LONGEST_ID:  # many are remembered
+        if len(request.action_id) > LONGEST_ID:  # the log keeps many ids
             raise InvalidInput(
                 f"the action's id has {len(request.action_id)} letters; send at most {LONGEST_ID}"
             )
@@ -162,10 +164,12 @@ class BridgeService:
         return self._actions.once(request.action_id, lambda: self._act(request, action, deadline_s))
 
     def stop(self, request: pb.StopRequest) -> pb.Empty:
-        """Raises DeadlineExceeded when the driver does not come back: then no action begins, but
-        whether the robot stands nobody here knows."""
+        """Stop the robot. Raises DeadlineExceeded if the driver's stop does not return in time.
+
+        In that case no further action starts, but the robot may still move.
+        """
         self._health.count("stops")
-        with self._stop_lock:  # not in turn: an action may be running
+        with self._stop_lock:  # without the driver lock: an action may be running
             self._last_stop_why = request.reason or "stop-now"
             self._stopped_why = _with_reason(self._stopped_why, self._last_stop_why)
             self._stops += 1
@@ -184,20 +188,20 @@ class BridgeService:
             self._health.stop_fails(late)
             log.error("%s", late)
             raise DeadlineExceeded(late)
-        call.result()  # raises what the driver raised
+        call.result()  # raises the driver's error
         return pb.Empty()
 
     def clear_stop(self, _: pb.Empty) -> pb.Empty:
-        """Raises Conflict while a stop hangs, and where another one came meanwhile, which holds."""
+        """Clear the stop. Raises Conflict while a stop hangs, or if another stop came meanwhile."""
         with self._stop_lock:
             if self._stop_hangs():
                 raise Conflict("the driver has not come back from its stop; see to the robot first")
             stops = self._stops
-        self._driver.clear_stop()  # takes its time: a robot is asked over a network
+        self._driver.clear_stop()  # may take long: the robot may be remote
         with self._stop_lock:
             anew = self._last_stop_why if self._stops != stops else ""
             self._stopped_why = anew
-        if anew:  # the driver may have forgotten it; no action could begin in between
+        if anew:  # the driver may have cleared it too; no action can have begun
             self.stop(pb.StopRequest(reason=anew))
             raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
         self._health.stop_works()
@@ -212,7 +216,7 @@ class BridgeService:
         return reply
 
     def state(self) -> RobotState:
-        """The robot's state, with what the bridge knows."""
+        """Robot state from the driver, completed by the bridge."""
         s = self._driver.state()
         return RobotState(
             T_world_base=s.T_world_base,
@@ -230,7 +234,7 @@ class BridgeService:
         )
 
     def close(self) -> list[str]:
-        """End what runs and let go of the robot; the names of the threads that still hang."""
+        """End the running jobs and close the driver. Returns the names of hanging threads."""
         self._ending.set()
         self._acks.end()
         self._executor.wait(END_WITHIN_S)
@@ -241,7 +245,7 @@ class BridgeService:
         return hanging
 
     def _on_detector_ack(self, ack: pb.Ack) -> None:
-        """Of a keyframe that the detector did not answer, no map can answer what it finds."""
+        """Count a refusal by the detector also for the map parts that need detections."""
         if not ack.accepted:
             self._acks.add_for(ack, full_names(FROM_DETECTIONS))
 
@@ -249,7 +253,7 @@ class BridgeService:
         try:
             self._driver.stop(self._stopped_why)
         except Exception as error:
-            if self._stop_late:  # nobody waits for it any more
+            if self._stop_late:  # the caller of stop no longer waits
                 log.error("the stop failed: %s", error)
                 self._health.stop_fails(f"the stop failed: {error}")
             raise
@@ -269,7 +273,7 @@ class BridgeService:
         if left_s <= 0 or not self._turn.acquire(timeout=left_s):
             raise DeadlineExceeded("the action's time was over before it began; send it again")
         try:
-            self._check_may_drive(request)  # much may have happened while it waited for its turn
+            self._check_may_drive(request)  # the lease or the stop may have changed meanwhile
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
@@ -279,7 +283,7 @@ class BridgeService:
             finally:
                 self._busy_until_s = None
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
-            self._publish_state()  # what is held is known before the image that shows it
+            self._publish_state()  # publish the held object before the image that shows it
             out = result_to_proto(done, request.action_id)
             id = self._look_after(request)
         finally:
@@ -293,8 +297,10 @@ class BridgeService:
         return out
 
     def _look_after(self, request: pb.ActionRequest) -> FrameId | None:
-        """Look, after an action. The keyframe's id; None where there is none. Without a keyframe,
-        the stream of frames goes on at its rate."""
+        """Capture after an action. Returns the id of the keyframe; None without one.
+
+        Without a keyframe, the frame stream continues at its rate.
+        """
         try:
             if not request.no_keyframe:
                 return self._publisher.look(keyframe=True)
@@ -317,7 +323,7 @@ class BridgeService:
             if time.monotonic() - self._publisher.last_look_s < period_s:
                 continue
             if not self._turn.acquire(blocking=False):
-                continue  # an action runs: its keyframe comes
+                continue  # an action runs; its keyframe follows
             try:
                 self._publisher.look(keyframe=self._publisher.last_keyframe == 0)
                 self._health.ready()
@@ -325,7 +331,7 @@ class BridgeService:
                 return
             except HeliosError as error:
                 self._health.waiting(f"the robot gives no image: {error.message}")
-            except Exception as error:  # of ours: the next frame may come right, so go on
+            except Exception as error:  # an internal error: the next frame may succeed
                 log.exception("a frame could not be made")
                 self._health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
             finally:
@@ -333,26 +339,26 @@ class BridgeService:
             self._publish_state()
 
     def _watchdog(self) -> None:
-        """Commands expire: what is still moving when its time is over is stopped."""
+        """Stop the robot if an action still runs at its deadline."""
         while not self._ending.wait(0.05):
             until = self._busy_until_s
             if until is not None and time.monotonic() > until and not self._stopped_why:
                 try:
                     self.stop(pb.StopRequest(reason="an action outlived its time"))
-                except Exception:  # the stop is latched here; the robot itself did not answer
+                except Exception:  # the bridge is stopped; only the robot did not answer
                     log.exception("the robot did not take the stop")
 
     def _publish_state(self) -> None:
         try:
             self._bus.publish(ROBOT_STATE, state_to_proto(self.state()))
         except DriverFault:
-            pass  # its health says so until the driver's state comes again
+            pass  # reported in the health until the driver's state works again
         except HeliosError as error:
             log.warning("the robot's state could not be told: %s", error.message)
 
 
 def _with_reason(before: str, new: str) -> str:
-    """Why the robot is stopped, once one more stop has come: the first reason stays."""
+    """Stop reasons after one more stop; the first reason stays."""
     if not before or new in before:
         return before or new
     both = f"{before}; {new}"

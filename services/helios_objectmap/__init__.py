@@ -1,1 +1,1 @@
-"""Sparse 3D Gaussian object map: Dirichlet semantics, instances, scores, information gain."""
+"""Sparse 3D Gaussian object map: Dirichlet class evidence, instances, scores, information gain."""

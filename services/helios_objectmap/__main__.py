@@ -1,4 +1,4 @@
-"""`python -m helios_objectmap`: settings, session, run."""
+"""Entry point `python -m helios_objectmap`: loads the settings and runs the service."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from helios_objectmap.settings import ObjectMapSettings
 
 
 def build(bus: Bus, health: Health) -> ObjectMapService:
-    """The service, ready once its kernels are compiled; in a thread, so that it can be stopped."""
+    """Service that reports ready once its kernels are compiled, in a thread so that it can stop."""
     service = ObjectMapService(bus, settings, health)
     health.waiting("compiling its kernels; a minute at the first start")
     threading.Thread(target=service.warm_up, name="warm up", daemon=True).start()

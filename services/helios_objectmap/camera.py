@@ -1,4 +1,4 @@
-"""A camera at a pose, on the pixel grid that the object map works on."""
+"""Pinhole camera with pose, and the pixel grid on which the object map works."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class View:
     cy: float
     width: int
     height: int
-    T_world_cam: NDArray[np.float64]  # [4, 4]
+    T_world_cam: NDArray[np.float64]  # [4, 4] camera to world
 
     @property
     def T_cam_world(self) -> NDArray[np.float64]:
-        """[4, 4] world to camera."""
+        """Transform [4, 4] from world to camera."""
         rotation = self.T_world_cam[:3, :3].T
         T = np.eye(4)
         T[:3, :3] = rotation
@@ -30,7 +30,7 @@ class View:
         return T
 
     def strided(self, stride: int) -> View:
-        """The view whose pixel k is this view's pixel `offset(stride) + k * stride`."""
+        """Coarser view whose pixel k is this view's pixel `offset(stride) + k * stride`."""
         first = offset(stride)
         return View(
             self.fx / stride,
@@ -52,5 +52,5 @@ class View:
 
 
 def offset(stride: int) -> int:
-    """First pixel kept at a stride: the middle of the block, so that the grid is not biased."""
+    """First pixel that a stride keeps: the middle of its block, so that the grid has no bias."""
     return stride // 2

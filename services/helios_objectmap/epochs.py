@@ -1,4 +1,4 @@
-"""One map per world: the present one and the parked ones of worlds that are over."""
+"""One object map per world: the current one, and the parked ones of former worlds."""
 
 from __future__ import annotations
 
@@ -12,26 +12,25 @@ from helios_objectmap.settings import ObjectMapSettings
 
 
 class EpochMaps:
-    """A frame of a new world parks the present map and starts a fresh one.
+    """Current and parked maps. A frame of a new world parks the current map and starts a new one.
 
-    A robot that started anew with the same origin is in the same world: its map goes on. A frame of
-    the world that the robot itself says it is in is never refused: it brings its map back, if a
-    stranger's frame parked it.
+    A robot that restarts with the same origin stays in the same world, and its map continues. A
+    frame of the world that the robot itself reports is never refused. If a frame of another source
+    parked the map of that world, such a frame restores it.
     """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
         self._starts = RobotStarts()
         self.world: WorldId | None = None
-        self.robot_world: WorldId | None = None  # the one that the robot itself is in
+        self.robot_world: WorldId | None = None  # world that the robot itself reports
         self.current = ObjectMap(settings)
-        self.newest: FrameId | None = None  # the newest frame in the present map
-        self.from_disk = False  # no frame has come since the present map was read
+        self.newest: FrameId | None = None  # newest frame in the current map
+        self.from_disk = False  # True until the first frame after the current map was read
         self._parked: ParkedMaps[ObjectMap] = ParkedMaps()
 
     def map_for(self, frame: Frame) -> ObjectMap:
-        """The map a frame belongs to. Raises Conflict for a world, or a start of the robot, that is
-        over."""
+        """Map of a frame. Raises Conflict for a former world or a former start of the robot."""
         id, world = frame.id, frame.world
         new_start = bool(world.origin_id) and not self._starts.knows(id.robot_boot_id)
         if world == self.world:
@@ -47,9 +46,9 @@ class EpochMaps:
         return self.current
 
     def robot_is_in(self, world: WorldId, boot_id: str) -> bool:
-        """Note it. A map that was read from disk and is of another world makes room at once.
+        """Note the robot's world. Returns True if this replaces the current map.
 
-        Returns whether the present map is another one now.
+        A map that was read from disk and is of another world is parked at once.
         """
         self.robot_world = world
         if self._starts.note_robot(boot_id) and world == self.world:
@@ -60,14 +59,14 @@ class EpochMaps:
         return True
 
     def restored(self, world: WorldId | None, newest: FrameId | None) -> None:
-        """The present map was read from a file of an earlier process, and is of that world."""
+        """Note that the current map, with its world, comes from the file of an earlier process."""
         self.world, self.newest = world, newest
         self.from_disk = world is not None
         if newest is not None:
             self._starts.begin(newest.robot_boot_id)
 
     def forget(self) -> None:
-        """Forget the present map and the parked ones; frames go on."""
+        """Delete the current map and the parked ones; the worlds and starts stay known."""
         self.current.reset()
         self._parked.clear()
         self.from_disk = False
@@ -82,7 +81,7 @@ class EpochMaps:
             )
 
     def _go_to(self, world: WorldId, fresh: ObjectMap) -> None:
-        """Park the present map, if it is of a world, and go on with another."""
+        """Park the current map, if it has a world, and continue with another one."""
         if self.world is not None:
             self._parked.park(self.world, self.current)
             self.current = fresh

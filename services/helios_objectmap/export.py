@@ -1,7 +1,8 @@
-"""Gaussians for other programs: PLY as 3D Gaussian splatting tools read it, and NPZ.
+"""Export of Gaussians: PLY for 3D Gaussian splatting tools, NPZ, and PNG layers.
 
 The PLY has the properties of the 3DGS reference code in its order and units: log scales, logit
-opacity, colour as the first spherical harmonic, quaternions w x y z. Coordinates are the world's.
+opacity, colour as the first spherical harmonic, quaternions w x y z. Coordinates are in the world
+frame.
 """
 
 from __future__ import annotations
@@ -21,9 +22,7 @@ _PROPERTIES = (
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
 )  # fmt: skip
 LAYERS = ("color", "depth", "probability", "uncertainty")
-MOST_UNCERTAIN = (
-    0.3  # standard deviation that is drawn brightest: that of the prior and two classes
-)
+MOST_UNCERTAIN = 0.3  # standard deviation drawn brightest: that of the prior with two classes
 
 
 def ply(gaussians: InstanceGaussians) -> bytes:
@@ -46,7 +45,7 @@ def ply(gaussians: InstanceGaussians) -> bytes:
 
 
 def npz(gaussians: InstanceGaussians) -> bytes:
-    """All arrays by name, with the Dirichlet parameters of each class."""
+    """NPZ of all arrays by name, with the Dirichlet parameters of each class."""
     arrays: dict[str, NDArray] = {
         "means_m": gaussians.means,
         "radius_m": gaussians.radius_m,
@@ -62,19 +61,19 @@ def npz(gaussians: InstanceGaussians) -> bytes:
 
 
 def color(projection: Projection, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[h, w, 3] RGB on white. rgb: [k, 3] of `projection.rows`."""
+    """RGB image [h, w, 3] on white. rgb: [k, 3] of `projection.rows`."""
     rendering = projection.render(rgb.astype(np.float32) / np.float32(255))
     image = rendering.features.transpose(1, 2, 0) + (1 - rendering.coverage)[..., None]
     return np.rint(image.clip(0, 1) * 255).astype(np.uint8)
 
 
 def depth_mm(projection: Projection) -> NDArray[np.uint16]:
-    """[h, w] millimetres along the optical axis; 0 where nothing is modelled."""
+    """Depth image [h, w] in millimetres along the optical axis; 0 where nothing is modelled."""
     return np.rint(projection.render().depth_m.clip(0, 65.5) * 1000).astype(np.uint16)
 
 
 def belief(projection: Projection, values: NDArray[np.floating], most: float) -> NDArray[np.uint8]:
-    """[h, w, 3] RGB from dark (0) to yellow (`most`), on white. values: [k]."""
+    """RGB image [h, w, 3] from dark (0) to yellow (`most`), on white. values: [k]."""
     rendering = projection.render(values.astype(np.float32)[:, None])
     share = np.divide(
         rendering.features[0], rendering.coverage,
@@ -87,7 +86,7 @@ def belief(projection: Projection, values: NDArray[np.floating], most: float) ->
 
 
 def png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
-    """[h, w, 3] RGB or [h, w] grey."""
+    """PNG of an image: [h, w, 3] RGB or [h, w] grey."""
     ok, data = cv2.imencode(".png", image[..., ::-1] if image.ndim == 3 else image)
     if not ok:
         raise RuntimeError("the image could not be written as PNG")

@@ -1,4 +1,4 @@
-"""The Gaussians as a growable structure of arrays, one row each, and the limit of their number."""
+"""Gaussians as a growable structure of arrays, one row each, and the limit of their number."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ KEPT = 0.9
 
 @dataclass(frozen=True)
 class InstanceGaussians:
-    """Gaussians for a display or a planner; rows agree."""
+    """Gaussians for a display or a planner; row i of every array is the same Gaussian."""
 
     means: NDArray[np.float32]  # [n, 3] world, metres
     radius_m: NDArray[np.float32]  # [n] standard deviation
     opacity: NDArray[np.float32]  # [n]
     color: NDArray[np.uint8]  # [n, 3] RGB
-    instance: NDArray[np.int32]  # [n] id, 0 for none
+    instance: NDArray[np.int32]  # [n] instance id, 0 for none
     class_names: tuple[str, ...]  # "other" first
     concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
 
@@ -47,15 +47,15 @@ class InstanceGaussians:
 class GaussianStore:
     """Gaussians in the world frame with their evidence per class name.
 
-    The properties are views of the rows in use; they are valid until rows are added or removed.
-    Removal moves the last rows into the gaps: a row number is no name.
+    The properties are views of the rows in use, valid until rows are added or removed. Removal
+    moves the last rows into the gaps, so a row number does not identify a Gaussian.
     """
 
     def __init__(self, sectors: int = 0) -> None:
-        """sectors: around each Gaussian from which votes are kept; 0 keeps none."""
+        """sectors: viewing sectors per Gaussian for which votes are kept; 0 keeps none."""
         self.class_names: list[str] = []
-        self.blocks = Blocks()  # where each row is
-        self.instances = RowGroups()  # label of each row; NO_INSTANCE for none
+        self.blocks = Blocks()  # block of each row
+        self.instances = RowGroups()  # instance label of each row; NO_INSTANCE for none
         self._n = 0
         self._means = np.empty((0, 3), np.float32)
         self._radius_m = np.empty(0, np.float32)
@@ -76,78 +76,78 @@ class GaussianStore:
 
     @property
     def means(self) -> NDArray[np.float32]:
-        """[n, 3] world, metres."""
+        """Centres [n, 3] in the world, metres."""
         return self._means[: self._n]
 
     @property
     def radius_m(self) -> NDArray[np.float32]:
-        """[n] standard deviation of the isotropic Gaussian, metres."""
+        """Standard deviation [n] of the isotropic Gaussian, metres."""
         return self._radius_m[: self._n]
 
     @property
     def opacity(self) -> NDArray[np.float32]:
-        """[n] in (0, 1)."""
+        """Opacity [n] in (0, 1)."""
         return self._opacity[: self._n]
 
     @property
     def color(self) -> NDArray[np.uint8]:
-        """[n, 3] RGB."""
+        """RGB colour [n, 3]."""
         return self._color[: self._n]
 
     @property
     def positive(self) -> NDArray[np.float32]:
-        """[n, classes] evidence for each class, in units of alpha_cpa times kappa."""
+        """Evidence [n, classes] for each class, in units of alpha_cpa times kappa."""
         return self._positive[: self._n]
 
     @property
     def asked(self) -> NDArray[np.float32]:
-        """[n, classes] all evidence of the views in which the class was asked for."""
+        """All evidence [n, classes] of the views that searched for the class."""
         return self._asked[: self._n]
 
     @property
     def votes(self) -> NDArray[np.uint16]:
-        """[n, classes, sectors, 2] from each sector for the class, and in all."""
+        """Votes [n, classes, sectors, 2] from each sector: for the class, and all."""
         return self._votes[: self._n]
 
     @property
     def born(self) -> NDArray[np.int64]:
-        """[n] number of the update that made the Gaussian."""
+        """Number [n] of the update that created the Gaussian."""
         return self._born[: self._n]
 
     @property
     def believed(self) -> NDArray[np.int16]:
-        """[n] column of the most likely class, or OTHER."""
+        """Column [n] of the most likely class, or OTHER."""
         return self._believed[: self._n]
 
     @property
     def through(self) -> NDArray[np.float32]:
-        """[n] distinct views that saw through the Gaussian since one last saw it."""
+        """Number [n] of distinct views that saw through the Gaussian since a view last saw it."""
         return self._through[: self._n]
 
     @property
     def through_from(self) -> NDArray[np.int32]:
-        """[n] viewpoint that was the last to see through it, or NEVER."""
+        """Viewpoint [n] that last saw through it, or NEVER."""
         return self._through_from[: self._n]
 
     @property
     def seen(self) -> NDArray[np.int64]:
-        """[n] number of the last update that saw the Gaussian."""
+        """Number [n] of the last update that saw the Gaussian."""
         return self._seen[: self._n]
 
     @property
     def instance(self) -> NDArray[np.int32]:
-        """[n] label of the instance, or NO_INSTANCE. Written by `instances.move`."""
+        """Label [n] of the instance, or NO_INSTANCE. Written by `instances.move`."""
         return self.instances.group[: self._n]
 
     def arrays(self) -> dict[str, NDArray]:
-        """Copies of all that is known of each row; no votes where none are kept."""
+        """Copies of all data of each row; without votes if none are kept."""
         out = {name: getattr(self, name).copy() for name in self._fields}
         return out | {"instance": self.instance.copy()}
 
     def fill(self, arrays: dict[str, NDArray]) -> None:
-        """Take rows from `arrays()` into an empty store whose columns are named already.
+        """Load rows from `arrays()` into an empty store whose columns are named already.
 
-        Raises ValueError where they do not fit together, KeyError where some are missing.
+        Raises ValueError if they are inconsistent, KeyError if some are missing.
         """
         n, classes = len(arrays["means"]), len(self.class_names)
         self._grow(n)
@@ -166,7 +166,7 @@ class GaussianStore:
         self.instances.move(np.arange(n), arrays["instance"])
 
     def keep_votes(self, sectors: int) -> None:
-        """Keep votes from so many sectors from now on; those from another number are forgotten."""
+        """Keep votes from this number of sectors; a change drops the present votes."""
         if sectors != self._votes.shape[2]:
             self._votes = np.zeros((*self._votes.shape[:2], sectors, 2), np.uint16)
 
@@ -182,10 +182,10 @@ class GaussianStore:
         return self.class_names.index(class_name)
 
     def drop_columns(self, class_names: Iterable[str]) -> None:
-        """Forget all evidence for some classes. No row may be believed to be one of them."""
+        """Remove all evidence for some classes. No row may have one as its most likely class."""
         gone = {self.class_names.index(name) for name in class_names}
         keep = [c for c in range(len(self.class_names)) if c not in gone]
-        renumbered = np.full(len(self.class_names) + 1, OTHER, np.int16)  # the last one is OTHER
+        renumbered = np.full(len(self.class_names) + 1, OTHER, np.int16)  # index -1 is OTHER
         renumbered[keep] = np.arange(len(keep), dtype=np.int16)
         self._believed[: self._n] = renumbered[self._believed[: self._n]]
         self._positive = np.ascontiguousarray(self._positive[:, keep])
@@ -201,7 +201,7 @@ class GaussianStore:
         color: NDArray[np.uint8],
         born: int,
     ) -> slice:
-        """Add Gaussians without evidence; returns their rows."""
+        """Add Gaussians without evidence. Returns their rows."""
         first, n = self._n, self._n + len(means)
         if n > len(self._means):
             self._grow(max(n, len(self._means) * 3 // 2, 1024))
@@ -224,7 +224,7 @@ class GaussianStore:
         return rows
 
     def remove(self, rows: NDArray[np.integer]) -> None:
-        """Remove rows; the last ones take their numbers."""
+        """Remove rows; the last rows take their numbers."""
         gone = np.unique(rows)
         n = self._n - len(gone)
         gaps = gone[gone < n]
@@ -243,7 +243,7 @@ class GaussianStore:
 
     @property
     def _fields(self) -> list[str]:
-        """Those that are worth a file."""
+        """Fields that a file stores."""
         return [name for name in _FIELDS if name != "votes" or self._votes.shape[2]]
 
     def _grow(self, capacity: int) -> None:
@@ -257,7 +257,7 @@ class GaussianStore:
 
 
 def surplus(believed: NDArray[np.int16], seen: NDArray[np.int64], most: int) -> NDArray[np.intp]:
-    """Rows to remove, so that at most KEPT * most are left; none while there are at most `most`.
+    """Rows to remove so that at most KEPT * most remain; none while there are at most `most`.
 
     believed: [n] column of the class, or OTHER; seen: [n] number of the last update that saw it.
     """

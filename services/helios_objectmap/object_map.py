@@ -1,4 +1,4 @@
-"""The object map: updates from observations, and the answers about what it holds."""
+"""Object map: updates from observations, and queries about its instances."""
 
 from __future__ import annotations
 
@@ -39,31 +39,26 @@ from helios_objectmap.rendering.renderer import FAR_M, Projection, Rendering
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.viewpoint_weights import NEVER, ViewingDirection, Viewpoints
 
-SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
-HELD_OBJECT_M = 1.0  # while the gripper holds an object, nearer pixels of objects belong to it
-OPACITY = 0.99  # of a new Gaussian
-RADIUS_PX = 1.0  # standard deviation of a new Gaussian in the image
-CARVE_VIEWS = 2.0  # distinct views through a Gaussian that remove it
-MIN_GAUSSIANS = 5  # smaller instances are not reported
+SEEN_BEYOND_M = 1.0  # margin beyond max_depth_m: Gaussians within it still occlude
 HALF = 0.5
-WHOLE = 0.999  # sums of float32 shares that make a whole view
+WHOLE = 0.999  # sum of float32 shares from which a view counts as whole
 
 
 @dataclass(frozen=True)
 class UpdateReport:
-    """What one observation did to the map."""
+    """Effect of one observation on the map, in numbers of Gaussians."""
 
     created: int
     carved: int
     in_view: int
-    fused: int  # Gaussians that took evidence; 0 from a viewpoint that has counted already
+    fused: int  # received evidence; 0 from a viewpoint that has counted already
     total: int
 
 
 class ObjectMap:
-    """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: its owner locks.
+    """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: the owner locks.
 
-    An update costs what is in view, whatever the size of the map.
+    The cost of an update depends on the Gaussians in view, not on the size of the map.
     """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
@@ -72,7 +67,7 @@ class ObjectMap:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Delete all content."""
         self._store = GaussianStore(self._sectors)
         self._registry = InstanceRegistry()
         self._viewpoints = self.no_viewpoints()
@@ -88,7 +83,7 @@ class ObjectMap:
     # Updates ----------------------------------------------------------------------------------
 
     def set_context(self, context: SearchContext) -> None:
-        """Ask for the classes of a context from now on; what is known of others stays."""
+        """Search for the classes of a context from now on; the evidence for other classes stays."""
         if context == self._context:
             return
         store = self._store
@@ -97,7 +92,7 @@ class ObjectMap:
         self._context = context
         for c in context.distinct():
             store.column(c.name)
-            self._roles.pop(c.name, None)  # those at the end were asked for last
+            self._roles.pop(c.name, None)  # most recently searched classes at the end
             self._roles[c.name] = c.role
         self._forget_classes(
             list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
@@ -111,7 +106,8 @@ class ObjectMap:
     def update(
         self, observation: Observation, context: SearchContext, held: str = ""
     ) -> UpdateReport:
-        """Integrate one observation made for a context. held: class of what the robot holds."""
+        """Integrate one observation made for a context. held: class of the object that the robot
+        holds."""
         self.set_context(context)
         s, store = self._settings, self._store
         reading = without_held(
@@ -127,7 +123,7 @@ class ObjectMap:
 
         created_mask = self._creation_mask(reading, rendering)
         created = self._create(reading, created_mask)
-        if created:  # what was out of view still is
+        if created:  # only the new Gaussians need a projection
             new = np.arange(len(store) - created, len(store), dtype=np.int32)
             self._look_back(new)
             projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
@@ -144,9 +140,9 @@ class ObjectMap:
         return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
 
     def retire(self, instance_id: int) -> int:
-        """Remove an object that was picked; the number of Gaussians removed, 0 if unknown.
+        """Remove an object that was picked. Returns the number of Gaussians removed, 0 if unknown.
 
-        Everything in its box that is not believed to be a receptacle goes with it.
+        All Gaussians in its box go with it, except those of receptacles.
         """
         store = self._store
         member = store.instances.rows_of(np.array([instance_id]))
@@ -165,7 +161,7 @@ class ObjectMap:
     # Queries ----------------------------------------------------------------------------------
 
     def nearest_object(self, point_m: NDArray[np.float64], within_m: float) -> int | None:
-        """Id of the nearest instance that is no receptacle, or None where none is that near."""
+        """Id of the nearest instance that is not a receptacle; None if none is that near."""
         near = [
             (float(np.linalg.norm(o.center_m - point_m)), o.id)
             for o in self.objects()
@@ -182,12 +178,12 @@ class ObjectMap:
         return tuple(o for _, o in sorted(known.items()) if o is not None)
 
     def class_of(self, instance_id: int) -> str:
-        """Class of an instance, "" where there is no such one."""
+        """Class of an instance; "" if the id is unknown."""
         record = self._registry.records.get(instance_id)
         return record.class_name if record is not None else ""
 
     def history(self, instance_id: int) -> tuple[Moment, ...]:
-        """How the belief in an instance went, oldest first; empty where there is no such one."""
+        """Scores of an instance over time, oldest first; empty if the id is unknown."""
         record = self._registry.records.get(instance_id)
         return tuple(record.history) if record is not None else ()
 
@@ -200,9 +196,9 @@ class ObjectMap:
     ) -> tuple[list[Expected], Expected] | None:
         """Score and information gain if views showed an instance as a class (eq. 11 and 12).
 
-        views: full-resolution cameras with poses. other_share: of what they show, what speaks for
+        views: full-resolution cameras with poses. other_share: share of their evidence that goes to
         "other"; None for the setting. Returns the outcome of each view alone and of all together,
-        or None where there is no such instance or class.
+        or None if there is no such instance or class.
         """
         store, s = self._store, self._settings
         rows = store.instances.rows_of(np.array([instance_id]))
@@ -252,9 +248,9 @@ class ObjectMap:
         )
 
     def render(self, view: View, layer: str, class_name: str) -> bytes:
-        """PNG of a layer as a camera sees it; RGB, or for depth uint16 millimetres.
+        """PNG of a layer seen by a camera: RGB, or uint16 millimetres for depth.
 
-        layer: one of `export.LAYERS`; the last two are of a class. Raises InvalidInput.
+        layer: one of `export.LAYERS`; the last two need a class. Raises InvalidInput.
         """
         store, prior = self._store, self._settings.prior_concentration
         projection = self._project(view, FAR_M)
@@ -277,7 +273,8 @@ class ObjectMap:
         return export.png(export.belief(projection, deviation, export.MOST_UNCERTAIN))
 
     def grasp(self, instance_id: int) -> Grasp | None:
-        """Points and box of the believed part of an instance; None where there is no such one."""
+        """Points and grasp box of the Gaussians of an instance that have its class; None if
+        unknown."""
         store = self._store
         rows = store.instances.rows_of(np.array([instance_id]))
         if not len(rows):
@@ -293,14 +290,15 @@ class ObjectMap:
     # On disk ----------------------------------------------------------------------------------
 
     def memory(self) -> Memory:
-        """All that is known; its parts are the map's own, not copies."""
+        """Content of the map; its parts are the map's own objects, not copies."""
         return Memory(self._store, self._registry, self._viewpoints, self._roles, self._updates)
 
     def recall(self, memory: Memory) -> None:
-        """Know what a file holds, and nothing else.
+        """Replace the content of the map with that of a file.
 
-        All evidence stays as it is, however it was counted. Votes by sides are forgotten where this
-        map counts views; where it counts sides and the file has no votes, all sides are untold.
+        All evidence stays as it is, however it was counted. If this map counts views, the votes by
+        viewing sector are dropped; if it counts sectors and the file has no votes, all sectors
+        start empty.
         """
         self.reset()
         self._store, self._registry = memory.store, memory.registry
@@ -309,13 +307,13 @@ class ObjectMap:
         self._updates = memory.updates
 
     def no_viewpoints(self) -> Viewpoints:
-        """Empty ones, as this map's settings want them."""
-        return Viewpoints()
+        """An empty `Viewpoints` with the thresholds of this map's settings."""
+        return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
 
     # Parts of an update -----------------------------------------------------------------------
 
     def _forget_classes(self, names: list[str]) -> None:
-        """All evidence for some classes goes, and the instances of them."""
+        """Remove all evidence for some classes, and their instances."""
         store = self._store
         if not names:
             return
@@ -333,10 +331,12 @@ class ObjectMap:
     def _carve(
         self, projection: Projection, reading: LabelImage, look: ViewingDirection
     ) -> tuple[Projection, NDArray[np.int32]]:
-        """Fade what is seen through, restore what is there, and give up what enough views saw
-        through: the projection as it is then, and the rows that are to be removed."""
-        store = self._store
-        seen = sight(projection, reading.depth_m)
+        """Free-space carving: fade the Gaussians that a view sees through, restore those it sees.
+
+        Returns the updated projection, and the rows to remove, which enough views saw through.
+        """
+        s, store = self._settings, self._store
+        seen = sight(projection, reading.depth_m, s.carve_front_m)
         there = seen.there[store.through[projection.rows[seen.there]] > 0]
         restored = projection.rows[there]
         store.through[restored], store.through_from[restored] = 0, NEVER
@@ -372,13 +372,13 @@ class ObjectMap:
         return len(means)
 
     def _weights_of_all_before(self, look: ViewingDirection) -> NDArray[np.float32] | None:
-        """What a look counts for things older than every view [names]; None without hindsight."""
+        """Weight of a view [names] for Gaussians older than every view; None without hindsight."""
         if self._settings.evidence != "hindsight":
             return None
         return self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
 
     def _look_back(self, rows: NDArray[np.int32]) -> None:
-        """Tell new Gaussians what past views said of the places where they are."""
+        """Give new Gaussians the evidence of past views that show their positions."""
         s, store = self._settings, self._store
         for shown in self._past.of(store.means[rows]):
             past = shown.past
@@ -402,7 +402,10 @@ class ObjectMap:
         eye_m: NDArray[np.float64],
         stamp_ns: int,
     ) -> int:
-        """Take the evidence of a view and renew the instances that it changed."""
+        """Add the evidence of a view and update the instances it changes.
+
+        Returns the number of Gaussians that received evidence.
+        """
         s, store, names = self._settings, self._store, self._names
         kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
@@ -421,12 +424,13 @@ class ObjectMap:
             store.instance[rows], kappa[took], weights[took], projection.depth_m[took], names
         )
         if s.detector_trust != "full":
-            self._described.clear()  # what was learnt changes every score
+            self._described.clear()  # the learnt detector precision changes every score
         self._note_moments(given, stamp_ns)
         return len(rows)
 
     def _note_moments(self, labels: list[int], stamp_ns: int) -> None:
-        """Add to the history of instances that took evidence; their description is out of date."""
+        """Append to the history of instances that received evidence, and drop their cached
+        descriptions."""
         for label in labels:
             self._described.pop(label, None)
             belief = self._belief(label)
@@ -443,7 +447,7 @@ class ObjectMap:
             self._store.remove(rows)
 
     def _believe(self, rows: NDArray[np.integer]) -> None:
-        """Renew the beliefs of rows, and the instances that this changes."""
+        """Update the most likely class of rows, and the instances that this changes."""
         store = self._store
         s = self._settings
         new = believe(
@@ -465,12 +469,12 @@ class ObjectMap:
 
     @property
     def _sectors(self) -> int:
-        """Around each Gaussian, of which votes are kept."""
+        """Number of viewing sectors per Gaussian for which votes are kept."""
         return viewing_sectors.SECTORS if self._settings.by_sides else 0
 
     @property
     def _columns(self) -> list[int]:
-        """Of the context's classes in the store."""
+        """Store columns of the context's classes."""
         return [self._store.class_names.index(name) for name in self._names]
 
     @property
@@ -479,13 +483,13 @@ class ObjectMap:
 
     @property
     def _n_classes(self) -> int:
-        """Classes that the prior speaks of, "other" included."""
+        """Number of classes of the prior, "other" included."""
         return max(len(self._names) + 1, self._settings.prior_classes)
 
     def _project(
         self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
     ) -> Projection:
-        """What a view shows of some rows, default all."""
+        """Projection of some rows into a view; default: all rows that it may show."""
         store = self._store
         far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
         rows = store.seen_by(view, far_m) if rows is None else rows
@@ -499,7 +503,7 @@ class ObjectMap:
         return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
 
     def _belief(self, label: int) -> Belief | None:
-        """In an instance for its own class; None where it is too small to be reported."""
+        """Belief that an instance is of its own class; None if it is too small to be reported."""
         store, s = self._store, self._settings
         rows = store.instances.rows_of(np.array([label]))
         if len(rows) < MIN_GAUSSIANS:
@@ -523,12 +527,13 @@ class ObjectMap:
         )  # fmt: skip
 
     def _trust(self, label: int) -> float:
-        """Share of the detections of an instance that is true by what became of such ones."""
+        """Estimated share of true detections of an instance, learnt from earlier detections of its
+        class."""
         trust = self._settings.detector_trust
         return 1.0 if trust == "full" else self._registry.trust(label, trust == "class-distance")
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
-        """How well what was seen of an instance fits what its class usually measures."""
+        """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
         s, record = self._settings, self._registry.records[label]
         shape = self._shape(label, belief)
         measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
@@ -540,7 +545,7 @@ class ObjectMap:
         return shape_of(self._store.means, belief, self._least(label, belief.mean))
 
     def _least(self, label: int, mean: NDArray[np.floating]) -> float:
-        """Probability from which a Gaussian of an instance is part of its box; mean: [n]."""
+        """Probability above which a Gaussian of an instance belongs to its box; mean: [n]."""
         least = self._settings.named_from
         if self._settings.by_sides and not self._is_receptacle(self.class_of(label)):
             least = max(least, sure_part(mean))

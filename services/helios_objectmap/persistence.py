@@ -1,6 +1,7 @@
-"""A map as a file: NPZ with a header, which is checked as a whole before any of it is used.
+"""File format of the object map: an NPZ with a header, validated as a whole before any part is
+used.
 
-The arrays are those of the store, one row a Gaussian; the header (JSON) holds the rest. Every
+The arrays are those of the store, one row per Gaussian; the header (JSON) holds the rest. Every
 member carries the checksum of the zip format, so a truncated or damaged file is refused.
 """
 
@@ -29,7 +30,7 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Memory:
-    """All that a map knows, apart from what it is asked for now."""
+    """Complete content of a map, without the current search context."""
 
     store: GaussianStore
     registry: InstanceRegistry
@@ -41,9 +42,9 @@ class Memory:
 def arrays_of(
     memory: Memory, world: WorldId | None, newest: FrameId | None = None
 ) -> dict[str, NDArray]:
-    """Copies of everything, so that a file can be written while the map goes on.
+    """Copies of the whole map content, so that updates can continue while the file is written.
 
-    world: that it is of; newest: the newest frame in it.
+    world: world of the map; newest: newest frame in it.
     """
     header: dict[str, Any] = {
         "format": FORMAT,
@@ -73,7 +74,7 @@ def arrays_of(
 
 
 def written(arrays: dict[str, NDArray]) -> bytes:
-    """The file."""
+    """Bytes of the file."""
     out = io.BytesIO()
     np.savez(out, allow_pickle=False, **arrays)
     return out.getvalue()
@@ -81,18 +82,18 @@ def written(arrays: dict[str, NDArray]) -> bytes:
 
 @dataclass(frozen=True)
 class Found:
-    """What a file holds."""
+    """Content of a map file."""
 
     memory: Memory
-    world: WorldId | None  # it is of
-    newest: FrameId | None  # the newest frame in it
+    world: WorldId | None  # of the map
+    newest: FrameId | None  # newest frame in the map
 
 
 def read(data: bytes, viewpoints: Viewpoints) -> Found:
-    """What a file holds. viewpoints: empty ones, to be filled.
+    """Content of a map file. viewpoints: an empty object, which is filled.
 
-    Raises InvalidInput for a truncated, damaged or foreign file, and for one that holds too much,
-    before it is unpacked.
+    Raises InvalidInput for a truncated, damaged or foreign file, and, before it is unpacked, for a
+    file that holds too much data.
     """
     try:
         arrays = unpacked(data)
@@ -106,7 +107,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> Found:
         world, newest = _place(header)
     except InvalidInput:
         raise
-    except Exception as error:  # whatever the readers of ZIP, arrays and JSON think of it
+    except Exception as error:  # any error of the ZIP, array and JSON readers
         raise InvalidInput(
             f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
             "`helios map save` wrote"
@@ -115,7 +116,8 @@ def read(data: bytes, viewpoints: Viewpoints) -> Found:
 
 
 def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
-    """The world it is of, and the newest frame in it. Files of earlier builds lack some of it."""
+    """World of the map, and the newest frame in it. Files of earlier builds lack some of the
+    fields."""
     if not header["epoch"]:
         return None, None
     boot_id, epoch = str(header["epoch"][0]), int(header["epoch"][1])
@@ -130,7 +132,7 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
         return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
 
     rows = part("store.")
-    # Votes by sides are missing in files of maps that count views, and of earlier builds.
+    # Files of maps without viewing sectors, and of earlier builds, have no votes.
     store = GaussianStore(viewing_sectors.SECTORS if "votes" in rows else 0)
     for name in header["class_names"]:
         store.column(str(name))
@@ -151,7 +153,7 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
 def _record(
     name: str, views: float, detected: float, history: list, detected_at: list | None = None
 ) -> InstanceRecord:
-    """detected_at: missing in files of earlier builds, which do not say how far away."""
+    """Instance record of a file. detected_at: missing in files of earlier builds."""
     return InstanceRecord(
         str(name), float(views), float(detected),
         _by_band([0.0, detected, 0.0] if detected_at is None else detected_at),
@@ -169,7 +171,7 @@ def _by_band(values: list) -> NDArray[np.float64]:
 def _check(
     store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role], viewpoints: Viewpoints
 ) -> None:
-    """Everything that is referred to is there. Raises ValueError."""
+    """Check that all references resolve and all numbers are finite. Raises ValueError."""
     labels = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
     if labels != set(registry.records) or max(labels, default=0) >= registry.next_label:
         raise ValueError("instances and Gaussians disagree")

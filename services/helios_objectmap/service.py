@@ -1,4 +1,5 @@
-"""The object map as a service: observations in, acknowledgements out, methods answered."""
+"""Object map service: integrates observations, publishes acknowledgements, serves the map's
+requests."""
 
 from __future__ import annotations
 
@@ -57,7 +58,7 @@ from helios_objectmap.warm_up import warm_up
 
 log = logging.getLogger(__name__)
 
-MOST_WAITING = 4  # observations kept until their search context is known
+MOST_WAITING = 4  # observations that wait for their search context
 MOST_POSES = 256
 FILE_NAME = "objects.npz"
 MOST_PIXELS = 1920 * 1200
@@ -66,21 +67,21 @@ _FORMATS = {"ply": export.ply, "npz": export.npz}
 
 @dataclass(frozen=True)
 class _Published:
-    """The answer to `objects` as of one version; computed when first asked for."""
+    """Cached reply to `objects` for one map version, computed at the first request."""
 
     version: int
     objects: tuple[ObjectInstance, ...]
 
 
 class ObjectMapService:
-    """One robot's object map behind the bus."""
+    """Bus interface to the object map of one robot."""
 
     def __init__(self, bus: Bus, settings: ObjectMapSettings, health: Health) -> None:
         self._bus, self._settings, self._health = bus, settings, health
-        self._lock = threading.Lock()  # guards everything below
+        self._lock = threading.Lock()  # guards every attribute below
         self._maps = EpochMaps(settings)
         self._context: SearchContext | None = None
-        self._over: deque[str] = deque(maxlen=256)  # ids of contexts that are over
+        self._over: deque[str] = deque(maxlen=256)  # ids of contexts that a later one replaced
         self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
         self._held = ""
         self._version = 0
@@ -98,9 +99,9 @@ class ObjectMapService:
         bus.serve(RENDER_OBJECTS, self.render)
         bus.serve(OBJECT_DETAIL, self.detail)
         self._warm, self._ending = False, threading.Event()
-        self._refused = ""  # why the map of an earlier process was, as long as this one lives
+        self._refused = ""  # why this process refused the map file of an earlier one
         self._restored: tuple[ObjectMap, str, str] | None = None  # map, time of writing, content
-        self._trouble = ""  # with keeping the present one
+        self._trouble = ""  # why the current map cannot be saved, "" if it can
         self._kept: KeptFile | None = None
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
@@ -109,7 +110,10 @@ class ObjectMapService:
         bus.subscribe(OBSERVATION, self.on_observation)
 
     def warm_up(self) -> None:
-        """Compile the kernels, then be ready. Observations wait meanwhile; nothing is lost."""
+        """Compile the kernels, then report ready.
+
+        Observations wait during the compilation; none is lost.
+        """
 
         def compile() -> None:
             with self._lock:
@@ -120,7 +124,7 @@ class ObjectMapService:
             self._say()
 
     def close(self) -> None:
-        """Keep the map. The bus ends with the process."""
+        """Save the map. The bus closes with the process."""
         self._ending.set()
         if self._kept is not None:
             self._kept.close()
@@ -131,7 +135,7 @@ class ObjectMapService:
 
     # Messages ---------------------------------------------------------------------------------
     def on_context(self, message: pb.SearchContext) -> None:
-        """What is looked for from now on; observations that waited for it are integrated."""
+        """Switch to a new search context and integrate the observations that waited for it."""
         try:
             context = context_from_proto(message)
         except InvalidInput as error:
@@ -149,7 +153,7 @@ class ObjectMapService:
             self._integrate(raw, observation)
 
     def on_robot_state(self, message: pb.RobotState) -> None:
-        """What the robot holds is not an object of the map."""
+        """Note the held object, which the map leaves out, and the world that the robot is in."""
         try:
             held = state_from_proto(message).held
         except InvalidInput as error:
@@ -169,13 +173,16 @@ class ObjectMapService:
             self._say()
 
     def on_observation(self, message: pb.Observation) -> None:
-        """Integrate, or say why not. Never raises."""
+        """Integrate an observation, or publish a refusal with its reason. Never raises.
+
+        An observation whose search context is unknown waits for that context.
+        """
         try:
             observation = observation_from_proto(message)
         except HeliosError as error:
             self._refuse(message, error.message)
             return
-        except Exception as error:  # a fault of ours must not leave the sender waiting
+        except Exception as error:  # the sender waits for an acknowledgement in any case
             log.exception("observation of frame %d cannot be read", message.frame.id.seq)
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
@@ -214,7 +221,7 @@ class ObjectMapService:
         return reply
 
     def what_if(self, request: pb.WhatIfRequest) -> pb.WhatIfReply:
-        """Score and information gain if an instance were seen as a class (eq. 6, 11, 12)."""
+        """Score and information gain if views showed an instance as a class (eq. 6, 11, 12)."""
         if len(request.T_world_cam) > MOST_POSES:
             raise InvalidInput(
                 f"{len(request.T_world_cam)} poses asked for; at most {MOST_POSES} in one call"
@@ -240,7 +247,7 @@ class ObjectMapService:
         )
 
     def retire(self, request: pb.RetireRequest) -> pb.RetireReply:
-        """Take out an object that was picked: by id, or the nearest one around a point."""
+        """Remove a picked object: the one with the given id, or the nearest one around a point."""
         if not request.object_id and not request.radius_m > 0:
             raise InvalidInput("give an object_id, or point_m with a radius_m above 0")
         with self._lock:
@@ -276,7 +283,7 @@ class ObjectMapService:
         return reply
 
     def reset(self, _: pb.Empty) -> pb.Empty:
-        """Forget every map, the parked and the kept ones too; the present search goes on."""
+        """Delete every map, the parked and saved ones included; the current search continues."""
         with self._lock:
             self._maps.forget()
             self._replaced()
@@ -287,7 +294,7 @@ class ObjectMapService:
         return pb.Empty()
 
     def gaussians(self, request: pb.GaussiansRequest) -> pb.GaussiansReply:
-        """The Gaussians of one instance, or of all."""
+        """Gaussians of one instance, or of all instances."""
         with self._lock:
             g = self._maps.current.gaussians(request.object_id or None)
         return pb.GaussiansReply(
@@ -301,17 +308,17 @@ class ObjectMapService:
             opacities=g.opacity.astype("<f4").tobytes(),
         )
 
-    # Files, pictures, one object --------------------------------------------------------------
+    # Files, images, one object ----------------------------------------------------------------
     def save(self, _: pb.Empty) -> pb.ObjectMapFile:
-        """The present map as a file."""
+        """The current map as a file."""
         with self._lock:
             arrays = self._arrays()
         return pb.ObjectMapFile(data=persistence.written(arrays))
 
     def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
-        """Put the map of a file in the present one's place. A file that is refused changes nothing.
+        """Replace the current map with the map of a file. A refused file changes nothing.
 
-        The file's world frame is taken to be the present one.
+        The world frame of the file is taken to be the current one.
         """
         loaded = self._recall(request.data, same_world=False)
         if self._superseded():
@@ -319,7 +326,7 @@ class ObjectMapService:
         return loaded
 
     def export(self, request: pb.ExportRequest) -> pb.ExportReply:
-        """Gaussians of all instances, or of one, for other programs."""
+        """Gaussians of all instances, or of one, in the format of other programs."""
         if request.format not in _FORMATS:
             raise InvalidInput(f"no format {request.format!r}; wanted {' or '.join(_FORMATS)}")
         with self._lock:
@@ -331,7 +338,7 @@ class ObjectMapService:
         )
 
     def render(self, request: pb.RenderRequest) -> pb.RenderReply:
-        """The map as a camera anywhere would see it."""
+        """Rendered image of the map from an arbitrary camera pose."""
         c = pinhole_from_proto(request.camera)
         if c.width * c.height > MOST_PIXELS:
             raise InvalidInput(
@@ -344,7 +351,7 @@ class ObjectMapService:
         return pb.RenderReply(png=png)
 
     def detail(self, request: pb.ObjectRequest) -> pb.ObjectDetail:
-        """One object: all figures, how belief in it went, and what a gripper wants to know."""
+        """One object with its attributes, the history of its score, grasp points and grasp box."""
         with self._lock:
             present = self._maps.current
             found = next((o for o in present.objects() if o.id == request.object_id), None)
@@ -376,7 +383,7 @@ class ObjectMapService:
         except HeliosError as error:
             self._refuse(message, error.message)
             return
-        except Exception as error:  # a fault of ours must not end the process: it is said instead
+        except Exception as error:  # an internal error is reported; the process continues
             log.exception("observation %s failed", observation.frame.id)
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
@@ -409,7 +416,7 @@ class ObjectMapService:
         return report
 
     def _replaced(self) -> None:
-        """Another map took the present one's place."""
+        """Set up the map that has just replaced the current one."""
         if self._context is not None:
             self._maps.current.set_context(self._context)
         self._changed()
@@ -434,17 +441,19 @@ class ObjectMapService:
     # The map kept on disk ---------------------------------------------------------------------
     @property
     def _said(self) -> str:
-        """What is wrong with keeping the map; what became of the kept one, until another takes its
-        place."""
+        """Health detail: why the map cannot be saved, and the fate of the saved map.
+
+        The fate of the saved map is part of it until another map replaces that one.
+        """
         return "; ".join(part for part in (self._trouble, self._refused, self._fate()) if part)
 
     def _superseded(self) -> bool:
-        """The present map is no longer what an earlier process kept; whether `said` has changed."""
+        """Drop the note of the restored map, because the map changes now; True if there was one."""
         was, self._restored = self._restored, None
         return was is not None
 
     def _take_up_kept_map(self) -> None:
-        """Take up the map of an earlier process, if one was kept, and begin to keep."""
+        """Restore the map file of an earlier process, if any, and start the periodic save."""
         if self._kept is None:
             return
         try:
@@ -461,7 +470,7 @@ class ObjectMapService:
         self._kept.start()
 
     def _restore(self, kept: Kept) -> None:
-        """Know what an earlier process wrote. Raises InvalidInput."""
+        """Load the map file of an earlier process. Raises InvalidInput."""
         loaded = self._recall(kept.data, same_world=True)
         newest = self._maps.newest
         frames = "" if newest is None else f", frames up to number {newest.seq}"
@@ -471,7 +480,7 @@ class ObjectMapService:
         self._restored = self._maps.current, kept.written, content
 
     def _fate(self) -> str:
-        """What became of the map that an earlier process kept; "" where there is nothing to say."""
+        """Fate of an earlier process's map: restored, or of another world; "" if not in use."""
         if self._restored is None:
             return ""
         map, written, content = self._restored
@@ -480,7 +489,11 @@ class ObjectMapService:
         return map_autosave.of_another_world(written)
 
     def _recall(self, data: bytes, *, same_world: bool) -> pb.ObjectMapLoaded:
-        """same_world: only while the robot is in the world epoch that the file names."""
+        """Replace the content of the current map with that of a file.
+
+        same_world: True for the map of an earlier process, which is valid only in the world of the
+        file.
+        """
         began = time.perf_counter()
         found = persistence.read(data, self._maps.current.no_viewpoints())
         with self._lock:

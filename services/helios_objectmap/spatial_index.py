@@ -1,4 +1,4 @@
-"""A spatial index of the Gaussians: blocks of half a metre, and which of them a view can see."""
+"""Spatial index of the Gaussians: blocks of half a metre, and the blocks that a view can see."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Rows = NDArray[np.integer]
 
 
 class Blocks:
-    """The block of each row. A block without rows may give its number to another one."""
+    """Assignment of rows to blocks. The number of an empty block may be reused for another one."""
 
     def __init__(self) -> None:
         self.rows = RowGroups()
         self._number: dict[int, int] = {}  # key of a block -> its group in `rows`
-        self._highest = 0  # number given so far
-        self._free: list[int] = []  # numbers below it that no block has
-        self._center_m = np.empty((16, 3))  # by number; 0 is no block
+        self._highest = 0  # highest number in use so far
+        self._free: list[int] = []  # numbers below it without a block
+        self._center_m = np.empty((16, 3))  # indexed by block number; 0 is no block
 
     def add(self, rows: NDArray[np.integer], means: NDArray[np.float32]) -> None:
-        """Rows [k] are now at means [k, 3] in the world."""
+        """Assign rows [k] to the blocks of their means [k, 3] in the world."""
         if not len(rows):
             return
         ijk = np.floor(means.astype(np.float64) / BLOCK_M).astype(np.int64)
@@ -48,7 +48,7 @@ class Blocks:
     def seen_by(self, view: View, far_m: float, margin_m: float) -> NDArray[np.int32]:
         """Rows of the blocks that a view may show: all within margin_m of its pyramid, and more.
 
-        far_m: nothing farther along the optical axis is wanted.
+        far_m: limit along the optical axis.
         """
         center = (
             self._center_m[1 : self._highest + 1] @ view.T_cam_world[:3, :3].T
@@ -57,7 +57,7 @@ class Blocks:
         x, y, z = center.T
         reach = BLOCK_M * np.sqrt(3) / 2 + margin_m
         inside = (z > -reach) & (z < far_m + reach)
-        # The four side planes go through the eye: (normal . center) >= -reach.
+        # The four side planes contain the camera centre: (normal . center) >= -reach.
         left, right = -(view.cx + 0.5) / view.fx, (view.width - 0.5 - view.cx) / view.fx
         up, down = -(view.cy + 0.5) / view.fy, (view.height - 0.5 - view.cy) / view.fy
         inside &= (x - left * z) >= -reach * np.hypot(1, left)
@@ -67,7 +67,7 @@ class Blocks:
         return self.rows.rows_of(np.flatnonzero(inside) + 1)
 
     def near(self, means: NDArray[np.float32], reach_m: float) -> NDArray[np.int32]:
-        """Rows that are within reach_m of some of the points [k, 3] along every axis, and more."""
+        """Rows within reach_m of at least one of the points [k, 3] along every axis, and more."""
         if not len(means):
             return np.empty(0, np.int32)
         ijk = np.unique(np.floor(means.astype(np.float64) / BLOCK_M).astype(np.int64), axis=0)
@@ -78,14 +78,14 @@ class Blocks:
         return self.rows.rows_of(np.array([n for n in found if n is not None], np.int64))
 
     def _make_room(self, blocks: int) -> None:
-        """For so many new ones: first the numbers of blocks without rows, then a larger table."""
+        """Make room for new blocks: free the numbers of empty ones, then enlarge the table."""
         if self._highest + blocks - len(self._free) < len(self._center_m):
             return
         for key, number in list(self._number.items()):
             if not self.rows.count_of(number):
                 del self._number[key]
                 self._free.append(number)
-        # Half of it stays free, so that it is rare.
+        # At least half of the table stays free, so that this is rare.
         while self._highest + blocks - len(self._free) >= len(self._center_m) // 2:
             self._center_m = np.concatenate([self._center_m, self._center_m])
 
@@ -103,7 +103,7 @@ def _keys(ijk: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 class RowGroups:
-    """Each row is in one group, or in none (NO_GROUP). Groups are numbers from 1."""
+    """Partition of rows: each is in one group, numbered from 1, or in none (NO_GROUP)."""
 
     def __init__(self) -> None:
         self._group = np.empty(0, np.int32)
@@ -114,18 +114,18 @@ class RowGroups:
 
     @property
     def group(self) -> NDArray[np.int32]:
-        """[capacity] group of each row."""
+        """Group [capacity] of each row."""
         return self._group
 
     def grow(self, capacity: int) -> None:
-        """Make room for rows; new ones are in no group."""
+        """Enlarge to this capacity; new rows are in no group."""
         more = capacity - len(self._group)
         self._group = np.concatenate([self._group, np.zeros(more, np.int32)])
         self._next = np.concatenate([self._next, np.full(more, _END, np.int32)])
         self._previous = np.concatenate([self._previous, np.full(more, _END, np.int32)])
 
     def move(self, rows: Rows, groups: Rows | int) -> None:
-        """Put rows [k] into groups [k], or all into one, out of those they were in."""
+        """Move rows [k] into groups [k], or all into one group, out of their former ones."""
         if not len(rows):
             return
         target = np.broadcast_to(np.asarray(groups, np.int32), (len(rows),))
@@ -140,14 +140,14 @@ class RowGroups:
         )  # fmt: skip
 
     def rename(self, sources: Rows, targets: Rows) -> None:
-        """Rows get other numbers; the targets must be in no group."""
+        """Renumber rows; the targets must be in no group."""
         _rename(
             np.asarray(sources, np.int64), np.asarray(targets, np.int64),
             self._group, self._next, self._previous, self._head,
         )  # fmt: skip
 
     def count_of(self, group: int) -> int:
-        """How many rows a group has."""
+        """Number of rows in a group."""
         return int(self._count[group]) if group < len(self._count) else 0
 
     def rows_of(self, groups: Rows) -> NDArray[np.int32]:

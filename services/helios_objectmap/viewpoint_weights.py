@@ -1,13 +1,13 @@
-"""Views, not frames: how much evidence a frame may give.
+"""Weights of views: share of its evidence that a frame gives, by distance from earlier views.
 
-A camera that rests on a false detection would outvote every other view. So a view weighs as much
-as it differs from the views that have counted before: nothing from where one has counted, all from
-a set distance or turn away, and in proportion between. Along a path the weights add up to its
-length over that distance, so a camera at 5 Hz and one at 30 Hz tell the same (as long as the
-slower one's steps are no longer than that distance, where a weight ends at 1).
+A camera at rest on a false detection would outvote every other view. So the weight of a view is its
+difference from the views that have counted before: 0 at such a view, 1 from a set distance or turn
+away, and in proportion between. Along a path the weights add up to its length over that distance,
+so a camera at 5 Hz and one at 30 Hz give the same evidence, as long as the steps of the slower one
+are not longer than that distance, where the weight saturates at 1.
 
-What a viewpoint shows is the same each time, so it counts once for each Gaussian and class: only
-viewpoints that counted for the class since the Gaussian was made take weight from a view.
+A viewpoint always shows the same, so it counts once for each Gaussian and class: only viewpoints
+that counted for the class since the Gaussian was created reduce the weight of a view.
 """
 
 from __future__ import annotations
@@ -19,29 +19,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEVER = -1
-# A view counts in full from this distance or turn: just below the smallest steps of the paper.
-MOVED_M, TURNED_RAD = 0.08, math.radians(4)
-# Below this share of the set distance or turn a pose is the same: trembling adds up to nothing.
+# Poses closer than this share of the set distance or turn are the same: jitter adds nothing.
 SAME = 0.25
-MOST = 16_384  # at least 300 m of path; the oldest viewpoints are forgotten, and may count again
+MOST = 16_384  # at least 300 m of path; the oldest viewpoints are dropped, and may count again
 
 
 @dataclass(frozen=True)
 class ViewingDirection:
-    """A pose among the viewpoints."""
+    """Pose of a view relative to the viewpoints."""
 
-    viewpoint: int  # the number of the viewpoint that it belongs to
-    near: NDArray[np.intp]  # [k] viewpoints that it does not wholly differ from
-    difference: NDArray[np.float64]  # [k] from each of them, in shares of the set distance or turn
+    viewpoint: int  # number of the viewpoint that the pose belongs to
+    near: NDArray[np.intp]  # [k] viewpoints at a difference below 1
+    difference: NDArray[np.float64]  # [k] difference from each, in shares of the set limits
 
 
 class Viewpoints:
-    """Poses from which evidence was taken, and the update at which each last counted."""
+    """Poses that gave evidence, and the last update at which each counted, per class."""
 
     def __init__(self, moved_m: float = MOVED_M, turned_rad: float = TURNED_RAD) -> None:
         self._moved_m = moved_m
         self._turned_rad = turned_rad
-        self._made = 0  # viewpoints so far, the forgotten ones included
+        self._made = 0  # viewpoints so far, the dropped ones included
         self._positions = np.empty((16, 3))
         self._rotations = np.empty((16, 3, 3))
         self._last: dict[str, NDArray[np.int64]] = {}
@@ -50,7 +48,7 @@ class Viewpoints:
         return min(self._made, MOST)
 
     def arrays(self) -> dict[str, NDArray]:
-        """Copies of all that is remembered."""
+        """Copies of all data."""
         n = len(self)
         last = {f"last.{name}": self._last_of(name)[:n].copy() for name in self._last}
         return last | {
@@ -60,7 +58,7 @@ class Viewpoints:
         }
 
     def fill(self, arrays: dict[str, NDArray]) -> None:
-        """Take what `arrays()` gave. Raises ValueError where it does not fit together."""
+        """Load the data of `arrays()`. Raises ValueError if it is inconsistent."""
         self._made = int(arrays["made"])
         n = len(self)
         size = 16
@@ -77,25 +75,25 @@ class Viewpoints:
                 kept[:n] = last
 
     def forget(self, class_name: str) -> None:
-        """A class is no longer known."""
+        """Drop the data of a class."""
         self._last.pop(class_name, None)
 
     def look(self, T_world_cam: NDArray[np.float64]) -> ViewingDirection:
-        """Where a pose stands; one that differs from all viewpoints becomes a new one."""
+        """Place of a pose among the viewpoints. One that differs from all becomes a viewpoint."""
         difference = self._differences(T_world_cam)
         nearest = int(np.argmin(difference)) if len(difference) else NEVER
         near = np.flatnonzero(difference < 1)
         if nearest == NEVER or difference[nearest] >= SAME:
             nearest = self._new(T_world_cam)
-            near = near[near != nearest]  # where it takes the place of a forgotten one
+            near = near[near != nearest]  # if it reuses the number of a dropped one
         return ViewingDirection(nearest, near, difference[near])
 
     def weights(
         self, look: ViewingDirection, class_names: list[str], born: NDArray[np.int64]
     ) -> NDArray[np.float32]:
-        """Share in [0, 1] of its evidence that a look gives to Gaussians born [n]: [n, classes]."""
+        """Weight [n, classes] in [0, 1] of a view for Gaussians that update born [n] created."""
         out = np.empty((len(born), len(class_names)), np.float32)
-        known: dict[bytes, int] = {}  # classes asked for in the same views have the same weights
+        known: dict[bytes, int] = {}  # classes searched for in the same views share their weights
         for j, name in enumerate(class_names):
             last = self._last_of(name)[look.near]
             same = known.setdefault(last.tobytes(), j)
@@ -103,33 +101,33 @@ class Viewpoints:
                 out[:, j] = out[:, same]
                 continue
             order = np.argsort(last, kind="stable")
-            # Least difference among those that counted at an update or later, per update.
+            # Smallest difference from viewpoints that counted at an update or later, per update.
             least = np.minimum.accumulate(look.difference[order][::-1])[::-1]
             share = np.append(np.where(least < SAME, 0.0, least), 1.0)
             out[:, j] = share[np.searchsorted(last[order], born)]
         return out
 
     def mark(self, look: ViewingDirection, class_names: list[str], update: int) -> None:
-        """Note that a look counted for these classes at this update."""
+        """Note that a view counted for these classes at this update."""
         for name in class_names:
             self._last_of(name)[look.viewpoint] = update
 
     def between(
         self, look: ViewingDirection, viewpoints: NDArray[np.integer]
     ) -> NDArray[np.float64]:
-        """Difference [n] in [0, 1] of a look from some viewpoints [n]; from NEVER it is 1."""
-        known = np.ones(len(self) + 1)  # the last one is that of NEVER
+        """Difference [n] in [0, 1] of a view from some viewpoints [n]; 1 for NEVER."""
+        known = np.ones(len(self) + 1)  # index -1 (NEVER) is the last element
         known[look.near] = look.difference
         known[look.viewpoint] = 0.0
         return np.minimum(known[viewpoints], 1.0)
 
     def _differences(self, T_world_cam: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[viewpoints] share moved plus share turned: as a robot that first moves, then turns."""
+        """Share moved plus share turned [viewpoints], like a robot that first moves, then turns."""
         n = len(self)
         position, rotation = T_world_cam[:3, 3], T_world_cam[:3, :3]
         out = np.linalg.norm(self._positions[:n] - position, axis=1) / self._moved_m
         near = np.flatnonzero(out < 1)
-        # The angle between two rotations from their distance: |A - B|^2 = 8 sin^2(angle / 2).
+        # Angle between two rotations from their Frobenius distance: |A - B|^2 = 8 sin^2(angle / 2).
         chord = np.linalg.norm(self._rotations[near] - rotation, axis=(1, 2))
         turned = 2 * np.arcsin(np.minimum(chord / np.sqrt(8), 1))
         out[near] += turned / self._turned_rad

@@ -1,4 +1,4 @@
-"""Compile every kernel before the first frame: cold compilation takes seconds, cached ones none."""
+"""Compilation of all kernels before the first frame: seconds if cold, nothing if cached."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from helios_objectmap.settings import ObjectMapSettings
 
 
 def warm_up(settings: ObjectMapSettings) -> None:
-    """Run made-up observations and a what-if through a map that is thrown away."""
+    """Run synthetic observations and a what-if through a temporary map."""
     camera = Pinhole(60.0, 60.0, 31.5, 23.5, 64, 48)
     mask = np.zeros((48, 64), bool)
     mask[16:32, 16:32] = True
@@ -29,7 +29,7 @@ def warm_up(settings: ObjectMapSettings) -> None:
     seen = Detection("thing", 1.0, (16, 16, 32, 32), mask)
     scratch = ObjectMap(settings)
     color, depth_m = np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 1.0, np.float32)
-    for i in range(2):  # the second one sees what the first one made
+    for i in range(2):  # the second one re-observes the Gaussians of the first
         T_world_cam = np.eye(4)
         T_world_cam[0, 3] = 0.1 * i
         frame = Frame(

@@ -1,1 +1,1 @@
-"""Writes all that goes over the bus into MCAP files."""
+"""Recorder service: writes all messages of the bus to MCAP files."""

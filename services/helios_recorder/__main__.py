@@ -1,4 +1,4 @@
-"""`python -m helios_recorder`: settings, session, run."""
+"""Entry point `python -m helios_recorder`: loads the settings and runs the service."""
 
 from __future__ import annotations
 

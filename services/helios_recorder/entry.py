@@ -1,4 +1,4 @@
-"""What is written into a recording."""
+"""Entry of a recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from google.protobuf.message import Message
 
 @dataclass(frozen=True)
 class Entry:
-    """A message and its channel."""
+    """Message with the channel on which it is recorded."""
 
     channel: str
     message: Message

@@ -1,7 +1,7 @@
-"""Parts of a foxglove.SceneUpdate: boxes, lines, arrows, words, all in the frame `world`. Pure.
+"""Parts of a foxglove.SceneUpdate: boxes, lines, arrows, text, in the frame `world`. No I/O.
 
-Each update deletes what the channel showed before, so that a viewer that begins anywhere in a
-recording needs the newest one alone.
+Each update deletes the former content of its channel, so a viewer that starts anywhere in a
+recording needs only the newest update.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
 WORLD = "world"
-LETTER_M = 0.12  # height of words
+LETTER_M = 0.12  # height of text
 
 Rgb = tuple[int, int, int]
 Xyz = tuple[float, float, float]
 
 
 def scene(entities: Iterable[SceneEntity], stamp_ns: int) -> SceneUpdate:
-    """All that the channel shows from now on."""
+    """Complete new content of the channel."""
     out = SceneUpdate(entities=entities)
     deletion = out.deletions.add(type=SceneEntityDeletion.ALL)
     deletion.timestamp.FromNanoseconds(stamp_ns)
@@ -34,7 +34,7 @@ def scene(entities: Iterable[SceneEntity], stamp_ns: int) -> SceneUpdate:
 
 
 def entity(id: str, stamp_ns: int, about: Mapping[str, object] | None = None) -> SceneEntity:
-    """An empty one. `about`: shown when it is selected."""
+    """Empty entity. `about`: metadata shown when it is selected."""
     out = SceneEntity(timestamp=stamp(stamp_ns), frame_id=WORLD, id=id, frame_locked=True)
     for key, value in (about or {}).items():
         shown = f"{value:.4g}" if isinstance(value, float) else str(value)
@@ -43,7 +43,7 @@ def entity(id: str, stamp_ns: int, about: Mapping[str, object] | None = None) ->
 
 
 def add_box(out: SceneEntity, center_m: Xyz, size_m: Xyz, rgb: Rgb, alpha: float) -> None:
-    """Along the axes of the world."""
+    """Add a box along the axes of the world."""
     cube = out.cubes.add(pose=pose(center_m), color=color(rgb, alpha))
     cube.size.x, cube.size.y, cube.size.z = size_m
 
@@ -61,7 +61,7 @@ def add_line(out: SceneEntity, points_m: Sequence[Xyz], width_m: float, rgb: Rgb
 
 
 def add_arrow(out: SceneEntity, at_m: Xyz, yaw_rad: float, rgb: Rgb) -> None:
-    """Level, 0.45 m long."""
+    """Add a horizontal arrow, 0.45 m long."""
     out.arrows.add(
         pose=pose(at_m, yaw_rad), shaft_length=0.3, shaft_diameter=0.05, head_length=0.15,
         head_diameter=0.12, color=color(rgb),
@@ -71,7 +71,7 @@ def add_arrow(out: SceneEntity, at_m: Xyz, yaw_rad: float, rgb: Rgb) -> None:
 def add_words(
     out: SceneEntity, at_m: Xyz, words: str, rgb: Rgb, height_m: float = LETTER_M
 ) -> None:
-    """They turn to whoever looks."""
+    """Add text that always faces the viewer."""
     out.texts.add(pose=pose(at_m), billboard=True, font_size=height_m, color=color(rgb), text=words)
 
 

@@ -1,4 +1,4 @@
-"""The maps as a recording holds them: grids and scenes that Foxglove draws. Pure.
+"""Conversion of the maps to Foxglove grids and scenes. No I/O.
 
 Row 0 of a grid is at its lowest y and column 0 at its lowest x, in the map as in foxglove.Grid.
 """
@@ -41,7 +41,7 @@ from helios_recorder.foxglove_scene import (
     stamp,
 )
 
-KNOWN_BEFORE_RGB: Rgb = (205, 211, 220)  # free, and not seen in this search
+KNOWN_BEFORE_RGB: Rgb = (205, 211, 220)  # free, not explored in this search
 FREE_RGB: Rgb = (245, 247, 250)
 LOW_RGB: Rgb = (150, 160, 176)
 TALL_RGB: Rgb = (38, 44, 58)
@@ -53,7 +53,7 @@ OBJECT_RGB: tuple[Rgb, ...] = (
     (196, 44, 92), (128, 62, 190), (0, 128, 150), (168, 110, 0), (70, 120, 30), (200, 70, 40),
 )  # fmt: skip
 VALUE_ALPHA = 180
-VALUE_STEPS = 250.0  # values are rounded to this part of 1, which packs well
+VALUE_STEPS = 250.0  # values are rounded to 1 / 250, for compression
 
 RGBA = (("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1"))
 OCCUPANCY_CELL = np.dtype([*RGBA, ("occupancy", "i1")])
@@ -63,11 +63,11 @@ NUMERIC = {
     "|u1": PackedElementField.UINT8, "|i1": PackedElementField.INT8,
     "<f4": PackedElementField.FLOAT32,
 }  # fmt: skip
-LEAST_BOX_M = 0.02  # an object seen from one side only still shows
+LEAST_BOX_M = 0.02  # keeps flat boxes visible
 
 
 def map_entries(view: MapView, gone: frozenset[str], stamp_ns: int) -> Iterator[Entry]:
-    """One version of the 2D map. gone: layers that it has no more, which are wiped."""
+    """Entries of one version of the 2D map. gone: layers to clear, because it has them no more."""
     yield Entry(OCCUPANCY, occupancy_grid(view, stamp_ns))
     yield Entry(OBSTACLES, obstacle_cloud(view, stamp_ns))
     for layer, (name, value) in enumerate(sorted(view.values.items())):
@@ -79,8 +79,10 @@ def map_entries(view: MapView, gone: frozenset[str], stamp_ns: int) -> Iterator[
 
 
 def occupancy_grid(view: MapView, stamp_ns: int) -> Grid:
-    """Obstacles darker with height, free floor bright where this search has seen it; what is
-    unknown is left clear. The field `occupancy` is -1 unknown, 0 free, 100 occupied."""
+    """Occupancy as a coloured grid: darker obstacles are higher, explored free floor is brighter.
+
+    Unknown cells are transparent. The field `occupancy` is -1 unknown, 0 free, 100 occupied.
+    """
     cells = np.zeros(view.shape, OCCUPANCY_CELL)
     cells["occupancy"] = view.occupancy
     rgb = np.zeros((*view.shape, 3), np.float32)
@@ -93,7 +95,7 @@ def occupancy_grid(view: MapView, stamp_ns: int) -> Grid:
 
 
 def obstacle_cloud(view: MapView, stamp_ns: int) -> PointCloud:
-    """A point at the top of each occupied cell, for viewers that draw no grids."""
+    """One point at the top of each occupied cell, for viewers without grids."""
     occupied = view.occupancy == OCCUPIED
     rows, columns = np.nonzero(occupied)
     points = np.zeros(len(rows), POINT)
@@ -110,8 +112,10 @@ def obstacle_cloud(view: MapView, stamp_ns: int) -> PointCloud:
 
 
 def value_grid(view: MapView, value: NDArray[np.float32], z_m: float, stamp_ns: int) -> Grid:
-    """A heat map from the layer's lowest to its highest value, clear where it has none. The field
-    `value` holds the values themselves, 0 to 1, rounded to 0.004."""
+    """Heat map from the lowest to the highest value of a layer, transparent without a value.
+
+    The field `value` has the values themselves, 0 to 1, rounded to 0.004.
+    """
     cells = np.zeros(view.shape, VALUE_CELL)
     sound = np.clip(np.nan_to_num(value, posinf=1.0, neginf=0.0), 0, 1)
     rounded = np.round(sound * VALUE_STEPS) / np.float32(VALUE_STEPS)
@@ -127,12 +131,12 @@ def value_grid(view: MapView, value: NDArray[np.float32], z_m: float, stamp_ns: 
 
 
 def nothing(view: MapView, stamp_ns: int) -> Grid:
-    """One clear cell, which wipes the grid that a viewer shows."""
+    """Grid of one transparent cell, which clears the displayed one."""
     return _grid(view, np.zeros((1, 1), VALUE_CELL), 0.0, stamp_ns)
 
 
 def frontier_scene(view: MapView, stamp_ns: int) -> SceneUpdate:
-    """A ball at the middle of each, with its values."""
+    """Ball at the middle of each frontier, with its values."""
     out = []
     for f in view.frontiers:
         if not (math.isfinite(f.x_m) and math.isfinite(f.y_m)):
@@ -152,7 +156,7 @@ def frontier_scene(view: MapView, stamp_ns: int) -> SceneUpdate:
 
 
 def trajectory_scene(view: MapView, stamp_ns: int) -> SceneUpdate:
-    """Where the robot has driven, a line for each piece that hangs together."""
+    """Path that the robot has driven, one line for each connected piece."""
     shown = entity("trajectory", stamp_ns, {"points": len(view.trajectory_m), "map": view.version})
     for piece in np.split(view.trajectory_m, view.trajectory_starts):
         points = [(float(x), float(y), 0.03) for x, y in piece if np.isfinite((x, y)).all()]
@@ -162,7 +166,7 @@ def trajectory_scene(view: MapView, stamp_ns: int) -> SceneUpdate:
 
 
 def object_entry(reply: pb.ObjectsReply, stamp_ns: int) -> Entry:
-    """A box for each object, with its class and its score Ψ."""
+    """Box for each object, with its class and its score Ψ."""
     out = []
     for o in reply.objects:
         center_m = (o.center_m.x, o.center_m.y, o.center_m.z)
@@ -200,7 +204,7 @@ def _paint(
 
 
 def _grid(view: MapView, cells: NDArray[np.void], z_m: float, stamp_ns: int) -> Grid:
-    """The cells [rows, columns] where they lie on the floor; z_m lifts a layer over another."""
+    """Grid of cells [rows, columns] at their place on the floor; z_m is the height of the layer."""
     stride = cells.dtype.itemsize
     out = Grid(
         timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((*view.origin_m, z_m)),

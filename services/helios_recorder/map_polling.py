@@ -1,7 +1,7 @@
-"""Asks the maps for what they hold whenever they have something new, and records the answer.
+"""Polling of the maps: requests their content after each change, and records the reply.
 
-One thread, one call at a time, each with a deadline and at most one round in `map_period_s`. What
-the maps do not answer is counted; a map that is away is no fault of the recording.
+One thread makes one call at a time, each with a deadline, and at most one round per `map_period_s`.
+Missing replies are counted; a map that is not running does not degrade the recording.
 """
 
 from __future__ import annotations
@@ -25,17 +25,16 @@ from helios_recorder.settings import Settings
 
 log = logging.getLogger(__name__)
 
-MISSED = "missed_maps"  # the figure that counts questions without an answer
-ANSWER_WITHIN_S = 2.0  # longest wait for a map; a missing answer is counted
+MISSED = "missed_maps"  # name of the counter of requests without a reply
 CLOSE_WITHIN_S = 0.2
-LONGEST_PAUSE_S = 30.0  # between questions to a map that gives no answer
+LONGEST_PAUSE_S = 30.0  # between requests to a map that does not reply
 
 Req = TypeVar("Req", bound=Message)
 Rep = TypeVar("Rep", bound=Message)
 
 
 class MapWatch:
-    """See the module. `put` takes each message; it must not wait."""
+    """Poller of both maps: see the module. `put` takes each entry; it must not block."""
 
     def __init__(
         self,
@@ -44,12 +43,12 @@ class MapWatch:
         put: Callable[[Entry], None],
         count: Callable[[str], None],
     ) -> None:
-        """count: raises a figure by its name. Asks once at the start, for a robot that stands."""
+        """count: increments a named counter. Polls once at the start, for a robot that stands."""
         self._bus, self._put, self._count = bus, put, count
         self._period_s, self._within_s = settings.map_period_s, ANSWER_WITHIN_S
         self._lock = threading.Lock()
-        self._putting = threading.Lock()  # held while a message is put, so that `close` is the end
-        self._news = {"map2d": False, "objectmap": False}  # whether an answer is owed
+        self._putting = threading.Lock()  # held while an entry is put, so that none follows `close`
+        self._news = {"map2d": False, "objectmap": False}  # True: changed since the last reply
         self._wake, self._ending = threading.Event(), threading.Event()
         self._map_version = self._object_version = 0
         self._layers: frozenset[str] = frozenset()
@@ -57,13 +56,13 @@ class MapWatch:
         self._thread.start()
 
     def news(self, service: str) -> None:
-        """That map has changed: "map2d" or "objectmap". Never waits."""
+        """Note that a map has changed: "map2d" or "objectmap". Never blocks."""
         with self._lock:
             self._news[service] = True
         self._wake.set()
 
     def close(self) -> None:
-        """Ask no more, and put nothing more."""
+        """Stop the polling; no entry follows."""
         with self._putting:
             self._ending.set()
         self._wake.set()
@@ -83,12 +82,12 @@ class MapWatch:
                 owed = {name for name, new in self._news.items() if new}
                 self._news = dict.fromkeys(self._news, False)
             missed = [name for name in owed if not asks[name](owed=True)]
-            for name in missed:  # the answer is still owed
+            for name in missed:  # poll it again
                 self.news(name)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S) if missed else self._period_s
 
     def _ask_map2d(self, owed: bool) -> bool:
-        """Whether there was an answer."""
+        """Poll the 2D map. True if it replied."""
         request = pb.SnapshotRequest(layers=True, if_newer=self._map_version)
         snapshot = self._answer(SNAPSHOT, request, owed)
         if snapshot is None:
@@ -100,7 +99,7 @@ class MapWatch:
         return True
 
     def _ask_objects(self, owed: bool) -> bool:
-        """Whether there was an answer."""
+        """Poll the object map. True if it replied."""
         reply = self._answer(OBJECTS, pb.ObjectsRequest(), owed)
         if reply is not None and reply.version != self._object_version:
             self._object_version = reply.version
@@ -114,7 +113,7 @@ class MapWatch:
         return entries
 
     def _answer(self, method: Method[Req, Rep], request: Req, owed: bool) -> Rep | None:
-        """None where none came in time. owed: the map has announced it, so that counts."""
+        """Reply of a map, or None. owed: the map reported a change, so a missing reply counts."""
         try:
             return self._bus.call(method, request, self._within_s)
         except HeliosError as error:
@@ -124,10 +123,10 @@ class MapWatch:
         return None
 
     def _tell(self, name: str, make: Callable[[int], list[Entry]]) -> None:
-        """Put what is made of an answer; one that cannot be read is counted."""
+        """Put the entries made from a reply; an unreadable reply is counted."""
         try:
             entries = make(time.time_ns())
-        except Exception as error:  # of whatever came: the next answer may be right
+        except Exception as error:  # any malformed reply; the next one may be valid
             self._count("unrecordable_messages")
             log.warning("%s cannot be recorded (%s: %s)", name, type(error).__name__, error)
             return

@@ -1,4 +1,4 @@
-"""One MCAP file that is being written: chunks, indexes, schemas, and a disk that may be full."""
+"""Writer of one MCAP file: chunks, indexes, schemas, and the check for a full disk."""
 
 from __future__ import annotations
 
@@ -22,24 +22,26 @@ COMPRESSION = {
     "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
 }  # fmt: skip
 ENCODING = "protobuf"
-SYNC_EVERY_S = 5.0  # to the disk; a power cut loses this much at most
-DECLARE_EVERY_S = 10.0  # 80 kB each time
+DECLARE_EVERY_S = 10.0  # each time 80 kB
 
 
 class DiskFull(Exception):
-    """There is no room for more; says so in one sentence."""
+    """The disk has no room for more; the message says so in one sentence."""
 
 
 class RecordingFile:
-    """Schemas and channels stand in the chunk that first needs them, and again between chunks:
-    after a chunk that may declare some, and every `DECLARE_EVERY_S`. A file without its indexes
-    whose first chunk is damaged can so be read behind it.
+    """MCAP file that is being written, created with its folder.
 
-    Made with its folder. All calls but the constructor may raise OSError, and from then on only
-    `abandon` makes sense. After DiskFull all is in order, and `finish` ends the file."""
+    Schemas and channels are in the chunk that first needs them. They are repeated between chunks,
+    after each chunk that may declare some and every `DECLARE_EVERY_S`. So a file without indexes is
+    readable after a damaged first chunk.
+
+    All methods may raise OSError; after that, only `abandon` is allowed. After DiskFull the file is
+    consistent, and `finish` completes it.
+    """
 
     def __init__(self, path: Path, settings: Settings) -> None:
-        """Raises OSError, and DiskFull where too little is free."""
+        """Create the file. Raises OSError, and DiskFull if too little space is free."""
         self.path, self._settings = path, settings
         path.parent.mkdir(parents=True, exist_ok=True)
         _check_room(path.parent, settings)
@@ -51,20 +53,20 @@ class RecordingFile:
         )
         self._channels: dict[str, Channel] = {}  # topic -> channel
         self._schemas: dict[str, Schema] = {}  # name -> schema
-        self._declared = 0  # channels that stand between two chunks
+        self._declared = 0  # channels already repeated between two chunks
         self._declared_s = time.monotonic()
         self._began_s = self._flushed_s = self._synced_s = time.monotonic()
         self._sequence = 0
         try:
             self._writer.start(profile=PROFILE)
             self._stream.flush()
-        except OSError:  # leave no empty file for each time the disk is tried
+        except OSError:  # leave no empty file behind for each attempt
             self.abandon()
             path.unlink(missing_ok=True)
             raise
 
     def write(self, entry: Entry, log_time_ns: int, publish_time_ns: int) -> None:
-        """Add to the present chunk."""
+        """Add an entry to the current chunk."""
         before = self.bytes
         channel = self._channels.get(entry.channel)
         if channel is None:
@@ -78,7 +80,7 @@ class RecordingFile:
             self._declare()
 
     def tend(self) -> bool:
-        """Write out the chunk when it is time; whether it was."""
+        """Write out the chunk if it is due. True if it was."""
         now_s = time.monotonic()
         if now_s - self._flushed_s < self._settings.flush_s:
             return False
@@ -94,17 +96,17 @@ class RecordingFile:
         return True
 
     def check_room(self) -> None:
-        """Raises DiskFull where little is left."""
+        """Raise DiskFull if little space is left."""
         _check_room(self.path.parent, self._settings)
 
     @property
     def bytes(self) -> int:
-        """Written so far."""
+        """Number of bytes written so far."""
         return self._stream.tell()
 
     @property
     def is_over(self) -> bool:
-        """Large or old enough to be followed by the next."""
+        """True if the file is large or old enough to be followed by the next."""
         age_min = (time.monotonic() - self._began_s) / 60
         return self.bytes >= self._settings.rotate_mb * MB or age_min >= self._settings.rotate_min
 
@@ -116,10 +118,10 @@ class RecordingFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        """Close without another word; whole chunks stay readable."""
+        """Close without indexes; complete chunks stay readable."""
         try:
             self._stream.close()
-        except OSError:  # what was not written yet cannot be
+        except OSError:  # the buffered rest is lost
             self._stream.raw.close()
 
     def _register(self, entry: Entry) -> Channel:
@@ -137,7 +139,7 @@ class RecordingFile:
         return channel
 
     def _declare(self) -> None:
-        """Write all schemas and channels where they are due. Only between two chunks."""
+        """Repeat all schemas and channels if due. Call it only between two chunks."""
         now_s = time.monotonic()
         if self._declared == len(self._channels) and now_s - self._declared_s < DECLARE_EVERY_S:
             return
@@ -150,7 +152,7 @@ class RecordingFile:
 
 @cache
 def _schema(kind: type[Message]) -> bytes:
-    """Its FileDescriptorSet, all that it imports included."""
+    """FileDescriptorSet of a message type, including all its imports."""
     return build_file_descriptor_set(kind).SerializeToString()
 
 

@@ -1,4 +1,4 @@
-"""One message of the bus as the messages that a recording holds of it. Pure."""
+"""Conversion of one bus message to the entries that a recording stores for it. No I/O."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ORANGE = (1.0, 0.55, 0.0, 1.0)
 
 
 class Entries:
-    """Remembers the stamps of the newest frames, for what is drawn over their images."""
+    """Converter of messages. It keeps the stamps of the newest frames for image annotations."""
 
     def __init__(self, jpeg_quality: int) -> None:
         self._jpeg_quality = jpeg_quality
@@ -48,7 +48,7 @@ class Entries:
         }
 
     def of(self, channel: str, message: Message, log_time_ns: int) -> Iterator[Entry]:
-        """All entries of one message. Raises InvalidInput on images that cannot be read."""
+        """All entries of one message. Raises InvalidInput for unreadable images."""
         kind = self._kinds.get(channel)
         if kind is None:
             yield Entry(channel, message)
@@ -97,7 +97,7 @@ class Entries:
 
 
 def _calibration(frame: pb.Frame) -> CameraCalibration:
-    """As the frame has it, with what a viewer needs besides K."""
+    """Calibration of the frame, completed with P and R for viewers."""
     out = CameraCalibration()
     out.CopyFrom(frame.calibration)
     out.timestamp.CopyFrom(frame.stamp)
@@ -120,7 +120,7 @@ def _transform(pose: PoseInFrame, child: str, taken: Timestamp) -> FrameTransfor
 
 
 def _annotations(preview: pb.Preview, taken: Timestamp) -> ImageAnnotations:
-    """A box and a label for each detection."""
+    """Box and label for each detection."""
     out = ImageAnnotations()
     for detection in preview.detections:
         m = detection.mask

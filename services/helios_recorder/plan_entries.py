@@ -1,4 +1,4 @@
-"""The planner's words as pictures: the path being driven, and what a decision was between. Pure."""
+"""Conversion of plans and decisions to Foxglove scenes: current path, and candidates. No I/O."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ PATH_Z_M = 0.05
 
 
 def plan_entries(plan: pb.Plan, stamp_ns: int) -> Iterator[Entry]:
-    """The path as poses that look along it, and as a line with its goal and purpose; both are
-    empty while the robot stands."""
+    """Path as poses, and as a line with goal and purpose; both empty while the robot stands."""
     points = _points(plan)
     path = PosesInFrame(timestamp=stamp(stamp_ns), frame_id=WORLD)
     goal = (plan.goal.x_m, plan.goal.y_m, plan.goal.yaw_rad)
@@ -61,7 +60,7 @@ def plan_entries(plan: pb.Plan, stamp_ns: int) -> Iterator[Entry]:
 
 
 def candidate_entry(decision: pb.Decision, stamp_ns: int) -> Entry:
-    """A ball at each candidate with its total; the chosen one is larger and green."""
+    """Ball at each candidate with its total; the chosen one is larger and green."""
     drawn = []
     for k, c in enumerate(decision.candidates):
         at_m = (c.position_m.x, c.position_m.y, max(c.position_m.z, 0.1))
@@ -81,7 +80,7 @@ def candidate_entry(decision: pb.Decision, stamp_ns: int) -> Entry:
 
 
 def _points(plan: pb.Plan) -> list[Xyz]:
-    """Those that are finite."""
+    """Finite points of the path."""
     numbers = plan.path_m
     pairs = zip(numbers[::2], numbers[1::2], strict=False)
     return [(x, y, PATH_Z_M) for x, y in pairs if math.isfinite(x) and math.isfinite(y)]

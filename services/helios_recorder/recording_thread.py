@@ -1,7 +1,7 @@
-"""The thread that writes: from the inbox into one file after the other.
+"""Writer thread: moves messages from the inbox to one file after the other.
 
-Whatever goes wrong with the disk stops the recording, is said, and is tried again; messages that
-come meanwhile are dropped and counted.
+Each disk error stops the recording, is reported, and is retried. Messages that arrive meanwhile are
+dropped and counted.
 """
 
 from __future__ import annotations
@@ -32,37 +32,39 @@ CLOSE_WITHIN_S = 1.5
 
 
 class Recording:
-    """See the module. `retained`: whether a channel's last message is repeated at the start of
-    every file."""
+    """Writer thread with its inbox: see the module.
+
+    `retained`: True if the last message of a channel is repeated at the start of every file.
+    """
 
     def __init__(self, settings: Settings, health: Health, retained: Callable[[str], bool]) -> None:
         self._settings, self._health, self._retained = settings, health, retained
         self.inbox = MessageQueue(settings.queue_mb * MB)
         self._entries = Entries(settings.jpeg_quality)
-        self._last: dict[str, tuple[Message, int]] = {}  # of the retained channels, in their order
+        self._last: dict[str, tuple[Message, int]] = {}  # newest message per retained channel
         self._file: RecordingFile | None = None
         self._trouble = ""
-        self._again_s = 0.0  # when the disk is tried again
+        self._again_s = 0.0  # time of the next attempt
         self._files = 0
-        self._unwritten = 0  # messages that no chunk on the disk holds yet
+        self._unwritten = 0  # messages that no chunk on the disk contains yet
         self._dropped = self._logged_dropped = 0
         self._stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
         self._thread = threading.Thread(target=self._run, name="write", daemon=True)
         self._thread.start()
 
     def put(self, channel: str, message: Message, droppable: bool, counter: str) -> None:
-        """Take a message in, or count it as dropped. Never waits."""
+        """Queue a message, or count it as dropped. Never blocks."""
         if not self.inbox.put(channel, message, droppable):
             self._health.count(counter)
             self._dropped += 1
 
     @property
     def path(self) -> Path | None:
-        """Of the file that is being written."""
+        """Path of the current file."""
         return self._file.path if self._file else None
 
     def close(self) -> None:
-        """Write what waits, within a second and a half, and end the file; what is left is said."""
+        """Write the queue within 1.5 s and finish the file. Reports messages that are lost."""
         self.inbox.close()
         self._thread.join(CLOSE_WITHIN_S)
         if self._thread.is_alive():
@@ -79,7 +81,7 @@ class Recording:
                 self._step(item)
             except (OSError, DiskFull) as error:
                 self._stop(error)
-            except Exception:  # a message of ours that cannot be written must not end the others
+            except Exception:  # one bad message must not stop the recording
                 log.exception("%s could not be recorded", item.channel if item else "nothing")
                 self._health.count("unrecordable_messages")
         if self._file is not None:
@@ -111,8 +113,10 @@ class Recording:
             self._tell(file)
 
     def _current(self, item: Item | None, entries: Sequence[Entry]) -> RecordingFile | None:
-        """The file to write to; None while the disk takes nothing. entries: of the item, as far as
-        they are known, which a new file need not repeat."""
+        """Current file; None while the disk accepts nothing.
+
+        entries: known entries of the item, which a new file need not repeat.
+        """
         if self._file is not None and self._file.is_over:
             self._file.finish()
             self._file, self._unwritten = None, int(item is not None)
@@ -126,7 +130,7 @@ class Recording:
         return self._file
 
     def _next_path(self) -> Path:
-        """The first that is free. Whoever tries in vain takes no number."""
+        """First free path. A failed attempt uses up no number."""
         number = self._files
         while (path := self._settings.out / f"{self._stamp}-{number:03d}{SUFFIX}").exists():
             number += 1
@@ -138,15 +142,17 @@ class Recording:
         self._health.ready(f"recording to {file.path}{lost}")
 
     def _repeat(self, file: RecordingFile, item: Item | None, coming: set[str]) -> None:
-        """What is still true, so that each file stands alone. coming: channels that the item writes
-        anew."""
+        """Repeat the retained messages, so that each file is complete by itself.
+
+        coming: channels that the item writes anyway.
+        """
         for channel, (message, log_time_ns) in self._last.items():
             if channel not in coming:
                 now_ns = log_time_ns if item is None else item.log_time_ns
                 file.write(Entry(channel, message), now_ns, log_time_ns)
 
     def _entries_of(self, item: Item) -> Sequence[Entry]:
-        """None at all where the message cannot be recorded, which is counted."""
+        """Entries of an item; empty for a message that cannot be recorded, which is counted."""
         try:
             entries = list(self._entries.of(item.channel, item.message, item.log_time_ns))
         except HeliosError as error:
@@ -165,7 +171,7 @@ class Recording:
             self._health.count("messages")
 
     def _stop(self, error: OSError | DiskFull) -> None:
-        """Say why, end the file where there is room for that, and count what is lost."""
+        """Report the error, finish the file if there is room, and count the lost messages."""
         self._again_s = time.monotonic() + self._settings.retry_s
         if self._file is not None:
             if isinstance(error, DiskFull) and _finished(self._file):
@@ -188,7 +194,7 @@ class Recording:
 
 
 def _finished(file: RecordingFile) -> bool:
-    """Whether the disk took the rest of the file, its indexes too."""
+    """Finish the file. True if the disk took the rest of it, including the indexes."""
     try:
         file.finish()
     except OSError:

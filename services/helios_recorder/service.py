@@ -1,7 +1,7 @@
-"""The recorder's shell: hears every topic, keeps nobody waiting, counts what it could not keep.
+"""Recorder service: subscribes to every topic, blocks no sender, and counts the messages it loses.
 
-Streams are read through a queue too, not through a ring of one: the handlers only put messages
-into the inbox. Frames that did not even reach it are known by the gaps in their numbers.
+Stream topics go through a queue too, instead of a buffer of one message: the handlers only put
+messages into the inbox. Gaps in the frame numbers reveal frames that did not reach it.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ from helios_recorder.recording_thread import Recording
 from helios_recorder.settings import Settings
 
 DROPPABLE = frozenset({FRAME.name, PREVIEW.name})
-CHANGES = {  # topic -> which map has something new after it
+CHANGES = {  # topic -> maps that change after its messages
     MAP2D_ACK.name: ("map2d",),
     OBJECTMAP_ACK.name: ("objectmap",),
     RETIRED.name: ("objectmap",),
     CONTEXT.name: ("map2d", "objectmap"),
 }
-LARGEST_GAP = 1000  # numbers that leap further were not lost: the bridge started again
+LARGEST_GAP = 1000  # a larger jump is a restart of the bridge, not a loss
 
 
 class RecorderService:
-    """See the module."""
+    """Subscribers of the recorder: see the module."""
 
     def __init__(self, bus: Bus, settings: Settings, health: Health) -> None:
         self._health = health
@@ -63,7 +63,7 @@ class RecorderService:
         bus.subscribe(ANY_STATUS, self._on_status)
 
     def close(self) -> None:
-        """Ends the file."""
+        """Finish the file."""
         if self._maps is not None:
             self._maps.close()
         self.recording.close()
@@ -77,7 +77,7 @@ class RecorderService:
             if is_frame:
                 frame = cast(pb.Frame, message)
                 self._health.set("missed_frames", self._gaps.add(frame.id))
-            if isinstance(message, pb.Observation):  # its pixels are recorded as the keyframe's
+            if isinstance(message, pb.Observation):  # the keyframe already has its pixels
                 head = head_of(message.frame)
                 message.frame.CopyFrom(head)
             self._put(channel, message, droppable)
@@ -107,12 +107,12 @@ RETAINED = frozenset(channel_of(t) for t in TOPICS if t.qos is QoS.RETAINED)
 
 
 def is_retained(channel: str) -> bool:
-    """Whether its last message still holds, so that each file begins with it."""
+    """True if the last message of a channel stays valid, so that each file begins with it."""
     return channel in RETAINED or channel.startswith(MAPS)
 
 
 class Gaps:
-    """Counts frames that never came. Thread-safe: streams and keyframes come by two threads."""
+    """Counter of frames that never arrived. Thread-safe: stream and keyframes use two threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -120,7 +120,7 @@ class Gaps:
         self._first = self._last = self._came = self._before = 0
 
     def add(self, id: pb.FrameId) -> int:
-        """How many are missing so far, this one counted as come."""
+        """Note the arrival of a frame. Returns the number of missing frames so far."""
         epoch = (id.robot_boot_id, id.world_epoch)
         with self._lock:
             if epoch != self._epoch or abs(id.seq - self._last) > LARGEST_GAP:

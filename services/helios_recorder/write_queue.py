@@ -1,4 +1,4 @@
-"""Messages on their way to the disk: bounded in bytes, never waiting for room."""
+"""Queue of messages for the disk: bounded in bytes; a put never blocks."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 from google.protobuf.message import Message
 
-STREAM_SHARE = 0.5  # of the room; the rest is kept for what may not be dropped
+STREAM_SHARE = 0.5  # share of the limit for droppable messages; the rest is reserved
 
 
 @dataclass(frozen=True)
 class Item:
-    """One message as it came."""
+    """One message in the queue."""
 
     channel: str
     message: Message
@@ -23,7 +23,7 @@ class Item:
 
 
 class MessageQueue:
-    """Thread-safe. Log times rise strictly, whatever the clock does."""
+    """Bounded queue. Thread-safe. Log times rise strictly, even if the clock does not."""
 
     def __init__(self, limit_bytes: float) -> None:
         self._limit = limit_bytes
@@ -35,7 +35,7 @@ class MessageQueue:
         self._closed = False
 
     def put(self, channel: str, message: Message, droppable: bool) -> bool:
-        """Whether there was room. Never waits; `droppable` ones leave room for the others."""
+        """Add a message; never blocks. False without room, of which droppable ones get a part."""
         size = message.ByteSize()
         with self._changed:
             room = self._limit * (STREAM_SHARE if droppable else 1.0) - self._bytes
@@ -49,7 +49,7 @@ class MessageQueue:
             return True
 
     def take(self, timeout_s: float) -> Item | None:
-        """The oldest; None when none came in time."""
+        """Oldest item; None if none came in time."""
         with self._changed:
             if not self._items and not self._closed:
                 self._changed.wait(timeout_s)
@@ -60,19 +60,19 @@ class MessageQueue:
             return item
 
     def close(self) -> None:
-        """Nothing more is taken in; what is there can still be taken out."""
+        """Accept no more messages; the queued ones can still be taken."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     @property
     def closed(self) -> bool:
-        """Closed and empty."""
+        """True if closed and empty."""
         with self._changed:
             return self._closed and not self._items
 
     @property
     def bytes(self) -> int:
-        """What waits."""
+        """Size of the queued messages."""
         with self._changed:
             return self._bytes

@@ -1,1 +1,1 @@
-"""What one observation changes: geometry, class evidence, and the history of views."""
+"""Fusion of one observation: geometry, class evidence, and the history of views."""

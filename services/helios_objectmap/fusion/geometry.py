@@ -1,9 +1,9 @@
-"""Where Gaussians are created, where they fade, and which pixels observe them again.
+"""Creation, free-space carving and re-observation of Gaussians, from measured and rendered depth.
 
 Creation (appendix): the paper makes a Gaussian wherever measured and rendered depth differ by more
 than 1 mm, which never ends with the noise of a real camera. The default rule creates where nothing
 is modelled, or where the measured surface lies in front of the rendered one by more than the noise
-explains. `paper` is the literal rule. Free-space carving: what a view sees through fades.
+explains. `paper` is the literal rule. Carving: Gaussians that a view sees through fade.
 """
 
 from __future__ import annotations
@@ -20,11 +20,7 @@ from helios_objectmap.rendering.renderer import Projection, Rendering
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-CREATE_FRONT_M = 0.05  # a surface at least this far in front of the model is new
-CARVE_FRONT_M = 0.10  # a Gaussian at least this far in front of the measured depth is seen through
-REOBSERVE_AGREEMENT_M = 0.5  # depth difference up to which a pixel is observed again (appendix 6.1)
-CLOSING_PX = 5  # holes up to this size close in the re-observed pixels (appendix 6.1)
-MODELLED = 0.5  # a pixel with less coverage shows nothing that is modelled
+MODELLED = 0.5  # a pixel with less coverage counts as not modelled
 UNKNOWN, THROUGH, THERE = range(3)
 _f4 = np.float32
 
@@ -35,14 +31,12 @@ def depth_noise_m(depth_m: Float32) -> Float32:
 
 
 def tolerance_m(depth_m: Float32, floor_m: float) -> Float32:
-    """A difference of depth that noise doesn't explain: 4 standard deviations, not below floor."""
+    """Depth difference that noise does not explain: 4 standard deviations, at least `floor_m`."""
     return np.maximum(np.float32(floor_m), 4 * depth_noise_m(depth_m))
 
 
-def creation_mask(
-    depth_m: Float32, rendering: Rendering, detected: Mask, front_m: float = CREATE_FRONT_M
-) -> Mask:
-    """Pixels [h, w] that get a new Gaussian: nothing is modelled, or something new is in front."""
+def creation_mask(depth_m: Float32, rendering: Rendering, detected: Mask, front_m: float) -> Mask:
+    """Pixels [h, w] that get a new Gaussian: nothing is modelled, or a new surface is in front."""
     in_front = depth_m < rendering.depth_m - tolerance_m(depth_m, front_m)
     in_front &= rendering.coverage >= MODELLED
     new = (rendering.coverage < MODELLED) | _eroded(in_front)
@@ -62,19 +56,17 @@ def _eroded(mask: Mask) -> Mask:
 
 @dataclass(frozen=True)
 class Sight:
-    """What a depth image says of the Gaussians in view, as indices into a projection."""
+    """Gaussians in view that a depth image contradicts or confirms: indices into a projection."""
 
-    through: NDArray[np.intp]  # everything around them is farther away
-    there: NDArray[np.intp]  # a surface is where they are
+    through: NDArray[np.intp]  # seen through: all surfaces around them are farther away
+    there: NDArray[np.intp]  # confirmed: a surface lies at their depth
 
 
-def sight(
-    projection: Projection, depth_m: NDArray[np.float32], front_m: float = CARVE_FRONT_M
-) -> Sight:
-    """Compare Gaussians with measured depth [h, w]. front_m: least distance that counts.
+def sight(projection: Projection, depth_m: NDArray[np.float32], front_m: float) -> Sight:
+    """Compare Gaussians with measured depth [h, w]. front_m: smallest difference that counts.
 
-    For seeing through, all nine pixels must be valid and farther, so that an edge that is off by a
-    pixel is kept.
+    A Gaussian is seen through only if all nine pixels around it are valid and farther, so that one
+    at an edge that is off by a pixel is kept.
     """
     depth_m = np.ascontiguousarray(depth_m, np.float32)
     nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0).astype(np.float32)
@@ -95,7 +87,7 @@ def reobserved(
 ) -> NDArray[np.bool_]:
     """Pixels [h, w] whose measured depth agrees with the model, small holes closed (appendix).
 
-    `rendering` is of the map before the pixels `created` were added; those agree by construction.
+    `rendering` shows the map before the pixels `created` were added; those agree by construction.
     Pixels without a measured depth never count.
     """
     agrees = (rendering.coverage >= MODELLED) & (np.abs(rendering.depth_m - depth_m) < agreement_m)
@@ -108,8 +100,8 @@ def reobserved(
 def sight_kernel(uv, depth_m, nearest_m, nearest_tolerance_m, measured_m, tolerance_m, state):
     """Fill state [k] for splats at uv [k, 2] pixels and depth_m [k].
 
-    measured_m, tolerance_m: [h, w]; nearest_m, nearest_tolerance_m: [h, w] least depth of the nine
-    pixels around, 0 where one of them is invalid.
+    measured_m, tolerance_m: [h, w]; nearest_m, nearest_tolerance_m: [h, w] smallest depth of the
+    nine pixels around, 0 where one of them is invalid.
     """
     height, width = measured_m.shape
     for k in range(uv.shape[0]):

@@ -1,4 +1,4 @@
-"""What the object map takes from an observation, on its own pixel grid."""
+"""Label image: depth, colour and classes of an observation, on the pixel grid of the object map."""
 
 from __future__ import annotations
 
@@ -50,23 +50,23 @@ def read(
     classes = context.distinct()
     number = {c.name: 1 + i for i, c in enumerate(classes)}
     threshold = {c.name: c.threshold for c in classes}
-    # Small things are painted last, so that a mug is not painted over by its table.
+    # Small masks are painted last, so that a table does not cover the mug on it.
     for d in sorted(
         observation.detections, key=lambda d: (-np.count_nonzero(d.mask), d.class_name, d.box_xyxy)
     ):
         if d.class_name in number and d.score >= threshold[d.class_name]:
             labels[d.mask[grid]] = number[d.class_name]
-    # Colours are wanted of few pixels: a view, no copy.
+    # The colours are not copied: few pixels are read later.
     return LabelImage(view.strided(stride), depth_m, frame.color[grid], labels)
 
 
 def without_held(
     reading: LabelImage, context: SearchContext, held: str, held_object_m: float
 ) -> LabelImage:
-    """The reading without what the robot holds: near pixels of things that can be held.
+    """Label image without the held object: near pixels of all object classes become unlabelled.
 
-    A detector may take the held thing for another one, so all classes of objects count; receptacles
-    are still seen. held: class name of what is held, "" for nothing.
+    All object classes count, because a detector may confuse the held object with another one.
+    Receptacles stay. held: class name of the held object, "" for none.
     """
     if not held:
         return reading

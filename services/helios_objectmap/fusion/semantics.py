@@ -1,19 +1,20 @@
 """Dirichlet semantics of a Gaussian (section 3.1.3, eq. 2-5).
 
 theta ~ Dir(concentration), density prod theta_c^(concentration_c - 1) / B(concentration)  (eq. 2).
-Evidence is kept per class name: `positive`, what spoke for the class, and `asked`, all evidence of
-the views in which the class was asked for. The marginal of a Dirichlet is a Beta distribution, so
-within one search context this gives exactly eq. 4; between contexts a class that was asked for
-before keeps what is known of it, and a new class starts from the prior.
+Evidence is kept per class name: `positive` is the evidence for the class, and `asked` is all
+evidence of the views that searched for the class. The marginal of a Dirichlet is a Beta
+distribution, so within one search context this gives exactly eq. 4. Across contexts, a class keeps
+its evidence, and a new class starts from the prior.
 
 The prior decides how many views a belief takes. With three classes and alpha_cpa = 3, Psi passes
-0.5 after this many full views of a thing that is detected always, or in 65 % of its views:
+0.5 after this many full views of an object that is detected always, or in 65 % of its views:
 
     prior 0.3: 1, 5      prior 1 (default): 2, 8      prior 3: 4, 15      prior 10: 10, 36
 
-Classes of a Dirichlet distribution may be counted as one, their concentrations added. So a search
-for few classes may have the prior of one for more, whose other classes are part of "other": it then
-believes what that one would, had it never seen them (setting `prior_classes`).
+Classes of a Dirichlet distribution may be merged into one by adding their concentrations. So a
+search for few classes can use the prior of a search for more, whose other classes are part of
+"other". Its beliefs then equal those of the larger search if it had never seen them (setting
+`prior_classes`).
 """
 
 from __future__ import annotations
@@ -28,18 +29,18 @@ from scipy.special import digamma, gammaln
 from helios_objectmap.gaussians import OTHER, GaussianStore
 
 Floats = NDArray[np.floating]
-# Equal beliefs must stay equal in float32, so that ties are always broken the same way.
+# Margin for float32 rounding, so that equal beliefs are always resolved the same way.
 TIE = 1e-5
 NAMED_FROM = 0.5
 
 
 def expectation(concentration: Floats) -> Floats:
-    """E[theta^c], [..., C]. concentration: [..., C]."""
+    """Mean E[theta^c], [..., C]. concentration: [..., C]."""
     return concentration / concentration.sum(axis=-1, keepdims=True)  # eq. 4
 
 
 def variance(concentration: Floats) -> Floats:
-    """Var[theta^c], [..., C]. concentration: [..., C]."""
+    """Variance Var[theta^c], [..., C]. concentration: [..., C]."""
     mean = expectation(concentration)
     return mean * (1 - mean) / (1 + concentration.sum(axis=-1, keepdims=True))  # eq. 4
 
@@ -61,8 +62,8 @@ def marginal(
 ) -> tuple[Floats, Floats]:
     """Mean and standard deviation of theta^c from the evidence for c (eq. 4), same shape.
 
-    positive, asked: evidence for c, and all evidence of the views that asked for c.
-    prior: concentration of each class before any view. n_classes: classes with "other".
+    positive: evidence for c; asked: all evidence of the views that searched for c. prior:
+    concentration of each class before any view. n_classes: number of classes with "other".
     """
     total = asked + prior * n_classes
     mean = (positive + prior) / total
@@ -70,11 +71,10 @@ def marginal(
 
 
 def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:
-    """Concentration [n, 1 + C] of eq. 2, "other" first. positive: [n, C]; asked: [n], for the class
-    wanted.
+    """Concentration [n, 1 + C] of eq. 2, "other" first.
 
-    What the views that asked for the wanted class did not give to any class is "other", and so is
-    the prior of the n_classes, as far as they are more than these.
+    positive: [n, C]; asked: [n], for the wanted class. "other" gets the evidence that the views of
+    the wanted class gave to no class, and the prior of those of the n_classes that are not listed.
     """
     other = np.maximum(asked - positive.sum(axis=-1), 0)
     concentration = np.concatenate([other[..., None], positive], axis=-1) + prior
@@ -90,11 +90,11 @@ def accumulate(
     weights: NDArray[np.float32],
     alpha_cpa: float,
 ) -> NDArray[np.int64]:
-    """Add what one view says to the evidence of the Gaussians it shows; which of `rows` took some.
+    """Add the evidence of one view to its Gaussians. Returns the indices into `rows` that changed.
 
     rows: [k], distinct; kappa: [k, 1 + C] summed per label, "other" first, then the context's
-    classes; columns: [C] where those classes are in the store; weights: [k, C] share in [0, 1] that
-    the view gives a Gaussian and class. For class c, eq. 3 is
+    classes; columns: [C] store columns of those classes; weights: [k, C] share in [0, 1] that the
+    view gives a Gaussian and class. For class c, eq. 3 is
         positive_c += weight_c * alpha_cpa * kappa_c,    asked_c += weight_c * alpha_cpa * sum kappa
     so evidence never falls, and is linear in alpha_cpa.
     """
@@ -115,13 +115,13 @@ def believe(
     n_classes: int,
     named_from: float = NAMED_FROM,
 ) -> NDArray[np.int16]:
-    """Column of the most likely class of each of the rows [k], or OTHER; [k].
+    """Column [k] of the most likely class of each of the rows [k], or OTHER.
 
     positive, asked: [n, classes in the store]; n_classes: classes of the prior with "other". The
-    classes of the present context compete with each other, the first of equal ones wins, and with
-    "other", which is what the views that asked for a class gave to none of them: the class must
-    have more than the share `named_from` of what speaks for either. What the context has no name
-    for keeps the name of an earlier context while its probability is above `named_from`.
+    classes of the current context compete with each other, where the first of equal ones wins, and
+    with "other", the evidence that the views of a class gave to no class. The winner must have more
+    than the share `named_from` of its own evidence plus that of "other". If no class of the context
+    wins, a class of an earlier context wins while its probability is above `named_from`.
     """
     parked = [c for c in range(positive.shape[1]) if c not in context_columns]
     believed = np.empty(len(rows), np.int16)
@@ -142,21 +142,23 @@ class Score:
 
 
 def score(mean: NDArray[np.floating], deviation: NDArray[np.floating], alpha_cs: float) -> Score:
-    """Score an instance. mean, deviation: [n] E and sqrt(Var) of theta^c of its Gaussians."""
+    """Score of an instance. mean, deviation: [n] E and sqrt(Var) of theta^c of its Gaussians."""
     class_score = float(mean.mean(dtype=np.float64))
     uncertainty = float(deviation.mean(dtype=np.float64))
     return weighed(class_score, uncertainty, alpha_cs)
 
 
 def weighed(class_score: float, uncertainty: float, alpha_cs: float) -> Score:
-    """The score of an instance whose class score and uncertainty are known."""
+    """Score of an instance from its class score and uncertainty."""
     return Score(class_score, uncertainty, class_score - alpha_cs * uncertainty)  # eq. 7
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, asked, took):
-    """Add evidence (eq. 3) to positive and asked [., columns]; lists in took [k] which of the rows
-    took some, and returns how many."""
+    """Add evidence (eq. 3) to positive and asked [., columns].
+
+    Lists in took [k] the indices into `rows` that received evidence, and returns their number.
+    """
     n = 0
     for k in range(rows.size):
         total = np.float32(0)
@@ -189,8 +191,10 @@ def believe_kernel(
     other,
     believed,
 ):
-    """Fill believed [k] for rows [k]; present, parked: columns of the store; per_other: how much
-    must speak for a class, for each that speaks for "other"."""
+    """Fill believed [k] for rows [k]. present, parked: columns of the store.
+
+    per_other: evidence that a class needs for each unit of evidence for "other".
+    """
     for k in range(rows.size):
         row = rows[k]
         believed[k] = other

@@ -1,14 +1,14 @@
-"""Hindsight: what earlier views said of a place where something is found only now.
+"""Hindsight: evidence of earlier views for Gaussians that are created later.
 
-Gaussians are made where something is detected, so their evidence begins with the view that speaks
-for them, and all the views that had shown the same place before and named nothing there are lost.
-A detector that errs in one view in thirty is then believed as much as one that is right each time.
-With `evidence = "hindsight"` the map keeps its past views, small, and tells each new Gaussian what
-those said that had it in view: the same votes, by the same rule (`viewing_sectors`), as if it had
-been there from the start. So a belief no longer depends on the order of the views.
+Gaussians are created where something is detected, so their evidence begins with the view that
+supports them. Earlier views that showed the same place and detected nothing there are lost. A
+detector that errs in one view in thirty then counts as much as one that is right each time. With
+`evidence = "hindsight"` the map keeps its past views at low resolution. Each new Gaussian receives
+the votes of the past views that had it in view, by the same rule (`viewing_sectors`), as if it had
+existed from the start. So a belief does not depend on the order of the views.
 
-A past view shows a Gaussian where its depth agrees with it. What was not asked for says nothing.
-After something was picked, past views say nothing of objects: what is found later may have come.
+A past view shows a Gaussian if its depth agrees. It gives no evidence on classes it did not search
+for. After a pick, past views give no evidence on objects, because an object may have moved there.
 """
 
 from __future__ import annotations
@@ -24,36 +24,35 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import View, offset
 from helios_objectmap.fusion.label_image import LabelImage
 
-MOST_PAST_VIEWS = 1024  # 58 kB each
-WIDTH_PX = 160  # of a past view at most; a mug at 3 m still has nine of its pixels
-AGREES_M, AGREES_SHARE = 0.08, 0.05  # depth differs less, metres or share of the depth
+WIDTH_PX = 160  # largest width of a past view; a mug at 3 m still has nine pixels
+AGREES_M, AGREES_SHARE = 0.08, 0.05  # largest depth difference, metres or share of the depth
 NEAREST_M = 0.1  # in front of the camera
 _MM = 1000
 
 
 @dataclass(frozen=True)
 class PastView:
-    """What a view showed."""
+    """Depth and labels of a past view."""
 
     view: View
     depth_mm: NDArray[np.uint16]  # [h, w], 0 = unknown
     labels: NDArray[np.uint8]  # [h, w], 0 = other, 1 + i = names[i]
-    names: tuple[str, ...]  # of the classes that it asked for; "" for one that no longer counts
-    weights: NDArray[np.float32]  # [names] share in [0, 1] that it counts for each
-    half_angles: tuple[float, float]  # from the axis to its widest edges, across and down
+    names: tuple[str, ...]  # classes that it searched for; "" for one that no longer counts
+    weights: NDArray[np.float32]  # [names] weight in [0, 1] of the view for each class
+    half_angles: tuple[float, float]  # from the optical axis to the widest edges, across and down
 
 
 @dataclass(frozen=True)
 class VisiblePoints:
-    """Points that a past view shows."""
+    """Points that a past view shows, with their labels."""
 
     past: PastView
-    points: NDArray[np.int64]  # [k] which of them
-    labels: NDArray[np.uint8]  # [k] what the view took each for
+    points: NDArray[np.int64]  # [k] indices of the points
+    labels: NDArray[np.uint8]  # [k] label of the view at each point
 
 
 class PastViews:
-    """The latest views, at most `most` of them: 58 kB each."""
+    """The latest `most` views, 58 kB each."""
 
     def __init__(self, most: int = MOST_PAST_VIEWS) -> None:
         self._views: deque[PastView] = deque(maxlen=most)
@@ -62,9 +61,9 @@ class PastViews:
         return len(self._views)
 
     def note(self, reading: LabelImage, names: Sequence[str], weights: NDArray[np.float32]) -> None:
-        """Keep what a view said of the classes that it asked for, unless it counts for none.
+        """Store the labels of a view for the classes it searched for, unless all its weights are 0.
 
-        weights: [names] share in [0, 1] of a view, of those that came before it.
+        weights: [names] share in [0, 1] that the view has beside those before it.
         """
         if not weights.any():
             return
@@ -84,13 +83,13 @@ class PastViews:
         )
 
     def forget(self, is_gone: Callable[[str], bool]) -> None:
-        """Past views say nothing more of these classes."""
+        """Drop the evidence of past views on the classes for which `is_gone` is true."""
         for k, past in enumerate(self._views):
             names = tuple("" if is_gone(name) else name for name in past.names)
             self._views[k] = replace(past, names=names)
 
     def of(self, points: NDArray[np.float32]) -> Iterator[VisiblePoints]:
-        """The views that show some of the points [n, 3], the oldest first."""
+        """Past views that show some of the points [n, 3], oldest first."""
         if not len(points) or not self._views:
             return
         low, high = points.min(axis=0), points.max(axis=0)
@@ -107,12 +106,12 @@ class PastViews:
                 yield VisiblePoints(past, which[:n].copy(), labels[:n].copy())
 
     def _near(self, middle: NDArray[np.floating], radius_m: float) -> NDArray[np.intp]:
-        """Views that a ball may reach into."""
+        """Indices of the views that a ball may reach into."""
         T_world_cam = np.stack([p.view.T_world_cam for p in self._views])
         in_cam = np.einsum("kji,kj->ki", T_world_cam[:, :3, :3], middle - T_world_cam[:, :3, 3])
         x, y, z = np.abs(in_cam[:, 0]), np.abs(in_cam[:, 1]), in_cam[:, 2]
         wide, high = np.array([p.half_angles for p in self._views]).T
-        # The distance of the ball's middle from the two planes that bound the view on its side.
+        # Distance of the ball's centre from the two nearest side planes of the view.
         outside = np.maximum(
             x * np.cos(wide) - z * np.sin(wide), y * np.cos(high) - z * np.sin(high)
         )
@@ -120,7 +119,7 @@ class PastViews:
 
 
 def _half_angles(view: View) -> tuple[float, float]:
-    """The widest angles from the axis, horizontally and vertically, to a pixel's far edge."""
+    """Widest angles from the optical axis to a pixel's far edge, horizontal and vertical."""
     wide = max(view.cx + 0.5, view.width - 0.5 - view.cx) / view.fx
     high = max(view.cy + 0.5, view.height - 0.5 - view.cy) / view.fy
     return float(np.arctan(wide)), float(np.arctan(high))
@@ -142,8 +141,10 @@ def shown_kernel(
     which,
     label_of,
 ):
-    """List in which [n] the points [n, 3] whose depth the pixel that they fall on agrees with, and
-    in label_of [n] that pixel's label; returns how many."""
+    """Fill which [n] with the points [n, 3] that the view shows, and label_of [n] with the labels.
+
+    A point counts if its depth agrees with that of its pixel. Returns the number of points.
+    """
     n = 0
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]

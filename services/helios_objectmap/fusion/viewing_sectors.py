@@ -1,4 +1,4 @@
-"""Evidence by viewing sector: another view from the same side adds little (not the paper's)."""
+"""Evidence by viewing sector: repeated views from one sector add little (not in the paper)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from helios_objectmap.gaussians import GaussianStore
 
 SECTORS = 12
-UNIT = 256  # of the store's numbers make a vote
-MOST_VOTES = 65535 // UNIT  # from one side that the store can hold
-WHOLE_KAPPA = 0.2  # a view in which a Gaussian has less, summed over the pixels, is less of a vote
+UNIT = 256  # units of the stored votes per vote
+MOST_VOTES = 65535 // UNIT  # per sector, the limit of the stored type
+WHOLE_KAPPA = 0.2  # sum over the pixels from which a view is a whole vote
 
 Float32 = NDArray[np.float32]
 
 
 def sector_of(means: NDArray[np.floating], eye_m: NDArray[np.floating]) -> NDArray[np.intp]:
-    """Sector [n] in which an eye [3] stands, seen from Gaussians at [n, 3]; world, z up."""
+    """Viewing sector [n] of a camera at eye_m [3], seen from Gaussians at [n, 3]; world, z up."""
     x, y = float(eye_m[0]) - means[:, 0], float(eye_m[1]) - means[:, 1]
     return np.floor(np.arctan2(y, x) * (SECTORS / math.tau)).astype(np.intp) % SECTORS
 
@@ -35,13 +35,12 @@ def add_votes(
     side_views: float,
     alpha_side: float,
 ) -> NDArray[np.int64]:
-    """Add what one view says to the votes and the evidence of the Gaussians it shows; which of
-    `rows` took some.
+    """Add one view to the votes and evidence of its Gaussians. Returns the indices of changed rows.
 
-    As `accumulate`, by the rule above. rows: [k], distinct; kappa: [k, 1 + C] summed per label,
-    "other" first, then the context's classes; columns: [C] where those classes are in the store;
-    weights: [k, C] share in [0, 1] that the view gives a Gaussian and class; eye_m: [3] where the
-    camera stands, world. What was known before without votes stays, and is added to.
+    Like `accumulate`, by viewing sector. rows: [k], distinct; kappa: [k, 1 + C] summed per label,
+    "other" first, then the context's classes; columns: [C] store columns of those classes; weights:
+    [k, C] share in [0, 1] that the view gives a Gaussian and class; eye_m: [3] camera position,
+    world. Evidence without votes stays, and is added to. The indices returned are into `rows`.
     """
     took = np.empty(len(rows), np.int64)
     n = add_votes_kernel(
@@ -59,14 +58,14 @@ def new_share(
     eyes_m: Sequence[NDArray[np.floating]],
     side_views: float,
 ) -> tuple[list[Float32], Float32]:
-    """What views would tell that was not told: whole sides [n] for each view, and for all together.
+    """New evidence of views, in whole sectors: [n] for each view alone, and [n] for all together.
 
-    told: [n, SECTORS] all votes so far, as the store keeps them; means: [n, 3]; kappas: [n] for
-    each view; eyes_m: [3] for each view. As far as a side was told, a view is expected to tell the
-    same again, which changes no evidence.
+    votes_so_far: [n, SECTORS] all votes, as the store keeps them; means: [n, 3]; kappas: [n] for
+    each view; eyes_m: [3] for each view. Where a sector has votes already, a view is expected to
+    repeat them, which changes no evidence.
     """
     everyone, full = np.arange(len(votes_so_far)), np.float32(side_views)
-    sides = votes_so_far / np.float32(UNIT * side_views)  # told in full at 1
+    sides = votes_so_far / np.float32(UNIT * side_views)  # 1: the sector counts in full
     before, more = np.minimum(sides, 1), sides.copy()
     alone = []
     for kappa, eye_m in zip(kappas, eyes_m, strict=True):
@@ -95,10 +94,12 @@ def add_votes_kernel(
     asked,
     took,
 ):
-    """By sides, in place of eq. 3: add votes from sectors [k] to votes [., columns, sectors, (own,
-    all)]: `unit` is one vote, `full` a side that counts in full, `most` the limit of a side. Adds
-    what they change to positive and asked [., columns]; lists in took [k] which of the rows took
-    some, and returns how many."""
+    """Add votes from sectors [k] to votes [., columns, sectors, (own, all)], in place of eq. 3.
+
+    unit: stored value of one vote; full: votes with which a sector counts in full; most: limit of a
+    sector. Adds the resulting changes to positive and asked [., columns]. Lists in took [k] the
+    indices into `rows` that received votes, and returns their number.
+    """
     n = 0
     for k in range(rows.size):
         total = 0.0

@@ -1,1 +1,1 @@
-"""From Gaussians to things: voxels joined into instances that keep their numbers."""
+"""Instances of objects: connected voxels of Gaussians, with stable numbers."""

@@ -1,8 +1,8 @@
 """Instances: 26-connected voxels of Gaussians of one class (appendix, instance creation).
 
 The paper's 20 rounds of min-pooling bound the size of an object; a union-find gives the same
-partition without a bound. Gaussians closer than a voxel are always joined, Gaussians farther apart
-than two voxels along an axis never: two mugs 0.3 m apart need voxels of at most 7 cm.
+partition without a bound. Gaussians closer than a voxel are always joined, and Gaussians farther
+apart than two voxels along an axis never: two mugs 0.3 m apart need voxels of at most 7 cm.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE
 
-BITS = 21  # of a key for each axis
+BITS = 21  # bits per axis in a voxel key
 _PRECEDING = np.array(
     [
         (dx << (2 * BITS)) + (dy << BITS) + dz
@@ -28,12 +28,12 @@ _PRECEDING = np.array(
 )
 # Steps to the 26 neighbours of a voxel: 13 come before it in the order of keys, 13 after.
 NEIGHBOURS: tuple[int, ...] = (*_PRECEDING.tolist(), *(-_PRECEDING).tolist())
-# So many emptied voxels are looked at one by one; with more, their instances are clustered anew.
+# Emptied voxels checked one by one; with more, their instances are clustered again as a whole.
 FEW = 32
 
 
 def voxel_keys(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
-    """One integer per point [n, 3]: its voxel. The map reaches 2^20 voxels from the origin."""
+    """Voxel key of each point [n, 3], one integer. The map reaches 2^20 voxels from the origin."""
     keys = np.empty(len(points), np.int64)
     voxel_keys_kernel(points, voxel_m, BITS, keys)
     return keys
@@ -61,12 +61,12 @@ def relabel(
     count: NDArray[np.int64],
     next_label: int,
 ) -> tuple[NDArray[np.int32], int]:
-    """Stable labels for components: [n] labels, and the next free label.
+    """Stable labels [n] for components, and the next free label.
 
-    The n are points, or voxels of points. former: [n] label so far, NO_INSTANCE for none; count:
-    [n] points that have it. A component that holds the larger part of a former instance is its
-    heir; of several inheritances it takes the smallest label, so a merge keeps the smaller one and
-    in a split the larger part keeps it. Others get new labels.
+    The n are points, or voxels of points. former: [n] former label, NO_INSTANCE for none; count:
+    [n] points that have it. The component with the largest part of a former instance inherits its
+    label. From several inherited labels it takes the smallest. So a merge keeps the smaller label,
+    and in a split the largest part keeps it. Other components get new labels.
     """
     n_components = int(component.max(initial=-1)) + 1
     label_of = np.zeros(n_components, np.int32)
@@ -74,13 +74,13 @@ def relabel(
     pair, of_pair = distinct((former[known].astype(np.int64) << 32) | component[known])
     labels, parts = pair >> 32, pair & 0xFFFFFFFF
     counts = np.bincount(of_pair, count[known], len(pair))
-    # Most points first; between equal parts the component with the smaller number.
+    # Largest part first; between equal parts the component with the smaller number.
     by_size = np.lexsort((parts, -counts, labels))
     heirs: set[int] = set()
     for label, part in zip(labels[by_size].tolist(), parts[by_size].tolist(), strict=True):
         if label not in heirs:
             heirs.add(label)
-            if label_of[part] == 0:  # labels come in rising order: the first one is the smallest
+            if label_of[part] == 0:  # labels are in rising order: the first is the smallest
                 label_of[part] = label
     for part in np.flatnonzero(label_of == 0):
         label_of[part] = next_label
@@ -89,10 +89,10 @@ def relabel(
 
 
 def distinct(values: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
-    """The distinct values [n] in rising order, and which of them each one is.
+    """Distinct values [n] in rising order, and the index of each value among them.
 
-    As `numpy.unique`, but neighbours in the store are neighbours in space: only the starts of runs
-    of equal values are sorted.
+    Like `numpy.unique`, but it sorts only the starts of runs of equal values: neighbours in the
+    store are neighbours in space.
     """
     starts = np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
     found, of_run = np.unique(values[starts], return_inverse=True)
@@ -101,26 +101,26 @@ def distinct(values: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[
 
 @dataclass(frozen=True)
 class Regrouped:
-    """What a renewal of the partition changed."""
+    """Changes of the partition after an update."""
 
-    labels: set[int] = field(default_factory=set)  # of all instances that changed
-    regrouped: set[int] = field(default_factory=set)  # former labels of those with other voxels now
-    ancestors: dict[int, set[int]] = field(default_factory=dict)  # their labels now -> former ones
-    moved: set[int] = field(default_factory=set)  # former labels of members that have another now
+    labels: set[int] = field(default_factory=set)  # all instances that changed
+    regrouped: set[int] = field(default_factory=set)  # former labels of those whose voxels changed
+    ancestors: dict[int, set[int]] = field(default_factory=dict)  # new label -> former labels
+    moved: set[int] = field(default_factory=set)  # former labels of members that got another one
 
 
 class Voxels:
-    """How many Gaussians each voxel of a class has, and to which instance it belongs."""
+    """Voxels of one class: the number of Gaussians in each, and its instance."""
 
     def __init__(self, voxel_m: float) -> None:
         self.voxel_m = voxel_m
-        self._count: dict[int, int] = {}  # of the voxels that have some
+        self._count: dict[int, int] = {}  # voxel key -> its Gaussians; no empty voxels
         self._label: dict[int, int] = {}
         self._of: dict[int, set[int]] = {}  # label -> its voxels
         self._loose: set[int] = set()  # labels of instances that may have split, or are empty
 
     def fill(self, points: NDArray[np.float32], labels: NDArray[np.int32]) -> None:
-        """The first Gaussians [n], of instances that are known; no two share a voxel."""
+        """Add the first Gaussians [n], of known instances; no two instances share a voxel."""
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         label_of = np.empty(len(keys), np.int64)
         label_of[of_point] = labels
@@ -130,7 +130,7 @@ class Voxels:
             self._give(key, label)
 
     def leave(self, points: NDArray[np.float32]) -> None:
-        """Gaussians [n] go; the partition is renewed by `join`."""
+        """Remove Gaussians [n]; `join` updates the partition."""
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         emptied = 0
         for key, n in zip(keys.tolist(), np.bincount(of_point).tolist(), strict=True):
@@ -145,7 +145,7 @@ class Voxels:
                 self._loose.add(label)
 
     def join(self, points: NDArray[np.float32], next_label: int) -> tuple[Regrouped, int]:
-        """Gaussians [n] come; returns what changed, and the next free label."""
+        """Add Gaussians [n]. Returns the changes, and the next free label."""
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         counts = dict(zip(keys.tolist(), np.bincount(of_point).tolist(), strict=True))
         fresh = [key for key in counts if key not in self._count]
@@ -158,14 +158,14 @@ class Voxels:
         return change, next_label
 
     def labels_of(self, points: NDArray[np.float32]) -> NDArray[np.int32]:
-        """Instance of each point [n]; each must be in a voxel that is filled."""
+        """Instance of each point [n]; each must be in an occupied voxel."""
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         return np.array([self._label[key] for key in keys.tolist()], np.int32)[of_point]
 
     # Parts ----------------------------------------------------------------------------------------
 
     def _may_split_at(self, key: int) -> bool:
-        """Whether an emptied voxel may have held its instance together, or was all of it."""
+        """True if an emptied voxel may have connected its instance, or was all of it."""
         rest = {key + step for step in NEIGHBOURS if key + step in self._count}
         if not rest:
             return True
@@ -178,7 +178,7 @@ class Voxels:
         return bool(rest)
 
     def _regroup(self, fresh: list[int], change: Regrouped, next_label: int) -> int:
-        """Cluster new voxels, those of loose instances, and whole instances beside new ones."""
+        """Cluster new voxels, those of loose instances, and whole instances that touch new ones."""
         loose, self._loose = self._loose, set()
         keys = np.array(sorted(fresh + [k for label in loose for k in self._of[label]]), np.int64)
         part = connected(keys).tolist()
@@ -190,7 +190,7 @@ class Voxels:
                 if label is not None and label not in loose:
                     beside.setdefault(label, []).append(part_of[key])
         of_part = _joined(max(part, default=-1) + 1, list(beside.values()))
-        # Parts in the order of their first voxels, as if everything were clustered.
+        # Parts in the order of their first voxels, as a clustering of all voxels numbers them.
         first: dict[int, int] = {}
         for key, k in part_of.items():
             first[of_part[k]] = min(key, first.get(of_part[k], key))
@@ -218,7 +218,7 @@ class Voxels:
         labels: list[int],
         change: Regrouped,
     ) -> None:
-        """Voxels `keys`, then whole instances `beside`, get their labels."""
+        """Assign the new labels to the voxels `keys`, then to the whole instances `beside`."""
         change.labels.update(loose, beside, labels)
         change.regrouped.update(loose, beside)
         for was, label in zip(former, labels, strict=True):
@@ -240,7 +240,7 @@ class Voxels:
 
 
 def _joined(n: int, groups: list[list[int]]) -> list[int]:
-    """For each of n parts one that stands for all it is joined with; groups: joined parts."""
+    """Representative of each of n parts after joining; groups: parts to join."""
     stands = list(range(n))
 
     def standing(k: int) -> int:
@@ -257,7 +257,7 @@ def _joined(n: int, groups: list[list[int]]) -> list[int]:
 
 @njit(cache=True, nogil=True)
 def components_kernel(keys, deltas, parent):
-    """26-connected components of sorted voxel keys; parent [n] ends as each one's first voxel."""
+    """26-connected components of sorted voxel keys; fills parent [n] with their first voxels."""
     n = keys.size
     for i in range(n):
         parent[i] = i

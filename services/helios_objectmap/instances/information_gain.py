@@ -1,8 +1,9 @@
-"""What further views of an instance would bring (eq. 6, 11 and 12, appendix).
+"""Expected score and information gain of further views of an instance (eq. 6, 11 and 12, appendix).
 
-Optimistic: each view shows the instance's own Gaussians as the wanted class. They are rendered at
-each pose alone, their weights are added to a copy of the evidence by eq. 3, and the entropies and
-scores before and after are compared. In the 50-50 variant (Table 5) half of it goes to "other".
+Optimistic: each view shows the instance's own Gaussians as the wanted class. They are rendered
+alone at each pose, their weights are added to a copy of the evidence by eq. 3, and the entropies
+and scores before and after are compared. In the 50-50 variant (Table 5) half of the evidence goes
+to "other".
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Expected:
-    """What a set of views would make of an instance."""
+    """Expected score and information gain of an instance after a set of views."""
 
     psi: float  # the score Psi' of eq. 11
     information_gain: float  # eq. 12 in nats, summed over the instance's Gaussians, at least 0
@@ -31,32 +32,34 @@ class Expected:
 
 @dataclass(frozen=True)
 class Member:
-    """The Gaussians of one instance: geometry and evidence."""
+    """Gaussians of one instance: geometry and evidence."""
 
     means: Float32  # [n, 3] world, metres
     radius_m: Float32  # [n]
     opacity: Float32  # [n]
-    positive: Float32  # [n, C] for the classes of the context
-    asked: Float32  # [n] for the wanted class
+    positive: Float32  # [n, C] evidence for each class of the context
+    asked: Float32  # [n] all evidence of the views that searched for the wanted class
     votes_so_far: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class
 
 
 @dataclass(frozen=True)
 class Rates:
-    """What evidence means."""
+    """Weights with which evidence counts."""
 
     prior: float  # concentration of each class before any view
-    alpha_cpa: float  # how often each observation counts (eq. 3); with votes, each side
+    alpha_cpa: float  # factor of each observation (eq. 3); with votes, of each sector
     alpha_cs: float  # weight of the uncertainty (eq. 7)
-    other: float = 0.0  # share of what is expected that speaks for "other"; 0 is optimistic
-    n_classes: int = 0  # classes of the prior, where they are more than the member's and "other"
+    other: float = 0.0  # share of the expected evidence for "other"; 0 is optimistic
+    n_classes: int = 0  # classes of the prior, if more than the member's and "other"
     trust: float = 1.0  # share of the evidence for the wanted class that counts
-    side_views: float = 1.0  # with votes: from one side until it counts in full
+    side_views: float = 1.0  # with votes: views of a sector until it counts in full
 
 
 def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -> Float32:
-    """Weight that a view gives each Gaussian [n], summed over the pixels it would see it in:
-    what Y* of eq. 12 shows of it."""
+    """Weight [n] that a view gives each Gaussian, summed over the pixels that see it.
+
+    This is the content of Y* in eq. 12.
+    """
     projection = project(member.means, member.radius_m, member.opacity, view)
     everywhere = np.zeros((view.height, view.width), np.int32)
     kappa = projection.kappa_sums(everywhere, 1)[:, 0]
@@ -70,7 +73,7 @@ def expected(
 ) -> list[Expected]:
     """Outcome for each weight kappa [n] if such views show column `wanted` of the context.
 
-    With votes, the weight of a view is what it adds, in sectors: see `viewing_sectors.new_share`.
+    With votes, the weight of a view is its addition in sectors: see `viewing_sectors.new_share`.
     """
     base = member.positive.astype(np.float64)
     base[:, wanted] *= rates.trust

@@ -1,7 +1,7 @@
-"""Which instances there are: labels of Gaussians, kept stable, and what is known of each instance.
+"""Registry of instances: stable labels of Gaussians, and a record of each instance.
 
-After an update only the voxels that it filled or emptied are clustered, with those beside them. Any
-other voxel is as near to the rest as it was, so the partition equals that of clustering everything.
+An update clusters only the voxels that it filled or emptied, with those beside them. Distances
+between the other voxels do not change, so the partition equals that of clustering everything.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from helios_objectmap.instances.detector_precision import (
 
 MOST_HISTORY = 256
 
-VoxelSize = Callable[[str], float]  # of a class, metres
+VoxelSize = Callable[[str], float]  # class name -> voxel size, metres
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What was believed of an instance after an update that gave it evidence."""
+    """Scores of an instance after an update that gave it evidence."""
 
     stamp_ns: int  # the robot's clock
     views: float
@@ -40,12 +40,12 @@ class Moment:
 
 @dataclass
 class InstanceRecord:
-    """What is remembered of an instance besides its Gaussians."""
+    """Data of an instance besides its Gaussians."""
 
     class_name: str
     views: float = 0.0  # sum of the weights of the views that gave evidence
-    detected: float = 0.0  # of those that detected it as its class
-    detected_at: NDArray[np.float64] = field(default_factory=lambda: np.zeros(N_BANDS))  # by band
+    detected: float = 0.0  # the same sum, over views that detected its class
+    detected_at: NDArray[np.float64] = field(default_factory=lambda: np.zeros(N_BANDS))  # per band
     history: list[Moment] = field(default_factory=list)
 
     def note(self, moment: Moment) -> None:
@@ -60,7 +60,10 @@ class InstanceRecord:
         return self.detected / self.views if self.views else 0.0
 
     def inherit(self, ancestor: InstanceRecord) -> None:
-        """Parts of one thing were seen in the same views: the part seen most often speaks."""
+        """Take over the views of an ancestor that has more of them.
+
+        Parts of one object are seen in the same views, so the part with the most views counts.
+        """
         if ancestor.views > self.views:
             self.views, self.detected = ancestor.views, ancestor.detected
             self.detected_at = ancestor.detected_at.copy()
@@ -68,21 +71,21 @@ class InstanceRecord:
 
 
 class InstanceRegistry:
-    """Labels never change their class and are never used again.
+    """Instances by label. Labels never change their class and are never reused.
 
-    A Gaussian that changes its class, or goes, first leaves its instance; when all that changes has
-    left, those that are believed to be something join, and the partition is whole again.
+    A Gaussian that changes its class, or is removed, first leaves its instance. After all changes
+    have left, the Gaussians with a class join, and the partition is complete again.
     """
 
     def __init__(self) -> None:
         self.records: dict[int, InstanceRecord] = {}
         self.next_label = NO_INSTANCE + 1
-        self.ended: dict[str, Ended] = {}  # of each class, what was detected and is no more
-        self._voxels: dict[str, Voxels] = {}  # of each class that has changed
-        self._left: dict[str, set[int]] = {}  # class -> instances that lost some since `join`
+        self.ended: dict[str, Ended] = {}  # class -> detections of its former instances
+        self._voxels: dict[str, Voxels] = {}  # only classes that have changed
+        self._left: dict[str, set[int]] = {}  # class -> instances that lost Gaussians since `join`
 
     def leave(self, store: GaussianStore, rows: NDArray[np.integer], voxel_m: VoxelSize) -> None:
-        """Rows are of no instance any more; they are still where and what they were."""
+        """Remove rows from their instances; their positions and classes must be the old ones."""
         rows = rows[store.instance[rows] != NO_INSTANCE]
         for name, own in _by_class(store, rows):
             voxels = self._voxels_of(store, name, voxel_m(name))
@@ -98,10 +101,10 @@ class InstanceRegistry:
         *,
         taken_out: bool = False,
     ) -> set[int]:
-        """Renew the partition; returns the labels of all instances that changed.
+        """Update the partition. Returns the labels of all instances that changed.
 
-        rows: those without an instance that are newly believed to be what they are. taken_out: an
-        instance that ends was not seen to be nothing, but taken out of the map.
+        rows: rows without an instance whose class is new. taken_out: instances that end were taken
+        out of the map, and not seen to be false.
         """
         left, self._left = self._left, {}
         joining = dict(_by_class(store, rows))
@@ -119,7 +122,7 @@ class InstanceRegistry:
         return changed
 
     def recluster(self, store: GaussianStore, name: str, voxel_m: float) -> None:
-        """Cluster all of a class: its voxels are not known, or have another size now."""
+        """Cluster all Gaussians of a class, whose voxels are unknown or changed their size."""
         old = {label for label, record in self.records.items() if record.class_name == name}
         rows = store.instances.rows_of(np.array(sorted(old), np.int64))
         former = store.instance[rows]
@@ -163,11 +166,11 @@ class InstanceRegistry:
         depth_m: NDArray[np.float32],
         class_names: list[str],
     ) -> list[int]:
-        """Count a view for the instances it gave evidence for; returns their labels.
+        """Count a view for the instances it gave evidence for. Returns their labels.
 
-        instance: [k] labels; kappa: [k, 1 + C] per label of the image, "other" first; weights:
-        [k, C] of the view; depth_m: [k]. An instance counts as seen with kappa of a pixel, and as
-        detected with half of what was seen of it.
+        instance: [k] labels; kappa: [k, 1 + C] per label of the image, "other" first; weights: [k,
+        C] of the view; depth_m: [k]. An instance counts as seen from a kappa sum of one pixel, and
+        as detected if half of that kappa has its class.
         """
         labels, of_row = distinct(instance)
         seen = np.zeros((len(labels), kappa.shape[1]))
@@ -188,7 +191,7 @@ class InstanceRegistry:
         return given
 
     def trust(self, label: int, by_distance: bool) -> float:
-        """Share of the detections of an instance that is believed to be true."""
+        """Estimated share of true detections of an instance."""
         record = self.records[label]
         things = (
             (r.detected_at, r.detection_rate)
@@ -202,7 +205,7 @@ class InstanceRegistry:
 def _by_class(
     store: GaussianStore, rows: NDArray[np.integer]
 ) -> list[tuple[str, NDArray[np.integer]]]:
-    """Rows by the class that they are believed to be; those of none are left out."""
+    """Rows grouped by their most likely class; rows without a class are left out."""
     believed = store.believed[rows]
     columns = distinct(believed)[0].tolist()
     return [(store.class_names[c], rows[believed == c]) for c in columns if c != OTHER]
@@ -210,8 +213,11 @@ def _by_class(
 
 @njit(cache=True, nogil=True)
 def views_kernel(of_row, kappa, weights, depth_m, seen, weighed, far_m):
-    """Add kappa [k, 1 + C] to seen [labels, 1 + C]; weights [k, C] and depth_m [k], both times the
-    sum of kappa, to weighed [labels, C] and far_m [labels]; of_row: [k] which of the labels."""
+    """Sum over the rows of each label; of_row: [k] index of the label.
+
+    Adds kappa [k, 1 + C] to seen [labels, 1 + C]; weights [k, C] and depth_m [k], both times the
+    sum of kappa, to weighed [labels, C] and far_m [labels].
+    """
     for k in range(of_row.size):
         label, total = of_row[k], 0.0
         for c in range(kappa.shape[1]):

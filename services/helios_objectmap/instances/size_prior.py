@@ -1,29 +1,29 @@
-"""Does a thing measure what things of its class usually do?
+"""Agreement of the measured size of an instance with the usual size of its class.
 
-`sizes.toml` says what is usual: ranges of the longest horizontal side, the other one, and the
-height. A class that is not in it has no usual size, and everything agrees with it. Beyond a range
-the likelihood falls as a log-normal one, so that twice and half as much are equally strange. With
-the measured side e, the range [lo, hi], sigma and the error of a box eps,
+`sizes.toml` has the usual ranges of the longest horizontal side, the other one, and the height. A
+class without an entry agrees with every size. Outside a range the likelihood falls like a
+log-normal one, so that twice and half the size are equally unlikely. With the measured side e, the
+range [lo, hi], sigma and the error of a box eps,
 
     small = max(0, ln(lo / (e + eps)) / sigma)^2, of the longest horizontal side
     large = sum over the sides of max(0, ln((e - eps) / hi) / sigma)^2
     agreement = (1 - w + w exp(-small / 2)) (m + (1 - m) exp(-large / 2)),    w = v / (v + v0)
 
-Each factor is a mixture of two ways in which a true thing gets such a box. Too small: it was seen
-in part, and then its box says nothing; or it was seen whole, with a chance w that grows with its
-views v. Too large: it is joined with a thing beside it, with the small chance m; or the box is its
-own. So what is too small costs nothing at first and never all, and what is too large costs nearly
-all at once.
+Each factor is a mixture of two causes of the box of a true object. Too small: either the object was
+seen in part, and its box is uninformative, or it was seen whole, with a probability w that grows
+with its views v. Too large: either it is joined with an object beside it, with the small
+probability m, or the box is its own. So a small box costs nothing at first and never everything; a
+large one costs nearly everything at once.
 
-Views make only the longest horizontal side whole: what stands beside a thing, or the image's edge,
-hides other parts of it from each place. The height and the depth may be cut in every view: table
-tops hide legs and seats, and a thing hides its own back. There, too small means nothing.
+Views complete only the longest horizontal side: neighbouring objects or the image's edge hide other
+parts from each pose. Height and depth may be cut in every view, because table tops hide legs and
+seats, and an object hides its own back. For these sides, a small value means nothing.
 
-A thing that may lie on any side is compared in all three ways, and the best counts.
+A class that may lie on any side is compared in all three ways, and the best counts.
 
-What stands on the floor has its top as high above it as the thing is high, and tops are seen from
-afar also where little else is. So where the floor is known the height of the top is its third side,
-and a top that is too low costs what a too large side does: a rug is no bed, and a television on a
+An object that stands on the floor is as high as its top is above the floor, and a top is visible
+from afar. So where the floor height is known, the height of the top is the third side, and a top
+that is too low costs as much as a side that is too large: a rug is no bed, and a television on a
 wall is no washing machine.
 """
 
@@ -40,10 +40,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-EDGE_SIGMA = 0.25  # one in three of the few things beyond a range is so by more than a quarter
-BOX_ERROR_M = 0.03  # of a side: depth noise, and a pixel of a mask's edge on both ends
-HALF_WHOLE_VIEWS = 10.0  # v0: a walk of 0.8 m, or a turn of 40 degrees, past a thing
-JOINED = 0.05  # m: share of true things whose box holds more than themselves
+EDGE_SIGMA = 0.25  # one in three of the few objects outside a range is so by over a quarter
+BOX_ERROR_M = 0.03  # per side: depth noise, and one pixel of the mask's edge at both ends
+HALF_WHOLE_VIEWS = 10.0  # v0: 0.8 m of motion or 40 degrees of turn with the object in view
+JOINED = 0.05  # m: share of true objects whose box contains a neighbour too
 LEAST_M = 1e-3
 
 Extents = NDArray[np.float64]  # [3] longest horizontal side, the other one, height; metres
@@ -51,22 +51,22 @@ Extents = NDArray[np.float64]  # [3] longest horizontal side, the other one, hei
 
 @dataclass(frozen=True)
 class UsualSize:
-    """What things of a class usually measure."""
+    """Usual size range of the objects of a class."""
 
     least_m: Extents
     most_m: Extents
     lies: bool  # may lie on any of its sides
-    on_floor: bool  # is as high as its top is above the floor
+    on_floor: bool  # stands on the floor: its height is that of its top
 
 
 def extents_of(outline_m: NDArray[np.float64], height_m: float) -> Extents:
-    """Of the smallest upright box around an outline [k, 2], k at least 1."""
+    """Extents of the smallest upright box around an outline [k, 2], k at least 1."""
     _, across, _ = cv2.minAreaRect(np.ascontiguousarray(outline_m, np.float32))
     return np.array([max(across), min(across), height_m])
 
 
 def usual_extents(class_name: str) -> UsualSize | None:
-    """None where nothing is known of the class."""
+    """Usual size of a class; None if the table lacks the class."""
     name = " ".join(class_name.replace("_", " ").replace("-", " ").lower().split())
     return _table().get(name)
 
@@ -74,10 +74,10 @@ def usual_extents(class_name: str) -> UsualSize | None:
 def agreement(
     class_name: str, measured_m: Extents, views: float, top_m: float | None = None
 ) -> float:
-    """Likelihood in (0, 1] of what was measured, by that of a usual thing of the class.
+    """Likelihood, in (0, 1], of the measured size, relative to a usual object of the class.
 
-    views: sum of the weights of the views that saw it; with 0, nothing is too small. top_m: of its
-    top above the floor, None where the floor is unknown.
+    views: sum of the weights of its views; with 0, nothing is too small. top_m: height of its top
+    above the floor, None if the floor height is unknown.
     """
     usual = usual_extents(class_name)
     if usual is None:
@@ -90,7 +90,7 @@ def agreement(
 
 
 def _ways_to_lie(measured_m: Extents) -> tuple[Extents, ...]:
-    """The same box with each of its sides as the height."""
+    """Extents of the same box with each of its sides as the height."""
     out = []
     for up in range(3):
         across = np.sort(np.delete(measured_m, up))
@@ -99,7 +99,7 @@ def _ways_to_lie(measured_m: Extents) -> tuple[Extents, ...]:
 
 
 def _short(usual: UsualSize, measured_m: Extents, side: int) -> float:
-    """Square of how far a side is below what is usual, in sigmas."""
+    """Squared shortfall of a side below the usual range, in sigmas."""
     short = math.log(usual.least_m[side] / (measured_m[side] + BOX_ERROR_M)) / EDGE_SIGMA
     return max(short, 0.0) ** 2
 

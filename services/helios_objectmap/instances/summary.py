@@ -1,4 +1,4 @@
-"""What is told of an instance: score, box, outline, grasp box, and its Gaussians."""
+"""Description of an instance: score, box, outline, grasp box, and its Gaussians."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from helios_objectmap.gaussians import GaussianStore, InstanceGaussians
 from helios_objectmap.instances.registry import InstanceRecord
 
 BELIEVED = 0.5  # more likely than not
-SURE, SUREST = 0.7, 0.95  # share of the probability of the surest, and which one that is
-# A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
+SURE, SUREST = 0.7, 0.95  # share of the probability at this quantile of the Gaussians
+# Edge pixels that mix two depths make stray Gaussians; a few must not move the box.
 BOX_QUANTILES = (0.02, 0.98)
-MANY_POINTS = 2000  # from here on it is faster to look for points inside of the hull first
+MANY_POINTS = 2000  # above this it is faster to remove inner points before the hull
 THIN_M = 0.005
 _BINS = 2048
 
 
 @dataclass(frozen=True)
 class Belief:
-    """What is believed of an instance."""
+    """Class probabilities and score of an instance."""
 
     rows: NDArray[np.integer]  # [n] in the store
-    mean: NDArray[np.float64]  # [n] E[theta] of its own class, by all evidence
-    trust: float  # share of the evidence for its own class that counts in what follows
+    mean: NDArray[np.float64]  # [n] E[theta] of its own class, from all evidence
+    trust: float  # share of the evidence for its own class that counts in the fields below
     probabilities: dict[str, float]  # class -> mean over the Gaussians, "other" too
     score: Score  # for its own class
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Where the believed part of an instance is, world, metres."""
+    """Extent of the Gaussians of an instance that have its class; world, metres."""
 
     low_m: NDArray[np.float64]  # [3]
     high_m: NDArray[np.float64]  # [3]
@@ -58,7 +58,7 @@ def believed(
 ) -> Belief:
     """Belief in an instance of a class, which is one of class_names; n_classes: see `marginal`.
 
-    trust: share of the evidence for the class that counts in the score; `mean` has all of it.
+    trust: share of the evidence for the class that counts in the score; `mean` uses all of it.
     """
     columns = np.array([store.class_names.index(name) for name in class_names], np.int64)
     own = class_names.index(class_name)
@@ -75,31 +75,33 @@ def believed(
 
 
 def sure_part(mean: NDArray[np.floating]) -> float:
-    """Probability from which Gaussians are as good as the surest of their instance. mean: [n].
+    """Probability above which Gaussians count like the surest ones of their instance. mean: [n].
 
-    Small things that stand together are joined where masks run over from one to the other, and the
-    one that is meant is the one that is believed more.
+    Masks that overlap join small objects that stand together; the one with the higher probabilities
+    is the object of that class.
     """
     return SURE * float(np.quantile(mean, SUREST))
 
 
 def shape_of(points: NDArray[np.float32], belief: Belief, least: float = BELIEVED) -> Shape:
-    """Of the Gaussians that are of the class with a probability above `least`, or of all where none
-    is. points: [., 3] of the store."""
+    """Shape of the Gaussians with a class probability above `least`, or of all if there is none.
+
+    points: [., 3] of the store.
+    """
     xyz = np.empty((3, len(belief.rows)), np.float32)
     least = least if (belief.mean > least).any() else -1.0
     own = gather_kernel(belief.rows, points, belief.mean, least, xyz)
     low, high = quantiles(xyz[:, :own], BOX_QUANTILES)
     xy = np.empty((own, 2), np.float32)
     inside, top_m = inside_kernel(xyz, own, low, high, xy)
-    if not inside:  # few points: the box may hold none of them
+    if not inside:  # with few points the box may contain none of them
         everything = np.full(3, np.inf)
         inside, top_m = inside_kernel(xyz, own, -everything, everything, xy)
     return Shape(low, high, float(top_m), outline(xy[:inside]))
 
 
 def describe(label: int, record: InstanceRecord, shape: Shape, belief: Belief) -> ObjectInstance:
-    """Figures of an instance."""
+    """`ObjectInstance` from the record, shape and belief of an instance."""
     return ObjectInstance(
         id=label,
         class_name=record.class_name,
@@ -118,7 +120,7 @@ def describe(label: int, record: InstanceRecord, shape: Shape, belief: Belief) -
 
 
 def quantiles(values: NDArray[np.float32], shares: Sequence[float]) -> NDArray[np.float64]:
-    """Quantiles [shares, k] of each row of values [k, n], as `numpy.quantile` interpolates."""
+    """Quantiles [shares, k] of each row of values [k, n], interpolated like `numpy.quantile`."""
     at = np.asarray(shares) * (values.shape[1] - 1)
     low = np.floor(at).astype(np.int64)
     high = np.ceil(at).astype(np.int64)
@@ -159,16 +161,16 @@ def gaussians_of(
 
 @dataclass(frozen=True)
 class Grasp:
-    """The believed part of an object."""
+    """Points and grasp box of the Gaussians of an object that have its class."""
 
-    points_m: NDArray[np.float32]  # [k, 3] world, one per THIN_M
-    center_m: NDArray[np.float64]  # [3] of the box
+    points_m: NDArray[np.float32]  # [k, 3] world, one per cube of THIN_M
+    center_m: NDArray[np.float64]  # [3] centre of the box
     size_m: NDArray[np.float64]  # [3] along the box's own axes; x is the narrow side
-    yaw_rad: float  # of the box's x axis in the ground plane: in which a gripper closes
+    yaw_rad: float  # direction of the box's x axis, in which a gripper closes
 
 
 def grasp(points_m: NDArray[np.float32]) -> Grasp:
-    """points_m: [n, 3] world, n at least 1. The box is the smallest upright one around them."""
+    """Grasp from points_m: [n, 3] world, n at least 1. The box is the smallest upright one."""
     cells = np.floor(points_m.astype(np.float64) / THIN_M).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     kept = points_m[np.sort(first)]
@@ -189,10 +191,11 @@ def grasp(points_m: NDArray[np.float32]) -> Grasp:
 def beliefs_kernel(
     rows, positive, asked, columns, own, prior, prior_total, trust, means, deviations, mine
 ):
-    """Sums over rows [n] of the mean and the standard deviation of theta (eq. 4) of each of the
-    columns [C], into means and deviations [C]; the mean of column columns[own] into mine [n].
+    """Sum the mean and standard deviation of theta (eq. 4) over rows [n].
 
-    Of the evidence for that column, the sums count the share `trust`, and `mine` counts all.
+    Writes the sums for the columns [C] into means and deviations [C], and the mean of column
+    columns[own] into mine [n]. For that column, the sums count the share `trust` of the evidence,
+    and `mine` counts all.
     """
     for k in range(rows.size):
         for j in range(columns.size):
@@ -208,8 +211,10 @@ def beliefs_kernel(
 
 @njit(cache=True, nogil=True)
 def gather_kernel(rows, points, mine, least, xyz):
-    """The points [., 3] of rows [n] with mine [n] above `least`, axis by axis into xyz [3, n];
-    returns how many."""
+    """Copy the points [., 3] of rows [n] with mine [n] above `least` into xyz [3, n], axis by axis.
+
+    Returns the number of points.
+    """
     n = 0
     for k in range(rows.size):
         if mine[k] > least:
@@ -221,8 +226,10 @@ def gather_kernel(rows, points, mine, least, xyz):
 
 @njit(cache=True, nogil=True)
 def inside_kernel(xyz, points, low, high, xy):
-    """Of the first points of xyz [3, .], those within low and high [3]: their x and y into
-    xy [points, 2]; returns how many, and the largest z."""
+    """Copy x and y of the first `points` of xyz [3, .] that lie within low and high [3] into xy.
+
+    xy: [points, 2]. Returns the number of points copied, and their largest z.
+    """
     n, top = 0, -np.inf
     for i in range(points):
         x, y, z = xyz[0, i], xyz[1, i], xyz[2, i]
@@ -236,9 +243,11 @@ def inside_kernel(xyz, points, low, high, xy):
 
 @njit(cache=True, nogil=True)
 def outer_kernel(xy, outer):
-    """Copy to outer [n, 2] the points of xy [n, 2] that are not well inside of the octagon of the
-    extreme ones: no other can be a corner of the hull. Returns how many."""
-    corner = np.zeros(8, np.int64)  # counter-clockwise: the most along x, x + y, y, y - x, ...
+    """Copy to outer [n, 2] the points of xy [n, 2] that may be corners of the convex hull.
+
+    Skips the points well inside of the octagon of the extreme points. Returns the number copied.
+    """
+    corner = np.zeros(8, np.int64)  # counter-clockwise: largest x, x + y, y, y - x, ...
     reach = np.full(8, -np.inf)
     along = np.empty(8)
     for i in range(xy.shape[0]):
@@ -269,8 +278,10 @@ def outer_kernel(xy, outer):
 
 @njit(cache=True, nogil=True)
 def ranked_kernel(values, ranks, out):
-    """The values [n] that stand at some ranks when sorted: counted into bins, and only the bins of
-    the ranks sorted."""
+    """Write the values [n] at some ranks of the sorted order to out.
+
+    Counts the values into bins, and sorts only the bins of the ranks.
+    """
     low, high = values[0], values[0]
     for i in range(values.size):
         low, high = min(low, values[i]), max(high, values[i])

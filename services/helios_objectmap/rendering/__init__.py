@@ -1,1 +1,1 @@
-"""Gaussians as a camera sees them (eq. 1): one interface, a renderer for the CPU, one for CUDA."""
+"""Rendering of Gaussians into a camera (eq. 1): one interface, a CPU renderer, a CUDA renderer."""

@@ -1,4 +1,4 @@
-"""The renderers by name."""
+"""Table of the renderers by name."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ BackEnd = Literal["cpu", "cuda"]
 
 
 def back_end(name: BackEnd) -> Project:
-    """The back end of a name. Raises Unavailable, saying what to install, where it can't run."""
+    """Renderer of that name. Raises Unavailable, with what to install, if it cannot run here."""
     if name == "cuda":
-        from helios_objectmap.rendering import cuda  # loads torch only when chosen
+        from helios_objectmap.rendering import cuda  # imported here: it loads torch
 
         cuda.require()
         return cuda.project

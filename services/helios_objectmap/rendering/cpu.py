@@ -1,4 +1,4 @@
-"""The renderer on the CPU: numba kernels on all cores that numba is given."""
+"""CPU renderer: numba kernels that run on all of numba's threads."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from helios_objectmap.rendering.renderer import FAR_M, LOW_PASS_PX2, NEAR_M, Flo
 
 @dataclass(frozen=True)
 class CpuProjection:
-    """Gaussians as one view sees them, and which tiles of the image each of them touches."""
+    """Gaussians projected into one view, with the image tiles that each of them touches."""
 
     width: int
     height: int
-    rows: NDArray[np.int32]  # [k] which of the Gaussians given
+    rows: NDArray[np.int32]  # [k] indices of the Gaussians
     splats: Float32  # [k, COLUMNS], see kernels.py
     offsets: NDArray[np.int64]  # [tiles + 1] into entries
-    entries: NDArray[np.int32]  # those of the k on each tile, near to far
+    entries: NDArray[np.int32]  # indices into the k splats, per tile, near to far
 
     @property
     def depth_m(self) -> Float32:
-        """[k] distance along the optical axis."""
+        """Distances [k] along the optical axis."""
         return self.splats[:, DEPTH]
 
     @property
     def uv(self) -> Float32:
-        """[k, 2] projected centres in pixels."""
+        """Projected centres [k, 2] in pixels."""
         return self.splats[:, U : V + 1]
 
     def render(self, features: Float32 | None = None) -> Rendering:
@@ -69,7 +69,7 @@ class CpuProjection:
         return sums
 
     def renewed(self, gone: NDArray[np.integer], more: CpuProjection) -> CpuProjection:
-        """Without some of its Gaussians, and with those of another projection into this view."""
+        """This projection without the Gaussians `gone`, plus those of `more` in the same view."""
         number, n_kept = np.arange(len(self.rows), dtype=np.int32), len(self.rows) - len(gone)
         kept = slice(None)
         if len(gone):

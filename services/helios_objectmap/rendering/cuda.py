@@ -1,8 +1,8 @@
-"""The renderer on CUDA: projection in torch, rasterising by gsplat (the extra `cuda`).
+"""CUDA renderer: projection in torch, rasterisation by gsplat (the extra `cuda`).
 
-gsplat blends as the CPU does, but leaves a pixel just before less than 1e-4 of its light would be
-left, and adds up kappa with atomics: results differ between runs by rounding. Its pixel (u, v) has
-the centre (u + 1/2, v + 1/2).
+gsplat blends as the CPU renderer does, but it leaves a pixel just before less than 1e-4 of the
+light would remain, and it sums kappa with atomics: results differ between runs by rounding. The
+centre of its pixel (u, v) is (u + 1/2, v + 1/2).
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _HALF_PIXEL = 0.5
 
 
 def _gsplat():
-    """The library, loaded when first used: it is heavy, and its kernels are built then."""
+    """The gsplat module, imported at the first use, which also builds its kernels."""
     return importlib.import_module("gsplat")
 
 
 def require() -> None:
-    """Raise Unavailable, with what to do, unless gsplat can run here."""
+    """Raise Unavailable, with the remedy, unless gsplat can run here."""
     chosen = "HELIOS_OBJECTMAP_RENDERER is cuda, but"
     try:
         import torch
@@ -50,12 +50,12 @@ def require() -> None:
 
 @dataclass(frozen=True)
 class Splats:
-    """The Gaussians that touch an image, as tensors on one device, in the order of their rows."""
+    """Tensors of the Gaussians that touch an image, on one device, in the order of their rows."""
 
     rows: Tensor  # [k] int64
     uv: Tensor  # [k, 2] pixels
     conics: Tensor  # [k, 3] inverse covariances, 1 / px^2: uu, uv, vv
-    half_px: Tensor  # [k, 2] how far alpha stays above the least one
+    half_px: Tensor  # [k, 2] half extent in which alpha exceeds ALPHA_MIN
     depth_m: Tensor  # [k]
     opacity: Tensor  # [k]
     radius_m: Tensor  # [k]
@@ -63,15 +63,15 @@ class Splats:
 
 @dataclass(frozen=True)
 class CudaProjection:
-    """Gaussians as one view sees them."""
+    """Gaussians projected into one view."""
 
     width: int
     height: int
-    rows: NDArray[np.int32]  # [k] which of the Gaussians given
+    rows: NDArray[np.int32]  # [k] indices of the Gaussians
     depth_m: Float32  # [k] distance along the optical axis
     uv: Float32  # [k, 2] projected centres in pixels
     splats: Splats  # of the same rows
-    offsets: Tensor | None  # [1, tiles v, tiles u] into entries; None where nothing is in view
+    offsets: Tensor | None  # [1, tiles v, tiles u] into entries; None if nothing is in view
     entries: Tensor | None  # splats of each tile, near to far
 
     def render(self, features: Float32 | None = None) -> Rendering:
@@ -95,8 +95,8 @@ class CudaProjection:
     def kappa_sums(self, labels: NDArray[np.int32], n_labels: int) -> Float32:
         """Sum kappa(p, n) over the pixels of each label: the sum of eq. 3, [k, n_labels].
 
-        What is blended is linear in the channels, so the sum of kappa over a label's pixels is the
-        gradient of the blended channel, summed over these pixels.
+        The blended image is linear in the channels, so the sum of kappa over a label's pixels
+        equals the gradient of the blended channel, summed over these pixels.
         """
         import torch
 
@@ -114,7 +114,7 @@ class CudaProjection:
         return sums.cpu().numpy()
 
     def renewed(self, gone: NDArray[np.integer], more: CudaProjection) -> CudaProjection:
-        """Without some of its Gaussians, and with those of another projection into this view."""
+        """This projection without the Gaussians `gone`, plus those of `more` in the same view."""
         import torch
 
         kept = torch.ones(len(self.rows), dtype=torch.bool, device=self.splats.uv.device)
@@ -128,7 +128,7 @@ class CudaProjection:
         return _projection(splats, self.width, self.height)
 
     def _rasterized(self, channels: Tensor) -> tuple[Tensor, Tensor]:
-        """channels [k, c] blended [h, w, c], and the coverage [h, w]."""
+        """Channels [k, c] blended to an image [h, w, c], and the coverage [h, w]."""
         blended, coverage = _gsplat().rasterize_to_pixels(
             (self.splats.uv + _HALF_PIXEL)[None], self.splats.conics[None], channels[None],
             self.splats.opacity[None], self.width, self.height, TILE, self.offsets, self.entries,
@@ -155,7 +155,7 @@ def project(
 
 
 def _projection(splats: Splats, width: int, height: int) -> CudaProjection:
-    """Splats with the tiles that each of them touches."""
+    """Projection from splats: adds the tiles that each splat touches."""
     import torch
 
     offsets = entries = None
@@ -174,7 +174,7 @@ def _tiles(splats: Splats, width: int, height: int) -> tuple[Tensor, Tensor]:
     import torch
 
     tiles_u, tiles_v = -(-width // TILE), -(-height // TILE)
-    order = tie_order(splats)  # gsplat sorts stably by depth: what is equally far stays so
+    order = tie_order(splats)  # gsplat's sort by depth is stable: ties keep this order
     uv = splats.uv[order] + _HALF_PIXEL
     half_px = torch.ceil(splats.half_px[order]).to(torch.int32)
     _, keys, entries = _gsplat().isect_tiles(
@@ -193,7 +193,7 @@ def splats_of(
     far_m: float,
     device: str,
 ) -> Splats:
-    """EWA projection in torch; the twin of `kernels.projection.project_kernel`."""
+    """EWA projection in torch; equivalent to `kernels.projection.project_kernel`."""
     import torch
 
     def tensor(array: NDArray) -> Tensor:
@@ -227,7 +227,7 @@ def splats_of(
 
 
 def tie_order(splats: Splats) -> Tensor:
-    """[k] splats ordered by what is drawn alone: centre, radius and opacity."""
+    """Order [k] of the splats by drawn attributes only: centre, radius and opacity."""
     import torch
 
     order = torch.arange(len(splats.rows), device=splats.rows.device)

@@ -22,11 +22,11 @@ _RUN = 2048  # Gaussians that one thread projects at a time
 def project_kernel(
     rows, means, radius, opacity, T_cam_world, camera, size, limits, splats, tiles, visible
 ):
-    """EWA projection of the Gaussians in `rows`, [n]; returns how many touch the image.
+    """EWA projection of the Gaussians in `rows`, [n]. Returns the number that touch the image.
 
-    camera: fx, fy, cx, cy; size: width, height; limits: near_m, far_m, low_pass_px2. The first
-    rows of splats [n, COLUMNS], tiles [n, 4] (first and last, u then v) and visible [n] are
-    filled in the order of `rows`.
+    camera: fx, fy, cx, cy; size: width, height; limits: near_m, far_m, low_pass_px2. Fills the
+    first rows of splats [n, COLUMNS], tiles [n, 4] (first and last, u then v) and visible [n], in
+    the order of `rows`.
     """
     n = rows.size
     runs = (n + _RUN - 1) // _RUN
@@ -108,7 +108,7 @@ def _project_run(
 
 @njit(cache=True, nogil=True)
 def bin_kernel(order, tiles, tiles_x, offsets, entries, fill):
-    """List per tile the splats that touch it, in their order. First call with fill=False."""
+    """List the splats that touch each tile, in `order`. A first call, fill=False, sets offsets."""
     if not fill:
         offsets[:] = 0
         for g in range(tiles.shape[0]):
@@ -133,10 +133,10 @@ _PASSES = 3
 
 @njit(cache=True, nogil=True)
 def depth_order_kernel(splats, order):
-    """Fill order [k] with the splats from near to far: a radix sort of the bits of the depth.
+    """Fill order [k] with the splats from near to far, by a radix sort of the bits of the depth.
 
-    Positive float32 are ordered as their bits are. Equal depths are ordered by what is drawn:
-    centre, radius and opacity.
+    Positive float32 sort like their bits. Drawn attributes order equal depths: centre, radius and
+    opacity.
     """
     n = splats.shape[0]
     if n == 0:
@@ -197,9 +197,9 @@ def _order_equal_depths(splats, keys, order):
 
 @njit(cache=True, nogil=True)
 def tie(words, i):
-    """What orders a splat among those equally far: centre, radius and opacity, mixed.
+    """Sort key of a splat among splats of equal depth: centre, radius and opacity, mixed.
 
-    words: [n, COLUMNS] the bits of the splats.
+    words: [n, COLUMNS] bits of the splats.
     """
     mixed = (np.uint64(words[i, U]) << np.uint64(32)) | np.uint64(words[i, V])
     mixed ^= np.uint64(words[i, RADIUS]) * np.uint64(0x9E3779B97F4A7C15)
@@ -208,7 +208,7 @@ def tie(words, i):
 
 @njit(cache=True, nogil=True)
 def merged_offsets_kernel(number, offsets, entries, more_offsets, out_offsets):
-    """How many entries each tile has: those that keep a number (>= 0), and the others' own."""
+    """Offsets of the merged tile lists: entries that keep a number (>= 0), plus the added ones."""
     out_offsets[0] = 0
     for t in range(offsets.size - 1):
         n = more_offsets[t + 1] - more_offsets[t]
@@ -221,10 +221,10 @@ def merged_offsets_kernel(number, offsets, entries, more_offsets, out_offsets):
 def merge_kernel(
     splats, number, offsets, entries, n_kept, more_offsets, more_entries, out_offsets, out_entries
 ):
-    """Merge the lists of each tile, near to far.
+    """Merge the two lists of each tile, near to far.
 
-    splats: all of the new projection, the kept ones first; number: [old k] their new numbers, -1
-    for those that go; the others are numbered from n_kept on.
+    splats: all splats of the new projection, the kept ones first; number: [old k] their new
+    numbers, -1 for removed ones. The added splats are numbered from n_kept on.
     """
     words = splats.view(np.uint32)
     for t in prange(offsets.size - 1):
@@ -248,13 +248,13 @@ def merge_kernel(
 
 @njit(cache=True, nogil=True)
 def _is_nearer(words, a, b):
-    """Whether splat a comes before splat b; depths are positive, and ordered as their bits are."""
+    """True if splat a comes before splat b. Depths are positive and sort like their bits."""
     if words[a, DEPTH] != words[b, DEPTH]:
         return words[a, DEPTH] < words[b, DEPTH]
     return tie(words, a) < tie(words, b)
 
 
-ALPHA_MIN = 1.0 / 255.0  # less counts as 0
-OPACITY_MAX = 0.999  # more counts as this
-COVERAGE_MIN = 1e-3  # less has no depth
+ALPHA_MIN = 1.0 / 255.0  # smaller alphas count as 0
+OPACITY_MAX = 0.999  # larger opacities are clamped to this
+COVERAGE_MIN = 1e-3  # pixels with less coverage have no depth
 TILE = 16  # pixels, both ways

@@ -1,8 +1,8 @@
-"""Front to back over the splats of a tile: kappa (eq. 1), row by row of sixteen pixels.
+"""Front-to-back blending of the splats of a tile: kappa (eq. 1), row by row of sixteen pixels.
 
-The splats of a tile are taken in chunks. For each row of the tile the splats that reach it are
-listed, then their kappa is computed with the light that is left in a register, then it is used: to
-blend features, or to be summed per label.
+The splats of a tile are taken in chunks. For each row of the tile, the kernel lists the splats that
+reach the row, computes their kappa with the remaining light held in a register, and then either
+blends features or sums kappa per label.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ from helios_objectmap.rendering.simd import (
 )
 
 TRANSMITTANCE_MIN = 1e-4
-CHUNK = 64  # splats at a time; after each chunk rows without light are finished
-CHANNEL_BLOCK = 4  # channels blended together: as many sums as registers can hold everywhere
+CHUNK = 64  # splats at a time; a row without light is finished after its chunk
+CHANNEL_BLOCK = 4  # channels blended together; their sums fit the registers of every CPU
 _ALL_ROWS = (1 << TILE) - 1
-_PARAMETERS = 8  # of a splat in a tile
+_PARAMETERS = 8  # per splat in a tile
 
 _f4 = np.float32
 _i8 = np.int64
 _LOG2_ALPHA_MIN = math.log2(ALPHA_MIN)
-_SLACK_PX2 = 0.01  # a row is listed rather than missed by rounding
+_SLACK_PX2 = 0.01  # margin, so that rounding misses no row
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits):
-    """Copy n splats relative to a tile into `own`; list for each row those that reach it."""
+    """Copy n splats relative to a tile into `own`; list, for each row, the splats that reach it."""
     reached = np.empty(CHUNK, np.uint32)  # bit r: reaches row r
     zero, rows, last = fill(_f4(0)), ramp(), fill(_f4(TILE - 1))
     for j in range(n):
@@ -66,7 +66,7 @@ def _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits):
         own[j * _PARAMETERS + 3] = b
         own[j * _PARAMETERS + 4] = c
         own[j * _PARAMETERS + 5] = strength
-        # In a row the exponent peaks at `middle`, and is above the least one within its width.
+        # In a row the exponent peaks at `middle`; within `width2` (squared) it exceeds the minimum.
         inverse = _f4(-1) / a
         dv = rows - fill(v)
         middle = fill(u) + fill(_f4(0.5) * b * inverse) * dv
@@ -75,7 +75,7 @@ def _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits):
         )
         gap = larger(zero, larger(zero - middle, middle - last))
         reached[j] = at_most(gap * gap, width2)
-    for row in range(TILE):  # without a branch: which splats reach a row can't be predicted
+    for row in range(TILE):  # branch-free: the hits are unpredictable
         m = 0
         for j in range(n):
             hits[row * CHUNK + m] = j
@@ -87,7 +87,7 @@ def _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits):
 def _kappa_of_row(own, hits, n, row, light, at_light, kappa):
     """kappa [n, 16] of the splats that reach a row (eq. 1); dims light [at_light : + 16].
 
-    Returns the most light that is left in a pixel.
+    Returns the largest remaining light of a pixel.
     """
     left, u = load(light, at_light), ramp()
     for i in range(n):
@@ -106,10 +106,10 @@ def _kappa_of_row(own, hits, n, row, light, at_light, kappa):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _copy_channels(splats, features, n_features, entries, first, n, n_channels, channels):
-    """Depth and features of n splats into channels [n, n_channels].
+    """Copy depth and features of n splats into channels [n, n_channels].
 
-    Sixteen features at a time: what is copied beyond them is written over by the next splat, or
-    blended into channels that nobody reads.
+    It copies sixteen features at a time. The next splat overwrites the surplus ones, or they blend
+    into unused channels.
     """
     for j in range(n):
         g = _i8(entries[first + j])
@@ -125,8 +125,10 @@ def _copy_channels(splats, features, n_features, entries, first, n, n_channels, 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blend_row(channels, hits, n, row, n_channels, kappa, band, at_band, stride):
-    """Add kappa times the channels of the splats that reach a row to the sixteen pixels of
-    channel c at band[at_band + c * stride]."""
+    """Add kappa times the channels of the splats that reach a row to its sixteen pixels.
+
+    The pixels of channel c start at band[at_band + c * stride].
+    """
     for c in range(0, n_channels, CHANNEL_BLOCK):
         to0 = at_band + c * stride
         to1, to2, to3 = to0 + stride, to0 + 2 * stride, to0 + 3 * stride
@@ -174,16 +176,15 @@ def _blend_tile(
 def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended):
     """Blend depth [h, w] and features [k * c] into blended [c, h, w]; coverage: sum of kappa.
 
-    The line above eq. 1. What is blended is not divided by the coverage, but the depth is. A band
-    of tiles is blended before it is written: tile by tile, each row of the image would be fetched
-    again and again.
+    The line above eq. 1. Depth is divided by the coverage, features are not. The kernel blends a
+    band of tiles before it writes it, so that each image row is fetched once.
     """
     height, width = coverage.shape
     n_features = blended.shape[0]
     n_channels = (1 + n_features + CHANNEL_BLOCK - 1) // CHANNEL_BLOCK * CHANNEL_BLOCK
     tiles_x = (width + TILE - 1) // TILE
     tiles_y = (height + TILE - 1) // TILE
-    stride = (tiles_x | 1) * TILE  # odd: rows that share no place in the cache
+    stride = (tiles_x | 1) * TILE  # an odd number of tiles: rows map to different cache sets
     for i in prange(tiles_y):
         tile_y = _dealt(i, tiles_y)
         light = np.ones(TILE * stride, np.float32)
@@ -209,7 +210,10 @@ def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended
 
 @njit(cache=True, nogil=True)
 def _dealt(i, n):
-    """Band i when n are dealt out in two: neighbours are alike, and not all one thread's."""
+    """Band that loop step i handles: the even bands first, then the odd ones.
+
+    Neighbouring bands cost about the same; this order spreads them over the threads.
+    """
     half = (n + 1) // 2
     return 2 * i if i < half else 2 * (i - half) + 1
 

@@ -1,14 +1,14 @@
-"""What a renderer of Gaussians offers, whichever machine it runs on (section 3.1.3, eq. 1).
+"""Interface of a renderer of Gaussians, on CPU or GPU (section 3.1.3, eq. 1).
 
     alpha_n(p) = opacity_n * exp(-0.5 d^T S_n^-1 d),  d = p - mean of the splat in the image
     kappa(p, n) = alpha_n(p) * prod_{j nearer than n} (1 - alpha_j(p))                   (eq. 1)
 
 The printed kernel lacks the minus sign. S_n is the EWA covariance of a sphere of `radius` plus
-LOW_PASS_PX2. An alpha below 1/255 counts as 0, an opacity above 0.999 as that, and a pixel may be
-finished once less than 1e-4 of its light is left.
+LOW_PASS_PX2. An alpha below 1/255 counts as 0, an opacity above 0.999 counts as 0.999, and a
+renderer may finish a pixel once less than 1e-4 of its light is left.
 
-A back end is one function, `Project`: `cpu.project`, or `cuda.project` on a GPU;
-`back_ends.py` has them by name.
+A back end is one function, `Project`: `cpu.project`, or `cuda.project` on a GPU; `back_ends.py`
+selects one by name.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap.camera import View
 
-LOW_PASS_PX2 = 0.3  # as in 3DGS: a splat never falls between two pixels
+LOW_PASS_PX2 = 0.3  # as in 3DGS, so that no splat falls between two pixels
 NEAR_M = 0.05
 FAR_M = 100.0
 
@@ -30,29 +30,29 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Rendering:
-    """What a view shows of the Gaussians."""
+    """Depth, coverage and features of the Gaussians, rendered into one view."""
 
-    depth_m: Float32  # [h, w] blended depth along the optical axis, 0 where nothing is modelled
+    depth_m: Float32  # [h, w] blended depth along the optical axis, 0 without coverage
     coverage: Float32  # [h, w] sum of kappa, in [0, 1]
     features: Float32  # [c, h, w] sums of kappa * feature, not divided by the coverage
 
 
 class Projection(Protocol):
-    """Gaussians as one view sees them: those that touch the image."""
+    """Gaussians projected into one view: those that touch the image."""
 
     @property
     def rows(self) -> NDArray[np.int32]:
-        """[k] which of the Gaussians given."""
+        """Indices [k] of the Gaussians."""
         ...
 
     @property
     def depth_m(self) -> Float32:
-        """[k] distance along the optical axis."""
+        """Distances [k] along the optical axis."""
         ...
 
     @property
     def uv(self) -> Float32:
-        """[k, 2] projected centres in pixels."""
+        """Projected centres [k, 2] in pixels."""
         ...
 
     def render(self, features: Float32 | None = None) -> Rendering:
@@ -67,16 +67,17 @@ class Projection(Protocol):
         ...
 
     def renewed(self, gone: NDArray[np.integer], more: Self) -> Self:
-        """Without some of its Gaussians, and with those of another projection into this view.
+        """This projection without the Gaussians `gone`, plus those of `more` in the same view.
 
-        gone: distinct indices into `rows`. The result is that of projecting all that are left and
-        all of `more`; what `more` shows may be in it already only if it goes.
+        gone: distinct indices into `rows`. The result equals a projection of all remaining
+        Gaussians and all of `more`. `more` may contain a Gaussian of this projection only if it is
+        in `gone`.
         """
         ...
 
 
 class Project(Protocol):
-    """A back end: how Gaussians become a projection."""
+    """Back end: function that projects Gaussians into a view."""
 
     def __call__(
         self,
@@ -89,8 +90,7 @@ class Project(Protocol):
     ) -> Projection:
         """Project Gaussians into a view and order them by depth.
 
-        means: [n, 3] world, metres; radius_m, opacity: [n]; rows: the ones to look at, default
-        all. Equal depths are ordered by what is drawn, so the order of the rows never changes a
-        pixel.
+        means: [n, 3] world, metres; radius_m, opacity: [n]; rows: the ones to project, default all.
+        Drawn attributes order equal depths, so the order of the rows never changes a pixel.
         """
         ...

@@ -1,8 +1,8 @@
-"""Sixteen float32 at once, for numba kernels whose loops the compiler would not turn into SIMD.
+"""Vectors of sixteen float32 for numba kernels whose loops the compiler does not vectorise.
 
-A `Lanes` value is one vector register with AVX-512, two with AVX2 and four with NEON or SSE:
-LLVM splits it, so kernels are written once. Arrays are flat, and an index must lie inside:
-nothing is checked, and negative ones do not count from the end.
+A `Lanes` value is one vector register with AVX-512, two with AVX2 and four with NEON or SSE. LLVM
+splits it, so one kernel serves all. Arrays are flat. Indices are not checked: they must lie inside
+the array, and negative ones do not count from the end.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ LANES = 16
 
 _FLOAT, _INT = ir.FloatType(), ir.IntType(32)
 _FLOATS, _INTS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
-# A sum of products may be fused and its order changed, as `fastmath` does for scalars.
+# Allows fused and reordered sums of products, as `fastmath` does for scalars.
 _FAST = ("fast",)
 # 2**f = sum_k c_k f**k for |f| <= 1/2, relative error below 2e-7.
 _EXP2 = (1.3390903e-3, 9.6760335e-3, 5.5503577e-2, 2.4022107e-1, 6.9314719e-1, 1.0)
 
 
 def intrinsic(generator: Callable[..., Any]) -> Callable[..., Any]:
-    """What a kernel calls, without `_typing`, for what says which code to generate."""
+    """Numba intrinsic with the signature that kernels call: without the generator's `_typing`."""
     return numba.extending.intrinsic(generator)
 
 
@@ -52,7 +52,7 @@ def _constant(value: float) -> ir.Constant:
 
 
 def _llvm(builder, name: str, returned, *taken):
-    """An intrinsic of LLVM over a vector."""
+    """LLVM intrinsic on a vector."""
     signature = ir.FunctionType(returned, taken)
     return cgutils.get_or_insert_function(builder.module, signature, f"llvm.{name}.v{LANES}f32")
 
@@ -70,7 +70,7 @@ def _pointer(context, builder, array_type, array, index):
 
 @intrinsic
 def ramp(_typing):
-    """0, 1, ... 15."""
+    """Lanes 0, 1, ... 15."""
 
     def generate(_context, _builder, _signature, _arguments):
         return ir.Constant(_FLOATS, [float(i) for i in range(LANES)])
@@ -80,7 +80,7 @@ def ramp(_typing):
 
 @intrinsic
 def fill(_typing, value):
-    """The same float32 in all lanes."""
+    """One float32 in all lanes."""
 
     def generate(_context, builder, _signature, arguments):
         return _spread(builder, arguments[0])
@@ -112,7 +112,7 @@ def load(_typing, array, index):
 
 @intrinsic
 def store(_typing, array, index, values):
-    """array[index : index + 16] = values."""
+    """Write lanes: array[index : index + 16] = values."""
 
     def generate(context, builder, signature, arguments):
         pointer = _pointer(context, builder, signature.args[0], *arguments[:2])
@@ -143,7 +143,7 @@ def exp2_above(_typing, exponent, least):
 
 @intrinsic
 def at_most(_typing, x, y):
-    """Bit i of the result tells whether x <= y in lane i."""
+    """Bit mask: bit i is set if x <= y in lane i."""
 
     def generate(_context, builder, _signature, arguments):
         bits = builder.bitcast(builder.fcmp_ordered("<=", *arguments), ir.IntType(LANES))
@@ -154,7 +154,7 @@ def at_most(_typing, x, y):
 
 @intrinsic
 def larger(_typing, x, y):
-    """The larger of two, lane by lane."""
+    """Larger of two values, lane by lane."""
 
     def generate(_context, builder, _signature, arguments):
         return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
