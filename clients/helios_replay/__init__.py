@@ -1,4 +1,4 @@
-"""A recording or data set as a robot that cannot move."""
+"""Replay of a recording or data set as a robot that cannot move."""
 
 from helios_replay.driver import ReplayDriver
 

@@ -1,4 +1,4 @@
-"""`python -m helios_replay`: the detector of a recording."""
+"""Entry point of `python -m helios_replay`: the detector of a recording."""
 
 from __future__ import annotations
 

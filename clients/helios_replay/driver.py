@@ -1,4 +1,4 @@
-"""Plays a recording as a robot: each capture gives the next image, at rest, and no action moves."""
+"""Replay of a recording as a robot: each capture returns the next image, and no action moves it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ from helios_core.types import RobotDescription, RobotState
 from helios_replay.format_detection import open_source
 from helios_replay.replay_source import Part
 
-REMEMBERED = 256  # results of actions
+REMEMBERED = 256  # action results kept
 
 
 class ReplayDriver(RobotDriver):
-    """Plays what `format_detection.open_source` can open. Raises InvalidInput if it cannot.
+    """Robot driver that plays any source that `format_detection.open_source` can open.
 
-    An image that cannot be read raises InvalidInput from `capture`, once; the next capture gives
-    the next image.
+    `capture` raises InvalidInput once for an unreadable image; the next call returns the next one.
     """
 
     def __init__(
@@ -49,22 +48,22 @@ class ReplayDriver(RobotDriver):
         clock: Callable[[], float] = time.monotonic,
         wait: Callable[[float], object] | None = None,
     ) -> None:
-        """source: what to play. limit, from_s, to_s: which part of it. rate: how fast, 1 as it was
-        recorded; 0 as fast as it goes. contexts: begin the recorded searches, on `bus`, when they
-        began. clock, wait: seconds that only grow, and how to let some of them pass; closing ends
-        the default wait."""
+        """source: file or folder to play. limit, from_s, to_s: the part to play. rate: playback
+        speed, 1 as recorded, 0 as fast as possible. contexts: publish the recorded search contexts
+        on `bus` at their recorded times. clock, wait: monotonic time in seconds, and a function
+        that waits; `close` ends the default wait. Raises InvalidInput for an unplayable source."""
         if source is None:
             raise InvalidInput("a replay needs something to play; name it with --source")
         self._source = open_source(source, Part(limit, from_s, to_s, topics))
         self._rate, self._bus = rate, bus if contexts else None
-        self._searching = self._bus is None  # somebody else says what is looked for
+        self._searching = self._bus is None  # True if another process sets the search context
         self._next = 0
         self._T_world_cam = self._source.shots[0].T_world_cam
         self._T_world_base = base_below_camera(self._T_world_cam)
-        self._began_s: float | None = None  # by the clock, of the first shot
+        self._began_s: float | None = None  # clock time of the first shot
         self._closed = threading.Event()
         self._clock, self._wait = clock, wait or self._closed.wait
-        self._stopped = ""  # why
+        self._stopped = ""  # reason of the stop; empty if not stopped
         self._steps = 0
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
 
@@ -128,9 +127,9 @@ class ReplayDriver(RobotDriver):
         self._closed.set()
 
     def _begin(self, index: int, bus: Bus) -> None:
-        """What the maps had heard before they took up the shot: searches, and what is held. A
-        robot that runs freely has told that it holds nothing any more before its picture is
-        mapped; one in lockstep tells it afterwards, and so does the bridge."""
+        """Publish the messages that the maps received before this shot: search contexts and a
+        changed held object. A free-running robot publishes that its hand is empty before its image
+        is mapped; a robot in lockstep, and the bridge, publish it afterwards."""
         for context in self._source.contexts_before(index):
             bus.publish(CONTEXT, context)
             self._searching = True
@@ -140,7 +139,7 @@ class ReplayDriver(RobotDriver):
             bus.publish(ROBOT_STATE, by_then)
 
     def _wait_for(self, index: int) -> None:
-        """Until it is time for this shot."""
+        """Wait until the time of this shot at the playback rate."""
         now_s, shots = self._clock(), self._source.shots
         if self._began_s is None:
             self._began_s = now_s

@@ -1,4 +1,4 @@
-"""What lies at a path, opened as something to replay."""
+"""Detection of the format at a path, and opening of the matching replay source."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ log = logging.getLogger(__name__)
 
 
 def open_source(path: Path, part: Part | None = None) -> Source:
-    """By what lies there; the log tells what of it is left out. Raises InvalidInput in one
-    sentence when it cannot be played, and Unavailable without the library that it takes."""
+    """The source for the format at `path`; logs the number of images left out. Raises InvalidInput,
+    in one sentence, when it cannot be played, and Unavailable without the required library."""
     source = _opened(path, part or Part())
     if source.left_out:
         log.warning("%s: %s", path, source.left_out)
@@ -46,21 +46,21 @@ def _opened(path: Path, part: Part) -> Source:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether it is one of ours: MCAP, or a folder of it."""
+    """True for a HELIOS recording: an MCAP file, or a folder of them."""
     if path.is_dir():
         return not _is_bag(path) and bool(mcap_files(path))
     return path.suffix == ".mcap"
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """The files of a recording, in their order; of a folder, those with something in them."""
+    """The files of a recording in order; empty files of a folder are left out."""
     if not path.is_dir():
         return [path]
     return sorted((f for f in path.glob("*.mcap") if f.stat().st_size > 0), key=_by_number)
 
 
 def _by_number(file: Path) -> tuple[list[str], list[int]]:
-    """So that file 1000 comes after file 999."""
+    """Sort key that puts file 1000 after file 999."""
     return re.split(r"\d+", file.name), [int(n) for n in re.findall(r"\d+", file.name)]
 
 

@@ -1,4 +1,4 @@
-"""What of an MCAP file is damaged: its summary where that is whole, and where the next chunk is."""
+"""Recovery of damaged MCAP files: the summary, if intact, and the search for the next chunk."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer
 from mcap.writer import MCAP0_MAGIC
 
-Read = Callable[[int, int], bytes]  # offset, size -> that many bytes; raises where there are fewer
+Read = Callable[[int, int], bytes]  # offset, size -> exactly that many bytes; raises otherwise
 
 LARGEST_SUMMARY = 64_000_000  # bytes
 RECORD = struct.Struct("<BQ")  # opcode, length
 _FOOTER_SIZE = RECORD.size + 20
-_WINDOW = 1 << 16  # bytes that are searched at a time
+_WINDOW = 1 << 16  # bytes searched at a time
 # A chunk record up to its data: opcode, length, two times, size, CRC, compression, data's length.
 _CHUNK_HEAD = re.compile(
     rb"(?=\x06(.{8}).{16}.{8}.{4}(?:(\x04\0\0\0zstd)|(\x03\0\0\0lz4)|\0\0\0\0)(.{8}))", re.DOTALL
@@ -28,38 +28,38 @@ _LONGEST_HEAD = RECORD.size + 28 + 8 + 8
 
 
 class Broken(Exception):
-    """A record that is not whole or makes no sense."""
+    """Raised for an incomplete or invalid record."""
 
 
 class Undeclared(Broken):
-    """A message of a channel that nothing declares."""
+    """Raised for a message of an undeclared channel."""
 
 
 @dataclass(frozen=True)
 class Lost:
-    """A stretch of a file that cannot be read."""
+    """An unreadable stretch of a file."""
 
     at: int  # bytes from the start of the file
     size: int  # bytes
     chunks: int
-    seconds: float  # of the recording, by the log times around it; 0 where unknown
+    seconds: float  # duration of the lost part by the log times around it; 0 if unknown
     why: str
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The end of a whole file: what is declared in it, and where its chunks are."""
+    """The summary of a complete file: its schemas and channels and the index of its chunks."""
 
     declared: Sequence[tuple[int, bytes]] = ()  # opcode, record: schemas, then channels
     chunks: Sequence[ChunkIndex] = ()
 
     def lost_between(self, begin: int, end: int) -> list[ChunkIndex]:
-        """Chunks that start there."""
+        """Chunks that start in [begin, end)."""
         return [c for c in self.chunks if begin <= c.chunk_start_offset < end]
 
 
 def read_summary(read: Read, size: int) -> Summary | None:
-    """None where it is missing or does not have the checksum that it claims. `size`: of the file,
+    """The file's summary; None if it is missing or fails its checksum. `size`: of the file, in
     bytes."""
     try:
         at = size - len(MCAP0_MAGIC) - _FOOTER_SIZE
@@ -74,7 +74,7 @@ def read_summary(read: Read, size: int) -> Summary | None:
         if zlib.crc32(data) != footer.summary_crc:
             return None
         return _parsed(data[: at - start])
-    except Exception:  # whatever the library makes of other bytes
+    except Exception:  # the library raises various types for malformed bytes
         return None
 
 
@@ -94,8 +94,10 @@ def _parsed(data: bytes) -> Summary:
 
 
 def next_chunk(read: Read, begin: int, size: int) -> int | None:
-    """Offset of the first record from `begin` on that looks like a chunk: its lengths agree, and it
-    ends within the file of `size` bytes. None where there is none."""
+    """Offset of the first likely chunk record from `begin` on; None without any.
+
+    The lengths in its header agree, and it ends within the file of `size` bytes.
+    """
     for at in range(begin, size, _WINDOW):
         window = read(at, min(_WINDOW + _LONGEST_HEAD, size - at))
         for found in _CHUNK_HEAD.finditer(window):

@@ -1,10 +1,10 @@
-"""MCAP files, read so that neither a SIGKILL while they were written nor damage does harm.
+"""Fault-tolerant reader of MCAP files that are truncated (SIGKILL during writing) or damaged.
 
-A file is walked record by record from its start. What is damaged is left out and told (`lost`), and
-reading goes on at the next whole chunk; indexes at the end are not needed for it. No size in a file
-is believed before it is checked against the file. Records are parsed by the `mcap` library.
+It walks a file record by record from its start, without the indexes at the end. It skips damaged
+stretches, reports them in `lost`, and continues at the next intact chunk. It checks every size in a
+file against the file before use. The `mcap` library parses the records.
 
-Schemas and channels come from the summary at the end; without one, from wherever they stand.
+Schemas and channels come from the summary at the end, or without one from anywhere in the file.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ from helios_replay.mcap_damage import (
     read_summary,
 )
 
-LARGEST_CHUNK = 256_000_000  # bytes, unpacked; ours have four million
+LARGEST_CHUNK = 256_000_000  # bytes, unpacked; HELIOS writes chunks of four million
 CACHED_CHUNKS = 3
-MOST_DAMAGES = 10_000  # stretches of one file; what lies behind them is not looked for
+MOST_DAMAGES = 10_000  # damaged stretches of one file; after these the walk ends
 _KNOWN = frozenset(Opcode)
-_ENDS = (Opcode.DATA_END, Opcode.FOOTER)  # of the part that holds messages
-_INDEX = struct.Struct("<HI")  # channel, bytes of what follows
+_ENDS = (Opcode.DATA_END, Opcode.FOOTER)  # records that end the messages
+_INDEX = struct.Struct("<HI")  # channel, length of the entries in bytes
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where the data of one message lies."""
+    """Location of one message's data."""
 
-    chunk: int  # offset of its chunk in the file; of the record itself where there are no chunks
-    start: int  # within the unpacked chunk, or the file
+    chunk: int  # offset of its chunk in the file, or of its record outside chunks
+    start: int  # offset within the unpacked chunk, or within the file
     size: int
     chunked: bool
 
 
 @dataclass(frozen=True)
 class Found:
-    """One message, not read yet."""
+    """One message that the walk found; its data is not read yet."""
 
     topic: str
     schema: str
@@ -68,13 +68,13 @@ class Found:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """A piece of a file: a record, or what cannot be read."""
+    """A stretch of a file: one record, or unreadable bytes."""
 
     begin: int
     end: int
     found: Sequence[Found] = ()
-    why: str = ""  # it cannot be read
-    broken: int = 0  # records that cannot
+    why: str = ""  # why it is unreadable; empty if readable
+    broken: int = 0  # number of unreadable records
 
     def with_next(self, other: _Stretch) -> _Stretch:
         return _Stretch(self.begin, other.end, (), self.why, self.broken + other.broken)
@@ -84,13 +84,13 @@ class McapFile:
     """One open file. Not thread-safe."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InvalidInput when it is not there or no MCAP at all."""
+        """Raises InvalidInput when the file is missing or is not MCAP."""
         self.path = path
-        self.topics: dict[str, str] = {}  # topic -> name of its schema, as far as it was walked
+        self.topics: dict[str, str] = {}  # topic -> schema name, as found so far
         self.cut: str = ""  # why the walk ended early
-        self.lost: list[Lost] = []  # what the walk left out
-        self.undeclared = 0  # chunks of it that are whole, but whose channels nothing declares
-        self._searched = False  # the whole file, for what declares its channels
+        self.lost: list[Lost] = []  # stretches that the walk skipped
+        self.undeclared = 0  # intact chunks among them with undeclared channels
+        self._searched = False  # True once the whole file was searched for channel declarations
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._cache: OrderedDict[int, bytes] = OrderedDict()
@@ -106,12 +106,12 @@ class McapFile:
             raise InvalidInput(f"{path} is no MCAP file; give one that `helios record` has written")
 
     def walk(self) -> Iterator[Found]:
-        """Every message that is whole, in the order of the file."""
+        """Every intact message, in file order."""
         self.cut, self.lost, self.undeclared = "", [], 0
         summary = read_summary(self._bytes, self._size)
         for opcode, record in summary.declared if summary else ():
             self._learn(opcode, record)
-        gap: _Stretch | None = None  # what is damaged since the last message
+        gap: _Stretch | None = None  # damage since the last message
         before_ns = 0  # log time of that message
         for stretch in self._stretches():
             if stretch.why:
@@ -128,7 +128,7 @@ class McapFile:
             self._note_lost(gap, summary, 0)
 
     def read(self, place: Place) -> bytes:
-        """The data of a message. Raises InvalidInput when it has become unreadable."""
+        """The data of a message. Raises InvalidInput when the file is no longer readable."""
         try:
             if not place.chunked:
                 return self._bytes(place.start, place.size)
@@ -138,8 +138,8 @@ class McapFile:
 
     # --- records ------------------------------------------------------------------------------
     def _stretches(self) -> Iterator[_Stretch]:
-        """The file piece by piece: records, and what lies between those that are whole."""
-        at = whole = len(MCAP0_MAGIC)  # whole: the end of the last chunk that is
+        """The stretches of the file in order: records and the damage between intact ones."""
+        at = whole = len(MCAP0_MAGIC)  # whole: end of the last intact chunk
         damages = 0
         while at < self._size:
             try:
@@ -165,9 +165,9 @@ class McapFile:
         self.cut = "it has no end: whoever wrote it was stopped"
 
     def _unreadable(self, at: int, whole: int) -> tuple[int, int]:
-        """(begin, end) of what cannot be read because the record at `at` is broken: a chunk alone
-        where a record follows it, else all up to the next chunk behind the last `whole` one, or
-        to the end of the file."""
+        """(begin, end) of the stretch that is unreadable because of the broken record at `at`: one
+        chunk if a record follows it, else everything up to the next chunk after the last `whole`
+        one, or to the end of the file."""
         with suppress(Broken):
             opcode, end = self._record(at)
             if opcode == Opcode.CHUNK and self._record(end):
@@ -176,18 +176,21 @@ class McapFile:
         return min(at, whole), self._size if behind is None else behind
 
     def _note_lost(self, gap: _Stretch, summary: Summary | None, gap_ns: int) -> None:
-        """gap_ns: from the last message before it to the first one after."""
+        """Add a damaged stretch to `lost`.
+
+        gap_ns: time from the last message before it to the first one after it.
+        """
         chunks, seconds = gap.broken, gap_ns / 1e9
         if summary is not None:
             inside = summary.lost_between(gap.begin, gap.end)
             chunks = len(inside)
             seconds = sum(c.message_end_time - c.message_start_time for c in inside) / 1e9
-        if chunks:  # else only indexes are damaged
+        if chunks:  # otherwise only indexes are damaged
             size = gap.end - gap.begin
             self.lost.append(Lost(gap.begin, size, chunks, max(0.0, seconds), gap.why))
 
     def _record(self, at: int) -> tuple[int, int]:
-        """(opcode, end) of a record that fits into the file."""
+        """(opcode, end) of the record at `at`. Raises Broken if it does not fit into the file."""
         opcode, length = RECORD.unpack(self._bytes(at, RECORD.size))
         if opcode not in _KNOWN:
             raise Broken(f"what is at byte {at} is no record of MCAP")
@@ -196,7 +199,7 @@ class McapFile:
         return opcode, at + RECORD.size + length
 
     def _declared_content(self, opcode: int, at: int, end: int) -> list[Found]:
-        """As `_content`. Where a channel is not declared so far, it may be later in the file."""
+        """Like `_content`, but search the whole file once for channels undeclared so far."""
         try:
             return self._content(opcode, at, end)
         except Undeclared:
@@ -209,7 +212,7 @@ class McapFile:
         return self._content(opcode, at, end)
 
     def _content(self, opcode: int, at: int, end: int) -> list[Found]:
-        """The messages of a record. What it declares is learned."""
+        """The messages of a record; stores the schemas and channels that it declares."""
         body = at + RECORD.size
         if opcode == Opcode.CHUNK:
             return list(self._walk_chunk(at))
@@ -274,11 +277,12 @@ class McapFile:
         return Found(channel.topic, name, log_time_ns, publish_time_ns, place)
 
     def _learn(self, opcode: int, data: bytes, checked: bool = True) -> None:
-        """checked: by a checksum. Others do not replace what is known."""
+        """Store a schema or channel. checked: covered by a checksum; only such records replace
+        known ones."""
         stream = ReadDataStream(io.BytesIO(data))
         try:
             record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
-        except Exception as error:  # whatever the library makes of bytes that are no record
+        except Exception as error:  # the library raises various types for malformed records
             raise Broken(f"a schema or channel cannot be read ({type(error).__name__})") from error
         if isinstance(record, Schema):
             if checked or record.id not in self._schemas:

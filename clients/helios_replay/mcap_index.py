@@ -1,4 +1,4 @@
-"""What a recording holds and where: read once, in the order in which it was written. No pixels."""
+"""Index of a recording's messages without their pixels, read once in the written order."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ M = TypeVar("M", bound=Message)
 
 @dataclass(frozen=True)
 class Where:
-    """A message in one of the files."""
+    """Location of a message in one of the files."""
 
     file: int
     place: Place
@@ -40,7 +40,7 @@ class Where:
 
 @dataclass
 class Key:
-    """A keyframe: its head, and where its pixels are."""
+    """A keyframe: its head message and the locations of its pixels."""
 
     head: pb.Frame
     log_time_ns: int
@@ -50,7 +50,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Sought:
-    """A search context, and how many keyframes had come when it began."""
+    """A search context and the number of keyframes before it."""
 
     context: pb.SearchContext
     before: int
@@ -58,7 +58,7 @@ class Sought:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a detector made of a keyframe, and how the robot was by then."""
+    """The observation of a keyframe and the robot's latest state at that time."""
 
     where: Where
     context_id: str
@@ -67,7 +67,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Retirement:
-    """What was taken out of the object map, and after which keyframe (its number; -1: none)."""
+    """A removal from the object map and the index of the keyframe before it (-1: none)."""
 
     request: pb.RetireRequest
     after: int
@@ -75,13 +75,14 @@ class Retirement:
 
 @dataclass(frozen=True)
 class Index:
-    """Everything of it that a replay needs."""
+    """All contents of a recording that a replay needs."""
 
     files: tuple[McapFile, ...]
     began_ns: int
     keys: list[Key]
     contexts: list[Sought] = field(default_factory=list)
-    states: dict[int, pb.RobotState] = field(default_factory=dict)  # keyframes so far -> the last
+    # Number of keyframes so far -> last state.
+    states: dict[int, pb.RobotState] = field(default_factory=dict)
     observations: dict[FrameId, Answer] = field(default_factory=dict)
     previews: dict[FrameId, Where] = field(default_factory=dict)
     retired: list[Retirement] = field(default_factory=list)
@@ -89,23 +90,23 @@ class Index:
     left_out: int = 0  # keyframes without pixels, or without a pose
 
     def message(self, where: Where, kind: type[M]) -> M:
-        """Read one. Raises InvalidInput."""
+        """Read one message. Raises InvalidInput."""
         file = self.files[where.file]
         return _parse(kind, file.read(where.place), file.path)
 
     @property
     def cut(self) -> str:
-        """Why reading ended before the end; empty where it did not."""
+        """Why reading stopped before the end of a file; empty if it did not."""
         return "; ".join(f"{f.path.name}: {f.cut}" for f in self.files if f.cut)
 
     @property
     def lost(self) -> list[Lost]:
-        """What is damaged in the files."""
+        """Damaged stretches of all files."""
         return [lost for file in self.files for lost in file.lost]
 
 
 def read_index(paths: Sequence[Path]) -> Index:
-    """Walk the files. Raises InvalidInput, in one sentence, when there is nothing to play."""
+    """Index the files. Raises InvalidInput, in one sentence, when there is nothing to play."""
     files = tuple(McapFile(path) for path in paths)
     reader = _Reader()
     for number, file in enumerate(files):
@@ -130,19 +131,19 @@ def read_index(paths: Sequence[Path]) -> Index:
 
 
 class _Reader:
-    """Fed with one message after the other."""
+    """Builder of an index, fed with the messages in order."""
 
     def __init__(self) -> None:
         self.began_ns = 0
         self.keys: list[Key] = []
         self.contexts: list[Sought] = []
         self.states: dict[int, pb.RobotState] = {}
-        self.state: pb.RobotState | None = None  # the last one
+        self.state: pb.RobotState | None = None  # latest state
         self.observations: dict[FrameId, Answer] = {}
         self.previews: dict[FrameId, Where] = {}
-        self.retired: list[tuple[pb.Retired, int]] = []  # and how many keyframes had come
+        self.retired: list[tuple[pb.Retired, int]] = []  # with the number of keyframes before it
         self.description: pb.RobotDescription | None = None
-        self.refused = ""  # the first message that is none of its type
+        self.refused = ""  # error of the first message that does not decode
 
     def take(self, number: int, file: McapFile, found: Found) -> None:
         self.began_ns = self.began_ns or found.log_time_ns
@@ -158,7 +159,7 @@ class _Reader:
                     key.depth = where
             case (topic, "helios.v1.SearchContext") if topic == channel_of(CONTEXT):
                 context = _read(pb.SearchContext, file, found)
-                # At the start of a file it may be told again that it is still the same search.
+                # The start of a file may repeat the context of the current search.
                 again = found.publish_time_ns < found.log_time_ns and self.contexts
                 if not (again and self.contexts[-1].context == context):
                     self.contexts.append(Sought(context, len(self.keys)))
@@ -178,7 +179,7 @@ class _Reader:
                 pass
 
     def drop_broken(self) -> None:
-        """Forget keyframes without pixels, as the last of a cut file, and those without a pose."""
+        """Discard keyframes without pixels (such as the last one of a truncated file) or pose."""
         kept = [i for i, key in enumerate(self.keys) if _is_whole(key)]
 
         def moved(before: int) -> int:
@@ -190,14 +191,14 @@ class _Reader:
         self.keys = [self.keys[i] for i in kept]
 
     def forget_lost_searches(self) -> None:
-        """Forget answers to searches that are lost: the maps would wait for these for ever."""
+        """Discard observations whose search context is lost; the maps would wait for it forever."""
         known = {sought.context.id for sought in self.contexts}
         self.observations = {
             id: answer for id, answer in self.observations.items() if answer.context_id in known
         }
 
     def _newest(self, found: Found) -> Key | None:
-        """Pixels follow their head and carry its log time."""
+        """The newest keyframe if `found` has its log time; pixels follow their head with it."""
         key = self.keys[-1] if self.keys else None
         return key if key is not None and key.log_time_ns == found.log_time_ns else None
 
@@ -211,8 +212,8 @@ def _is_whole(key: Key) -> bool:
 
 
 def _as_needed(reader: _Reader) -> list[Sought]:
-    """A search begins no later than the first keyframe that was answered with it, whatever the
-    order in which the recorder heard of them."""
+    """Search contexts, each moved to no later than the first keyframe answered with it; the
+    recorder may have received them in another order."""
     first: dict[str, int] = {}
     for i, key in enumerate(reader.keys):
         answered = reader.observations.get(frame_id_from_proto(key.head.id))
@@ -227,8 +228,8 @@ def _as_needed(reader: _Reader) -> list[Sought]:
 
 
 def _retirements(reader: _Reader) -> list[Retirement]:
-    """In their order. The map itself says after which frame; a frame that is not in the recording
-    is the last one that is."""
+    """Retirements in order. The object map's message names the keyframe before each; if that one is
+    not recorded, the last recorded keyframe counts."""
     order = {frame_id_from_proto(key.head.id): i for i, key in enumerate(reader.keys)}
     out: list[Retirement] = []
     for retirement, before in reader.retired:

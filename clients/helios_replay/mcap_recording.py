@@ -1,4 +1,4 @@
-"""A recording in MCAP as a source: keyframes to the last bit, with the searches they answered."""
+"""MCAP recording as a replay source: bit-exact keyframes with their search contexts."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ log = logging.getLogger(__name__)
 
 
 class Recording:
-    """One recording: one file, or several that follow one another."""
+    """One recording: one file, or several consecutive ones."""
 
     def __init__(self, paths: Sequence[Path], part: Part) -> None:
-        """Raises InvalidInput when it holds nothing that can be played."""
+        """Raises InvalidInput when the recording has nothing to play."""
         self._index = read_index(paths)
         self._name = paths[0].stem
         if self._index.description is None and not self._index.lost:
@@ -54,17 +54,17 @@ class Recording:
 
     @property
     def cut(self) -> str:
-        """Why it ends early; empty where it is whole."""
+        """Why the recording ends early; empty if it is complete."""
         return self._index.cut
 
     @property
     def lost(self) -> Sequence[Lost]:
-        """What is damaged in it and is not played."""
+        """Damaged stretches, which are not played."""
         return self._index.lost
 
     @property
     def assumed(self) -> str:
-        """What is taken for true because it is lost; empty where nothing is."""
+        """Assumption in place of a lost robot description; empty if none is needed."""
         if self._index.description is not None:
             return ""
         return (
@@ -74,7 +74,7 @@ class Recording:
 
     @property
     def left_out(self) -> str:
-        """Keyframes whose pixels are missing or whose pose is none."""
+        """Number of keyframes without pixels or without a valid pose, as `Source.left_out`."""
         left_out = self._index.left_out
         return left_out_of(
             len(self._index.keys) + left_out, len(self._index.keys), "no pixels, or no pose"
@@ -91,7 +91,8 @@ class Recording:
         )  # fmt: skip
 
     def _described_by_keyframes(self) -> RobotDescription:
-        """Where the robot's own description is lost: as of a camera that is carried."""
+        """Description of a carried camera, in place of the lost one. Raises InvalidInput without
+        a readable keyframe."""
         heights_m = [float(shot.T_world_cam[2, 3]) for shot in self.shots]
         camera = next((c for i in range(len(self.shots)) if (c := self._camera_of(i))), None)
         if camera is None:
@@ -129,8 +130,8 @@ class Recording:
         return [s.context for s in self._index.contexts if before < s.before <= here]
 
     def state_after(self, index: int) -> pb.RobotState:
-        """The last one before the next keyframe, in that keyframe's world. `index` -1: before the
-        first."""
+        """The last state before the next keyframe, in the world of keyframe `index`. `index` -1:
+        before the first keyframe."""
         known = self._index.states
         here = self._part[0] if index < 0 else self._part[index] + 1
         then = next((known[i] for i in range(here, -1, -1) if i in known), None)
@@ -144,7 +145,7 @@ class Recording:
         return self._in_world(answer.state, index)
 
     def _in_world(self, state: pb.RobotState, index: int) -> pb.RobotState:
-        """A copy, of the world that a keyframe is in."""
+        """A copy of the state with the world of keyframe `index`."""
         out = pb.RobotState()
         out.CopyFrom(state)
         head = self._index.keys[self._part[index]].head

@@ -1,7 +1,7 @@
-"""The detector of a recording: answers each replayed keyframe with what was found in it then.
+"""Detector of a recording: answers each replayed keyframe with its recorded observation.
 
-It takes the detector's place on the bus. What else changed the object map, the retirement of
-objects that were picked, is done again after the same keyframe as it was.
+It replaces the detector on the bus. It also repeats the recorded retirements of picked objects from
+the object map, each after the same keyframe as before.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ NAME = "recorded"
 
 
 class RecordedDetector:
-    """See the module. `_lock` is held while a keyframe is answered: all goes in the old order."""
+    """Recorded detector (see the module). `_lock` is held while a keyframe is answered, to keep the
+    recorded order."""
 
     def __init__(self, bus: Bus, source: Path, health: Health) -> None:
-        """Raises InvalidInput when the recording cannot be read or holds no observation."""
+        """Raises InvalidInput when the recording is unreadable or has no observation."""
         self._bus, self._health = bus, health
         self._index: Index = read_index(mcap_files(source))
         if not self._index.observations:
@@ -49,17 +50,17 @@ class RecordedDetector:
         self._order = {frame_id_from_proto(k.head.id): i for i, k in enumerate(self._index.keys)}
         self._retired = list(self._index.retired)
         self._lock = threading.RLock()
-        self._began = -1  # the first keyframe that came: what was before it is not done again
+        self._began = -1  # first replayed keyframe; earlier retirements are not repeated
         bus.serve(VOCABULARY, lambda _: pb.VocabularyReply(open=True, detector=NAME, scorer=NAME))
         bus.subscribe(OBJECTMAP_ACK, self.on_ack)
         bus.subscribe(KEYFRAME, self.on_keyframe)
         health.ready()
 
     def close(self) -> None:
-        """The bus ends the calls."""
+        """No effect: closing the bus ends the calls."""
 
     def on_keyframe(self, message: pb.Frame) -> None:
-        """Publish the observation that was recorded for it, or refuse it in the maps' place."""
+        """Publish the keyframe's recorded observation, or refuse the keyframe for the maps."""
         id = frame_id_from_proto(message.id)
         with self._lock:
             here = self._order.get(id)
@@ -83,7 +84,7 @@ class RecordedDetector:
             self._publish_preview(id)
 
     def on_ack(self, ack: pb.Ack) -> None:
-        """The object map has the keyframe: what was done to the map after it can be done."""
+        """The object map has the keyframe: repeat the retirements recorded after it."""
         here = self._order.get(frame_id_from_proto(ack.id))
         if here is not None:
             with self._lock:
@@ -105,7 +106,7 @@ class RecordedDetector:
             self._bus.publish(PREVIEW, self._index.message(where, pb.Preview))
 
     def _refuse(self, id: pb.FrameId, reason: str) -> None:
-        """Nobody need wait for an answer that cannot come."""
+        """Refuse the keyframe in the maps' place, so that nothing waits for its observation."""
         self._health.count("keyframes_refused")
         log.warning("keyframe %d: %s", id.seq, reason)
         for topic, service, part in (

@@ -1,4 +1,4 @@
-"""What a replay plays, whatever it was read from; `format_detection` finds the format."""
+"""Interface of replay sources, independent of the format; `format_detection` finds the format."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from helios_core.geometry import Matrix, Pinhole
 from helios_core.types import RobotDescription
 from numpy.typing import NDArray
 
-CARRIED_RADIUS_M = 0.3  # of a person who carries a camera
-DEFAULT_MAX_DEPTH_M = 5.0  # beyond it the depth of small consumer cameras is mostly noise
+CARRIED_RADIUS_M = 0.3  # footprint radius of a person who carries a camera
+DEFAULT_MAX_DEPTH_M = 5.0  # depth of small consumer cameras is mostly noise beyond this
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One image: when it was taken and where its camera was."""
+    """Time and camera pose of one image."""
 
-    time_s: float  # since the recording began, of the clock that paces it
+    time_s: float  # since the start of the recording, by the clock that paces the replay
     stamp_ns: int  # the robot's clock
     T_world_cam: Matrix  # [4, 4]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """The pixels of one shot, and what else is known of it."""
+    """The pixels of one shot, its calibration, and its base pose and message if recorded."""
 
     color: NDArray[np.uint8]  # [h, w, 3] RGB
     depth_m: NDArray[np.float32]  # [h, w]; 0 is invalid
     camera: Pinhole
-    T_world_base: Matrix | None = None  # None: below the camera
-    recorded: pb.Frame | None = None  # the message it was sent as
+    T_world_base: Matrix | None = None  # None: the base is below the camera
+    recorded: pb.Frame | None = None  # its original message
 
 
 class Source(Protocol):
-    """Images in the order in which they were taken; pixels are read one by one."""
+    """Replay source: images in the order of capture; the pixels are read one by one."""
 
     @property
     def name(self) -> str: ...
@@ -48,42 +48,41 @@ class Source(Protocol):
 
     @property
     def left_out(self) -> str:
-        """How many images are not played, of how many, and why; empty where all are."""
+        """Number of images left out, of the total, and the reason; empty if all are played."""
         ...
 
     def describe(self) -> RobotDescription:
-        """The robot, as one that cannot act."""
+        """Description of the robot, without any abilities to act."""
         ...
 
     def read(self, index: int) -> Picture:
-        """Raises InvalidInput, naming what cannot be read."""
+        """Pixels of one shot. Raises InvalidInput, which names the unreadable data."""
         ...
 
     def contexts_before(self, index: int) -> Sequence[pb.SearchContext]:
-        """The searches that began after the shot before and up to this one."""
+        """Search contexts that began after the previous shot and up to this one."""
         ...
 
     def state_after(self, index: int) -> pb.RobotState | None:
-        """How the robot was when it had taken the shot (-1: before the first); None where nobody
-        wrote it down."""
+        """The robot's state after the shot (-1: before the first); None if not recorded."""
         ...
 
     def state_when_answered(self, index: int) -> pb.RobotState | None:
-        """How the robot was by the time the detections of the shot came; None where unknown."""
+        """The robot's state when the shot's detections arrived; None if unknown."""
         ...
 
 
 @dataclass(frozen=True)
 class Part:
-    """Which part of a recording is played, and where in it things lie."""
+    """The part of a recording to play, and the topics of a ROS bag."""
 
-    limit: int = 0  # shots; 0: all
-    from_s: float = 0.0  # since the recording began
+    limit: int = 0  # number of shots; 0: all
+    from_s: float = 0.0  # since the start of the recording
     to_s: float = float("inf")
     topics: str = ""  # of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"
 
     def of(self, times_s: Sequence[float], what: str) -> range:
-        """The indices of a rising sequence that are in it. Raises InvalidInput when none is."""
+        """Indices of the ascending times in this part. Raises InvalidInput if there are none."""
         inside = [i for i, t in enumerate(times_s) if self.from_s <= t <= self.to_s]
         if not inside:
             length_s = times_s[-1] if times_s else 0.0
@@ -96,14 +95,14 @@ class Part:
 
 
 def left_out_of(images: int, played: int, why: str) -> str:
-    """As `Source.left_out` says it."""
+    """Text for `Source.left_out`."""
     return f"{images - played} of {images} images left out: {why}" if played < images else ""
 
 
 def carried_camera(
     name: str, camera: Pinhole, heights_m: Sequence[float], max_depth_m: float
 ) -> RobotDescription:
-    """A robot that cannot act, of a camera that somebody carries at these heights."""
+    """Description of a camera that a person carries at these heights: a robot that cannot act."""
     return RobotDescription(
         name=name,
         footprint_radius_m=CARRIED_RADIUS_M,
@@ -119,7 +118,7 @@ def carried_camera(
 
 
 class Images:
-    """What all sources of mere images share: no searches, no states, a camera that is carried."""
+    """Base of sources with images only: no search contexts, no robot states, a carried camera."""
 
     def __init__(
         self, name: str, shots: Sequence[Shot], camera: Pinhole, max_depth_m: float,

@@ -1,4 +1,4 @@
-"""A folder of posed RGB-D images: what it must hold, read and checked.
+"""Reader of a folder of posed RGB-D images, with validation.
 
 meta.json        width, height, fx, fy, cx, cy, depth_scale_m; max_depth_m if known
 poses.csv        frame, t_s, r00 r01 r02 tx r10 ...: camera to world; OpenCV, world z up
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from helios_replay.replay_source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
 
-LARGEST = 1e6  # of the numbers in meta.json, and of frames
+LARGEST = 1e6  # limit of the numbers in meta.json and of frame numbers
 POSE_TOLERANCE = 1e-2  # recorded rotations carry few digits
 _ROTATION = [f"r{row}{column}" for row in range(3) for column in range(3)]
 _TRANSLATION = ["tx", "ty", "tz"]
@@ -33,7 +33,7 @@ _TRANSLATION = ["tx", "ty", "tz"]
 
 @dataclass(frozen=True)
 class PosedImage:
-    """Where one image lies and where its camera was."""
+    """Files and camera pose of one image."""
 
     stamp_ns: int
     color_path: Path
@@ -43,7 +43,7 @@ class PosedImage:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A folder of images that was found whole; the images themselves are read one by one."""
+    """A validated folder of images; the images themselves are read one by one."""
 
     folder: Path
     camera: Pinhole
@@ -53,10 +53,10 @@ class Dataset:
 
 
 class ImageFolder(Images):
-    """Such a folder as a source."""
+    """Image folder as a replay source."""
 
     def __init__(self, folder: Path, part: Part) -> None:
-        """Raises InvalidInput, naming the file, when something is missing or makes no sense."""
+        """Raises InvalidInput, which names the file, for missing or invalid data."""
         data = read_dataset(folder)
         began_ns = data.images[0].stamp_ns
         times_s = [(image.stamp_ns - began_ns) / 1e9 for image in data.images]
@@ -73,9 +73,9 @@ class ImageFolder(Images):
 
 
 def read_dataset(folder: Path) -> Dataset:
-    """All images of a folder.
+    """The data set in a folder.
 
-    Raises InvalidInput, naming the file, when something is missing or makes no sense.
+    Raises InvalidInput, which names the file, for missing or invalid data.
     """
     if not folder.is_dir():
         raise InvalidInput(
@@ -103,7 +103,7 @@ def read_dataset(folder: Path) -> Dataset:
 
 
 def read_image(dataset: Dataset, index: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """(colour [h, w, 3] RGB, depth [h, w] in metres). Raises InvalidInput, naming the file."""
+    """(colour [h, w, 3] RGB, depth [h, w] in metres). Raises InvalidInput with the file's name."""
     image = dataset.images[index]
     shape = (dataset.camera.height, dataset.camera.width)
     color = decode(image.color_path, cv2.IMREAD_COLOR)
@@ -141,7 +141,7 @@ def _number(meta: dict[str, Any], key: str, folder: Path) -> float:
 
 
 def _read_poses(folder: Path) -> tuple[PosedImage, ...]:
-    """By rising times, whatever the order of the rows."""
+    """Images of poses.csv by ascending time, for any order of the rows."""
     path = folder / "poses.csv"
     try:
         with path.open(newline="") as file:
@@ -181,14 +181,14 @@ def _posed_image(folder: Path, row: dict[str, str], line: int) -> PosedImage:
 
 
 def nanoseconds(stamp_s: float, where: str) -> int:
-    """Raises InvalidInput, naming the place, for what is no time."""
+    """Seconds as whole nanoseconds. Raises InvalidInput, with `where`, for an invalid time."""
     if not abs(stamp_s) <= LATEST_S:  # NaN too
         raise InvalidInput(f"{where} has the time {stamp_s:g}; wanted seconds, at most {LATEST_S}")
     return round(stamp_s * 1e9)
 
 
 def decode(path: Path, flags: int) -> NDArray:
-    """The pixels of an image file, as OpenCV gives them. Raises InvalidInput, naming the file."""
+    """Pixels of an image file in OpenCV's layout. Raises InvalidInput with the file's name."""
     try:
         data = path.read_bytes()
     except OSError as error:

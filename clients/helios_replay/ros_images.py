@@ -1,4 +1,4 @@
-"""Messages of `sensor_msgs` as arrays."""
+"""Conversion of `sensor_msgs` messages to arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole
 from numpy.typing import NDArray
 
-# Before the PNG in the format "compressedDepth": its kind, and the a and b of inverse depth.
+# Header before the PNG of "compressedDepth": its kind, and a and b of depth = a / (value - b).
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 _TO_RGB = {
     "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "rgba8": (4, cv2.COLOR_RGBA2RGB),
@@ -25,12 +25,12 @@ _DEPTH = {"16UC1": ("u2", 0.001), "mono16": ("u2", 0.001), "32FC1": ("f4", 1.0)}
 
 
 def stamp_ns(header: Any) -> int:
-    """Of a `std_msgs/Header`."""
+    """Stamp of a `std_msgs/Header` in nanoseconds."""
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def color_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.uint8]:
-    """RGB [h, w, 3]."""
+    """RGB [h, w, 3] of an image message. Raises InvalidInput; `what` names the image in it."""
     if is_compressed:
         image = CompressedImage(data=bytes(message.data), format=str(message.format))
         bgr = decode_image(image, cv2.IMREAD_COLOR, what)
@@ -44,7 +44,7 @@ def color_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.uint8]:
 
 
 def depth_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.float32]:
-    """Metres [h, w]; 0 is invalid."""
+    """Depth [h, w] in metres of an image message; 0 is invalid. Raises InvalidInput."""
     if is_compressed:
         return _unpacked_depth(bytes(message.data), str(message.format), what)
     if message.encoding not in _DEPTH:
@@ -56,7 +56,7 @@ def depth_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.float32
 
 
 def _unpacked_depth(data: bytes, form: str, what: str) -> NDArray[np.float32]:
-    """Of millimetres in a PNG, or of inverse depth, where 32FC1 was compressed."""
+    """Depth [h, w] in metres from a PNG of millimetres, or of inverse depth (compressed 32FC1)."""
     has_header = "compressedDepth" in form
     png = data[COMPRESSED_DEPTH_HEADER.size if has_header else 0 :]
     pixels = decode_image(CompressedImage(data=png, format="png"), cv2.IMREAD_UNCHANGED, what)
@@ -90,14 +90,14 @@ def _pixels(message: Any, dtype: np.dtype, channels: int, what: str) -> NDArray:
 
 @dataclass(frozen=True)
 class Lens:
-    """Of a `sensor_msgs/CameraInfo`: what the images are made straight with."""
+    """Pinhole camera and distortion from a `sensor_msgs/CameraInfo`."""
 
     camera: Pinhole
     distortion: NDArray[np.float64]  # OpenCV's coefficients; empty: none
 
     @classmethod
     def of(cls, info: Any, what: str) -> Lens:
-        """Raises InvalidInput when it is no calibration of a pinhole."""
+        """The lens of a CameraInfo. Raises InvalidInput if it is not a pinhole calibration."""
         K = [float(v) for v in (info.k if hasattr(info, "k") else info.K)]
         d = np.array(info.d if hasattr(info, "d") else info.D, float)
         width, height = int(info.width), int(info.height)
@@ -116,7 +116,7 @@ class Lens:
     def straight(
         self, color: NDArray[np.uint8], depth_m: NDArray[np.float32]
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Both images as a pinhole would have taken them; the nearest depth, never a mean."""
+        """Both images undistorted; depth by nearest neighbour, never interpolated."""
         if not self.distortion.size:
             return color, depth_m
         size = (self.camera.width, self.camera.height)

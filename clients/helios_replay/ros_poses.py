@@ -1,4 +1,4 @@
-"""Where a camera was, by the transforms of a ROS recording."""
+"""Camera poses from the transforms of a ROS recording."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, invert, rotation_from_quaternion
 from numpy.typing import NDArray
 
-FARTHEST_S = 0.5  # a pose may be this far from an image; within it, poses are interpolated
+FARTHEST_S = 0.5  # longest time between an image and a pose; poses are interpolated
 LONGEST_CHAIN = 64
 
 
 @dataclass
 class Track:
-    """A frame's pose in its parent, over time or for ever."""
+    """A frame's pose in its parent frame, over time or static."""
 
     parent: str
     is_static: bool
     samples: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(
         default_factory=dict
     )  # ns -> (position m, quaternion xyzw)
-    times_ns: list[int] = field(default_factory=list)  # sorted by `at` when asked
-    other_parent: str = ""  # which it was said to have, too
+    times_ns: list[int] = field(default_factory=list)  # sorted sample times, filled on first use
+    other_parent: str = ""  # second parent that the recording also names
 
 
 class Poses:
@@ -38,7 +38,7 @@ class Poses:
         self, parent: str, child: str, stamp_ns: int, position_m: list[float],
         quaternion: list[float], is_static: bool = False,
     ) -> None:  # fmt: skip
-        """Raises InvalidInput on numbers that are no pose."""
+        """Add one transform sample. Raises InvalidInput for numbers that are not a pose."""
         norm = float(np.linalg.norm(quaternion))
         if not math.isfinite(norm) or abs(norm - 1) > 0.01 or not np.isfinite(position_m).all():
             raise InvalidInput(f"the transform from {child} to {parent} holds no pose")
@@ -49,13 +49,13 @@ class Poses:
         track.times_ns.clear()
 
     def replace(self, others: Poses) -> None:
-        """What the others know of a frame holds instead of what was known of it."""
+        """Replace the tracks of all frames that `others` contains."""
         self._tracks |= others._tracks
 
     def root_of(self, child: str) -> str:
-        """The frame that stands above all others: the world.
+        """The root frame above `child`: the world.
 
-        Raises InvalidInput when a frame on the way has two parents, or the way has no end.
+        Raises InvalidInput when a frame in the chain has two parents, or the chain is a cycle.
         """
         for _ in range(LONGEST_CHAIN):
             track = self._track(child)
@@ -65,9 +65,9 @@ class Poses:
         raise InvalidInput(f"the transforms above {child} go in a circle")
 
     def at(self, world: str, child: str, stamp_ns: int) -> Matrix | None:
-        """T_world_child [4, 4] at a time; None where no pose is near in time.
+        """T_world_child [4, 4] at a time; None without poses within `FARTHEST_S`.
 
-        Raises InvalidInput when the two are not joined by transforms, or in two ways.
+        Raises InvalidInput when no chain or two chains of transforms connect the two frames.
         """
         T_root_child = self._to_root(child, stamp_ns)
         T_root_world = self._to_root(world, stamp_ns)
@@ -91,8 +91,8 @@ class Poses:
         raise InvalidInput(f"the transforms above {child} go in a circle")
 
     def _track(self, child: str) -> Track | None:
-        """None for a root. Raises InvalidInput for a frame with two parents: samples of one would
-        be read as samples of the other."""
+        """The track of a frame; None for a root. Raises InvalidInput for a frame with two parents,
+        since its samples mix both."""
         track = self._tracks.get(_bare(child))
         if track is not None and track.other_parent:
             raise InvalidInput(
@@ -121,7 +121,7 @@ def _interpolated(track: Track, stamp_ns: int) -> Matrix | None:
 
 
 def slerp(q0: NDArray[np.float64], q1: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """The unit quaternion [4] at `share` of the shorter way from q0 to q1."""
+    """The unit quaternion [4] at fraction `share` of the shorter arc from q0 to q1."""
     dot = float(q0 @ q1)
     if dot < 0:
         q1, dot = -q1, -dot

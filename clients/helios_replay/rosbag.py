@@ -1,9 +1,9 @@
-"""A ROS 2 bag (or a ROS 1 .bag) as a source: images, calibration, and tf or a topic of poses.
+"""ROS 2 bag (or ROS 1 .bag) as a replay source: images, calibration, and tf or a pose topic.
 
-Topics are found by their types and names; where that is not clear they are named:
-`color=/a,depth=/b,info=/c,pose=/d,world=map,camera=optical_frame`. Without `pose`, tf says where
-the camera was; with it, tf says so of all other frames. Depth must be registered to colour. Read
-with the `rosbags` library.
+Topics are selected by type and name. Ambiguous ones must be named:
+`color=/a,depth=/b,info=/c,pose=/d,world=map,camera=optical_frame`. Without `pose`, tf gives the
+camera's pose; with it, tf gives only the other frames. Depth must be registered to colour. The
+`rosbags` library reads the bag.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from helios_replay.replay_source import (
 from helios_replay.ros_images import Lens, color_of, depth_of, stamp_ns
 from helios_replay.ros_poses import FARTHEST_S, Poses
 
-CLOSE_NS = 20_000_000  # colour and depth of one image
+CLOSE_NS = 20_000_000  # longest time between colour and depth of one image
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 INFO = "sensor_msgs/msg/CameraInfo"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
@@ -41,18 +41,18 @@ NAMES = ("color", "depth", "info", "pose", "world", "camera")
 
 @dataclass(frozen=True)
 class _Image:
-    """Where one image lies in the bag."""
+    """Location of one image in the bag."""
 
     stamp_ns: int
     bag_time_ns: int
 
 
 class RosBag(Images):
-    """Such a bag as a source. Stays open."""
+    """ROS bag as a replay source. The file stays open."""
 
     def __init__(self, path: Path, part: Part) -> None:
-        """Raises InvalidInput when it cannot be read or what it lacks, Unavailable without
-        the library."""
+        """Raises InvalidInput when the bag is unreadable or incomplete, Unavailable without the
+        library."""
         self._path = path
         self._reader = _open(path)
         named = _named(part.topics)
@@ -104,12 +104,12 @@ class RosBag(Images):
             )
         return Picture(*self._lens.straight(color, depth_m), camera)
 
-    # --- what the bag holds -------------------------------------------------------------------
+    # --- contents of the bag ------------------------------------------------------------------
     def _one(
         self, what: str, named: dict[str, str], types: Sequence[str], hints: Sequence[str],
         not_hints: Sequence[str],
     ) -> Any:  # fmt: skip
-        """The one topic that is named, or that can be meant."""
+        """Connection of the named topic, or of the only matching one. Raises InvalidInput."""
         fitting = [c for c in self._reader.connections if c.msgtype in types]
         if what in named:
             found = [c for c in fitting if c.topic == named[what]]
@@ -127,7 +127,7 @@ class RosBag(Images):
         )
 
     def _images(self, connection: Any) -> tuple[list[_Image], str]:
-        """All of a topic by rising stamps, and the frame they were taken in."""
+        """(all images of a topic in ascending order of stamps, their frame id)."""
         out: list[_Image] = []
         frame = ""
         for bag_time_ns, message in self._messages([connection]):
@@ -136,7 +136,7 @@ class RosBag(Images):
         return sorted(out, key=lambda image: image.stamp_ns), frame
 
     def _poses(self, named: dict[str, str], camera: str) -> tuple[Poses, str, str]:
-        """(all transforms, the world's frame, the camera's frame)"""
+        """(all transforms, the world's frame, the camera's frame)."""
         poses = Poses()
         tf = [c for c in self._reader.connections if c.msgtype == TRANSFORMS]
         for connection in tf:
@@ -214,7 +214,7 @@ def _is_compressed(connection: Any) -> bool:
 
 
 def _pairs(colors: Sequence[_Image], depths: Sequence[_Image]) -> list[tuple[_Image, _Image]]:
-    """Each colour image with the depth image nearest in time."""
+    """Each colour image with the depth image nearest in time, within `CLOSE_NS`."""
     times = [d.stamp_ns for d in depths]
     out: list[tuple[_Image, _Image]] = []
     for color in colors:
@@ -227,7 +227,7 @@ def _pairs(colors: Sequence[_Image], depths: Sequence[_Image]) -> list[tuple[_Im
 
 
 def _pose(message: Any) -> Any:
-    """The pose in a message of POSES."""
+    """The pose in a message of one of the types `POSES`."""
     if hasattr(message, "transform"):
         return message.transform
     pose = message.pose

@@ -1,13 +1,13 @@
-"""A folder as of the RGB-D SLAM data sets of TUM: images by time stamp, the camera's path apart.
+"""Folder in the format of TUM's RGB-D SLAM data sets: images by time stamp, poses in one file.
 
-rgb.txt, depth.txt    time file; both optional where associations.txt is there
+rgb.txt, depth.txt    time file; both optional if associations.txt exists
 associations.txt      time rgb-file time depth-file; optional
 groundtruth.txt       time tx ty tz qx qy qz qw: camera to world; OpenCV, world z up
-rgb/, depth/          the images; depth is 16 bit, 5000 a metre, 0 is invalid; registered
-calibration.txt       fx fy cx cy; optional: without it the data sets' own default is taken
+rgb/, depth/          the images; depth is 16 bit, 5000 per metre, 0 is invalid; registered
+calibration.txt       fx fy cx cy; optional, the data sets' default otherwise
 
-Lines that start with # are comments. An image without a depth image or a pose within 20 ms of it
-is left out, as the data sets' own tools do.
+Lines that start with # are comments. Images without a depth image or a pose within 20 ms are left
+out, as in the data sets' own tools.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from helios_replay.replay_source import (
 )
 from helios_replay.rgbd_folder import decode, nanoseconds
 
-CLOSE_S = 0.02  # as `associate.py` of the data sets
+CLOSE_S = 0.02  # as in `associate.py` of the data sets
 DEPTH_PER_M = 5000.0
 DEFAULT_INTRINSICS = (525.0, 525.0, 319.5, 239.5)  # "ROS default" of the data sets' page
 FARTHEST_M = 1e6
@@ -46,10 +46,10 @@ class _Pair:
 
 
 class TumFolder(Images):
-    """Such a folder as a source."""
+    """TUM folder as a replay source."""
 
     def __init__(self, folder: Path, part: Part) -> None:
-        """Raises InvalidInput, naming the file, when something is missing or makes no sense."""
+        """Raises InvalidInput, which names the file, for missing or invalid data."""
         path = _read_path(folder / "groundtruth.txt")
         times = [t for t, _ in path]
         posed: list[tuple[_Pair, Matrix]] = []
@@ -92,7 +92,7 @@ class TumFolder(Images):
 
 
 def _read_pairs(folder: Path) -> tuple[list[_Pair], int]:
-    """By rising times; and how many colour images there are."""
+    """(pairs of colour and depth images by ascending time, number of colour images)."""
     associations = folder / "associations.txt"
     if associations.is_file():
         rows = _rows(associations, 4)
@@ -110,7 +110,7 @@ def _read_pairs(folder: Path) -> tuple[list[_Pair], int]:
 
 
 def _listed(folder: Path, kind: str) -> list[tuple[float, Path]]:
-    """(time, file) by `<kind>.txt`, or by the names of the files themselves."""
+    """(time, file) of each image, from `<kind>.txt` or from the file names, by ascending time."""
     names = folder / f"{kind}.txt"
     if names.is_file():
         return sorted((_number(r[0], names), folder / r[1]) for r in _rows(names, 2))
@@ -179,7 +179,7 @@ def _number(text: str, file: Path) -> float:
 
 
 def _nearest(times_s: Sequence[float], time_s: float) -> int | None:
-    """The index of the nearest of a rising sequence; None when none is close."""
+    """Index of the nearest time in an ascending sequence; None if none is within `CLOSE_S`."""
     at = bisect.bisect_left(times_s, time_s)
     near = [i for i in (at - 1, at) if 0 <= i < len(times_s)]
     best = min(near, key=lambda i: abs(times_s[i] - time_s), default=None)

@@ -1,1 +1,1 @@
-"""Boston Dynamics' Spot as a robot: `helios up --robot spot`. See docs/how-to/spot.md."""
+"""Driver of Boston Dynamics' Spot: `helios up --robot spot`. See docs/how-to/spot.md."""

@@ -1,4 +1,4 @@
-"""Where the hand goes, worked out beforehand: to look, and to put a thing down."""
+"""Hand poses for looking and for placing an object."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import math
 import numpy as np
 from helios_core.geometry import Matrix
 
-PLACE_PITCHES_RAD = tuple(math.radians(d) for d in (70, 55, 40, 25))  # down; steepest first
+PLACE_PITCHES_RAD = tuple(math.radians(d) for d in (70, 55, 40, 25))  # downwards; steepest first
 FINGERTIPS_M = 0.12  # ahead of the hand's frame
-HELD_BELOW_M = 0.05  # what a held thing hangs below the fingertips, as far as one can know
+HELD_BELOW_M = 0.05  # assumed extent of a held object below the fingertips
 TILT_RANGE_RAD = (-0.4, 1.4)
 WRIST_BEHIND_HAND_M = 0.196
-ARM_M = 0.72  # shoulder to wrist, a little short of straight
+ARM_M = 0.72  # reach from shoulder to wrist, slightly less than the straight arm
 
 
 def pitched(yaw_rad: float, down_rad: float) -> Matrix:
-    """Rotation [3, 3] of a hand (x forward, z up) that heads `yaw_rad` and points down."""
+    """Rotation [3, 3] of a hand (x forward, z up) with heading `yaw_rad`, pitched down."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     heading = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     c, s = math.cos(down_rad), math.sin(down_rad)
@@ -24,7 +24,7 @@ def pitched(yaw_rad: float, down_rad: float) -> Matrix:
 
 
 def looking_pose(forward_m: float, above_body_m: float, tilt_rad: float) -> Matrix:
-    """T_flat_hand [4, 4]: ahead of and above the body's middle, tilted down."""
+    """T_flat_hand [4, 4]: ahead of and above the body's centre, tilted down."""
     out = np.eye(4)
     out[:3, :3] = pitched(0.0, tilt_rad)
     out[:3, 3] = [forward_m, 0.0, above_body_m]
@@ -32,10 +32,10 @@ def looking_pose(forward_m: float, above_body_m: float, tilt_rad: float) -> Matr
 
 
 def placing_poses(point_m: Matrix, shoulder_m: Matrix, clearance_m: float) -> tuple[Matrix, Matrix]:
-    """(above, release): poses [4, 4] of the hand that let what it holds end on a point.
+    """(above, release): hand poses [4, 4] that place the held object on a point.
 
-    All in one frame with z up. The hand comes from the shoulder's side, as steeply as the arm is
-    long for; where it is too short for any, as flat as it can.
+    All are in one frame with z up. The hand approaches from the shoulder's side with the steepest
+    pitch within the arm's reach, or the flattest if none is.
     """
     yaw_rad = math.atan2(point_m[1] - shoulder_m[1], point_m[0] - shoulder_m[0])
     tips = np.add(point_m, (0.0, 0.0, HELD_BELOW_M))

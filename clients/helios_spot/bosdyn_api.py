@@ -1,4 +1,4 @@
-"""bosdyn-client, loaded in one place. Its generated messages carry no types, hence Any."""
+"""Central import of bosdyn-client. Its generated messages have no types, hence Any."""
 
 from __future__ import annotations
 

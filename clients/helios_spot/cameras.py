@@ -1,8 +1,8 @@
-"""Spot's cameras as pinhole cameras that stand upright, and depth on the pixels of colour.
+"""Rectification of Spot's cameras to upright pinhole cameras, and registration of depth to colour.
 
-The body's cameras are fisheyes (Kannala-Brandt), and the two in front are mounted on their side;
-newer hands have Brown-Conrady lenses. Maps and detectors get a pinhole image whose top is up: the
-optical axis stays, so depth along it stays too.
+The body's cameras are fisheyes (Kannala-Brandt), and the two in front are mounted sideways; newer
+hands have Brown-Conrady lenses. Maps and detectors get an upright pinhole image. The optical axis
+does not change, so neither does the depth along it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SMALL_ROLL_RAD = math.radians(2)
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics as the robot tells them; `distortion` as OpenCV counts its coefficients."""
+    """Intrinsics from the robot; `distortion` has OpenCV's order of coefficients."""
 
     camera: Pinhole
     fisheye: bool = False
@@ -30,25 +30,25 @@ class Lens:
 
     @property
     def plain(self) -> bool:
-        """Whether it is a pinhole already."""
+        """True for a pinhole without distortion."""
         return not any(self.distortion) and not self.fisheye
 
 
 @dataclass(frozen=True)
 class Mount:
-    """An upright pinhole camera in the place of a real one.
+    """An upright pinhole camera that replaces a real one.
 
-    `T_cam_upright` turns the upright camera's axes into the real one's, about the optical axis.
+    `T_cam_upright` is the rotation about the optical axis from the upright to the real camera.
     """
 
     lens: Lens
     camera: Pinhole
     T_cam_upright: Matrix
-    maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None  # None: nothing to do
+    maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None  # None: no remapping needed
 
 
 def lens_of(source: Any) -> Lens:
-    """Of an ImageSource. Raises InvalidInput for a camera without a model."""
+    """Lens of an ImageSource. Raises InvalidInput for a camera without a model."""
     kind = source.WhichOneof("camera_models")
     if kind is None:
         raise InvalidInput(f"the robot tells no intrinsics of {source.name}; choose another camera")
@@ -66,18 +66,18 @@ def lens_of(source: Any) -> Lens:
 
 
 def roll_to_upright(T_world_cam: Matrix) -> float:
-    """Angle about the optical axis by which the camera must turn so that its image stands upright.
+    """Angle about the optical axis that turns the camera's image upright.
 
-    0 where it looks straight up or down.
+    0 if the camera looks straight up or down.
     """
-    up = T_world_cam[:3, :3].T @ [0.0, 0.0, 1.0]  # world's up in the camera; the image's is -y
+    up = T_world_cam[:3, :3].T @ [0.0, 0.0, 1.0]  # world's up in camera axes; image up is -y
     if math.hypot(up[0], up[1]) < 1e-3:
         return 0.0
     return math.atan2(up[0], -up[1])
 
 
 def mounted(lens: Lens, roll_rad: float) -> Mount:
-    """The upright camera of a lens whose image must turn by `roll_rad`."""
+    """The upright camera of a lens whose image needs a turn by `roll_rad`."""
     k = lens.camera
     if abs(roll_rad) < SMALL_ROLL_RAD:
         if lens.plain:
@@ -97,14 +97,14 @@ def mounted(lens: Lens, roll_rad: float) -> Mount:
 
 
 def straight_color(mount: Mount, color: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Colour [h, w, 3] of the real camera as the upright one sees it."""
+    """Colour [h, w, 3] of the real camera, remapped to the upright one."""
     if mount.maps is None:
         return color
     return cv2.remap(color, *mount.maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
 
 
 def straight_depth(mount: Mount, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth [h, w] on the real camera's pixels as the upright one sees it; 0 beyond its image."""
+    """Depth [h, w] of the real camera, remapped to the upright one; 0 outside its image."""
     if mount.maps is None:
         return depth_m
     out = cv2.remap(depth_m, *mount.maps, cv2.INTER_NEAREST, borderValue=0.0)
@@ -114,9 +114,9 @@ def straight_depth(mount: Mount, depth_m: NDArray[np.float32]) -> NDArray[np.flo
 def registered(
     depth_m: NDArray[np.float32], depth_camera: Pinhole, T_color_depth: Matrix, color: Pinhole
 ) -> NDArray[np.float32]:
-    """Depth [h, w] of one pinhole camera as another at `T_color_depth` sees it; nearest wins.
+    """Depth [h, w] of one pinhole camera, projected into another by `T_color_depth`; nearest wins.
 
-    A pixel of a coarse depth image covers as many of the finer colour image; 0 where none falls.
+    A pixel of a coarse depth image covers a block of colour pixels; 0 where no depth projects.
     """
     v, u = np.nonzero(depth_m > 0)
     z = depth_m[v, u].astype(np.float64)

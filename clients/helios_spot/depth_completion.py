@@ -1,7 +1,7 @@
-"""Depth from a colour image, where the hand's sensor has none: shiny, dark, or too near.
+"""Depth from colour for pixels without sensor depth: shiny, dark, or too near surfaces.
 
 An estimator is any callable `(color [h, w, 3] RGB, camera: Pinhole) -> depth_m [h, w]`, metric and
-along the optical axis: the detector's (its setting `depth`), or anybody's by `package:callable`.
+along the optical axis: the detector's (its setting `depth`), or an external `package:callable`.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from numpy.typing import NDArray
 DepthEstimator = Callable[[NDArray[np.uint8], Pinhole], NDArray[np.float32]]
 
 DETECTOR = "detector"
-LEAST_OVERLAP = 500  # pixels that both know, to bring the estimate to the sensor's scale
-SCALES = (0.5, 2.0)  # beyond these the two do not see the same thing
+LEAST_OVERLAP = 500  # pixels with both depths that are needed to scale the estimate
+SCALES = (0.5, 2.0)  # outside this range the estimate is rejected
 
 
 class DetectorDepth:
-    """Asks the detector over the bus."""
+    """Depth estimator that calls the detector over the bus."""
 
     def __init__(self, bus: Bus, timeout_s: float) -> None:
         self._bus, self._timeout_s = bus, timeout_s
 
     def __call__(self, color: NDArray[np.uint8], camera: Pinhole) -> NDArray[np.float32]:
-        """Raises Unavailable or DeadlineExceeded without a detector, InvalidInput when it makes no
-        depth, or tells no focal length for it."""
+        """Depth [h, w] of an image. Raises Unavailable or DeadlineExceeded without a detector,
+        InvalidInput when it returns no depth or no focal length."""
         height, width = color.shape[:2]
         request = pb.DepthRequest()
         image = request.raw_color
@@ -43,12 +43,12 @@ class DetectorDepth:
         request.calibration.K.extend(float(k) for k in camera.matrix.ravel())
         reply = self._bus.call(ESTIMATE_DEPTH, request, self._timeout_s)
         depth_m = estimated_depth(reply, (height, width))
-        # The lens is calibrated; a model that took another focal length was off by their ratio.
+        # The calibrated focal length is right; a model that used another is off by their ratio.
         return depth_m * np.float32(camera.fx / reply.focal_px)
 
 
 def load_estimator(name: str, bus: Bus | None, timeout_s: float) -> DepthEstimator:
-    """Raises InvalidInput when there is none of that name."""
+    """The estimator of that name. Raises InvalidInput when there is none."""
     if name == DETECTOR:
         if bus is None:
             raise InvalidInput("without a bus no detector can be asked for depth; name a callable")
@@ -75,12 +75,12 @@ def load_estimator(name: str, bus: Bus | None, timeout_s: float) -> DepthEstimat
 def estimated(
     estimator: DepthEstimator, color: NDArray[np.uint8], camera: Pinhole
 ) -> NDArray[np.float32]:
-    """What the estimator says, checked. Raises Unavailable when it failed or gave no such image."""
+    """The estimator's depth, checked. Raises Unavailable when it fails or returns a wrong shape."""
     try:
         depth_m = np.asarray(estimator(color, camera), np.float32)
     except HeliosError:
         raise
-    except Exception as error:  # anybody's code
+    except Exception as error:  # external code
         raise Unavailable(
             f"the depth estimator failed ({type(error).__name__}: {error}); set HELIOS_SPOT_DEPTH "
             "to sensor to go on without"
@@ -94,9 +94,9 @@ def estimated(
 
 
 def filled(sensor_m: NDArray[np.float32], estimate_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The sensor's depth [h, w]; where it is 0 the estimate, brought to the sensor's scale.
+    """The sensor's depth [h, w]; where it is 0, the estimate scaled to the sensor's depth.
 
-    Where the two disagree beyond `SCALES`, the estimate is not used at all.
+    If the scale is outside `SCALES`, the estimate is not used.
     """
     both = (sensor_m > 0) & (estimate_m > 0)
     scale = 1.0

@@ -1,8 +1,8 @@
-"""Spot as a RobotDriver: connects when it is described, and gets up at the first action.
+"""RobotDriver of Spot: connects in `describe`, stands up at the first action.
 
-An action that fails is a result. Trouble that a person has to mend (lease, e-stop, motors, link)
-is raised as a typed error. Either way the robot stands still before `act` returns, or its command
-ends by itself within `command_s`.
+A failed action is a result. Faults that a person must correct (lease, e-stop, motors, link) are
+raised as typed errors. In both cases the robot stands still before `act` returns, or its command
+expires within `command_s`.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ MANIPULATION = "manipulation"  # the service of a Spot with an arm
 
 
 class SpotDriver(RobotDriver):
-    """See the module. `bus`: where it sees the planner come and go, and asks for depth."""
+    """Driver of one Spot (see the module). `bus`: for planner liveliness and depth requests."""
 
     def __init__(
         self, bus: Bus | None = None, address: str = "", settings: SpotSettings | None = None
     ) -> None:
-        """address: of the robot; goes before the settings'. Raises InvalidInput: wrong settings."""
+        """address: of the robot; overrides the settings. Raises InvalidInput for wrong settings."""
         self._s = settings or SpotSettings.read(address)
         self._halt = Halt()
         self._link = Link(self._s)
@@ -70,10 +70,10 @@ class SpotDriver(RobotDriver):
         self._planners: set[str] = set()  # instances that are alive
         self._watch = bus.watch(self._on_liveliness) if bus else None
 
-    # --- what it is ---------------------------------------------------------------------------
+    # --- description and state ----------------------------------------------------------------
     def describe(self) -> RobotDescription:
-        """Connects if need be. Raises Unavailable while the robot is away, InvalidInput for what
-        only a change of settings mends."""
+        """The robot's description; connects first if necessary. Raises Unavailable while the robot
+        is unreachable, InvalidInput for faults of the settings."""
         with self._connecting:
             if not self._link.connected:
                 self._link.connect()
@@ -119,7 +119,7 @@ class SpotDriver(RobotDriver):
     def capture(self) -> Capture:
         return self._eyes.capture(self._link.read())
 
-    # --- what it does -------------------------------------------------------------------------
+    # --- actions ------------------------------------------------------------------------------
     def act(self, action: Action, action_id: str) -> ActionResult:
         known = self._results.get(action_id)
         if known is not None:
@@ -128,9 +128,9 @@ class SpotDriver(RobotDriver):
         start: Waypoint | None = None
         try:
             self._take()
-            start = self._here()  # from now on it moves
+            start = self._here()  # from here on the robot may move
             self._get_ready()
-            start = self._here()  # where the action itself begins
+            start = self._here()  # start of the action itself
             result = self._do(action, start)
             self._trouble = ""
         except CannotDo as why:
@@ -150,11 +150,11 @@ class SpotDriver(RobotDriver):
 
     def stop(self, reason: str) -> None:
         self._halt.stop(reason)
-        if self._control.held:  # else it obeys somebody else, or lies on the floor
+        if self._control.held:  # otherwise another client controls it, or it lies on the floor
             self._motion.stop()
 
     def clear_stop(self) -> None:
-        """Raises Conflict, which says who or what still holds the robot; then the stop stays."""
+        """Clear the stop. Raises Conflict, which names the remaining cause; the stop then stays."""
         self._control.clear()
         self._trouble = ""
 
@@ -169,14 +169,14 @@ class SpotDriver(RobotDriver):
 
     # --- one action ---------------------------------------------------------------------------
     def _take(self) -> None:
-        """Be allowed to move. Raises HeliosError, and then nothing has moved."""
+        """Get permission to move. Raises HeliosError before any motion."""
         reading = self._link.read()
         if not reading.holding:
             self._held_as = ""
         self._control.take(reading)
 
     def _get_ready(self) -> None:
-        """Stand, with the hand raised to look."""
+        """Stand up and raise the hand to look."""
         if self._control.stand():
             self._hand_raised = False
         if self._s.camera == "hand" and not self._hand_raised:
@@ -199,7 +199,7 @@ class SpotDriver(RobotDriver):
             case Place(point):
                 self._place(point)
             case _:
-                pass  # Observe; the body's cameras do not tilt
+                pass  # Observe, and Tilt for the fixed body cameras
         return ActionResult(True)
 
     def _pick(self, point: tuple[float, float, float], class_name: str) -> None:
@@ -217,7 +217,8 @@ class SpotDriver(RobotDriver):
             self._put_hand_back()
 
     def _put_hand_back(self) -> None:
-        """After a grasp or a place, failed or not; what stopped them is told, not this."""
+        """Return the hand after a grasp or a place. Only logs its failures, so that the caller
+        reports those of the grasp or place."""
         try:
             if not self._link.read().holding:
                 self._motion.grip(open=False)
@@ -230,13 +231,14 @@ class SpotDriver(RobotDriver):
 
     def _raise_hand(self, tilt_rad: float) -> None:
         above_m = self._s.hand_height_m - NOMINAL_BODY_HEIGHT_M
-        self._hand_raised = False  # unless it gets there, the next action tries again
+        self._hand_raised = False  # if the motion fails, the next action retries it
         self._motion.look_from(looking_pose(self._s.hand_forward_m, above_m, tilt_rad))
         self._tilt_rad, self._hand_raised = tilt_rad, True
 
-    # --- what came of it ----------------------------------------------------------------------
+    # --- results ------------------------------------------------------------------------------
     def _fail(self, action_id: str, start: Waypoint | None, error: HeliosError) -> None:
-        """An action that was begun is not begun again under the same id."""
+        """Handle an action's error; if it had begun, stop it and store its result, so that the same
+        id does not start it again."""
         self._trouble = error.message
         if start is not None:
             if isinstance(error, Conflict):

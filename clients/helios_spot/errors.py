@@ -1,4 +1,4 @@
-"""What Spot refuses, as HELIOS' errors: what came, and what to do about it."""
+"""Translation of the SDK's errors to HELIOS errors, with the cause and the remedy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from helios_spot import bosdyn_api
 
 _SDK_ERRORS: tuple[type[Exception], ...] = (bosdyn_api.exceptions.Error, bosdyn_api.lease.Error)
 
-# The first that fits counts. {host}: the robot; {owner}: who holds its lease; {error}: in its words
+# The first match applies. {host}: the robot; {owner}: holder of its lease; {error}: the SDK's text.
 _SENTENCES: tuple[tuple[Any, type[HeliosError], str], ...] = (
     (bosdyn_api.auth.InvalidLoginError, InvalidInput,
      "the robot refuses this name and password; mend HELIOS_SPOT_USERNAME and "
@@ -77,7 +77,7 @@ _SENTENCES: tuple[tuple[Any, type[HeliosError], str], ...] = (
 
 
 def translate(error: Exception, host: str, doing: str) -> HeliosError:
-    """The typed error for what the SDK raised while `doing` (as in "cannot walk")."""
+    """The typed error for an SDK error; `doing` completes "cannot …", such as "walk"."""
     for kinds, kind, sentence in _SENTENCES:
         if isinstance(error, kinds):
             said = sentence.format(host=host, owner=_owner(error), error=_short(error))
@@ -87,7 +87,7 @@ def translate(error: Exception, host: str, doing: str) -> HeliosError:
 
 @contextmanager
 def doing(what: str, host: str) -> Iterator[None]:
-    """Raises HeliosError for every error of the SDK."""
+    """Raise HeliosError in place of every SDK error of the block."""
     try:
         yield
     except _SDK_ERRORS as error:

@@ -1,8 +1,8 @@
-"""Poses out of Spot's frame trees, and HELIOS' frames from them.
+"""Poses from Spot's frame trees, and the HELIOS frames derived from them.
 
-HELIOS' world is Spot's vision frame, its height counted from the ground that the robot stands on:
-so the floor is at z = 0 after a restart too, and stays there when the vision frame drifts upwards.
-This is right on one storey. The base is the body's place on the ground, with the body's heading.
+The HELIOS world is Spot's vision frame with heights relative to the ground below the robot. So the
+floor stays at z = 0 after a restart and when the vision frame drifts upwards. This holds on one
+storey. The base is the body's position on the ground with the body's heading.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from helios_spot import bosdyn_api
 
 VISION, BODY, FLAT_BODY, HAND = "vision", "body", "flat_body", "hand"
 GROUND, WRIST = "gpe", "arm0.link_wr1"
-NOMINAL_BODY_HEIGHT_M = 0.52  # standing; only where the robot tells no ground plane
+NOMINAL_BODY_HEIGHT_M = 0.52  # standing; replaces a missing ground plane
 
 
 def pose(snapshot: Any, a: str, b: str) -> Matrix:
-    """T_a_b [4, 4] from a FrameTreeSnapshot. Raises Internal when the tree does not join them,
+    """T_a_b [4, 4] from a FrameTreeSnapshot. Raises Internal when the tree does not connect them,
     Unavailable when it is empty or broken."""
     try:
         found = bosdyn_api.frame_helpers.get_a_tform_b(snapshot, a, b)
@@ -37,19 +37,19 @@ def pose(snapshot: Any, a: str, b: str) -> Matrix:
 
 
 def knows(snapshot: Any, frame: str) -> bool:
-    """Whether a frame is in the tree."""
+    """True if the frame is in the tree."""
     return frame in snapshot.child_to_parent_edge_map
 
 
 def ground_height_m(snapshot: Any) -> float:
-    """Height of the ground below the robot in the vision frame."""
+    """Height (m) of the ground below the robot in the vision frame."""
     if knows(snapshot, GROUND):
         return float(pose(snapshot, VISION, GROUND)[2, 3])
     return float(pose(snapshot, VISION, BODY)[2, 3]) - NOMINAL_BODY_HEIGHT_M
 
 
 def world_from_vision(ground_m: float) -> Matrix:
-    """T_world_vision [4, 4] where the ground is `ground_m` high in the vision frame."""
+    """T_world_vision [4, 4] for ground at height `ground_m` in the vision frame."""
     out = np.eye(4)
     out[2, 3] = -ground_m
     return out
@@ -63,5 +63,5 @@ def base_below_body(T_world_body: Matrix) -> Matrix:
 
 
 def to_vision(point_world_m: tuple[float, float, float], ground_m: float) -> Matrix:
-    """A point of the world [3] in the vision frame."""
+    """A world point [3] in the vision frame."""
     return (invert(world_from_vision(ground_m)) @ [*point_world_m, 1.0])[:3]

@@ -1,4 +1,4 @@
-"""Grasp by pixel, and placing at a height."""
+"""Grasping an object by its pixel, and placing at a point."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from helios_spot.posed_images import HandShot, SpotCameras
 from helios_spot.robot_connection import Link
 from helios_spot.self_mask import SHOULDER_BODY_M
 
-EDGE_PX = 4  # a point so near to the image's edge is not in it
+EDGE_PX = 4  # points this near to the image border count as outside
 
 Point = tuple[float, float, float]
 
 
 class SpotArm:
-    """Used by the thread that acts. Failures are CannotDo, with the arm where it was then."""
+    """Grasping and placing, for the action thread only. Raises CannotDo on failure and leaves the
+    arm where it is."""
 
     def __init__(self, link: Link, eyes: SpotCameras, motion: Motion, halt: Halt) -> None:
         self._link, self._eyes, self._motion, self._halt = link, eyes, motion, halt
         self._s = link.settings
 
     def grasp(self, point_world_m: Point, class_name: str) -> None:
-        """Look at the point, then let the robot grasp what the hand's camera sees there."""
+        """Look at the point, then grasp the object that the hand's camera sees there."""
         reading = self._link.read()
         if reading.holding:
             raise CannotDo("the gripper holds something already; place it first")
@@ -49,7 +50,7 @@ class SpotArm:
             raise CannotDo(why)
 
     def place(self, point_world_m: Point) -> None:
-        """Let go of what is held above a point, and lift the hand again."""
+        """Release the held object above a point, and lift the hand again."""
         reading = self._link.read()
         if not reading.holding:
             raise CannotDo("the gripper holds nothing; pick something first")
@@ -86,7 +87,7 @@ class SpotArm:
         return int(reply.manipulation_cmd_id)
 
     def _wait_for_grasp(self, id: int, class_name: str) -> str:
-        """Why it failed; empty when it did not."""
+        """Wait for the end of the grasp; return the reason of a failure, else ""."""
         m = bosdyn_api.manipulation_api_pb2
         request = m.ManipulationApiFeedbackRequest(manipulation_cmd_id=id)
         end = time.monotonic() + self._s.grasp_timeout_s
@@ -118,7 +119,7 @@ FINAL = {
 
 
 def pixel_of(point_vision_m: Matrix, shot: HandShot) -> tuple[float, float] | None:
-    """Where the hand's camera sees a point; None when it does not."""
+    """Pixel (u, v) of a point in the hand's camera; None outside the image."""
     uv, z = project(np.asarray(point_vision_m)[None], shot.camera, shot.T_vision_cam)
     u, v = (float(x) for x in uv[0]) if z[0] > 0 else (-1.0, -1.0)
     inside_u = EDGE_PX <= u < shot.camera.width - EDGE_PX

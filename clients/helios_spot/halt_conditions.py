@@ -1,4 +1,4 @@
-"""Why the robot must not move: stop-now, a lost lease, a planner that went away."""
+"""Conditions that halt the robot: stop-now, a lost lease, a planner that went away."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from helios_core.errors import Conflict, HeliosError
 
 
 class Halted(Exception):
-    """An action has to end. `error` is set when it is somebody's fault, and then raised."""
+    """Raised to end the current action. If `error` is set, the driver raises it instead."""
 
     def __init__(self, reason: str, error: HeliosError | None = None) -> None:
         super().__init__(reason)
@@ -16,9 +16,9 @@ class Halted(Exception):
 
 
 class Halt:
-    """Thread-safe. A stop is latched; what cuts an action short counts for that action only.
+    """Halt state of the robot. Thread-safe. `stop` is latched; `cut` ends only the current action.
 
-    A stop does both: the action that runs ends even if the latch is cleared before it has noticed.
+    `stop` does both, so the current action ends even if the latch is cleared before its next check.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class Halt:
 
     @property
     def stopped(self) -> str:
-        """Why stop-now is latched; empty if it is not."""
+        """Reason of the latched stop-now; empty if not latched."""
         return self._stopped
 
     def stop(self, reason: str) -> None:
@@ -47,7 +47,7 @@ class Halt:
                 self._set.clear()
 
     def cut(self, reason: str, error: HeliosError | None = None) -> bool:
-        """End the action that runs, if one does; whether one did."""
+        """End the current action; True if there is one."""
         with self._lock:
             if self._acting and self._cut is None:
                 self._cut = Halted(reason, error)
@@ -55,7 +55,7 @@ class Halt:
             return self._acting
 
     def begin(self) -> None:
-        """An action begins. Raises Conflict while stop-now is latched."""
+        """Begin an action. Raises Conflict while stop-now is latched."""
         with self._lock:
             if self._stopped:
                 raise Conflict(f"the robot is stopped ({self._stopped}); clear the stop first")
@@ -69,14 +69,14 @@ class Halt:
                 self._set.clear()
 
     def check(self) -> None:
-        """Raises Halted when there is a reason to."""
+        """Raises Halted if the action was cut or stop-now is latched."""
         with self._lock:
-            if self._cut is not None:  # it may hold the error, which says more
+            if self._cut is not None:  # checked first, as it may carry the error
                 raise self._cut
             if self._stopped:
                 raise Halted(self._stopped)
 
     def rest(self, seconds: float) -> None:
-        """Wait; a reason to halt ends it, and is raised."""
+        """Wait up to `seconds`. Raises Halted at once when a halt condition occurs."""
         self._set.wait(seconds)
         self.check()

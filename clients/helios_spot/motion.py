@@ -1,7 +1,7 @@
-"""Standing, walking and moving the arm: sent, watched, and ended for any reason to halt.
+"""Standing, walking and arm motions: sent, monitored, and ended by any halt condition.
 
-A walk is on a short leash: its command ends after `command_s` and is renewed four times in that
-time. Whatever goes away (this program, the network, the computer), the robot then stands still.
+A walk command expires after `command_s`, and `walk` renews it four times in that period. So the
+robot stops if this program, the network or the computer fails.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ log = logging.getLogger(__name__)
 
 POLL_S = 0.05
 STAND_S = 12.0
-PROGRESS_M, PROGRESS_RAD = 0.02, 0.02  # less than this is standing still
+PROGRESS_M, PROGRESS_RAD = 0.02, 0.02  # a smaller motion counts as standing still
 MOST_ARM_S = 20.0
 
 
 class CannotDo(Exception):
-    """The robot tried and did not manage; one sentence."""
+    """Raised when the robot could not complete an action; one sentence."""
 
 
 class Motion:
-    """One robot's legs and arm. Used by one thread, `stop` by any."""
+    """Motions of one robot's legs and arm. For one thread, except `stop`."""
 
     def __init__(self, link: Link, halt: Halt) -> None:
         self._link, self._halt, self._s = link, halt, link.settings
         self._build = bosdyn_api.robot_command.RobotCommandBuilder
 
     def stop(self) -> None:
-        """Stand still at once, where it is. Raises HeliosError when the robot does not hear."""
+        """Stop the robot at once. Raises HeliosError when it does not receive the command."""
         self._link.command(self._build.stop_command(), "stop")
 
     def stop_if_heard(self) -> bool:
-        """As stop; if it was not heard, the robot stops by itself when its command ends."""
+        """Stop the robot; False if it did not receive this. Its command then expires by itself."""
         try:
             self.stop()
         except HeliosError as error:
@@ -53,7 +53,7 @@ class Motion:
         return True
 
     def stand(self) -> None:
-        """Get up. Raises CannotDo."""
+        """Stand up. Raises CannotDo."""
         done = bosdyn_api.basic_command_pb2.StandCommand.Feedback.STATUS_IS_STANDING
         id = self._send(self._build.synchro_stand_command(), "stand up")
         end = time.monotonic() + STAND_S
@@ -66,7 +66,7 @@ class Motion:
         raise CannotDo(f"the robot did not stand within {STAND_S:g} s; look at it")
 
     def walk(self, start: Waypoint, goal: Waypoint) -> None:
-        """To a waypoint, at bounded speed. Raises CannotDo when something is in the way."""
+        """Walk to a waypoint at bounded speed. Raises CannotDo when blocked."""
         stopped = bosdyn_api.basic_command_pb2.SE2TrajectoryCommand.Feedback.STATUS_STOPPED
         command = self._build.synchro_se2_trajectory_point_command(
             goal.x_m, goal.y_m, goal.yaw_rad, VISION, params=self._mobility()
@@ -93,7 +93,7 @@ class Motion:
         raise CannotDo(f"blocked after {moved_m:.2f} m; look, and go another way")
 
     def hand_to(self, T_frame_hand: Matrix, frame: str, from_m: float, what: str) -> None:
-        """Bring the hand to a pose in a frame. from_m: how far it is away, for the time it takes.
+        """Move the hand to a pose in a frame. from_m: its distance, which sets the duration.
 
         Raises CannotDo.
         """
@@ -106,11 +106,11 @@ class Motion:
         self._arm(command, what)
 
     def look_from(self, T_flat_hand: Matrix) -> None:
-        """Hold the hand in a pose on the body, also while it walks."""
+        """Hold the hand in a pose relative to the body, also while walking."""
         self.hand_to(T_flat_hand, FLAT_BODY, 1.0, "raise the hand to look")
 
     def gaze(self, point_vision_m: Matrix) -> None:
-        """Turn the opened hand towards a point of the vision frame."""
+        """Open the hand and turn it towards a point of the vision frame."""
         x, y, z = (float(v) for v in point_vision_m)
         command = self._build.arm_gaze_command(
             x, y, z, VISION, build_on_command=self._build.claw_gripper_open_command(),
@@ -142,7 +142,7 @@ class Motion:
         raise CannotDo(f"the arm could not {what} within {MOST_ARM_S:g} s; try another place")
 
     def _send(self, command: Any, what: str, end_s: float | None = None) -> int:
-        """A stop that came while the command was under way is sent once more after it."""
+        """Send a command; return its id. If a halt occurs meanwhile, send a stop after it."""
         self._halt.check()
         id = self._link.command(command, what, end_s)
         try:
@@ -177,7 +177,7 @@ class Motion:
 
 
 def arm_done(feedback: Any) -> bool | None:
-    """Of an arm's feedback: True when there, False when it stalled or was cut off, else None."""
+    """True if the arm has arrived, False if it stalled or was cancelled, None while it moves."""
     kind = feedback.WhichOneof("feedback")
     if kind is None:
         return None

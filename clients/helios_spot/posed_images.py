@@ -1,4 +1,4 @@
-"""Posed RGB-D images from one of Spot's cameras, and the hand's picture for a grasp."""
+"""Posed RGB-D images from one of Spot's cameras, and the hand's image for a grasp."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ BEYOND_U16 = 65535
 
 @dataclass(frozen=True)
 class Sources:
-    """Names of a camera's images: colour, depth on colour's pixels, depth on its own."""
+    """Names of a camera's images: colour, depth registered to colour, unregistered depth."""
 
     color: str
     on_color: str
@@ -49,7 +49,7 @@ class Sources:
 
 
 def sources_of(camera: str) -> Sources:
-    """As every Spot names them."""
+    """The image names of a camera, the same on every Spot."""
     if camera == "hand":
         return Sources(HAND_COLOR, "hand_depth_in_hand_color_frame", "hand_depth")
     return Sources(f"{camera}_fisheye_image", f"{camera}_depth_in_visual_frame", f"{camera}_depth")
@@ -57,7 +57,7 @@ def sources_of(camera: str) -> Sources:
 
 @dataclass(frozen=True)
 class HandShot:
-    """What a grasp by pixel needs: the image's own camera, pose and frames."""
+    """Image of the hand's camera for a grasp by pixel, with its camera model, pose and frames."""
 
     response: Any
     camera: Pinhole
@@ -65,10 +65,10 @@ class HandShot:
 
 
 class SpotCameras:
-    """The camera of the settings. Used by one thread."""
+    """The camera that the settings name, and the hand's camera. For one thread."""
 
     def __init__(self, link: Link, bus: Bus | None) -> None:
-        """Raises InvalidInput when an estimator is wanted and there is none."""
+        """Raises InvalidInput when the settings require a depth estimator that does not exist."""
         self._link, self._s = link, link.settings
         self._estimator = None
         if self._s.depth != "sensor":
@@ -78,7 +78,7 @@ class SpotCameras:
         self._mount: Mount | None = None
         self.T_body_cam: Matrix = np.eye(4)
         self.has_hand = False
-        self.hand_is_pinhole = False  # a grasp by pixel takes no other lens
+        self.hand_is_pinhole = False  # required by a grasp by pixel
 
     @property
     def mount(self) -> Mount:
@@ -87,7 +87,7 @@ class SpotCameras:
         return self._mount
 
     def open(self) -> None:
-        """Find the camera. Raises InvalidInput when the robot has none of that name."""
+        """Find the camera. Raises InvalidInput when the robot does not have it."""
         with doing("list the robot's cameras", self._link.host):
             listed = self._link.client("image").list_image_sources(timeout=self._s.rpc_timeout_s)
         have = {source.name: source for source in listed}
@@ -106,13 +106,13 @@ class SpotCameras:
         (shot,) = self._ask([self._color_request(names.color)])
         tree = shot.shot.transforms_snapshot
         self.T_body_cam = pose(tree, BODY, shot.shot.frame_name_image_sensor)
-        roll_rad = 0.0  # the hand's camera is upright whenever the hand is
+        roll_rad = 0.0  # the hand's camera is upright if the hand is
         if self._s.camera != "hand":
             roll_rad = math.radians(round(math.degrees(roll_to_upright(self.T_body_cam))))
         self._mount = mounted(lens_of(shot.source), roll_rad)
 
     def capture(self, reading: Reading) -> Capture:
-        """The newest image; the robot's own pixels have depth 0."""
+        """The newest image; pixels that show the robot have depth 0."""
         mount = self.mount
         requests = [self._color_request(self._names.color)]
         if self._s.depth != "estimate":
@@ -151,7 +151,7 @@ class SpotCameras:
         )
 
     def hand_shot(self) -> HandShot:
-        """The hand's picture as the robot took it. Raises InvalidInput without a pinhole camera."""
+        """The hand's unrectified image. Raises InvalidInput if it is not a pinhole camera's."""
         (response,) = self._ask([self._color_request(HAND_COLOR)])
         camera = lens_of(response.source)
         if not _is_pinhole(response.source):
@@ -172,7 +172,7 @@ class SpotCameras:
         )  # fmt: skip
 
     def _depth(self, response: Any, T_vision_upright: Matrix) -> NDArray[np.float32]:
-        """Metres on the upright camera's pixels, from either kind of depth image."""
+        """Depth (m) on the upright camera's pixels, from registered or unregistered depth."""
         depth_m = decode_depth(response)
         if response.source.name == self._names.on_color:
             return straight_depth(self.mount, depth_m)
@@ -189,7 +189,7 @@ def _is_pinhole(source: Any) -> bool:
 
 
 def decode_color(image: Any) -> NDArray[np.uint8]:
-    """RGB [h, w, 3]; a grey image has three equal channels. Raises Unavailable for a broken one."""
+    """RGB [h, w, 3]; grey images get three equal channels. Raises Unavailable if broken."""
     data = np.frombuffer(image.data, np.uint8)
     if image.format == image.FORMAT_RAW:
         channels = max(1, data.size // max(image.rows * image.cols, 1))
@@ -204,7 +204,7 @@ def decode_color(image: Any) -> NDArray[np.uint8]:
 
 
 def decode_depth(response: Any) -> NDArray[np.float32]:
-    """Metres [h, w]; 0 is invalid. Raises Unavailable for a broken image."""
+    """Depth [h, w] in metres; 0 is invalid. Raises Unavailable for a broken image."""
     image, scale = response.shot.image, response.source.depth_scale
     values = np.frombuffer(image.data, "<u2")
     if values.size != image.rows * image.cols or scale <= 0:

@@ -1,4 +1,4 @@
-"""The line to the robot: login, clocks, and one client per service, every call with an end."""
+"""Connection to the robot: login, clock synchronisation, service clients, calls with time-outs."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ log = logging.getLogger(__name__)
 
 CLIENT_NAME = "helios"
 CLOSE_WITHIN_S = 1.5
-RECONNECT_MS = 1000  # gRPC's own limit is two minutes: so long a robot that is back would seem away
-CLOCK_SLACK_S = 2.0  # between the clocks as they were compared and as they are
+RECONNECT_MS = 1000  # gRPC's default of up to two minutes delays the reconnection too long
+CLOCK_SLACK_S = 2.0  # tolerated change of the clock offset since the last comparison
 
 
 class Link:
-    """Thread-safe once connected. Every call raises HeliosError and ends within its time-out."""
+    """Connection to one robot. Thread-safe once connected. Every call raises HeliosError on failure
+    and ends within its time-out."""
 
     def __init__(self, settings: SpotSettings) -> None:
         self.settings = settings
@@ -31,18 +32,18 @@ class Link:
         self._login = settings.login()
         self._robot: Any = None
         self.boot_id = ""
-        self.epoch = ""  # of its leases, new at every boot; empty: it told none
-        self.services: frozenset[str] = frozenset()  # names of those that it offers
+        self.epoch = ""  # epoch of its leases, new at every boot; empty if not reported
+        self.services: frozenset[str] = frozenset()  # names of the services that it offers
 
     @property
     def connected(self) -> bool:
         return self._robot is not None
 
     def connect(self) -> None:
-        """Log in and bring the clocks together. Nothing moves. Again after a failure."""
+        """Log in and synchronise the clocks. The robot does not move. Callable again on failure."""
         s = self.settings
-        # The SDK waits half a minute for every answer, and without end for some: a robot that
-        # walks cannot wait so long.
+        # The SDK's default time-out is half a minute, and some calls have none: too long for a
+        # walking robot.
         bosdyn_api.channel_common.DEFAULT_RPC_TIMEOUT = s.rpc_timeout_s
         sdk = bosdyn_api.client.create_standard_sdk(
             CLIENT_NAME, cert_resource_glob=str(s.ca_file) if s.ca_file else None
@@ -68,7 +69,7 @@ class Link:
         self._robot = robot
 
     def client(self, name: str) -> Any:
-        """A service's client. Raises Unavailable before `connect`."""
+        """The client of a service. Raises Unavailable before `connect`."""
         with doing(f"find the service {name}", self.host):
             return self.robot.ensure_client(name)
 
@@ -79,15 +80,15 @@ class Link:
         return self._robot
 
     def read(self) -> Reading:
-        """How the robot is now. Raises Unavailable when its clock has jumped: ends of commands
-        would mean nothing."""
+        """The robot's state now. Raises Unavailable when its clock has jumped, since the end times
+        of commands would be wrong."""
         before_s = time.time()
         with doing("read the robot's state", self.host):
             state = self.client("robot-state").get_robot_state(timeout=self.settings.rpc_timeout_s)
             skew_s = self.robot.time_sync.endpoint.clock_skew.ToNanoseconds() / 1e9
         stamp_s = state.kinematic_state.acquisition_timestamp.ToNanoseconds() / 1e9
         robot_s = stamp_s - skew_s
-        off_s = robot_s - min(max(robot_s, before_s), time.time())  # 0 between question and answer
+        off_s = robot_s - min(max(robot_s, before_s), time.time())  # 0 between request and response
         if stamp_s and abs(off_s) > CLOCK_SLACK_S:
             self._compare_clocks()
             raise Unavailable(
@@ -97,7 +98,7 @@ class Link:
         return reading_of(state)
 
     def command(self, command: Any, what: str, end_s: float | None = None) -> int:
-        """Send a robot command; its id. end_s: from now on, when a motion ends by itself."""
+        """Send a robot command; return its id. end_s: time until the motion expires."""
         end = None if end_s is None else time.time() + end_s
         try:
             return self.client("robot-command").robot_command(
@@ -110,7 +111,7 @@ class Link:
             raise translate(error, self.host, what) from error
 
     def feedback(self, command_id: int, what: str) -> Any:
-        """What has become of a robot command."""
+        """The feedback on a robot command."""
         with doing(what, self.host):
             client = self.client("robot-command")
             return client.robot_command_feedback(
@@ -118,21 +119,21 @@ class Link:
             ).feedback
 
     def close(self) -> None:
-        """Let go of the connection."""
+        """Close the connection."""
         robot, self._robot = self._robot, None
         if robot is not None:
             _close(robot)
 
     def _compare_clocks(self) -> None:
         try:
-            for _ in range(2):  # an exchange tells of the one before it
+            for _ in range(2):  # each exchange reports the result of the previous one
                 self.robot.time_sync.endpoint.get_new_estimate()
-        except Exception as error:  # the command's own error is the one to tell
+        except Exception as error:  # the caller raises the command's own error
             log.warning("the clocks could not be compared: %s", error)
 
 
 def _reconnect_soon(robot: Any) -> None:
-    """Every channel tries again within `RECONNECT_MS`; the SDK has no setting for that."""
+    """Limit each channel's reconnect delay to `RECONNECT_MS`; the SDK has no setting for it."""
     ensure = robot.ensure_secure_channel
     wanted = [
         ("grpc.initial_reconnect_backoff_ms", RECONNECT_MS),
@@ -144,7 +145,7 @@ def _reconnect_soon(robot: Any) -> None:
 
 
 def _close(robot: Any) -> None:
-    """The SDK joins threads that may wait for the network; that must hold up nobody."""
+    """Shut the SDK down in a thread, because it joins threads that may wait for the network."""
 
     def close() -> None:
         robot._shutdown()

@@ -1,10 +1,10 @@
-"""The right to move: e-stop, lease, motors, standing. Taken before the first action, kept, given
-back at the end.
+"""Control of the robot: e-stop, lease, motors, standing. `Control` acquires it before the first
+action, keeps it, and returns it at the end.
 
-The lease is renewed by a thread of the SDK. When somebody takes it, presses an e-stop or switches
-the motors off while we move, what runs is cut short and the stop is latched: a person stepped in,
-and a person clears it. Clearing gets back what was lost, or says who still has it. Each lease is
-lost once: what is heard late of an earlier one is of no account.
+A thread of the SDK renews the lease. When a person takes the lease, presses an e-stop or switches
+the motors off during a motion, the current action ends and the stop is latched until a person
+clears it. Clearing acquires the lost control again, or reports its holder. Each lease is lost once;
+late reports about an earlier lease are ignored.
 """
 
 from __future__ import annotations
@@ -32,37 +32,38 @@ RENEW_LEASE_S = 0.5
 
 @dataclass(eq=False)
 class LeaseTerm:
-    """One time that the robot is ours: from the grant of its lease until it is given back."""
+    """One period of control: from the grant of the lease until its return."""
 
     keep_alive: Any = None
-    lost: HeliosError | None = None  # to whom; the stop was latched for it, and is not again
+    lost: HeliosError | None = None  # error of the loss, which latches the stop only once
 
 
 class Control:
-    """`take`, `stand` and `lost` are for the thread that acts, `clear` and `release` for any."""
+    """Control of one robot. `take`, `stand` and `lost` are for the action thread, `clear` and
+    `release` for any thread."""
 
     def __init__(self, link: Link, motion: Motion, halt: Halt) -> None:
         self._link, self._motion, self._halt, self._s = link, motion, halt, link.settings
         self._tenure: LeaseTerm | None = None
-        self._acting = LeaseTerm()  # under which the present action was begun
+        self._acting = LeaseTerm()  # lease term of the current action
         self._estop: Any = None
-        self._epoch = ""  # of the first lease; the robot has another one after every boot
-        self._powered = False  # the motors have been on in this tenure
+        self._epoch = ""  # epoch of the first lease; it changes at every boot of the robot
+        self._powered = False  # the motors have been on in this lease term
         self._standing = False
-        self._lock = threading.Lock()  # what is lost and the latched stop change together
-        # Held while the lease is got or given back, which waits for the SDK's thread: that one
-        # must never want this lock.
+        self._lock = threading.Lock()  # makes the loss and the latched stop change together
+        # Held while the lease is acquired or returned. Both wait for the SDK's thread, so that
+        # thread must never take this lock.
         self._changing = threading.Lock()
 
     @property
     def held(self) -> bool:
-        """Whether the robot is under our control, as far as we know."""
+        """True while this driver has the lease and knows of no loss."""
         tenure = self._tenure
         return tenure is not None and tenure.lost is None
 
     def take(self, reading: Reading) -> None:
-        """Be allowed to move, with the motors on. Raises Conflict and others, each with what to
-        do, and then nothing has moved."""
+        """Get permission to move, and switch the motors on. Raises HeliosError, such as Conflict,
+        with the remedy and before any motion."""
         if self._s.estop == "endpoint":
             if self._estop is None:
                 self._estop = self._endpoint()
@@ -70,14 +71,14 @@ class Control:
             _check_alive(self._estop)
         _check_estops(reading, "move")
         with self._changing:
-            self._halt.check()  # it may have been lost since the action began
+            self._halt.check()  # control may have been lost since the action began
             if self._tenure is None:
                 self._acquire("get the robot's lease")
             assert self._tenure is not None
             self._acting = self._tenure
         if reading.motors_on:
             self._powered = True
-        elif self._powered:  # somebody switched them off; they do not come back by themselves
+        elif self._powered:  # a person switched the motors off; they must not restart by themselves
             gone = Conflict(
                 "cannot move: the motors were switched off, or an e-stop was pressed; see to "
                 "the robot"
@@ -88,7 +89,7 @@ class Control:
             self._power_on()
 
     def stand(self) -> bool:
-        """Get up, after `take`; whether it had to. Raises CannotDo and HeliosError."""
+        """Stand up, after `take`; False if already standing. Raises CannotDo and HeliosError."""
         if self._standing:
             return False
         self._motion.stand()
@@ -96,15 +97,15 @@ class Control:
         return True
 
     def lost(self, error: HeliosError) -> None:
-        """Somebody took the robot from the action that runs: a person, who alone lets us go on."""
+        """Record that a person took control during the current action; only a person clears it."""
         with self._lock:
             self._lose(self._acting, error)
 
     def clear(self) -> None:
-        """Lift the stop. What was lost is got back first, so that no late news of it can latch the
-        stop again; otherwise the stop stays.
+        """Clear the stop. First acquire lost control again, so that no late report of the loss can
+        latch the stop again; if this fails, the stop stays.
 
-        Raises Conflict, which says who or what still holds the robot, and Unavailable.
+        Raises Conflict, which names the remaining cause or holder, and Unavailable.
         """
         with self._changing:
             if self.held:
@@ -113,12 +114,12 @@ class Control:
                 self._regain(self._tenure)
             with self._lock:
                 if self._tenure is not None and self._tenure.lost is not None:
-                    raise self._tenure.lost  # at this very moment, once more
+                    raise self._tenure.lost  # lost again in the meantime
                 self._halt.clear()
 
     def release(self) -> None:
-        """Give the lease back and end our e-stop endpoint. Without an endpoint the robot stands as
-        it stands; ours trips about `estop_timeout_s` later, and then it sits down or is cut."""
+        """Return the lease and end our e-stop endpoint. Without an endpoint the robot keeps
+        standing. Ours trips about `estop_timeout_s` later; the robot sits down or loses power."""
         with self._changing:
             if self._tenure is not None:
                 self._give_back(self._tenure)
@@ -129,8 +130,8 @@ class Control:
 
     # --- the lease ----------------------------------------------------------------------------
     def _acquire(self, what: str) -> None:
-        """A new tenure; the one before, if any, stays when this raises. Raises Conflict when the
-        robot has rebooted: what was mapped lies elsewhere now."""
+        """Begin a new lease term; the previous one stays if this raises. Raises Conflict when the
+        robot has rebooted, because the mapped poses are then invalid."""
         client, tenure = self._link.client("lease"), LeaseTerm()
         with doing(what, self._link.host):
             if self._s.lease == "take":
@@ -155,7 +156,7 @@ class Control:
             raise Conflict(f"cannot {what}: the robot has rebooted; restart the bridge")
 
     def _retain(self) -> None:
-        """Hear now of a loss that the SDK's thread would tell of later."""
+        """Check the lease now, before the SDK's thread reports a loss."""
         client, tenure = self._link.client("lease"), self._tenure
         assert tenure is not None
         try:
@@ -179,11 +180,12 @@ class Control:
             return
         try:
             keep_alive.shutdown()
-        except Exception as error:  # gone with the link; the robot notices by itself
+        except Exception as error:  # without a link the robot detects the loss by itself
             log.warning("the lease could not be returned: %s", error)
 
     def _on_failure(self, tenure: LeaseTerm, error: Exception) -> None:
-        """From the SDK's thread. A lost lease ends what runs; a lost link shows by itself."""
+        """Handle a failed renewal, in the SDK's thread. A lost lease ends the current action; a
+        lost link is only logged."""
         if not isinstance(error, (bosdyn_api.exceptions.ResponseError, bosdyn_api.lease.Error)):
             log.warning("the lease was not renewed: %s", error)
             return
@@ -194,7 +196,7 @@ class Control:
                 self._lose(tenure, lost)
 
     def _lose(self, tenure: LeaseTerm, error: HeliosError) -> None:
-        """Under `_lock`."""
+        """Record a loss and latch the stop. The caller holds `_lock`."""
         if tenure.lost is None:
             tenure.lost = error
             log.error("%s", error.message)
@@ -202,7 +204,7 @@ class Control:
 
     # --- motors and e-stop --------------------------------------------------------------------
     def _power_on(self) -> None:
-        self._halt.check()  # a stop may have come while the lease was got
+        self._halt.check()  # a stop may have arrived while the lease was acquired
         if self._s.power == "expect":
             raise Conflict(
                 "the motors are off; switch them on at the tablet, or set HELIOS_SPOT_POWER=on"
@@ -225,7 +227,7 @@ class Control:
             )
 
     def _once_released(self) -> Reading:
-        """A new endpoint takes a moment to let the robot go."""
+        """Wait until a new endpoint has released its e-stop; return the last reading."""
         end = time.monotonic() + self._s.rpc_timeout_s
         while (reading := self._link.read()).estops and time.monotonic() < end:
             self._halt.rest(POLL_S)
@@ -233,7 +235,7 @@ class Control:
 
 
 def _check_alive(estop: Any) -> None:
-    """Raises Conflict when our endpoint is gone: the SDK ends it with no more than a log line."""
+    """Raises Conflict when our endpoint has ended, which the SDK only logs."""
     if not estop._thread.is_alive():
         raise Conflict(
             "cannot move: our e-stop endpoint is gone, as somebody has replaced the robot's e-stop "
@@ -242,7 +244,7 @@ def _check_alive(estop: Any) -> None:
 
 
 def _check_estops(reading: Reading, what: str) -> None:
-    """Raises Conflict when one is pressed."""
+    """Raises Conflict when an e-stop is pressed."""
     if reading.estops:
         raise Conflict(
             f"cannot {what}: {', '.join(reading.estops)} is pressed; release it (tablet, motor "

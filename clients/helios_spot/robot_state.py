@@ -1,4 +1,4 @@
-"""The robot's state as one frozen reading, taken from its RobotState message."""
+"""Immutable reading of the robot's state from its RobotState message."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from helios_spot.frame_transforms import (
 
 @dataclass(frozen=True)
 class Reading:
-    """How the robot is. Frames as `helios_spot.frame_transforms` names them."""
+    """The robot's state. Frame names as in `helios_spot.frame_transforms`."""
 
     T_vision_body: Matrix
     T_body_wrist: Matrix | None  # None: no arm
@@ -32,7 +32,7 @@ class Reading:
     joints_rad: dict[str, float]
     holding: bool
     motors_on: bool
-    estops: tuple[str, ...]  # names of those that are pressed
+    estops: tuple[str, ...]  # names of the pressed e-stops
 
     @property
     def T_world_vision(self) -> Matrix:
@@ -44,7 +44,7 @@ class Reading:
 
 
 def reading_of(state: Any) -> Reading:
-    """Of a RobotState message. Raises Internal when it tells no pose, Unavailable when broken."""
+    """Reading of a RobotState message. Raises Internal without a pose, Unavailable if broken."""
     tree = state.kinematic_state.transforms_snapshot
     arm = knows(tree, HAND) and knows(tree, WRIST)
     power, manipulator = bosdyn_api.robot_state_pb2.PowerState, state.manipulator_state

@@ -1,7 +1,7 @@
-"""Which pixels show the robot itself: its arm and body must not become obstacles on the map.
+"""Mask of the pixels that show the robot, so that arm and body do not become obstacles on the map.
 
-The robot is a handful of capsules in its body frame. A pixel whose ray meets one has its depth set
-to 0, which every map takes for "not seen".
+A few capsules in the body frame model the robot. The depth of a pixel whose ray meets one is set to
+0, which every map treats as "not seen".
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from helios_core.geometry import Matrix, Pinhole
 from numpy.typing import NDArray
 
-SHOULDER_BODY_M = (0.292, 0.0, 0.188)  # as in Boston Dynamics' model of the robot
+SHOULDER_BODY_M = (0.292, 0.0, 0.188)  # from Boston Dynamics' model of the robot
 UPPER_ARM_M = 0.3385
 ARM_RADIUS_M, HAND_RADIUS_M, BODY_RADIUS_M, HELD_RADIUS_M = 0.08, 0.10, 0.13, 0.12
 FINGERS_M = 0.12  # ahead of the hand's frame
@@ -28,7 +28,7 @@ Point = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within a radius of a line, body frame, metres."""
+    """All points within a radius of a line segment; body frame, metres."""
 
     a_m: Point
     b_m: Point
@@ -41,7 +41,7 @@ def robot_capsules(
     T_body_hand: Matrix | None,
     holding: bool,
 ) -> list[Capsule]:
-    """The body and, where it has one, the arm. joints_rad: of the arm, as `arm0.sh0` names them."""
+    """Capsules of the body and the arm, if any. joints_rad: arm joints, named like `arm0.sh0`."""
     out = [
         Capsule(np.array([-BODY_HALF_M, y, 0.0]), np.array([BODY_HALF_M, y, 0.0]), BODY_RADIUS_M)
         for y in BODY_SIDES_M
@@ -67,9 +67,9 @@ def robot_capsules(
 
 
 def robot_pixels(capsules: list[Capsule], T_body_cam: Matrix, camera: Pinhole) -> NDArray[np.bool_]:
-    """Pixels [h, w] whose ray meets one of the capsules, and those next to them.
+    """Mask [h, w] of the pixels whose ray meets one of the capsules, and their neighbours.
 
-    A capsule that holds the camera itself hides nothing: the camera looks out of it.
+    A capsule that contains the camera itself is ignored.
     """
     rows = np.arange(0, camera.height, STRIDE)
     columns = np.arange(0, camera.width, STRIDE)
@@ -83,7 +83,7 @@ def robot_pixels(capsules: list[Capsule], T_body_cam: Matrix, camera: Pinhole) -
     for capsule in capsules:
         if _distance_m(eye, capsule) > capsule.radius_m:
             hit |= _nearest_m(eye, rays, capsule) <= capsule.radius_m
-    # What is met between two rays belongs to one of them, so each counts for all around it.
+    # Dilation by one ray covers parts of the robot between the sampled rays.
     wide = cv2.dilate(hit.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     fine = np.repeat(np.repeat(wide, STRIDE, 0), STRIDE, 1)
     return fine[: camera.height, : camera.width]
@@ -96,13 +96,13 @@ def _distance_m(point: Point, capsule: Capsule) -> float:
 
 
 def _nearest_m(eye: Point, rays: NDArray[np.float64], capsule: Capsule) -> NDArray[np.float64]:
-    """Distance [h, w] between rays of unit length [h, w, 3] from `eye` and the capsule's line."""
+    """Distance [h, w] between rays (unit vectors [h, w, 3]) from `eye` and the capsule's line."""
     along = capsule.b_m - capsule.a_m
     offset = eye - capsule.a_m
     a, b, c = float(along @ along), rays @ along, rays @ offset
     d = float(along @ offset)
     spread = np.maximum(a - b * b, 1e-9)
-    t = np.clip((d - b * c) / spread, 0.0, 1.0)  # on the line; then the ray, then the line again
+    t = np.clip((d - b * c) / spread, 0.0, 1.0)  # on the segment; then the ray, then again
     s = np.maximum(t * b - c, 0.0)
     t = np.clip((s * b + d) / max(a, 1e-12), 0.0, 1.0)
     s = np.maximum(t * b - c, 0.0)

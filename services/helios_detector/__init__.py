@@ -1,1 +1,1 @@
-"""Detector and scorer: what a frame shows of what is sought."""
+"""Detector service: detections, image-text scores and monocular depth of frames."""

@@ -1,4 +1,4 @@
-"""`python -m helios_detector`: settings, session, run."""
+"""Entry point of `python -m helios_detector`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from helios_detector.settings import Settings
 
 
 def host(bus: Bus, health: Health, settings: Settings) -> Closeable:
-    """Raises InvalidInput for a plug-in that cannot be imported: that does not mend by itself."""
+    """Start the detector for one or several robots.
+
+    Raises InvalidInput for a plug-in that cannot be imported, since a retry cannot help.
+    """
     check_plugins(settings.detector, settings.scorer)
     return (Fleet if settings.robots else RobotDetector)(bus, health, settings)
 
@@ -27,7 +30,7 @@ if __name__ == "__main__":
     if settings.robots:
         settings = settings.model_copy(update={"robot": HOME})
     status = run_service("detector", settings, lambda bus, health: host(bus, health, settings))
-    # Everything is closed. Taking torch apart would keep the process for seconds of work.
+    # Everything is closed. `os._exit` skips torch's teardown, which takes seconds.
     logging.shutdown()
     sys.stdout.flush()
     sys.stderr.flush()

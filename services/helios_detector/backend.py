@@ -1,4 +1,4 @@
-"""The interfaces of a detector, a scorer and a depth model; `model_loading` opens them by name."""
+"""Interfaces of a detector, a scorer and a depth model; `model_loading` opens them by name."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from helios_detector.simulator_truth import TruthSource
 
-SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
+SEEN_SCORE = 0.3  # score from which a class outside the search context counts as seen
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A class that the detector believes to be in the image, asked for or not."""
+    """A class that the detector reports in the image, in the search context or not."""
 
     class_name: str
     score: float
@@ -26,23 +26,23 @@ class Seen:
 
 @dataclass(frozen=True)
 class Findings:
-    """All that a detector made of one frame."""
+    """A detector's output for one frame."""
 
-    detections: tuple[Detection, ...]  # of the classes asked for, under the names asked for
-    seen: tuple[Seen, ...]  # of every class it knows
+    detections: tuple[Detection, ...]  # of the search classes, with their names in the context
+    seen: tuple[Seen, ...]  # of every class that the detector knows
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """All that a scorer made of one frame."""
+    """A scorer's output for one frame."""
 
-    scores: dict[str, float]  # value layer -> score of 0 to 1
-    image: Embedding | None = None  # by which a new prompt can be scored later
+    scores: dict[str, float]  # value layer -> score in 0 to 1
+    image: Embedding | None = None  # for scoring new prompts later
 
 
 @dataclass(frozen=True)
 class TextEmbeddings:
-    """Prompts as a scorer's model sees them; `helios_core.embedding_similarity.fit` compares."""
+    """A scorer's embeddings of prompts; `helios_core.embedding_similarity.fit` compares them."""
 
     texts: tuple[Embedding, ...]
     scale: float
@@ -50,56 +50,56 @@ class TextEmbeddings:
 
 
 class DetectorBackend(ABC):
-    """Finds things in a frame. Calls may come from several threads at once."""
+    """Detector of objects in a frame. Calls may come from several threads at once."""
 
     name: str
 
     @abstractmethod
     def vocabulary(self) -> tuple[str, ...] | None:
-        """All names it knows; None when any name may be asked for."""
+        """All names that the detector knows; None for an open vocabulary."""
 
     @abstractmethod
     def refused(self, context: SearchContext) -> Mapping[str, str]:
-        """Asked class name -> why it cannot be found, in a sentence; empty when all can."""
+        """Class name of the context -> one sentence why the detector cannot find it."""
 
     @abstractmethod
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
-        """Raises InvalidInput when a class of the context cannot be found."""
+        """Detections in one frame. Raises InvalidInput for a class it cannot find."""
 
     @abstractmethod
     def warm_up(self) -> None:
-        """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+        """Load the models, so that the first frame is fast. Raises Unavailable when they fail."""
 
     def unload(self) -> None:  # noqa: B027 - nothing to free is the common case
-        """Free the memory of its models; the next call loads them again."""
+        """Free the models' memory; the next call loads them again."""
 
     def accelerator_mb(self) -> float:
-        """Peak of the accelerator's memory since the last call; 0 without one."""
+        """Peak of the accelerator's memory (MB) since the last call; 0 without an accelerator."""
         return 0.0
 
     @abstractmethod
     def close(self) -> None:
-        """Free what it holds. Idempotent."""
+        """Free all resources. Idempotent."""
 
 
 class ScorerBackend(ABC):
-    """Says how well an image fits a prompt. Calls may come from several threads at once."""
+    """Scorer of an image against prompts. Calls may come from several threads at once."""
 
     name: str
-    reads_names = False  # scores what the detector reports instead of the image
+    reads_names = False  # True: scores the detector's class names instead of the image
 
     @abstractmethod
     def score(
         self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]
     ) -> dict[str, float]:
-        """Value layer -> score of 0 to 1 for its prompt, all layers in one pass."""
+        """Value layer -> score in 0 to 1 of its prompt, all layers in one pass."""
 
     def judge(self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]) -> Judgement:
-        """Scores, and the image's embedding where the model makes one."""
+        """Scores, and the image's embedding if the model makes one."""
         return Judgement(self.score(frame, seen, prompts))
 
     def embed_text(self, prompts: Sequence[str]) -> TextEmbeddings:
-        """Raises InvalidInput for a scorer that has no embeddings."""
+        """Embeddings of the prompts. Raises InvalidInput for a scorer without embeddings."""
         raise InvalidInput(
             f"the scorer {self.name} looks at no image and has no embeddings; set scorer to "
             "transformers:ID"
@@ -107,67 +107,70 @@ class ScorerBackend(ABC):
 
     @abstractmethod
     def warm_up(self) -> None:
-        """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+        """Load the models, so that the first frame is fast. Raises Unavailable when they fail."""
 
     def unload(self) -> None:  # noqa: B027 - nothing to free is the common case
-        """Free the memory of its models; the next call loads them again."""
+        """Free the models' memory; the next call loads them again."""
 
     def accelerator_mb(self) -> float:
-        """Peak of the accelerator's memory since the last call; 0 without one."""
+        """Peak of the accelerator's memory (MB) since the last call; 0 without an accelerator."""
         return 0.0
 
     @abstractmethod
     def close(self) -> None:
-        """Free what it holds. Idempotent."""
+        """Free all resources. Idempotent."""
 
 
 @dataclass(frozen=True)
 class DepthEstimate:
-    """Depth of one image from its colour."""
+    """Depth estimated from one colour image."""
 
     depth_m: NDArray[np.float32]  # [h, w] along the optical axis; 0 is invalid
-    focal_px: float  # by which it was scaled
+    focal_px: float  # focal length that scaled the depth
 
 
 class DepthBackend(ABC):
-    """Makes depth of colour. Calls may come from several threads at once."""
+    """Monocular depth estimator. Calls may come from several threads at once."""
 
     name: str
 
     @abstractmethod
     def estimate(self, color: NDArray[np.uint8], focal_px: float | None) -> DepthEstimate:
-        """`focal_px` is the calibrated one. Raises InvalidInput when it is needed and missing."""
+        """Depth of an RGB image; `focal_px` is the calibrated focal length.
+
+        Raises InvalidInput when the model needs `focal_px` and it is missing.
+        """
 
     @abstractmethod
     def warm_up(self) -> None:
-        """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+        """Load the models, so that the first frame is fast. Raises Unavailable when they fail."""
 
     @abstractmethod
     def unload(self) -> None:
-        """Free the memory of its model; the next call loads it again."""
+        """Free the model's memory; the next call loads it again."""
 
     @abstractmethod
     def accelerator_mb(self) -> float:
-        """Peak of the accelerator's memory since the last call; 0 without one."""
+        """Peak of the accelerator's memory (MB) since the last call; 0 without an accelerator."""
 
     @abstractmethod
     def close(self) -> None:
-        """Free what it holds. Idempotent."""
+        """Free all resources. Idempotent."""
 
 
 @dataclass(frozen=True)
 class DetectorOptions:
-    """What a back end may need besides its own argument."""
+    """Options of a back end besides its own argument."""
 
     truth: TruthSource | None = None  # simulator only
     threads: int = 1
     noise: str = "demo-v1"  # a table of `noise_tables/` or a path
     noise_seed: int = 0
     noise_level: float = 1.0
-    noise_correlation: float | None = None  # None: as in the table
-    device: str = "auto"  # of transformers models: auto, cpu, cuda, cuda:N, mps
+    noise_correlation: float | None = None  # None: the table's value
+    device: str = "auto"  # for transformers models: auto, cpu, cuda, cuda:N, mps
     precision: str = "auto"  # auto: half on cuda; float32, float16, bfloat16
-    masks: str = "depth"  # from boxes: by depth, or transformers:ID of a SAM 2
-    by_similarity: bool = False  # a fixed vocabulary stands in with its most similar name
-    score_head: str = "itc"  # of BLIP-2: itc (the paper's) or itm
-    landmarks: tuple[str, ...] = ()  # an open vocabulary looks for these too, to tell the place
+    masks: str = "depth"  # masks from boxes: depth, or transformers:ID of a SAM 2
+    by_similarity: bool = False  # a fixed vocabulary substitutes its most similar name
+    score_head: str = "itc"  # head of BLIP-2: itc (the paper's) or itm
+    landmarks: tuple[str, ...] = ()  # extra classes for an open vocabulary, reported in `seen` only

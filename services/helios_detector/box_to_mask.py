@@ -1,16 +1,15 @@
-"""From a detector's box to the pixels of the thing in it, by depth.
+"""Segmentation of the object in a detector's box by depth.
 
-A box holds the thing, what it stands on and what is behind it. Three facts tell them apart, none
-of which knows what the thing is:
+A box contains the object, its support and background. Three class-independent rules separate them:
 
-1. The middle of a box belongs to the thing: the depth that is most common there, nearer ones
-   preferred, is the thing's own.
-2. A thing is about as deep as its box is wide or high: what is much farther or nearer than that
-   from the thing's own depth is background or stands in front.
-3. What carries the thing goes on outside the box at one height: a horizontal plane that is seen
-   beside and below the box is not the thing. Receptacles keep their surface, because it is theirs.
+1. The object covers the middle of the box. Its own depth is the most common depth there; a nearer
+   mode wins over a slightly higher one.
+2. An object is about as deep as its box is wide or high. Pixels whose depth differs more from the
+   object's own depth are background or occluders.
+3. The support extends beyond the box at one height. A horizontal plane seen beside and below the
+   box is not part of the object. Receptacles keep their surface.
 
-What is left and connected with the middle is the mask.
+The mask is the remaining region that is connected with the middle.
 """
 
 from __future__ import annotations
@@ -23,28 +22,28 @@ from numpy.typing import NDArray
 Box = tuple[int, int, int, int]
 Mask = NDArray[np.bool_]
 
-MIDDLE_SHARE = 0.5  # of the box's width and height that counts as its middle
+MIDDLE_SHARE = 0.5  # share of the box's width and height that counts as its middle
 DEPTH_BIN_M = 0.02
-NEAR_MODE_SHARE = 0.5  # a nearer mode wins if at least this high compared with the highest
-THICKNESS_SHARE = 0.75  # of the box's larger side, in metres at the thing's depth
+NEAR_MODE_SHARE = 0.5  # a nearer mode wins from this share of the highest mode's count
+THICKNESS_SHARE = 0.75  # of the box's larger side, in metres at the object's depth
 MIN_THICKNESS_M = 0.05
-PLANE_MARGIN_M = 0.01  # above the plane still counts as the plane; grows with depth noise
-PLANE_SHARE = 0.3  # of the pixels around the box must lie on a plane for it to be the support
-RING_SHARE = 0.4  # width of the ring around the box, of the box's larger side
+PLANE_MARGIN_M = 0.01  # height above the plane that still counts as plane; depth noise is added
+PLANE_SHARE = 0.3  # share of the pixels around the box that must lie on the support plane
+RING_SHARE = 0.4  # width of the ring around the box, as a share of the box's larger side
 MIN_RING_PX = 6
-MIN_ABOVE_SHARE = 0.1  # of the pixels near the thing's depth; below that it is a flat thing
-SURFACE_JUMP_M = 0.05  # neighbours on one receptacle differ by less
-FLOOR_M = 0.06  # lower than this is floor, never part of a receptacle
+MIN_ABOVE_SHARE = 0.1  # of the pixels near the object's depth; below that the object is flat
+SURFACE_JUMP_M = 0.05  # neighbouring pixels on one receptacle differ by less in depth
+FLOOR_M = 0.06  # points below this height are floor, never part of a receptacle
 
 
 def depth_noise_m(depth_m: float) -> float:
-    """Standard deviation of a structured-light or stereo camera's depth: grows with its square."""
+    """Standard deviation (m) of a structured-light or stereo camera's depth: quadratic in depth."""
     return 0.003 + 0.0025 * depth_m**2
 
 
 def clip_box(box_xyxy: tuple[float, float, float, float], height: int, width: int) -> Box | None:
-    """The whole pixels of the box that lie in the image, half open; None where none do, nor for
-    corners that are no numbers."""
+    """The box in whole pixels, half open, clipped to the image; None if it lies outside the image
+    or has a NaN corner."""
     if np.isnan(box_xyxy).any():
         return None
     x0, y0, x1, y1 = (float(v) for v in np.clip(box_xyxy, -1e6, 1e6))
@@ -65,9 +64,9 @@ def box_to_mask(
     *,
     keep_surface: bool = False,
 ) -> Mask:
-    """The thing's pixels [h, w] within the box; empty where the box has no valid depth.
+    """Mask [h, w] of the object within the box; empty if the box has no valid depth.
 
-    `keep_surface` is for receptacles: the horizontal surface is theirs, only the floor is not.
+    `keep_surface` is for receptacles: it keeps the horizontal surface and removes only the floor.
     """
     mask = np.zeros(depth_m.shape, bool)
     window = box_xyxy if keep_surface else _grown(box_xyxy, depth_m.shape)
@@ -92,14 +91,14 @@ def box_to_mask(
         near = valid & (np.abs(depth - own_depth) < thickness_m)
         around = near & ~inside
         below = around.copy()
-        below[:y0] = False  # what is above the box carries nothing
+        below[:y0] = False  # pixels above the box cannot show the support
         noise_m = depth_noise_m(own_depth)
         thing = near & inside
         support_m = _support_height(height_m[below], int(np.count_nonzero(around)))
         if support_m is not None:
             above = thing & (height_m > support_m + PLANE_MARGIN_M + noise_m)
             if np.count_nonzero(above) >= MIN_ABOVE_SHARE * np.count_nonzero(thing):
-                thing = above  # else the thing is as flat as what carries it
+                thing = above  # otherwise the object is too flat to separate from its support
         thing = _joined(thing, depth, box, jump_m=0.02 + 3 * noise_m)
     mask[wy0:wy1, wx0:wx1] = thing
     return mask
@@ -114,7 +113,7 @@ def _grown(box: Box, shape: tuple[int, ...]) -> Box:
 def _heights(
     depth: NDArray[np.float32], corner_px: tuple[int, int], camera: Pinhole, T_world_cam: Matrix
 ) -> NDArray[np.float32]:
-    """World z of each pixel of a window whose corner is at `corner_px`, metres."""
+    """World z (m) of each pixel of a window with its corner at `corner_px`."""
     r, (h, w) = T_world_cam[2], depth.shape
     across = r[0] / camera.fx * (np.arange(w) + corner_px[0] - camera.cx)
     down = r[1] / camera.fy * (np.arange(h) + corner_px[1] - camera.cy)
@@ -122,7 +121,7 @@ def _heights(
 
 
 def _own_depth(depth: NDArray[np.float32]) -> float | None:
-    """The most common depth in the middle of a box, a nearer one preferred; None without depth."""
+    """Most common depth (m) in the middle of a box, nearer modes preferred; None without depth."""
     h, w = depth.shape
     margin_y, margin_x = (round(n * (1 - MIDDLE_SHARE) / 2) for n in (h, w))
     middle = depth[margin_y : h - margin_y, margin_x : w - margin_x]
@@ -139,13 +138,16 @@ def _own_depth(depth: NDArray[np.float32]) -> float | None:
         first += 1
     bin_low = low + (first - 1) * DEPTH_BIN_M
     chosen = values[(values >= bin_low) & (values < bin_low + 3 * DEPTH_BIN_M)]
-    if chosen.size == 0:  # the peak lies between two bins that hold something
+    if chosen.size == 0:  # the smoothed peak lies between two occupied bins
         chosen = values[np.abs(values - bin_low - 1.5 * DEPTH_BIN_M) <= 2.5 * DEPTH_BIN_M]
     return float(np.median(chosen))
 
 
 def _support_height(heights_m: NDArray[np.float32], around: int) -> float | None:
-    """Height of the horizontal plane that most of the `around` pixels lie on; None without one."""
+    """Height (m) of the horizontal plane that holds at least `PLANE_SHARE` of the `around` pixels.
+
+    None without such a plane.
+    """
     if heights_m.size < 12:
         return None
     low = float(heights_m.min())
@@ -160,11 +162,11 @@ def _support_height(heights_m: NDArray[np.float32], around: int) -> float | None
 
 
 def _joined(thing: Mask, depth: NDArray[np.float32], box: Box, jump_m: float) -> Mask:
-    """The part of `thing` that is connected, without a jump in depth, with most of the middle."""
+    """The component of mask `thing`, without depth jumps, that covers most of the box's middle."""
     cut = thing.astype(np.uint8)
     dx = np.abs(np.diff(depth, axis=1)) > jump_m
     dy = np.abs(np.diff(depth, axis=0)) > jump_m
-    # A pixel after a jump is cut out, so that 4-connectivity cannot pass; it comes back below.
+    # Cutting out the pixel after a jump breaks 4-connectivity; the dilation below restores it.
     cut[:, 1:][dx] = 0
     cut[1:, :][dy] = 0
     count, labels = cv2.connectedComponents(cut, connectivity=4)

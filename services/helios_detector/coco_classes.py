@@ -1,4 +1,4 @@
-"""The 80 class names of COCO, in the order in which detectors trained on it number them."""
+"""The 80 class names of COCO, in the order of the class indices of detectors trained on it."""
 
 COCO_NAMES: tuple[str, ...] = (
     "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat",

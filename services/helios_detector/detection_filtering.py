@@ -1,4 +1,4 @@
-"""Boxes, scores and masks of one frame: suppression, one class for each box, masks near it."""
+"""Filters for boxes and masks of one frame: suppression, one class per box, masks near boxes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from helios_detector.box_to_mask import Box
 
 NMS_IOU = 0.45
 MAX_PER_CLASS = 50
-FARTHEST_PX = 1e6  # of a corner; beyond it OpenCV's arithmetic ends
-REACH_SHARE = 0.25  # of its box's larger side: how far a mask may go beyond the box
+FARTHEST_PX = 1e6  # corners are clipped here, since OpenCV cannot compute with larger values
+REACH_SHARE = 0.25  # reach of a mask beyond its box, as a share of the box's larger side
 
 
 def suppressed(boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[int]:
-    """Indices of the boxes [n, 4] xyxy of one class that stay, best first; at most 50.
+    """Indices of the boxes [n, 4] xyxy of one class that suppression keeps, best first; at most 50.
 
     Scores are above 0; boxes may hold infinite corners.
     """
@@ -30,9 +30,9 @@ def one_class_each(
     scores: NDArray[np.float32],  # [n, classes]
     thresholds: NDArray[np.float32],  # [classes]
 ) -> list[tuple[int, int]]:
-    """(box, class) pairs: a box goes to its best class among those whose threshold it passes.
+    """(box, class) pairs: each box gets its best class among those whose threshold it passes.
 
-    Of boxes of one class that overlap, the best stays: one thing found by several synonyms.
+    Of overlapping boxes of one class, such as one object found by several synonyms, the best stays.
     """
     if not scores.size:
         return []
@@ -54,11 +54,11 @@ def box_of(mask: NDArray[np.bool_]) -> Box:
 
 
 def near_box(mask: NDArray[np.bool_], box_xyxy: Box) -> NDArray[np.bool_]:
-    """What of a mask [h, w] belongs to a box: its connected parts that reach into the box, as far
-    as a quarter of the box's larger side beyond it.
+    """Part of a mask [h, w] that belongs to a box: the components that reach into the box, cut at a
+    quarter of the box's larger side beyond it.
 
-    A model that is given a box follows the thing beyond it, which is right, but may also leak into
-    what carries the thing, and leaves specks all over the image.
+    A box-prompted model correctly follows the object beyond the box, but may also leak into the
+    support and leave specks across the image.
     """
     x0, y0, x1, y1 = box_xyxy
     reach = round(REACH_SHARE * max(x1 - x0, y1 - y0))

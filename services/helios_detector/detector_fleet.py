@@ -1,6 +1,6 @@
 """One detector process for several robots; several processes share them (`robot_assignment`).
 
-The models are loaded once. Each robot has a bus of its own, where it is told how its detector is.
+The process loads the models once. It opens one bus per robot and reports the health there.
 """
 
 from __future__ import annotations
@@ -29,36 +29,36 @@ from helios_detector.settings import Settings
 
 log = logging.getLogger(__name__)
 
-HOME = "_detectors"  # the robot's name under which the processes meet
+HOME = "_detectors"  # robot name of the bus on which the detector processes find each other
 TOKEN = "detector-replica"
 TICK_S = 0.1
 REPORT_S = 1.0
-FINISH_WITHIN_S = 1.5  # at the end, for the frames that are worked on
+FINISH_WITHIN_S = 1.5  # time at shutdown for frames in work
 
 
 class RobotSlot:
-    """One robot's part of the process."""
+    """The part of the process that serves one robot: bus, keyframe table and keeper thread."""
 
     def __init__(
         self, robot: str, bus: Bus, members: Members, lock: threading.Lock, loading: Health
     ) -> None:
-        """`loading` says what keeps the models away; it is told here until `begin`."""
+        """`loading` holds the state of model loading; the slot publishes it until `begin`."""
         self.robot, self.bus = robot, bus
         self._loading, self._health = loading, Health()
-        self._members, self._lock = members, lock  # the lock guards members and ledger
+        self._members, self._lock = members, lock  # `lock` guards `_members` and `_ledger`
         self._ledger = AssignmentTable()
-        self._turn = threading.Lock()  # whoever holds it answers keyframes
+        self._turn = threading.Lock()  # its holder answers keyframes
         self._service: DetectorService | None = None
         self._not_yet = NotYet(bus, loading)
         self._reported, self._reported_s = ("", ""), 0.0
-        self._fault = ""  # what nobody foresaw, at the last turn of the keeper
+        self._fault = ""  # unexpected exception in the keeper's last cycle, as text
         self._closed = False
         self._model_keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
         bus.announce("detector", members.me)
         self._model_keeper.start()
 
-    def begin(self, models: Models, workload: ModelUsage) -> DetectorService:
-        """The models work."""
+    def begin(self, models: Models, workload: ModelUsage, preview_quality: int) -> DetectorService:
+        """Create the robot's service and subscribe to its topics; the models must be warm."""
         service = self._service = DetectorService(
             self.bus, models.detector, models.scorer, self._health, models.depth,
             workload=workload, listen=False,
@@ -70,21 +70,22 @@ class RobotSlot:
         return service
 
     def give_up(self) -> None:
-        """The models came and the start failed all the same: `loading` says why."""
+        """Drop the service after a failed start; `loading` holds the reason."""
         self._service = None
 
     def stop(self) -> None:
-        """Take nothing more."""
+        """Accept no more keyframes."""
         self._closed = True
 
     def finish(self, within_s: float) -> None:
-        """Let what is worked on be answered, then close the bus."""
+        """Wait up to `within_s` for the keyframe in work, then close the bus."""
         if self._turn.acquire(timeout=max(0.0, within_s)):
             self._turn.release()
         self.bus.close()
 
     def _keep(self) -> None:
-        """Take what nobody took; serve methods while this robot is ours; say how it goes."""
+        """Until stopped: take unanswered keyframes, serve methods while this process owns the robot
+        and publish its health."""
         while not self._closed:
             with self._lock:
                 owner, strangers = self._members.owner(self.robot), self._members.strangers
@@ -92,12 +93,12 @@ class RobotSlot:
             if owner in (self._members.me, None):
                 try:
                     self._report(strangers)
-                except Exception:  # the next one may go out
+                except Exception:  # the next report may succeed
                     log.exception("%s: how it goes could not be told", self.robot)
             time.sleep(TICK_S)
 
     def _turned(self, owner: str | None) -> str:
-        """One turn of the keeper; what went wrong in it that nobody foresaw, mostly ""."""
+        """Run one cycle of the keeper; return its unexpected exception as text, else ""."""
         fault, service = "", self._service
         try:
             self._serve(owner)
@@ -106,14 +107,15 @@ class RobotSlot:
             self._work()
         except HeliosError as error:
             log.warning("%s: %s", self.robot, error.message)
-        except Exception as error:  # the next turn may go well
+        except Exception as error:  # the next cycle may succeed
             fault = f"{type(error).__name__}: {error}; see the detector's log"
             if fault != self._fault:
                 log.exception("%s: unforeseen", self.robot)
         return fault
 
     def _serve(self, owner: str | None) -> None:
-        """The models answer where this robot is ours; where nobody's do yet, that is said."""
+        """Serve the query methods if this process owns the robot; refuse them while the robot has
+        no owner and the models are not loaded."""
         service = self._service
         if service is None and owner is None:
             self._not_yet.open()
@@ -154,7 +156,7 @@ class RobotSlot:
             self._ledger.note(claim)
 
     def _work(self) -> None:
-        """Answer what is ours, oldest first; somebody else may be at it already."""
+        """Answer this process's keyframes, oldest first; return at once if another thread does."""
         while self._turn.acquire(blocking=False):
             try:
                 message = self._take()
@@ -181,11 +183,11 @@ class RobotSlot:
         done = self._claim(message, answered=True)
         try:
             self._service.on_keyframe(message, sent=lambda: self._tell(done))
-        except Exception:  # a fault of ours: the frame is lost, the robot is not
+        except Exception:  # only this keyframe is lost; the slot goes on
             log.exception("%s: keyframe %d failed", self.robot, message.id.seq)
         with self._lock:
             self._ledger.note(done)
-        self._tell(done)  # once more: a frame that was refused was not sent
+        self._tell(done)  # again: `sent` is not called for a refused frame
 
     def _claim(self, message: pb.Frame, answered: bool) -> pb.Claim:
         return pb.Claim(id=message.id, instance=self._members.me, answered=answered)
@@ -216,10 +218,10 @@ class RobotSlot:
 
 
 class Fleet:
-    """See the module. `bus` is that of HOME."""
+    """Detector process for several robots (see the module). `bus` is the bus of `HOME`."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
-        """Raises InvalidInput: the simulator's detectors know one world."""
+        """Raises InvalidInput for a simulator detector, which knows only one world."""
         if settings.detector in ("simulated", "ground-truth"):
             raise InvalidInput(
                 f"detector {settings.detector} knows one simulated world; start one for each "
@@ -232,7 +234,7 @@ class Fleet:
         self._ending = threading.Event()
         self._slots: list[RobotSlot] = []
         self._models: Models | None = None
-        self._service: DetectorService | None = None  # any: they share the models
+        self._service: DetectorService | None = None  # any slot's: all share the models
         self._threads = [
             threading.Thread(target=job, name=name, daemon=True)
             for name, job in (("load", self._load), ("watch", self._watch))
@@ -274,8 +276,8 @@ class Fleet:
             return
         workload = ModelUsage()
         for slot in self._slots:
-            self._service = slot.begin(models, workload)
-        self._bus.announce(TOKEN, self._members.me)  # from now on robots may be ours
+            self._service = slot.begin(models, workload, s.preview_quality)
+        self._bus.announce(TOKEN, self._members.me)  # from here on this process may own robots
         self._on_alive(TOKEN, self._members.me, True)
         self._health.ready(f"shares {', '.join(self._members.robots)}")
 
@@ -294,7 +296,7 @@ class Fleet:
         ended_well("idle models are not unloaded any more", self._health, self._unload)
 
     def _unload(self) -> None:
-        """Idle models are unloaded."""
+        """Unload the models whenever they are idle."""
         unload_s = self._settings.unload_after_s
         while not self._ending.wait(TICK_S):
             if self._service is not None and unload_s > 0:

@@ -1,4 +1,4 @@
-"""What becomes of an exception that nobody foresaw, where it would end a thread unseen."""
+"""Handling of unexpected exceptions that would otherwise end a thread silently."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ log = logging.getLogger(__name__)
 
 
 def typed(error: Exception) -> HeliosError:
-    """The error itself, or what stands for one that nobody foresaw; that one is logged."""
+    """The error itself if typed; an unexpected one is logged and returned as Internal."""
     if isinstance(error, HeliosError):
         return error
     log.error("unforeseen", exc_info=error)
@@ -20,8 +20,8 @@ def typed(error: Exception) -> HeliosError:
 
 
 def ended_well(what: str, health: Health, job: Callable[[], None]) -> bool:
-    """The last resort of a thread: where its job ends by an exception, `health` says what and why,
-    and this is False."""
+    """Run a thread's job; True if it returns. On an exception `health` becomes degraded with
+    `what` and the reason, and the result is False."""
     try:
         job()
         return True

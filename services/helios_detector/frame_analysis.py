@@ -1,7 +1,7 @@
-"""One frame through the models: detections, scores, and the time each of them took.
+"""Analysis of one frame by the models: detections, scores and timing.
 
-Whatever a back end raises becomes a typed error; whatever it returns is checked (`output_checks`).
-An error names the back end, its method, and the log.
+Every exception of a back end becomes a typed error, and every output is checked (`output_checks`).
+An error names the back end, its method and the log.
 """
 
 from __future__ import annotations
@@ -30,33 +30,33 @@ from helios_detector.output_checks import (
 
 log = logging.getLogger(__name__)
 
-ATTEMPTS = 3  # at a frame when what the back end needs does not answer
+ATTEMPTS = 3  # per frame, while a dependency of the back end does not answer
 
 T = TypeVar("T")
 
 
 class FrameAnalyzer:
-    """The models with their figures. Calls may come from several threads at once."""
+    """The models with checks and metrics. Calls may come from several threads at once."""
 
     def __init__(self, models: Models, health: Health) -> None:
         self.models, self._health = models, health
         self._seldom = LogRateLimit(log)
 
     def vocabulary(self) -> tuple[str, ...] | None:
-        """The detector's names. Raises HeliosError."""
+        """The detector's names; None for an open vocabulary. Raises HeliosError."""
         detector = self.models.detector
         return self._checked(detector, "vocabulary", lambda: held_vocabulary(detector.vocabulary()))
 
     def refused(self, context: SearchContext) -> dict[str, str]:
-        """Class name -> why it cannot be found. Raises HeliosError."""
+        """Class name -> reason why the detector cannot find it. Raises HeliosError."""
         detector = self.models.detector
         return self._checked(detector, "refused", lambda: held_refusals(detector.refused(context)))
 
     def detect(self, frame: Frame, context: SearchContext) -> tuple[Findings, str]:
-        """And what of it had to be left out, in a sentence; empty for nothing.
+        """(findings, one sentence on dropped entries, empty without any).
 
-        Asks again where what the back end needs did not answer; nothing is asked where no class is
-        sought. Raises HeliosError.
+        Retries while the back end is Unavailable or exceeds its deadline. Without search classes it
+        does not run the back end. Raises HeliosError.
         """
         if not context.classes:
             return Findings((), ()), ""
@@ -81,8 +81,8 @@ class FrameAnalyzer:
     def judge(
         self, frame: Frame, findings: Findings, context: SearchContext
     ) -> tuple[Judgement, str]:
-        """Scores of all prompts in one pass, and what of them had to be left out; nothing is asked
-        where the context seeks nothing. Raises HeliosError."""
+        """(scores of all prompts in one pass, one sentence on dropped entries). Does not run the
+        scorer for a context without prompts and classes. Raises HeliosError."""
         if not (context.prompts or context.classes):
             return Judgement({}), ""
         scorer = self.models.scorer
@@ -95,24 +95,24 @@ class FrameAnalyzer:
         return judgement, self._note(scorer, "score", frame, wrong)
 
     def timed(self, what: str, began: float) -> float:
-        """Milliseconds since `began` (of `time.perf_counter`), kept as a figure."""
+        """Milliseconds since `began` (of `time.perf_counter`), also recorded as a metric."""
         took_ms = (time.perf_counter() - began) * 1e3
         self._health.sample(f"{what}_ms", took_ms)
         return took_ms
 
     def measure(self) -> None:
-        """Memory as it is after a frame."""
+        """Record the memory use after a frame as metrics."""
         self._health.set("memory_mb", resident_mb())
         peak_mb = self.models.accelerator_mb()
         if peak_mb > 0:
             self._health.sample("accelerator_mb", peak_mb)
 
     def _checked(self, of: DetectorBackend | ScorerBackend, method: str, ask: Callable[[], T]) -> T:
-        """What a method gave. Raises HeliosError, which names the back end where it is at fault."""
+        """Call a back end's method. Raises HeliosError, which names the back end at fault."""
         who = f"the {kind_of(of)} {of.name}"
         try:
             return ask()
-        except Internal as error:  # of `contract`: nothing of it can be used
+        except Internal as error:  # from `output_checks`: the whole output is unusable
             said = f"{who} gave what cannot be used, in {method}(): {error.message}"
             self._seldom.warn((of.name, method, said), said)
             raise Internal(f"{said}; see {log_place()}") from error
@@ -121,7 +121,7 @@ class FrameAnalyzer:
         except (
             Exception,
             SystemExit,
-        ) as error:  # a back end's own fault must not lose the frame silently
+        ) as error:  # a fault of the back end must not drop the frame silently
             said = f"{who} failed in {method}() ({type(error).__name__}: {error})"
             self._seldom.warn((of.name, method, type(error)), said, error)
             raise Internal(f"{said}; the traceback is in {log_place()}") from error
@@ -140,5 +140,5 @@ class FrameAnalyzer:
 
 
 def kind_of(back_end: DetectorBackend | ScorerBackend) -> str:
-    """In words."""
+    """Word for the back end in messages: detector or scorer."""
     return "detector" if isinstance(back_end, DetectorBackend) else "scorer"

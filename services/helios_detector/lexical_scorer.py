@@ -1,8 +1,8 @@
-"""The scorer that needs no download: lexical. It never looks at the pixels.
+"""The scorer `lexical`, which needs no download and does not use the pixels.
 
-It relates the names of what the detector reports in a frame to the names in a prompt, by a table
-of what is found near what (`affinity.toml`). So it is as good as the detector and the table:
-a name that is not in the table scores the prior.
+It relates the class names that the detector reports in a frame to the names in a prompt by a table
+of names that occur near each other (`affinity.toml`). Its quality is limited by the detector and
+the table: a name outside the table scores the prior.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from helios_core.types import Frame
 from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.vocabulary_matching import accepts, equals, known_names, normalised
 
-PRIOR = 0.2  # nothing the table knows is seen, or the prompt has no known name
-FLOOR = 0.05  # only unrelated things are seen
-HOST_WEIGHT = 0.8  # sought things' usual furniture is seen
-GUEST_WEIGHT = 0.5  # what usually stands on the sought furniture is seen
+PRIOR = 0.2  # score if no seen name is in the table, or the prompt has no known name
+FLOOR = 0.05  # score if only unrelated objects are seen
+HOST_WEIGHT = 0.8  # the usual furniture of the sought object is seen
+GUEST_WEIGHT = 0.5  # an object that usually stands on the sought furniture is seen
 ROOM_WEIGHT = 0.4  # furniture of the same room is seen
 PROMPTS_REMEMBERED = 256
-STRONGEST_SHARE = 0.7  # of the score: the strongest relation; the rest is the mean over all seen
+STRONGEST_SHARE = 0.7  # weight of the strongest relation; the rest weighs the mean over all seen
 
 
 @dataclass(frozen=True)
 class Affinity:
-    """What is found near what. All names are the first of their synonyms."""
+    """Table of names that occur near each other. All names are the first of their synonyms."""
 
-    hosts: Mapping[str, Mapping[str, float]]  # thing -> furniture -> weight
-    rooms: Mapping[str, Mapping[str, float]]  # name -> room -> share, adding up to 1
+    hosts: Mapping[str, Mapping[str, float]]  # object -> furniture -> weight
+    rooms: Mapping[str, Mapping[str, float]]  # name -> room -> share; shares add up to 1
 
     def knows(self, name: str) -> bool:
-        """Whether seeing it says anything; a wall does not."""
+        """True if the table relates the name to anything; a wall is not in it."""
         return key_of(name) in self.hosts or key_of(name) in self.rooms
 
     def relation(self, seen: str, sought: str) -> float:
-        """How much seeing one name says that the other is near, 0 to 1."""
+        """Strength, 0 to 1, with which one seen name indicates that the sought one is near."""
         if normalised(seen) in accepts(sought):
             return 1.0
         a, b = key_of(seen), key_of(sought)
@@ -52,13 +52,13 @@ class Affinity:
 
 
 def key_of(name: str) -> str:
-    """One name for all that mean the same."""
+    """Canonical name: the alphabetically first of its synonyms."""
     return min(equals(name))
 
 
 @cache
 def load_affinity() -> Affinity:
-    """The table that is shipped."""
+    """The affinity table of this package."""
     text = resources.files("helios_detector").joinpath("affinity.toml").read_text()
     table = tomllib.loads(text)
     hosts = {
@@ -69,7 +69,7 @@ def load_affinity() -> Affinity:
     for room, row in table["rooms"].items():
         for name, weight in row.items():
             weights.setdefault(key_of(name), {})[room] = float(weight)
-    for thing, places in hosts.items():  # a thing is in the rooms of the furniture it stands on
+    for thing, places in hosts.items():  # an object inherits the rooms of its furniture
         if thing in weights:
             continue
         own: dict[str, float] = {}
@@ -87,20 +87,20 @@ def load_affinity() -> Affinity:
 
 @cache
 def furniture_names() -> tuple[str, ...]:
-    """Furniture on which things are usual: what tells where one is."""
+    """Furniture that usually carries objects; it serves as landmarks."""
     return tuple(sorted({place for row in load_affinity().hosts.values() for place in row}))
 
 
 @cache
 def household_names() -> frozenset[str]:
-    """Every name of a thing, a piece of furniture or a room in our tables."""
+    """Every name in the synonym and affinity tables."""
     affinity = load_affinity()
     return known_names() | affinity.hosts.keys() | affinity.rooms.keys()
 
 
 @lru_cache(maxsize=PROMPTS_REMEMBERED)
 def names_in(prompt: str) -> tuple[str, ...]:
-    """The known names that a prompt holds, longest first; a word serves one name only."""
+    """The known names in a prompt, longest first; each word counts for one name only."""
     rest, out = normalised(prompt), []
     for name in sorted(household_names(), key=lambda n: (-len(n), n)):
         rest, count = re.subn(rf"\b{re.escape(name)}(?:e?s)?\b", "\n", rest)
@@ -110,9 +110,9 @@ def names_in(prompt: str) -> tuple[str, ...]:
 
 
 def combined(relations: Sequence[float], weights: Sequence[float]) -> float:
-    """One score, 0.05 to 1, of how each seen thing relates to what is sought.
+    """Score, 0.05 to 1, from the relation of each seen object to the sought one.
 
-    `weights` are the detector's scores, 0 to 1; what is seen with a score of 0 says nothing.
+    `weights` are the detector's scores, 0 to 1; an object with score 0 has no influence.
     """
     if not any(weights):
         return FLOOR
@@ -123,7 +123,7 @@ def combined(relations: Sequence[float], weights: Sequence[float]) -> float:
 
 
 class LexicalScorer(ScorerBackend):
-    """Scores names against names. Says so in its name."""
+    """Scorer of detected class names against the names in a prompt."""
 
     name = "lexical"
     reads_names = True
@@ -149,4 +149,4 @@ class LexicalScorer(ScorerBackend):
         names_in("")
 
     def close(self) -> None:
-        """Holds nothing."""
+        """No resources to free."""

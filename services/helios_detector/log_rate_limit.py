@@ -1,4 +1,4 @@
-"""What would be logged at every frame is logged seldom, with how often it came."""
+"""Rate limit for warnings that may repeat with every frame; it counts the suppressed ones."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable, Hashable
 
 EVERY_S = 30.0
-MOST_KINDS = 64  # remembered; then all are told anew
+MOST_KINDS = 64  # most kinds in memory; at the limit all are cleared and logged anew
 
 
 class LogRateLimit:
-    """Thread-safe."""
+    """Rate limiter of one logger's warnings. Thread-safe."""
 
     def __init__(
         self,
@@ -22,11 +22,11 @@ class LogRateLimit:
     ) -> None:
         self._log, self._every_s, self._clock = log, every_s, clock or time.monotonic
         self._lock = threading.Lock()
-        self._logged: dict[Hashable, tuple[float, int]] = {}  # kind -> (when, how often since)
+        self._logged: dict[Hashable, tuple[float, int]] = {}  # kind -> (logged at, suppressed)
 
     def warn(self, kind: Hashable, message: str, error: BaseException | None = None) -> None:
-        """Log the message, and the traceback of the error: the first of a kind, then one of them
-        every so often."""
+        """Log the message with the traceback of `error`: the first of each kind, then one per
+        `every_s`."""
         now_s = self._clock()
         with self._lock:
             logged_s, since = self._logged.get(kind, (None, 0))

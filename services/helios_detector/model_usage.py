@@ -1,5 +1,5 @@
-"""What the models are doing: counted, so that they are unloaded when idle and never while they
-work, and so that a stream frame is skipped while something else is worked on. Thread-safe."""
+"""Usage counter of the models. Idle models are unloaded, working ones never; a stream frame is
+skipped while other work runs. Thread-safe."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 
 class ModelUsage:
-    """One for each set of models."""
+    """Usage counter of one set of models."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -19,7 +19,7 @@ class ModelUsage:
 
     @contextlib.contextmanager
     def work(self) -> Iterator[None]:
-        """Counts as work while it lasts."""
+        """Count the block as work."""
         with self._lock:
             self._working += 1
         try:
@@ -29,7 +29,7 @@ class ModelUsage:
 
     @contextlib.contextmanager
     def work_if_free(self) -> Iterator[bool]:
-        """False, and no work, where something is worked on already."""
+        """Count the block as work if no other work runs; else yield False."""
         with self._lock:
             free = self._working == 0
             self._working += free
@@ -40,7 +40,7 @@ class ModelUsage:
                 self._done()
 
     def claim_idle(self, after_s: float) -> bool:
-        """Whether nothing was asked for that long; True once, until there is work again."""
+        """True once after `after_s` seconds without work, then False until work runs again."""
         with self._lock:
             idle = self._working == 0 and time.monotonic() - self._used_s > after_s
             if not idle or self._unloaded:

@@ -11,19 +11,22 @@ from numpy.typing import NDArray
 from helios_detector.minilm_scorer import TextVectors
 from helios_detector.vocabulary_matching import normalised
 
-ALIKE = 0.55  # cosine from which one name may stand in for another
+ALIKE = 0.55  # cosine from which one name may substitute another
 AS = "a {}"
 
 
 class NearestName:
-    """Raises Unavailable, when made, where the text model is not installed. Thread-safe."""
+    """Search for the most similar name of a vocabulary. Thread-safe.
+
+    The constructor raises Unavailable if the text model is not installed.
+    """
 
     def __init__(self, vocabulary: Sequence[str], threads: int = 1) -> None:
         self._names = [normalised(n) for n in vocabulary]
         self._vectors = TextVectors("by_similarity", threads)
 
     def __call__(self, asked: str) -> str | None:
-        """None when nothing in the vocabulary is alike. Raises as `HfModel.use` does."""
+        """The most similar name; None if no cosine reaches `ALIKE`. Raises like `HfModel.use`."""
         cosines = self._known @ self._vectors([AS.format(normalised(asked))])[0]
         best = int(np.argmax(cosines))
         return self._names[best] if cosines[best] >= ALIKE else None
@@ -33,10 +36,10 @@ class NearestName:
         self(self._names[0])
 
     def unload(self) -> None:
-        """Free the text model's memory; the next name that is new loads it again."""
+        """Free the text model's memory; the next new name loads it again."""
         self._vectors.model.unload()
 
     @cached_property
     def _known(self) -> NDArray[np.float32]:
-        """[names, 384]"""
+        """Embeddings [names, 384] of the vocabulary."""
         return self._vectors([AS.format(n) for n in self._names])

@@ -1,4 +1,4 @@
-"""The class names of an ONNX detector: from a file beside it, from itself, or COCO's 80."""
+"""Class names of an ONNX detector: from a text file beside it, from its metadata, or COCO's 80."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_detector.coco_classes import COCO_NAMES
 from helios_detector.vocabulary_matching import normalised
 
-KEY = "names"  # under which exporters write them: {0: 'person', 1: 'bicycle', …} or a list
+KEY = "names"  # metadata key that exporters use: {0: 'person', 1: 'bicycle', …} or a list
 
 
 def class_names(path: Path, metadata: Mapping[str, str], count: int) -> tuple[str, ...]:
@@ -41,7 +41,7 @@ def _parsed(text: str, path: Path) -> list[str]:
         if isinstance(value, (list, tuple)):
             return [str(name) for name in value]
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
-        pass  # said below, with what to do
+        pass  # the InvalidInput below covers it
     raise InvalidInput(
         f"the metadata {KEY!r} of {path} is {text[:60]!r}; write the names into "
         f"{path.with_suffix('.txt')}, one a line in the model's order"

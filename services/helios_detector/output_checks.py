@@ -1,15 +1,15 @@
-"""What a back end gives, checked before it is used: outside packages err as anybody does.
+"""Validation of back-end outputs, which may come from external packages.
 
-What can be used is used. What cannot is left out, counted under a name that `/metrics` shows, and
-told in words: what came, and what was wanted.
+Valid entries pass. Each invalid entry is dropped, counted under a name that `/metrics` shows, and
+described in one sentence: the given value and the expected one.
 
-    scores_clipped       a score outside 0 to 1: cut to it
-    detections_refused   a detection of another type or class, or that does not fit the image
-    seen_refused         an entry of `seen` of another type, or without a number as its score
-    boxes_widened        a mask that goes beyond its box: only what is in the box would be sent
-    scores_refused       a scorer's entry for no layer that was asked for, or that is no number,
-                         and a layer without a score
-    embeddings_refused   an image embedding of another type or shape, or that is not finite
+    scores_clipped       score outside 0 to 1: clipped
+    detections_refused   detection of a wrong type or class, or that does not fit the image
+    seen_refused         entry of `seen` of a wrong type, or without a number as its score
+    boxes_widened        mask larger than its box: the box is widened, as only its inside is sent
+    scores_refused       scorer's entry for a layer not requested, or that is not a number;
+                         requested layer without a score
+    embeddings_refused   image embedding of a wrong type or shape, or not finite
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.box_to_mask import Box
 from helios_detector.detection_filtering import box_of
 
-ROUNDING = 1e-3  # so far outside 0 to 1 a score is cut without a word
-MOST_NAMED = 8  # names of one list in a sentence
-MOST_CHARACTERS = 80  # of a value in a sentence
+ROUNDING = 1e-3  # a score up to this far outside 0 to 1 is clipped without a warning
+MOST_NAMED = 8  # most names of one list in a message
+MOST_CHARACTERS = 80  # longest value in a message
 
 
 @dataclass
 class ConfusedName:
-    """What was wrong with one answer of a back end."""
+    """The faults found in one output of a back end."""
 
-    counts: Counter[str] = field(default_factory=Counter)  # as in the module
-    said: dict[str, str] = field(default_factory=dict)  # kind -> the first fault of it, in words
-    times: Counter[str] = field(default_factory=Counter)  # kind -> how many
+    counts: Counter[str] = field(default_factory=Counter)  # by the counter names of the module
+    said: dict[str, str] = field(default_factory=dict)  # kind -> description of its first fault
+    times: Counter[str] = field(default_factory=Counter)  # kind -> number of faults
 
     def __bool__(self) -> bool:
         return bool(self.counts)
 
     def note(self, counter: str, kind: str, said: str) -> None:
-        """One fault."""
+        """Record one fault."""
         self.counts[counter] += 1
         self.said.setdefault(kind, said)
         self.times[kind] += 1
 
     @property
     def sentence(self) -> str:
-        """Every kind of fault once; empty where there is none to tell."""
+        """Description of every kind of fault, once each; empty without faults."""
         return "; ".join(
             said + (f" ({self.times[kind]} times)" if self.times[kind] > 1 else "")
             for kind, said in self.said.items()
@@ -63,10 +63,10 @@ class ConfusedName:
 def held_findings(
     findings: object, shape: tuple[int, int], asked: Collection[str] | None = None
 ) -> tuple[Findings, ConfusedName]:
-    """(what may be sent, what was wrong).
+    """(valid findings, faults).
 
-    shape: (height, width) of the image. asked: the names of the search's classes; None: any.
-    Raises Internal where nothing of it can be used.
+    shape: (height, width) of the image. asked: class names of the search context; None: any.
+    Raises Internal when the whole output is unusable.
     """
     if not isinstance(findings, Findings):
         raise Internal(f"{_a(findings)}, wanted Findings(detections, seen)")
@@ -83,9 +83,9 @@ def held_findings(
 
 
 def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, ConfusedName]:
-    """(what may be sent, what was wrong). layers: those that were asked for.
+    """(valid judgement, faults). layers: the requested value layers.
 
-    Raises Internal where nothing of it can be used.
+    Raises Internal when the whole output is unusable.
     """
     if not isinstance(judgement, Judgement):
         raise Internal(f"{_a(judgement)}, wanted Judgement(scores, image)")
@@ -110,7 +110,7 @@ def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgemen
 
 
 def held_refusals(refused: object) -> dict[str, str]:
-    """What `refused` gave. Raises Internal."""
+    """Validated output of `DetectorBackend.refused`. Raises Internal."""
     if isinstance(refused, Mapping) and all(
         isinstance(name, str) and isinstance(why, str) for name, why in refused.items()
     ):
@@ -119,7 +119,7 @@ def held_refusals(refused: object) -> dict[str, str]:
 
 
 def held_vocabulary(vocabulary: object) -> tuple[str, ...] | None:
-    """What `vocabulary` gave. Raises Internal."""
+    """Validated output of `DetectorBackend.vocabulary`. Raises Internal."""
     if vocabulary is None:
         return None
     if isinstance(vocabulary, Collection) and not isinstance(vocabulary, str | bytes | Mapping):
@@ -161,7 +161,7 @@ def _detection(
 
 
 def _mask_fault(mask: object, shape: tuple[int, int]) -> tuple[str, str] | None:
-    """(kind, what came and what was wanted), None for a good one."""
+    """(kind, description with the given and the expected value); None for a valid mask."""
     wanted = f"wanted bool {shape}, as large as the image"
     if not isinstance(mask, np.ndarray):
         return "mask", f"{_a(mask)} as its mask, {wanted}"
@@ -171,7 +171,7 @@ def _mask_fault(mask: object, shape: tuple[int, int]) -> tuple[str, str] | None:
 
 
 def _box_fault(box: Any, shape: tuple[int, int]) -> tuple[str, str] | None:
-    """As `_mask_fault`."""
+    """(kind, description) as in `_mask_fault`; None for a valid box."""
     height, width = shape
     wanted = f"wanted whole x0 < x1 of 0 to {width} and y0 < y1 of 0 to {height}"
     try:
@@ -197,7 +197,7 @@ def _seen(seen: object, wrong: ConfusedName) -> Seen | None:
 
 
 def _score(given: Any, wrong: ConfusedName, what: str) -> float | None:
-    """A score of 0 to 1; None for what is no number."""
+    """The score clipped to 0 to 1; None if it is not a number."""
     try:
         score = math.nan if isinstance(given, str | bytes | bool) else float(given)
     except (TypeError, ValueError):
@@ -232,20 +232,20 @@ def _embedding(image: object, wrong: ConfusedName) -> Embedding | None:
 
 
 def _say(wrong: ConfusedName, kind: str, said: str) -> None:
-    """A fault that is counted elsewhere."""
+    """Record a fault's description; the caller counts it."""
     wrong.said.setdefault(kind, said)
     wrong.times[kind] += 1
 
 
 def _entries(given: Any, what: str) -> Iterable[object]:
-    """Raises Internal."""
+    """The entries as a tuple. Raises Internal when `given` is not a list-like value."""
     if isinstance(given, Iterable) and not isinstance(given, str | bytes | Mapping):
         return tuple(given)
     raise Internal(f"Findings with {_a(given)} as {what}, wanted a tuple")
 
 
 def _a(value: object) -> str:
-    """What it is, by its type."""
+    """Description of a value by its type."""
     return "None" if value is None else f"a value of type {type(value).__name__}"
 
 

@@ -1,4 +1,4 @@
-"""What a detector is asked beside frames: its names, embeddings of prompts, depth of an image."""
+"""Query methods of a detector: its vocabulary, embeddings of prompts, depth of an image."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_PROMPTS = 64
 
 
 class Served(ABC):
-    """Methods that are served between `open` and `close`; both may be called again."""
+    """Bus methods served between `open` and `close`, which may be called repeatedly."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
@@ -54,7 +54,7 @@ class Served(ABC):
 
 
 class NotYet(Served):
-    """Until the models work: whoever asks is told what the detector waits for."""
+    """Query methods while the models load: each raises Unavailable with the reason."""
 
     def __init__(self, bus: Bus, health: Health) -> None:
         super().__init__(bus)
@@ -74,7 +74,7 @@ class NotYet(Served):
 
 
 class QueryMethods(Served):
-    """Answered by the models."""
+    """Query methods that the loaded models answer."""
 
     def __init__(
         self, bus: Bus, analyst: FrameAnalyzer, workload: ModelUsage, health: Health
@@ -92,7 +92,7 @@ class QueryMethods(Served):
         )
 
     def embed_text(self, request: pb.EmbedTextRequest) -> pb.EmbedTextReply:
-        """Prompts as the scorer sees them, for images that came with earlier observations."""
+        """The scorer's embeddings of prompts, to compare with images of earlier observations."""
         if not 0 < len(request.prompts) <= MOST_PROMPTS:
             raise InvalidInput(
                 f"{len(request.prompts)} prompts came; send 1 to {MOST_PROMPTS} in one call"
@@ -106,7 +106,7 @@ class QueryMethods(Served):
         )
 
     def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply:
-        """Depth of a colour image, for robots that have none (the bridge asks)."""
+        """Depth of a colour image; the bridge calls it for robots without a depth camera."""
         depth = self._analyst.models.depth
         if depth is None:
             raise InvalidInput(
@@ -129,7 +129,10 @@ class QueryMethods(Served):
 
 
 def focal_of(request: pb.DepthRequest, width: int) -> float | None:
-    """The calibrated focal length in pixels of this image; None without a calibration."""
+    """Calibrated focal length of the request's image in pixels; None without a calibration.
+
+    Raises InvalidInput for a calibration that does not fit the image.
+    """
     K = request.calibration.K
     if not K:
         return None

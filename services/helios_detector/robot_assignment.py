@@ -1,12 +1,13 @@
-"""How several detectors share several robots, so that every keyframe is answered once. Pure.
+"""Assignment of robots to detectors, so that every keyframe is answered once. Pure.
 
-All hear every keyframe. Each robot belongs to one of them, by their order, and only that one takes
-its keyframes; it says so (`Claim`) before it works and when it has answered. When somebody comes or
-goes the robots are dealt anew, and for a moment (`SETTLE_S`) nobody takes a new keyframe, until all
-have noticed. What nobody took, or somebody who is gone, is then taken by the robot's new owner.
+Every detector receives all keyframes. The sorted order of the detectors assigns each robot to one
+of them; only this owner takes the robot's keyframes. It publishes a `Claim` before it works and
+after it answers. When a detector joins or leaves, the assignment changes, and no detector takes a
+new keyframe for `SETTLE_S`, until all know the change. The robot's new owner then takes the
+keyframes that nobody took or whose detector is gone.
 
-A keyframe is answered twice only if its detector dies between sending the answer and saying so, or
-if one learns of another later than `SETTLE_S`.
+A keyframe is answered twice only if its detector dies between the answer and its claim, or if a
+detector learns of another one later than `SETTLE_S`.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from dataclasses import dataclass
 from helios_core import proto as pb
 
 SETTLE_S = 1.0
-MOST_HELD = 8  # keyframes of one robot; robots pace themselves by answers, so one is usual
+MOST_HELD = 8  # keyframes of one robot; robots wait for answers, so one is usual
 MOST_REMEMBERED = 256
 
 Key = tuple[str, int, int]
 
 
 class Members:
-    """Which detectors are there and whose robot is whose. Instances begin with `team`."""
+    """The live detectors and the owner of each robot. Instance names begin with `team`."""
 
     def __init__(self, me: str, robots: Iterable[str]) -> None:
         self.robots = tuple(sorted(set(robots)))
@@ -42,7 +43,7 @@ class Members:
 
     @property
     def strangers(self) -> bool:
-        """Whether a detector is there that deals with another list of robots."""
+        """True if a live detector has a different list of robots."""
         return bool(self._strangers)
 
     def change(self, instance: str, alive: bool, now_s: float) -> None:
@@ -53,18 +54,18 @@ class Members:
             self._settled_s = now_s + SETTLE_S
 
     def owner(self, robot: str) -> str | None:
-        """None where nobody is there."""
+        """Instance name of the robot's owner; None without live detectors."""
         dealt = sorted(self._there)
         return dealt[self.robots.index(robot) % len(dealt)] if dealt else None
 
     def takes(self, robot: str, now_s: float) -> bool:
-        """Whether this detector takes a new keyframe of the robot now."""
+        """True if this detector may take a new keyframe of the robot now."""
         return self.owner(robot) == self.me and now_s >= self._settled_s
 
 
 @dataclass
 class _Entry:
-    """A keyframe, or what was said of one that is still to come."""
+    """State of one keyframe; `message` is None before it arrives and after it is answered."""
 
     message: pb.Frame | None = None
     taken_by: str = ""
@@ -72,14 +73,14 @@ class _Entry:
 
 
 class AssignmentTable:
-    """The keyframes of one robot: which came, who took them, which are answered."""
+    """The keyframes of one robot with their claims and answers."""
 
     def __init__(self) -> None:
         self._entries: OrderedDict[Key, _Entry] = OrderedDict()
 
     def add(self, message: pb.Frame) -> list[pb.Frame]:
-        """One that came; a second time, or answered already, it changes nothing. The older ones
-        that are given up for it, since so many are held."""
+        """Add a received keyframe; return the older ones dropped because more than `MOST_HELD` are
+        held. No effect for a keyframe that is already answered."""
         entry = self._entry(key_of(message.id))
         if not entry.answered:
             entry.message = message
@@ -92,14 +93,14 @@ class AssignmentTable:
         return given_up
 
     def note(self, claim: pb.Claim) -> None:
-        """What a detector said of one."""
+        """Record a detector's claim on a keyframe."""
         entry = self._entry(key_of(claim.id))
         entry.taken_by = claim.instance
         if claim.answered:
             entry.answered, entry.message = True, None
 
     def next(self, there: frozenset[str]) -> pb.Frame | None:
-        """The oldest that is still to be answered and that nobody who is there has taken."""
+        """The oldest unanswered keyframe that no detector of `there` has claimed."""
         for entry in self._entries.values():
             if entry.message is not None and entry.taken_by not in there:
                 return entry.message
@@ -117,5 +118,5 @@ def key_of(id: pb.FrameId) -> Key:
 
 
 def team_of(robots: Iterable[str]) -> str:
-    """A word for a list of robots: only detectors of one list share it."""
+    """Hash of a list of robots; detectors with the same list share it."""
     return hashlib.blake2b("\0".join(robots).encode(), digest_size=4).hexdigest()

@@ -1,4 +1,4 @@
-"""The detector of one robot, from when its models work. Until then it says what is missing."""
+"""Detector process of one robot. It reports the missing parts until the models work."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 from helios_detector.simulator_truth import BusTruth
 
-CHECK_S = 1.0  # between looks at what waits and at idle models
+CHECK_S = 1.0  # period of context retries and of checks for idle models
 
 
 class RobotDetector:
-    """See the module."""
+    """Loads the models in a thread, then runs the `DetectorService` until closed."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
         self._bus, self._health, self._settings = bus, health, settings
@@ -37,7 +37,7 @@ class RobotDetector:
         not_yet.open()
         models = load_models(s, truth, self._health, self._ending)
         if models is None:
-            return  # what is wrong goes on being said
+            return  # `NotYet` and `health` keep reporting the reason
         not_yet.close()
         self._service = DetectorService(
             self._bus, models.detector, models.scorer, self._health, models.depth

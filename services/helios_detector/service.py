@@ -1,11 +1,11 @@
-"""The detector's shell for one robot: frame in, detections and scores out.
+"""The detector's bus interface for one robot: frames in, detections and scores out.
 
-Every keyframe is answered with an Observation, or counted with the reason why it cannot be; and it
-is acknowledged (`DETECTOR_ACK`) when nothing more is done with it, with that reason.
-Stream frames become previews; one that comes while another frame is worked on is skipped.
-A keyframe that comes before the search context is held (the newest one) and answered when it is
-known. A context that the back end cannot take is kept and tried again (`seek_again`), while the
-old one goes on being sought. No lock is held while a back end works or the bus is used.
+The service answers each keyframe with an Observation or counts the failure. It then acknowledges
+the keyframe (`DETECTOR_ACK`), with the reason of a failure. Stream frames become previews; one that
+arrives while another frame is in work is skipped. Before the first search context the service holds
+the newest keyframe and answers it when the context arrives. It keeps a context that the back end
+cannot take and retries it (`seek_again`); the old context stays active meanwhile. No lock is held
+while a back end works or the bus is used.
 """
 
 from __future__ import annotations
@@ -38,12 +38,11 @@ from helios_detector.vocabulary_matching import normalised
 
 log = logging.getLogger(__name__)
 
-PREVIEW_QUALITY = 80  # JPEG, percent
-AGAIN_S = 2.0  # until a context that the back end could not take is tried again
+AGAIN_S = 2.0  # pause before a context that the back end could not take is retried
 
 
 class DetectorService:
-    """One detector and one scorer behind the bus. The back ends must be warm."""
+    """One detector and one scorer on the bus. The back ends must be warm."""
 
     def __init__(
         self,
@@ -53,32 +52,33 @@ class DetectorService:
         health: Health,
         depth: DepthBackend | None = None,
         *,
-        workload: ModelUsage | None = None,  # of models that others use too
-        listen: bool = True,  # False: somebody else calls `on_…` and opens the methods
+        workload: ModelUsage | None = None,  # usage of the models if other services share them
+        listen: bool = True,  # False: the caller calls `on_…` and opens the methods
     ) -> None:
         self._bus, self._health = bus, health
         self._models = Models(detector, scorer, depth)
         self._analyst = FrameAnalyzer(self._models, health)
         self._workload = workload or ModelUsage()
         self.methods = QueryMethods(bus, self._analyst, self._workload, health)
-        self._lock = threading.Lock()  # guards the six below
+        self._preview_quality = preview_quality
+        self._lock = threading.Lock()  # guards the next six attributes
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}
-        self._asked: SearchContext | None = None  # newer than that, while it is not sought yet
-        self._again_s = 0.0  # from when on the one asked for is tried again
+        self._asked: SearchContext | None = None  # newer context that is not active yet
+        self._again_s = 0.0  # monotonic time from which `_asked` is retried
         self._held: pb.Frame | None = None
-        # What failed last (keyframe, found, scored, context, models) -> why; "" when it went well.
+        # Step (keyframe, found, scored, context, models) -> reason of its failure; "" on success.
         self._troubles: dict[str, str] = {}
         if listen:
             bus.subscribe(KEYFRAME, self.on_keyframe)
             bus.subscribe(FRAME, self.on_frame)
             self.methods.open()
             bus.subscribe(CONTEXT, self.on_context)
-        self._tell_health()  # ready: it listens
+        self._tell_health()
 
     @property
     def knows_context(self) -> bool:
-        """Whether a keyframe would be answered now."""
+        """True once a search context is active, so that keyframes are answered."""
         with self._lock:
             return self._context is not None
 
@@ -86,7 +86,7 @@ class DetectorService:
         self._models.close()
 
     def unload_if_idle(self, after_s: float) -> None:
-        """Free the models' memory when nothing was asked of them for that long."""
+        """Free the models' memory after `after_s` seconds without work."""
         if not self._workload.claim_idle(after_s):
             return
         try:
@@ -99,9 +99,10 @@ class DetectorService:
         self._health.set("memory_mb", resident_mb())
         log.info("models unloaded after %g s without work; the next frame loads them", after_s)
 
-    # --- what comes in ------------------------------------------------------------------------
+    # --- input --------------------------------------------------------------------------------
     def on_context(self, message: pb.SearchContext) -> None:
-        """What is sought from now on. Classes that cannot be found are said, the others sought."""
+        """Activate the search context. Reports classes that the detector cannot find and seeks the
+        others."""
         try:
             context = context_from_proto(message)
         except Exception as error:
@@ -109,12 +110,12 @@ class DetectorService:
             log.warning("search context %.100s refused: %s", message.id, typed(error).message)
             return
         with self._lock:
-            self._asked, self._again_s = context, math.inf  # not again while it is being tried
+            self._asked, self._again_s = context, math.inf  # no retry during this attempt
         if not self._seek(context):
             self._health.count("contexts_refused")
 
     def seek_again(self) -> None:
-        """Try the context that the back end could not take, not more often than every `AGAIN_S`."""
+        """Retry the context that the back end could not take, at most once per `AGAIN_S`."""
         with self._lock:
             asked = self._asked if time.monotonic() >= self._again_s else None
         if asked is not None:
@@ -122,7 +123,7 @@ class DetectorService:
             self._seek(asked)
 
     def _seek(self, context: SearchContext) -> bool:
-        """Whether the back end took it; where it did not, that is said and the old one stays."""
+        """True if the back end takes the context; else report the reason and keep the old one."""
         try:
             refused = self._analyst.refused(context) if context.classes else {}
         except Exception as error:
@@ -130,21 +131,21 @@ class DetectorService:
             why = f"search context {context.id} is not sought: {fault.message}"
             log.warning("%s", why)
             with self._lock:
-                if self._asked is context:  # else a newer one came meanwhile
+                if self._asked is context:  # otherwise a newer one arrived meanwhile
                     self._again_s = time.monotonic() + AGAIN_S
                     self._troubles["context"] = why
-                    if isinstance(fault, InvalidInput):  # asking again does not help
+                    if isinstance(fault, InvalidInput):  # a retry cannot help
                         self._asked = None
             self._tell_health()
             return False
-        lost = {normalised(name) for name in refused}  # of several spellings one is refused by name
+        lost = {normalised(name) for name in refused}  # `refused` names one spelling of each class
         findable = tuple(c for c in context.classes if normalised(c.name) not in lost)
         with self._lock:
-            if self._asked is not context:  # a newer one came meanwhile, or this one was taken
+            if self._asked is not context:  # a newer one arrived, or this one is already active
                 return True
             self._context, self._refused = replace(context, classes=findable), refused
             self._asked, self._troubles["context"] = None, ""
-            self._troubles["found"] = ""  # of another search
+            self._troubles["found"] = ""  # it belonged to the previous search
             held, self._held = self._held, None
         self._health.set("classes_refused", len(refused))
         self._health.count("contexts_sought" if findable else "contexts_unknown")
@@ -156,9 +157,9 @@ class DetectorService:
         return True
 
     def on_keyframe(self, message: pb.Frame, sent: Callable[[], None] = lambda: None) -> None:
-        """Answer with an Observation; hold the frame while no context is known.
+        """Answer with an Observation; hold the frame while no context is active.
 
-        `sent` is called when the Observation is out, before anything else is done.
+        Calls `sent` directly after publishing the Observation.
         """
         with self._lock:
             context, replaced = self._context, None
@@ -172,13 +173,13 @@ class DetectorService:
             self._acknowledge(message.id, context.id, why_not)
 
     def give_up(self, message: pb.Frame, why: str) -> None:
-        """A keyframe that is not worked on any more."""
+        """Acknowledge a keyframe that is dropped, with the reason."""
         with self._lock:
             context = self._context
         self._acknowledge(message.id, context.id if context is not None else "", why)
 
     def _answered(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> str:
-        """Publish the Observation of a keyframe; why there is none, "" where there is."""
+        """Publish the Observation of a keyframe; return "" or the reason of the failure."""
         trouble, frame = "", None
         try:
             frame = frame_from_proto(message)
@@ -196,7 +197,7 @@ class DetectorService:
             self._say_trouble("keyframe", trouble)
 
     def _acknowledge(self, id: pb.FrameId, context_id: str, why_not: str) -> None:
-        """Nobody need wait any longer for what the detector makes of a keyframe."""
+        """Publish that the detector is done with a keyframe; empty `why_not`: accepted."""
         ack = pb.Ack(
             service="detector", part="observation", id=id, accepted=not why_not, reason=why_not,
             context_id=context_id,
@@ -207,7 +208,7 @@ class DetectorService:
             log.warning("keyframe %d was not acknowledged: %s", id.seq, error.message)
 
     def on_frame(self, message: pb.Frame) -> None:
-        """Publish a preview, unless another frame is being worked on."""
+        """Publish a preview, unless another frame is in work."""
         with self._lock:
             context = self._context
         with self._workload.work_if_free() as free:
@@ -225,13 +226,13 @@ class DetectorService:
             except Exception as error:
                 self._refuse("previews_refused", message, typed(error))
 
-    # --- what goes out ------------------------------------------------------------------------
+    # --- output -------------------------------------------------------------------------------
     def _answer(
         self, message: pb.Frame, frame: Frame, context: SearchContext, sent: Callable[[], None]
     ) -> None:
         began = time.perf_counter()
         findings, wrong = self._analyst.detect(frame, context)
-        if wrong or findings.detections or findings.seen:  # who finds nothing proves nothing
+        if wrong or findings.detections or findings.seen:  # empty findings do not clear a fault
             self._say_trouble("found", wrong)
         detect_ms = self._analyst.timed("detect", began)
         began = time.perf_counter()
@@ -253,7 +254,7 @@ class DetectorService:
         sent()
         try:
             self._publish_preview(message, frame, findings)
-        except Exception as error:  # the keyframe is answered all the same
+        except Exception as error:  # the keyframe is already answered
             self._refuse("previews_refused", message, typed(error))
 
     def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
@@ -271,7 +272,7 @@ class DetectorService:
         log.warning("%s: frame %d: %s", counter, message.id.seq, error.message)
 
     def _say_trouble(self, what: str, why: str) -> None:
-        """Why something came to nothing the last time; "" when it went well."""
+        """Record the reason of a step's last failure; "" after success."""
         with self._lock:
             self._troubles[what] = why
         self._tell_health()

@@ -1,4 +1,4 @@
-"""The simulator's truth about one frame: which pixel belongs to which instance, of which class."""
+"""Simulator ground truth of one frame: instance of each pixel and class of each instance."""
 
 from __future__ import annotations
 
@@ -20,42 +20,42 @@ TIMEOUT_S = 3.0  # longest wait for the simulated world
 
 @dataclass(frozen=True)
 class TruthInstance:
-    """One thing of the simulated home."""
+    """One object of the simulated home."""
 
     id: int
     class_name: str
     center_world_m: NDArray[np.float64]  # [3]
     graspable: bool
-    name: str = ""  # the same in every process, as "mug_3"
+    name: str = ""  # identical in every process, such as "mug_3"
 
     @property
     def key(self) -> str:
-        """What it is known by: its name, or its number where it has none."""
+        """Its name, or "#id" if it has none."""
         return self.name or f"#{self.id}"
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The truth of one frame."""
+    """Ground truth of one frame."""
 
     ids: NDArray[np.uint16]  # [h, w]; 0 is background
     instances: Mapping[int, TruthInstance]
 
 
 class TruthSource(Protocol):
-    """Whoever knows the truth: the world over the bus, or a test."""
+    """Source of ground truth: the simulated world over the bus, or a test."""
 
     def segmentation(self, stamp_ns: int) -> Truth:
-        """Of the frame taken at that stamp. Raises a HeliosError when it is not known."""
+        """Ground truth of the frame with that stamp. Raises a HeliosError when it is unknown."""
         ...
 
     def check(self) -> None:
-        """Raises Unavailable when the truth cannot be asked now."""
+        """Raises Unavailable when the source does not answer."""
         ...
 
 
 def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
-    """Raises InvalidInput when the image does not have the size that it says."""
+    """Ground truth from its message. Raises InvalidInput for a wrong number of bytes."""
     size = message.width * message.height
     if size == 0 or len(message.ids) != 2 * size:
         raise InvalidInput(
@@ -75,16 +75,16 @@ def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
 
 
 class BusTruth:
-    """Asks the simulated world by method call."""
+    """Ground truth from the simulated world by method call."""
 
     def __init__(self, bus: Bus, timeout_s: float = TIMEOUT_S) -> None:
         self._bus = bus
         self._timeout_s = timeout_s
 
     def segmentation(self, stamp_ns: int) -> Truth:
-        """Of the frame taken at that stamp (ns, the robot's clock). Raises Unavailable or
-        DeadlineExceeded when the world does not answer, InvalidInput for a stamp that it has
-        forgotten or an answer that does not hold together."""
+        """Ground truth of the frame with that stamp (ns, the robot's clock). Raises Unavailable or
+        DeadlineExceeded when the world does not answer, InvalidInput for a discarded stamp or an
+        inconsistent response."""
         request = pb.TruthSegmentationRequest(stamp_ns=stamp_ns)
         return truth_from_proto(self._bus.call(TRUTH_SEGMENTATION, request, self._timeout_s))
 
@@ -93,7 +93,7 @@ class BusTruth:
 
 
 def truth_of(frame: Frame, source: TruthSource) -> Truth:
-    """The frame's truth, of the frame's size. Raises InvalidInput when the sizes disagree."""
+    """Ground truth of a frame. Raises InvalidInput when its size differs from the frame's."""
     truth = source.segmentation(frame.stamp_ns)
     if truth.ids.shape != frame.depth_m.shape:
         raise InvalidInput(

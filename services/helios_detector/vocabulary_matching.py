@@ -1,10 +1,9 @@
-"""From the names that are asked for to the names that a detector knows.
+"""Matching of the search context's class names with the names that a detector knows.
 
-A name is looked up as it is, then by what means the same (`synonyms.toml` and the search
-context), then by what is a kind of it ("table" takes "coffee table"). A detector with a fixed
-vocabulary may also stand in with a wider or neighbouring kind ("coffee table" asked of a detector
-that only knows "dining table"). Whatever way a thing was found, its detection carries the name
-that was asked for.
+The lookup tries the name itself, then its synonyms (`synonyms.toml` and the search context), then
+its narrower kinds ("table" accepts "coffee table"). A detector with a fixed vocabulary may also
+substitute a wider or neighbouring kind (it finds "coffee table" as "dining table" if it knows only
+that). In every case the detection carries the search context's name.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from helios_detector.coco_classes import COCO_NAMES
 
 @dataclass(frozen=True)
 class Wanted:
-    """One asked class as a detector understands it."""
+    """One search class with the detector names that match it."""
 
-    name: str  # as asked
-    names: frozenset[str]  # normalised names of the detector that count as it
+    name: str  # as in the search context
+    names: frozenset[str]  # normalised names of the detector that match it
     threshold: float
-    keep_surface: bool  # a receptacle in one of its roles
-    is_object: bool  # the object of a task in one of its roles
+    keep_surface: bool  # True if one of its roles is a receptacle
+    is_object: bool  # True if one of its roles is the task's object
 
 
 @lru_cache(maxsize=4096)
@@ -48,21 +47,21 @@ def _tables() -> tuple[dict[str, frozenset[str]], dict[str, tuple[str, ...]]]:
 
 
 def equals(name: str) -> frozenset[str]:
-    """The name and what means the same."""
+    """The normalised name and its synonyms."""
     name = normalised(name)
     return _tables()[0].get(name, frozenset({name}))
 
 
 @cache
 def known_names() -> frozenset[str]:
-    """Every name of the tables, and those of COCO."""
+    """Every name in the synonym tables and in COCO."""
     equal, kinds = _tables()
     narrower = (n for names in kinds.values() for n in names)
     return frozenset((*equal, *kinds, *narrower, *COCO_NAMES))
 
 
 def accepts(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:
-    """All names that count as `asked`: itself, its synonyms, and the kinds of any of them."""
+    """All names that match `asked`: itself, its synonyms, and the narrower kinds of these."""
     same = equals(asked).union(*(equals(s) for s in synonyms))
     kinds = _tables()[1]
     narrower = (k for name in same for k in kinds.get(name, ()))
@@ -70,7 +69,7 @@ def accepts(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:
 
 
 def neighbours(asked: str) -> frozenset[str]:
-    """Wider names and other kinds of them: what a fixed vocabulary may stand in with."""
+    """Wider names and their other kinds, which a fixed vocabulary may substitute."""
     same = equals(asked)
     out: frozenset[str] = frozenset()
     for kind, names in _tables()[1].items():
@@ -80,7 +79,7 @@ def neighbours(asked: str) -> frozenset[str]:
 
 
 def near_matches(asked: str, vocabulary: Iterable[str], count: int = 3) -> list[str]:
-    """The vocabulary's names that look most like what was asked."""
+    """The vocabulary's names spelled most like `asked`; at most `count`."""
     name, names = normalised(asked), list(vocabulary)
     shared = [n for n in names if set(normalised(n).split()) & set(name.split())]
     alike = difflib.get_close_matches(name, names, count, cutoff=0.5)
@@ -94,7 +93,7 @@ def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Wa
 
 
 def open_wanted(context: SearchContext) -> tuple[Wanted, ...]:
-    """For an open vocabulary: every class is understood; a name asked for itself goes to itself."""
+    """Search classes for an open vocabulary. A class's own name matches no other class."""
     classes = context.distinct(normalised)
     exact = {normalised(c.name) for c in classes}
     return tuple(
@@ -106,11 +105,12 @@ def open_wanted(context: SearchContext) -> tuple[Wanted, ...]:
 def fixed_wanted(
     context: SearchContext,
     vocabulary: tuple[str, ...],
-    similar: Callable[[str], str | None] | None = None,  # the most similar of the vocabulary
+    similar: Callable[[str], str | None] | None = None,  # most similar name of the vocabulary
 ) -> tuple[tuple[Wanted, ...], Mapping[str, str]]:
-    """(what can be found, class name -> why it cannot). A detector's name serves one asked class.
+    """(findable classes, class name -> reason of its refusal) for a fixed vocabulary.
 
-    Exact names are served first, then synonyms and kinds, then neighbours, then similar ones.
+    Each detector name serves one search class. Exact names are served first, then synonyms and
+    narrower kinds, then neighbours, then similar names.
     """
     known = {normalised(n): n for n in vocabulary}
     classes = context.distinct(normalised)

@@ -1,4 +1,4 @@
-"""YOLOX through ONNX: letter-box, decode, non-maximum suppression, masks by depth."""
+"""YOLOX detector on ONNX Runtime: letter box, decoding, non-maximum suppression, masks by depth."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ if TYPE_CHECKING:
 
 STRIDES_PX = (8, 16, 32)
 PAD_GREY = 114
-LARGEST_LOG = 12.0  # of a box's size in cells: larger than any image
+LARGEST_LOG = 12.0  # limit of the log of a box's size in cells: larger than any image
 
 
 def letter_box(
     color: NDArray[np.uint8],  # [h, w, 3] RGB
     size: tuple[int, int],  # (height, width) of the network's input
 ) -> tuple[NDArray[np.float32], float]:
-    """([1, 3, H, W] BGR 0-255, image in the upper left corner; input pixels per image pixel)."""
+    """(input [1, 3, H, W] BGR 0-255 with the image in the upper left corner, input pixels per image
+    pixel)."""
     scale = min(size[0] / color.shape[0], size[1] / color.shape[1])
     width, height = round(color.shape[1] * scale), round(color.shape[0] * scale)
     padded = np.full((*size, 3), PAD_GREY, np.uint8)
@@ -41,7 +42,7 @@ def letter_box(
 
 
 def cells_of(size: tuple[int, int]) -> int:
-    """Rows of the output for an input of (height, width)."""
+    """Number of output rows for an input of size (height, width)."""
     return sum((size[0] // stride) * (size[1] // stride) for stride in STRIDES_PX)
 
 
@@ -49,7 +50,10 @@ def decode(
     output: NDArray[np.float32],  # [n, 5 + classes]: centre, size, objectness, classes
     size: tuple[int, int],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(boxes [n, 4] xyxy in input pixels, scores [n, classes]): grid and strides applied."""
+    """(boxes [n, 4] xyxy in input pixels, scores [n, classes]), with grid and strides applied.
+
+    Raises InvalidInput when the number of cells does not fit the input size.
+    """
     corners, strides = [], []
     for stride in STRIDES_PX:
         rows, columns = size[0] // stride, size[1] // stride
@@ -57,7 +61,7 @@ def decode(
         corners.append(np.stack([x, y], -1).reshape(-1, 2))
         strides.append(np.full((rows * columns, 1), stride))
     corner, stride = np.concatenate(corners), np.concatenate(strides)
-    if len(corner) != len(output):  # a model that leaves the number open
+    if len(corner) != len(output):  # possible when the model declares a dynamic number of rows
         raise InvalidInput(
             f"the model gives {len(output)} cells for an input of {size}, wanted {len(corner)}; "
             f"use a YOLOX model with strides {STRIDES_PX} and undecoded output"
@@ -69,8 +73,10 @@ def decode(
 
 
 def open_session(path: Path, threads: int) -> InferenceSession:
-    """Raises Unavailable when the file or onnxruntime is missing, InvalidInput for a file that is
-    no model."""
+    """ONNX Runtime session of a model file.
+
+    Raises Unavailable when the file or onnxruntime is missing, InvalidInput for an invalid file.
+    """
     if not path.is_file():
         raise Unavailable(
             f"the model file {path} is not there; put a YOLOX model (ONNX) there, or set "
@@ -87,7 +93,7 @@ def open_session(path: Path, threads: int) -> InferenceSession:
     options.inter_op_num_threads = 1
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime raises its own unrelated types
+    except Exception as error:  # onnxruntime's exception types have no common base
         reason = str(error).splitlines()[0][:200]
         raise InvalidInput(
             f"{path} cannot be loaded as an ONNX model ({reason}); use a YOLOX model"
@@ -95,8 +101,10 @@ def open_session(path: Path, threads: int) -> InferenceSession:
 
 
 def sizes_of(session: InferenceSession, path: Path) -> tuple[tuple[int, int], int]:
-    """((height, width) of the input, number of classes). Raises InvalidInput for a network that is
-    no YOLOX with undecoded output."""
+    """((height, width) of the input, number of classes).
+
+    Raises InvalidInput for a network that is not a YOLOX with undecoded output.
+    """
     wanted, given = session.get_inputs()[0], session.get_outputs()[0]
     shape = wanted.shape
     if len(shape) != 4 or not all(isinstance(n, int) for n in shape[2:]):
@@ -116,11 +124,11 @@ def sizes_of(session: InferenceSession, path: Path) -> tuple[tuple[int, int], in
 
 
 class YoloxDetector(DetectorBackend):
-    """A YOLOX model of a fixed vocabulary on the CPU."""
+    """A YOLOX model with a fixed vocabulary on the CPU."""
 
     def __init__(self, path: Path, threads: int = 1, by_similarity: bool = False) -> None:
         """Raises Unavailable when the file, onnxruntime or the text model is missing, InvalidInput
-        for a file that is no such model."""
+        for a file that is not a YOLOX model."""
         self._session = open_session(path, threads)
         self._size, classes = sizes_of(self._session, path)
         self._input = self._session.get_inputs()[0].name
@@ -145,12 +153,12 @@ class YoloxDetector(DetectorBackend):
             self._similar.warm_up()
 
     def unload(self) -> None:
-        """The text model alone: the network is small and stays."""
+        """Unload only the text model; the small network stays in memory."""
         if self._similar is not None:
             self._similar.unload()
 
     def close(self) -> None:
-        """The session is freed with this object."""
+        """Unload the text model; the session is freed with this object."""
         self.unload()
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:

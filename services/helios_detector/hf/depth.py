@@ -1,8 +1,8 @@
-"""The depth back end `transformers:<model id or folder>`: metres per pixel from colour alone.
+"""The depth back end `transformers:<model id or folder>`: metric depth from colour alone.
 
-Depth Pro gives an inverse depth for an image of one canonical width, and its own guess of the field
-of view; the focal length makes metres of it: depth = focal / (width * inverse). The others are
-trained to give metres of an indoor camera as they are.
+Depth Pro outputs an inverse depth for an image of one canonical width and an estimate of the field
+of view. The focal length converts this to metres: depth = focal / (width * inverse). The other
+models output metres of an indoor camera directly.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from helios_detector.backend import DepthBackend, DepthEstimate
 from helios_detector.hf.model_runtime import HfModel, Placement, config_of, picture, source_of
 
 SETTING = "depth"
-FARTHEST_M = 65.0  # what 16 bits of millimetres hold; beyond it depth is invalid
+FARTHEST_M = 65.0  # limit of 16-bit millimetres; larger depth is invalid
 FOCAL = ("calibrated", "own")
 
 
 class HfDepth(DepthBackend):
-    """A monocular model that gives metres."""
+    """A monocular model of metric depth."""
 
     def __init__(self, spec: str, placement: Placement, focal: str = "calibrated") -> None:
-        """Raises Unavailable (library, folder, hub) or InvalidInput (a model without metres)."""
+        """Raises Unavailable (library, folder, hub) or InvalidInput (no metric depth)."""
         if focal not in FOCAL:
             raise InvalidInput(f"depth_focal is {focal!r}; set one of {', '.join(FOCAL)}")
         source = source_of(spec, SETTING)
@@ -64,11 +64,11 @@ class HfDepth(DepthBackend):
         self.unload()
 
     def estimate(self, color: NDArray[np.uint8], focal_px: float | None) -> DepthEstimate:
-        """Depth [h, w] in metres of an RGB image [h, w, 3]; 0 beyond 65 m or where there is none.
+        """Depth [h, w] in metres of an RGB image [h, w, 3]; 0 beyond 65 m or where invalid.
 
         `focal_px` is the calibrated focal length in pixels of this image; with depth_focal=own the
-        model's guess scales in its place. Raises InvalidInput when a focal length is needed and
-        missing, or a guess is absurd, Unavailable or Internal when the model cannot work.
+        model's estimate replaces it. Raises InvalidInput when a required focal length is missing or
+        an estimate is implausible, Unavailable or Internal when the model cannot work.
         """
         height, width = color.shape[:2]
         if focal_px is None and not self._guesses:
@@ -101,5 +101,5 @@ class HfDepth(DepthBackend):
             own = got.get("focal_length")
         good = np.isfinite(depth_m) & (depth_m > 0) & (depth_m <= FARTHEST_M)
         used = calibrated or (float(own) if own is not None else focal_px)
-        assert used is not None  # refused above
+        assert used is not None  # ensured by the check at the top
         return DepthEstimate(np.where(good, depth_m, 0).astype(np.float32), float(used))

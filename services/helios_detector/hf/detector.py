@@ -23,14 +23,14 @@ BY_DEPTH = "depth"
 
 
 class HfDetector(DetectorBackend):
-    """Finds by text; masks by the model itself, by SAM 2, or by depth within the box."""
+    """Text-prompted detector; masks come from the model itself, SAM 2, or depth within the box."""
 
     def __init__(
         self,
         spec: str,
         placement: Placement,
         masks: str = BY_DEPTH,  # or transformers:<model id or folder>
-        landmarks: Sequence[str] = (),  # looked for besides what is asked, to tell the place
+        landmarks: Sequence[str] = (),  # extra classes, reported in `Findings.seen` only
     ) -> None:
         """Raises Unavailable (library, folder, hub) or InvalidInput (a model of another kind)."""
         source = source_of(spec, SETTING)
@@ -82,7 +82,7 @@ class HfDetector(DetectorBackend):
         found = self._finder.find(frame.color, phrases.texts, floors)
         scores = phrases.by_class(found.scores)
         asked, limits = len(phrases.wanted), phrases.thresholds
-        # Landmarks take no box from what is asked for: a detection does not depend on the scorer.
+        # Landmarks are filtered apart from search classes: detections do not depend on the scorer.
         chosen = one_class_each(found.boxes, scores[:, :asked], limits[:asked])
         marks = one_class_each(found.boxes, scores[:, asked:], limits[asked:])
         picks = [
@@ -94,9 +94,9 @@ class HfDetector(DetectorBackend):
             if found.masks is not None or self._masker:
                 mask = near_box(mask, box)
             if not mask.any():
-                continue  # a thing without a pixel is nothing to a map
+                continue  # the maps cannot use an empty mask
             if found.masks is not None or self._masker:
-                box = box_of(mask)  # it may go beyond the box that it was made of
+                box = box_of(mask)  # the mask may extend beyond its prompt box
             name = phrases.wanted[c].name
             detections.append(Detection(name, float(scores[i, c]), box, mask))
         seen = chosen + [(i, asked + c) for i, c in marks]

@@ -1,11 +1,11 @@
-"""Checks models on one image, with whatever weights they name, end to end.
+"""End-to-end check of models on one image with their real weights.
 
     python -m helios_detector.hf.model_check \
         --detector transformers:IDEA-Research/grounding-dino-tiny \
         --masks transformers:facebook/sam2.1-hiera-small --classes "mug,table=0.35" --image room.jpg
 
-Prints what was found, how long a frame takes and how much memory, and writes the picture with boxes
-and masks beside it. Exit status 0 when every model named works.
+It prints the results, the time per frame and the memory use, and writes an image with boxes and
+masks beside the input. Exit status 0 if all named models work.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from helios_detector.memory_usage import resident_mb
 from helios_detector.model_loading import open_depth, open_detector, open_scorer
 
 T = TypeVar("T")
-CAMERA_M = 1.3  # height of the camera, which looks level along world x
-FLAT_M = 2.0  # depth of every pixel where no model and no file gives one
+CAMERA_M = 1.3  # height of the camera, which points horizontally along world x
+FLAT_M = 2.0  # depth of every pixel without a depth model
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -97,7 +97,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def drawn(color: NDArray[np.uint8], findings: Findings) -> NDArray[np.uint8]:
-    """The image with masks tinted and boxes named."""
+    """The image with tinted masks and labelled boxes."""
     out = color.copy()
     for i, d in enumerate(findings.detections):
         hue = np.array([[[(i * 47) % 180, 200, 255]]], np.uint8)
@@ -142,7 +142,7 @@ def _read(path: Path) -> NDArray[np.uint8]:
 
 
 def _classes(text: str) -> tuple[SearchClass, ...]:
-    """`mug,table=0.35`: names with the detector's threshold, 0.25 unless given."""
+    """Classes from text such as `mug,table=0.35`: name and detector threshold, 0.25 by default."""
     out = []
     for part in filter(None, (p.strip() for p in text.split(","))):
         name, _, threshold = part.partition("=")

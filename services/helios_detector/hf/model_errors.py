@@ -1,7 +1,7 @@
-"""What goes wrong when a model is loaded or run, as one typed error with one sentence.
+"""Typed errors for failures of loading or running a model, each with one sentence.
 
-`huggingface_hub` and `transformers` raise many types, often wrapped in OSError; the cause is looked
-for along the chain. Types are told by name, so that no library is imported for it.
+`huggingface_hub` and `transformers` raise many types, often wrapped in OSError. These functions
+search the exception chain for the cause. They compare types by name, so no library is imported.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Any
 
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 
-NOT_LEARNT = ("position_ids",)  # counted up by the library
-INCOMPLETE = (  # words of the library
+NOT_LEARNT = ("position_ids",)  # key endings of buffers that the library fills itself
+INCOMPLETE = (  # the library's messages for missing files
     "no file named", "does not appear to have", "Should have a `model_type`",
     "Can't load image processor", "Can't load processor", "Can't load tokenizer",
 )  # fmt: skip
@@ -21,7 +21,7 @@ EXTRA = "pip install 'helios-ovmm[transformers]'"
 
 
 def chain(error: BaseException) -> Iterator[BaseException]:
-    """The error, what it was raised from, and so on."""
+    """The error and all its causes and contexts, each once."""
     seen: set[int] = set()
     todo: list[BaseException | None] = [error]
     while todo:
@@ -38,13 +38,13 @@ def _types(error: BaseException) -> set[str]:
 
 
 def short(error: BaseException) -> str:
-    """Its type and first line."""
+    """The error's type and first line."""
     text = next((line for line in str(error).splitlines() if line.strip()), "")
     return f"{type(error).__name__}: {text.strip()[:200]}"
 
 
 def out_of_memory(error: BaseException) -> bool:
-    """Whether memory ran out, on the processor or the accelerator."""
+    """True if the host's or the accelerator's memory ran out."""
     texts = " ".join(str(e).lower() for e in chain(error))
     return (
         bool({"MemoryError", "OutOfMemoryError"} & _types(error))
@@ -54,7 +54,7 @@ def out_of_memory(error: BaseException) -> bool:
 
 
 def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
-    """The typed error for a model that cannot be loaded. `setting` names what to change."""
+    """The typed error for a model that cannot be loaded. `setting` is the setting to change."""
     if isinstance(error, HeliosError):
         return error
     types, texts = _types(error), " ".join(str(e) for e in chain(error))
@@ -115,10 +115,10 @@ def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
 
 
 def check_whole(loading_info: Mapping[str, Any], source: str, setting: str) -> None:
-    """What the library told of loading: it gives random numbers to weights that the files lack.
+    """Check that the model's files contain all weights; the library fills missing ones randomly.
 
-    A model trained for something else, or whose files do not belong together, would answer at
-    random. Raises InvalidInput.
+    Such a model, trained for another task or mixed from different files, would give random results.
+    Raises InvalidInput.
     """
     missing = {*loading_info["missing_keys"], *(key for key, *_ in loading_info["mismatched_keys"])}
     needed = sorted(key for key in missing if not key.endswith(NOT_LEARNT))
@@ -138,7 +138,7 @@ def memory_fault(source: str, setting: str) -> Unavailable:
 
 
 def run_fault(error: BaseException, source: str, setting: str) -> HeliosError:
-    """The typed error for a model that fails at a frame."""
+    """The typed error for a model that fails on a frame."""
     if isinstance(error, HeliosError):
         return error
     if out_of_memory(error):

@@ -1,4 +1,4 @@
-"""One model and its processor: where it runs, in which precision, when it is in memory."""
+"""One model and its processor: device, precision, loading and unloading."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from helios_detector.memory_usage import accelerator_mb, free_mb, weights_mb
 
 PRECISIONS = ("auto", "float32", "float16", "bfloat16")
 SCHEME = "transformers:"
-SMALLEST_VOCABULARY = 64  # the library makes an empty tokenizer where the files are missing
+SMALLEST_VOCABULARY = 64  # the library makes an empty tokenizer if its files are missing
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where models run and how."""
+    """Device, precision and CPU threads of a model."""
 
     device: str = "auto"  # auto: cuda, else mps, else cpu
     precision: str = "auto"  # auto: half on cuda, float32 elsewhere
-    threads: int = 1  # of the processor
+    threads: int = 1  # on the CPU
 
 
 def source_of(spec: str, setting: str) -> str:
-    """The model id or folder of `transformers:<model id or folder>`.
+    """The model id or folder in `transformers:<model id or folder>`.
 
-    Raises InvalidInput for another form, Unavailable for a folder that is not there.
+    Raises InvalidInput for another form, Unavailable for a missing folder.
     """
     source = spec.removeprefix(SCHEME).strip()
     if not spec.startswith(SCHEME) or not source:
@@ -50,7 +50,7 @@ def source_of(spec: str, setting: str) -> str:
 
 
 def need_library() -> Any:
-    """The `transformers` module. Raises Unavailable where it is not installed."""
+    """The `transformers` module. Raises Unavailable when it is not installed."""
     missing = [n for n in ("torch", "transformers", "PIL") if importlib.util.find_spec(n) is None]
     if missing:
         raise Unavailable(f"{SCHEME}… needs {', '.join(missing)}, not installed here; {EXTRA}")
@@ -62,11 +62,10 @@ def need_library() -> Any:
 
 
 def tolerate_torchvision() -> None:
-    """Let torchvision be imported though its compiled part fits another build of torch.
+    """Make torchvision importable if its compiled part was built for another torch.
 
-    Image processors use its Python part alone, but importing it fails for the missing operators
-    (a CPU torch beside the index's torchvision). Declared without a kernel, they still raise if
-    called.
+    Image processors use only its Python part, but the import fails for missing operators (a CPU
+    torch with the index's torchvision). This declares them without a kernel; a call still raises.
     """
     spec = importlib.util.find_spec("torchvision")
     if spec is None or not spec.submodule_search_locations:
@@ -86,7 +85,7 @@ def tolerate_torchvision() -> None:
 
 
 def config_of(source: str, setting: str) -> Any:
-    """The model's configuration. Raises the typed errors of `faults.load_fault`."""
+    """The model's configuration. Raises the typed errors of `model_errors.load_fault`."""
     transformers = need_library()
     try:
         return transformers.AutoConfig.from_pretrained(source, trust_remote_code=False)
@@ -95,24 +94,24 @@ def config_of(source: str, setting: str) -> Any:
 
 
 def picture(color: NDArray) -> Any:
-    """RGB [h, w, 3] as the image type that every processor takes."""
+    """RGB [h, w, 3] as a PIL image, which every processor takes."""
     from PIL import Image
 
     return Image.fromarray(color)
 
 
 class HfModel:
-    """A model of one auto class. Loads at the first use, again after `unload`. Thread-safe."""
+    """A model of one auto class, loaded at the first use and after `unload`. Thread-safe."""
 
     def __init__(
         self,
         source: str,
-        setting: str,  # which setting named it, for messages
+        setting: str,  # setting that names the model, for messages
         placement: Placement,
         model_class: str,
         processor_class: str = "AutoProcessor",
         *,
-        half_weights: bool = True,  # False: weights stay float32, only the arithmetic is halved
+        half_weights: bool = True,  # False: weights stay float32, only the arithmetic is half
     ) -> None:
         if placement.precision not in PRECISIONS:
             raise InvalidInput(
@@ -123,7 +122,7 @@ class HfModel:
         self._half_weights = half_weights
         self._lock = threading.Lock()
         self._loaded: tuple[Any, Any] | None = None
-        self.device = ""  # known once loaded
+        self.device = ""  # set by loading
         self._dtype: Any = None
 
     @property
@@ -132,7 +131,7 @@ class HfModel:
 
     @contextlib.contextmanager
     def use(self) -> Iterator[tuple[Any, Any]]:
-        """(model, processor) for one thread at a time, without gradients, in its precision.
+        """(model, processor) for one thread at a time, without gradients, in the set precision.
 
         Raises Unavailable (cannot be loaded, too little memory), InvalidInput (wrong model) or
         Internal (it fails).
@@ -155,16 +154,16 @@ class HfModel:
                 raise run_fault(error, self.source, self._setting) from error
 
     def to_device(self, inputs: Any) -> dict[str, Any]:
-        """What a processor gave, on the model's device."""
+        """A processor's output, moved to the model's device."""
         return {k: v.to(self.device) if hasattr(v, "to") else v for k, v in inputs.items()}
 
     def unload(self) -> None:
-        """Give the memory back; the next use loads again."""
+        """Free the memory; the next use loads the model again."""
         with self._lock:
             self._free()
 
     def accelerator_mb(self) -> float:
-        """Peak of the accelerator's memory since the last call; 0 without one."""
+        """Peak of the accelerator's memory (MB) since the last call; 0 without an accelerator."""
         return (accelerator_mb(self.device) or 0.0) if self.loaded else 0.0
 
     def _free(self) -> None:

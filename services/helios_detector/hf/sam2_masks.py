@@ -1,4 +1,4 @@
-"""Boxes to masks: SAM 2 and kin."""
+"""Masks from boxes with SAM 2 and related models."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from helios_detector.hf.model_runtime import HfModel, Placement, config_of, pict
 
 KINDS = ("sam2", "sam2_video", "sam3_tracker", "edgetam", "sam", "sam_hq")
 SETTING = "masks"
-MAX_BOXES = 32  # in one pass of the mask decoder
+MAX_BOXES = 32  # most boxes in one pass of the mask decoder
 
 
 class BoxesToMasks:
-    """A promptable segmentation model."""
+    """A segmentation model prompted with boxes."""
 
     def __init__(self, spec: str, placement: Placement) -> None:
-        """Raises InvalidInput for a model of another kind, Unavailable when it is not there."""
+        """Raises InvalidInput for a model of another kind, Unavailable for a missing model."""
         source = source_of(spec, SETTING)
         kind = config_of(source, SETTING).model_type
         if kind not in KINDS:
@@ -25,7 +25,7 @@ class BoxesToMasks:
                 f"{source} is a {kind!r} model, which makes no mask of a box; set {SETTING} to a "
                 f"model of one of {', '.join(KINDS)}, or to depth"
             )
-        # Boxes are encoded with the weights' precision: 8 bits of a coordinate are too few.
+        # The weights' precision also encodes the boxes; 8 bits (bfloat16) are too few for them.
         self.model = HfModel(
             source, SETTING, placement, "AutoModelForMaskGeneration", half_weights=False
         )
@@ -35,7 +35,7 @@ class BoxesToMasks:
         color: NDArray[np.uint8],  # [h, w, 3] RGB
         boxes: NDArray[np.float32],  # [n, 4] xyxy, pixels
     ) -> NDArray[np.bool_]:
-        """[n, h, w]; the image is encoded once per 32 boxes."""
+        """Masks [n, h, w]; the image is encoded once per 32 boxes."""
         out = [np.zeros((0, *color.shape[:2]), bool)]
         for at in range(0, len(boxes), MAX_BOXES):
             out.append(self._masks(color, boxes[at : at + MAX_BOXES]))

@@ -1,4 +1,4 @@
-"""Text to boxes and masks at once: SAM 3. The image is encoded once for all phrases."""
+"""Boxes and masks from text with SAM 3, which encodes the image once for all phrases."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from helios_detector.hf.model_runtime import HfModel, Placement, picture
 from helios_detector.hf.zero_shot_detection import SETTING, Found
 
 KINDS = ("sam3", "sam3_video")
-PHRASES_AT_ONCE = 8  # the detection part holds queries and masks of each
+PHRASES_AT_ONCE = 8  # limits memory: the detection part holds queries and masks of each phrase
 
 
 class TextToMasks:
@@ -27,9 +27,9 @@ class TextToMasks:
         self,
         color: NDArray[np.uint8],  # [h, w, 3] RGB
         phrases: Sequence[str],
-        floors: NDArray[np.float32],  # [phrases] below which a score is of no use
+        floors: NDArray[np.float32],  # [phrases] lowest useful scores
     ) -> Found:
-        """Raises Unavailable, InvalidInput or Internal like `HfModel.use`."""
+        """Find all phrases. Raises Unavailable, InvalidInput or Internal like `HfModel.use`."""
         shape = color.shape[:2]
         boxes, masks = [np.zeros((0, 4), np.float32)], [np.zeros((0, *shape), bool)]
         scores = [np.zeros((0, len(phrases)), np.float32)]
@@ -58,7 +58,7 @@ class TextToMasks:
 
 
 def _repeated(seen: Any, count: int) -> Any:
-    """The image's features once per phrase, without copying them."""
+    """The image features repeated once per phrase, without copies."""
     out = type(seen)(**seen)
     for name in ("fpn_hidden_states", "fpn_position_encoding"):
         levels = tuple(level.expand(count, -1, -1, -1) for level in seen[name])

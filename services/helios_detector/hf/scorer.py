@@ -1,9 +1,9 @@
-"""The scorer `transformers:<model id or folder>`: an image against prompts.
+"""The scorer `transformers:<model id or folder>`: scores of an image against prompts.
 
-BLIP-2 is the paper's (section 3.1.2, by way of VLFM): its image-text contrastive head (ITC) is a
-cosine, its matching head (ITM) a probability that takes the image and the text together: with it
-there are no embeddings, and no prompt can be scored later. CLIP and SigLIP are the light choice.
-Scores are clip(scale * cosine + offset, 0, 1); the order of images is that of the cosines.
+The paper uses BLIP-2 (section 3.1.2, after VLFM). Its image-text contrastive head (ITC) gives a
+cosine. Its matching head (ITM) gives a probability from image and text together; it has no
+embeddings, so no prompt can be scored later. CLIP and SigLIP are smaller models.
+Scores are clip(scale * cosine + offset, 0, 1), which keeps the order of the cosines.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ HEADS = ("itc", "itm")
 
 
 class Tower(ABC):
-    """How one family makes vectors of unit length of images and texts."""
+    """Embedding of images and texts as unit vectors by one model family."""
 
     model_class = "AutoModel"
-    scale, offset = 1.0, 0.0  # of its cosines
+    scale, offset = 1.0, 0.0  # map from cosine to score
 
     @abstractmethod
     def image(self, model: Any, inputs: dict[str, Any]) -> Any:
-        """[rows, d] of the processor's pixels of one image."""
+        """Embedding [rows, d] of one image from the processor's pixels."""
 
     @abstractmethod
     def texts(self, model: Any, inputs: dict[str, Any]) -> Any:
-        """[texts, d] of `tokens`."""
+        """Embeddings [texts, d] from the output of `tokens`."""
 
     def tokens(self, model: Any, processor: Any, texts: list[str]) -> Any:
-        """What the text model takes, a row for each text; one too long is cut."""
+        """Input of the text model, one row per text; longer texts are truncated."""
         return processor.tokenizer(texts, padding=True, truncation=True, return_tensors="pt")
 
 
 class Clip(Tower):
-    """CLIP and what is built like it."""
+    """CLIP and models with the same interface."""
 
     def image(self, model: Any, inputs: dict[str, Any]) -> Any:
         return _unit(_pooled(model.get_image_features(**inputs)))
@@ -58,7 +58,7 @@ class Clip(Tower):
 
 
 class Siglip(Clip):
-    """Its texts are padded to one length, as in its training; its cosines lie around 0."""
+    """SigLIP: texts are padded to one length, as in its training; its cosines lie around 0."""
 
     scale, offset = 0.5, 0.5
 
@@ -89,11 +89,11 @@ class Blip2(Tower):
         return _unit(_cast(out.last_hidden_state[:, 0], model.text_projection))
 
     def pixels(self, model: Any, inputs: dict[str, Any]) -> Any:
-        """[1, patches, width] of the image encoder."""
+        """Output [1, patches, width] of the image encoder."""
         return model.vision_model(pixel_values=inputs["pixel_values"]).last_hidden_state
 
     def match(self, model: Any, pixels: Any, tokens: dict[str, Any]) -> Any:
-        """Probability [texts] that each text belongs to the image: the ITM head."""
+        """Probability [texts] from the ITM head that each text matches the image."""
         import torch
 
         count = len(tokens["input_ids"])
@@ -116,7 +116,7 @@ TOWERS: dict[str, type[Tower]] = {
 
 
 class HfScorer(ScorerBackend):
-    """One pass of the image model per frame; texts are embedded once and remembered."""
+    """Image-text scorer; runs the image model once per frame and caches text embeddings."""
 
     def __init__(self, spec: str, placement: Placement, head: str = "itc") -> None:
         """Raises Unavailable (library, folder, hub) or InvalidInput (a model of another kind)."""
@@ -137,7 +137,7 @@ class HfScorer(ScorerBackend):
         self._matches = head == "itm"
         self._model = HfModel(source, SETTING, placement, self._tower.model_class)
         self._texts: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
-        self._lock = threading.Lock()  # guards the texts
+        self._lock = threading.Lock()  # guards `_texts`
         self.name = f"{spec} ({head})" if kind == "blip-2" else spec
 
     def warm_up(self) -> None:
@@ -164,7 +164,7 @@ class HfScorer(ScorerBackend):
         return Judgement(dict(zip(prompts, scores, strict=True)), image)
 
     def embed_text(self, prompts: Sequence[str]) -> TextEmbeddings:
-        """Raises InvalidInput for the matching head, whose scores no embedding gives."""
+        """Embeddings of prompts. Raises InvalidInput for the matching head, which has none."""
         if self._matches:
             raise InvalidInput(
                 f"the scorer {self.name} looks at the image and the text together and has no "
@@ -178,7 +178,7 @@ class HfScorer(ScorerBackend):
     def _judge(
         self, color: NDArray[np.uint8], prompts: list[str]
     ) -> tuple[Embedding | None, list[float]]:
-        """(the image's embedding, None with the matching head; the score of each prompt)."""
+        """(embedding of the image, None with the matching head; score of each prompt)."""
         with self._model.use() as (model, processor):
             inputs = self._model.to_device(
                 processor.image_processor(images=picture(color), return_tensors="pt")

@@ -1,4 +1,4 @@
-"""What a text-prompted model is asked for, and which class an answer belongs to. Pure."""
+"""Prompts for a text-prompted model, and the class that owns each prompt. Pure."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
 
 @dataclass(frozen=True)
 class Phrases:
-    """The prompts of one search context. Class i of `wanted` owns the columns with owner i."""
+    """The prompts of one search context. Class i of `wanted` owns the texts with owner i."""
 
     wanted: tuple[Wanted, ...]
-    landmarks: tuple[str, ...]  # classes after the wanted ones: looked for to tell where one is
+    landmarks: tuple[str, ...]  # extra classes, numbered after the wanted ones
     texts: tuple[str, ...]
     owner: NDArray[np.intp]  # [texts] index into wanted + landmarks
 
     @property
     def thresholds(self) -> NDArray[np.float32]:
-        """[classes]"""
+        """Score threshold of each class, landmarks included: [classes]."""
         asked = [w.threshold for w in self.wanted]
         return np.array([*asked, *(SEEN_SCORE for _ in self.landmarks)], np.float32)
 
     def by_class(self, scores: NDArray[np.float32]) -> NDArray[np.float32]:
-        """[n, texts] to [n, classes]: the best of a class's texts."""
+        """Scores [n, classes] from [n, texts]: the maximum over each class's texts."""
         out = np.zeros((len(scores), len(self.wanted) + len(self.landmarks)), np.float32)
         for column, c in enumerate(self.owner):
             np.maximum(out[:, c], scores[:, column], out=out[:, c])
@@ -37,18 +37,18 @@ class Phrases:
 
 
 def clean(name: str) -> str:
-    """A name as a prompt: no stop, which separates the phrases of Grounding DINO."""
+    """The name as a prompt, without full stops, which separate phrases for Grounding DINO."""
     return " ".join(normalised(name).replace(".", " ").replace(",", " ").split())
 
 
 def phrases_of(context: SearchContext, landmarks: Sequence[str] = ()) -> Phrases:
-    """Each class's name and the context's synonyms for it; a text serves one class only."""
+    """Prompts of the context's names and synonyms and the landmarks; each text has one class."""
     wanted = open_wanted(context)
     synonyms: dict[str, list[str]] = {}
     for c in context.classes:
         synonyms.setdefault(normalised(c.name), []).extend(c.synonyms)
     taken: dict[str, int] = {}
-    for i, want in enumerate(wanted):  # names first, so that no synonym takes another's name
+    for i, want in enumerate(wanted):  # names first, so that no synonym takes another class's name
         taken.setdefault(clean(want.name), i)
     for i, want in enumerate(wanted):
         for synonym in synonyms.get(normalised(want.name), ()):

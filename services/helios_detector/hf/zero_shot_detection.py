@@ -1,7 +1,7 @@
-"""Text to boxes: the zero-shot detection family, each to boxes and one score per phrase.
+"""Boxes from text with zero-shot detection models, with one score per box and phrase.
 
-The library's own post-processing gives one label per box; here every phrase keeps its score, so
-that thresholds and synonyms are per class. Boxes and scores agree with the library's (tests).
+The library's post-processing gives one label per box. This module keeps the score of every phrase,
+so that thresholds and synonyms apply per class. Boxes and scores agree with the library's (tests).
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from helios_detector.hf.model_runtime import HfModel, Placement, picture
 
-MAX_PHRASES = 64  # in one pass
+MAX_PHRASES = 64  # most phrases in one pass
 SETTING = "detector"
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a text-prompted model finds in one image."""
+    """Output of a text-prompted model for one image."""
 
     boxes: NDArray[np.float32]  # [n, 4] xyxy, pixels
     scores: NDArray[np.float32]  # [n, phrases] 0 to 1
-    masks: NDArray[np.bool_] | None = None  # [n, h, w], from models that give them
+    masks: NDArray[np.bool_] | None = None  # [n, h, w]; None if the model makes no masks
 
 
 class TextToBoxes:
@@ -46,9 +46,9 @@ class TextToBoxes:
         self,
         color: NDArray[np.uint8],  # [h, w, 3] RGB
         phrases: Sequence[str],
-        floors: NDArray[np.float32],  # [phrases] below which a score is of no use
+        floors: NDArray[np.float32],  # [phrases] lowest useful scores
     ) -> Found:
-        """Raises Unavailable, InvalidInput or Internal like `HfModel.use`."""
+        """Find all phrases. Raises Unavailable, InvalidInput or Internal like `HfModel.use`."""
         boxes, scores = [np.zeros((0, 4), np.float32)], [np.zeros((0, len(phrases)), np.float32)]
         with self.model.use() as (model, processor):
             at = 0
@@ -66,17 +66,17 @@ class TextToBoxes:
 
 
 def corners(boxes: NDArray[np.float32], width: float, height: float) -> NDArray[np.float32]:
-    """[n, 4] centre and size in shares of an image, to xyxy in its pixels."""
+    """Boxes xyxy in pixels from centre and size [n, 4] as fractions of the image size."""
     centre, half = boxes[:, :2], boxes[:, 2:] / 2
     scale = np.array([width, height, width, height], np.float32)
     return (np.concatenate([centre - half, centre + half], 1) * scale).astype(np.float32)
 
 
 def token_spans(
-    offsets: Sequence[tuple[int, int]],  # characters of each token; (0, 0) for special ones
+    offsets: Sequence[tuple[int, int]],  # character span of each token; (0, 0) for special ones
     phrases: Sequence[str],
 ) -> list[list[int]]:
-    """Each phrase's tokens in "first. second. third."."""
+    """Token indices of each phrase in "first. second. third."."""
     out, at = [], 0
     for phrase in phrases:
         end = at + len(phrase)
@@ -96,7 +96,8 @@ def _numpy(tensor: Any) -> NDArray[np.float32]:
 def _owl(
     handle: HfModel, model: Any, processor: Any, color: NDArray, phrases: list[str]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """OWL-ViT stretches the image, OWLv2 pads it to a square below and at the right."""
+    """(boxes, scores) of OWL-ViT, which stretches the image, or OWLv2, which pads it to a square
+    at the bottom and right."""
     inputs = processor(text=[phrases], images=picture(color), return_tensors="pt", truncation=True)
     out = model(**handle.to_device(inputs))
     height, width = color.shape[:2]
@@ -108,7 +109,8 @@ def _owl(
 def _dino(
     handle: HfModel, model: Any, processor: Any, color: NDArray, phrases: list[str]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """A phrase's score is the highest of its tokens' (Grounding DINO), or their mean (MM)."""
+    """(boxes, scores); a phrase's score is the maximum over its tokens (Grounding DINO) or their
+    mean (MM)."""
     text = joined(phrases)
     inputs = processor(images=picture(color), text=text, return_tensors="pt")
     offsets = processor.tokenizer(text, return_offsets_mapping=True)["offset_mapping"]
@@ -138,7 +140,7 @@ def _many(model: Any, processor: Any, phrases: Sequence[str]) -> int:
 
 
 def _by_tokens(model: Any, processor: Any, phrases: Sequence[str]) -> int:
-    """As many phrases as the text encoder takes; one at least."""
+    """Number of phrases that fit the text encoder in one pass; at least one."""
     limit = int(model.config.max_text_len)
     count = min(len(phrases), MAX_PHRASES)
     while count > 1 and len(processor.tokenizer(joined(phrases[:count]))["input_ids"]) > limit:

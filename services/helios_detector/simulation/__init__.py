@@ -1,1 +1,1 @@
-"""Simulated detectors: the truth of the simulator, as it is or with the errors of a noise table."""
+"""Simulated detectors: simulator ground truth, with or without the errors of a noise table."""

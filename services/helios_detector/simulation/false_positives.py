@@ -1,9 +1,9 @@
-"""Things that are not there: false positives on furniture, walls and floors.
+"""Simulated false positives on furniture, walls and floors.
 
-The surfaces in view are cut by cubes of `cell_m` fixed in the world. Each cell of each surface may
-show each class that was asked for, by draws that persist (`view_noise.py`), at one place: the point
-of the surface nearest to a point of the cube picked by hash. So a false thing stays where it is
-while the camera walks past, and comes and goes with the side it is seen from.
+World-fixed cubes of `cell_m` divide the surfaces in view. Each cell of each surface may show each
+search class, by persistent draws (`view_noise.py`). The position is the surface point nearest to a
+point of the cube picked by hash. So a false object keeps its position while the camera passes, and
+appears or disappears with the viewing direction.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from helios_detector.simulation.view_noise_table import ViewTable
 from helios_detector.simulator_truth import Truth, TruthInstance
 from helios_detector.vocabulary_matching import Wanted, normalised
 
-STRIDE_PX = 8  # at which surfaces are sampled
-MOST_RIM_PX = 24  # of the picture, in which nothing false is shown
-CELL_ORIGIN_M = np.array([0.13, 0.07, 0.23])  # floors and table tops do not lie between two cells
+STRIDE_PX = 8  # stride at which surfaces are sampled
+MOST_RIM_PX = 24  # largest image margin without false positives
+CELL_ORIGIN_M = np.array([0.13, 0.07, 0.23])  # keeps floors and table tops off the cell borders
 WHAT = ("exists", "score", "size")
 _AXES = keys_of(("place x", "place y", "place z"))
 _STANDARD = NormalDist()
@@ -34,7 +34,7 @@ _STANDARD = NormalDist()
 
 @dataclass(frozen=True)
 class Ghost:
-    """A false thing as it would be reported."""
+    """One false positive as reported."""
 
     want: Wanted
     score: float
@@ -44,11 +44,11 @@ class Ghost:
 
 @dataclass(frozen=True)
 class Cells:
-    """The n cells of surfaces in view."""
+    """The n surface cells in view."""
 
     keys: NDArray[np.uint64]  # [n]
     voxels: NDArray[np.int64]  # [n, 3]
-    instances: tuple[TruthInstance, ...]  # [n] to which the surfaces belong
+    instances: tuple[TruthInstance, ...]  # [n] instance of each surface
     of_point: NDArray[np.int64]  # [points] cell of each sample
     points_m: NDArray[np.float64]  # [points, 3] samples, world
     pixels: NDArray[np.int64]  # [points, 2] row and column of each sample
@@ -61,7 +61,7 @@ def ghosts(
     table: ViewTable,
     key_of_instance: Callable[[TruthInstance], int],
 ) -> list[Ghost]:
-    """All false things of a frame."""
+    """All false positives of a frame."""
     if table.level == 0 or table.file.scale.false == 0 or not wanted:
         return []
     cells = surface_cells(frame, truth, table, key_of_instance)
@@ -98,7 +98,7 @@ def surface_cells(
     table: ViewTable,
     key_of_instance: Callable[[TruthInstance], int],
 ) -> Cells | None:
-    """The cells in view of what false things may lie on; None when there is none."""
+    """The visible cells of surfaces that may carry false positives; None without any."""
     f = table.file.false_positive
     half = STRIDE_PX // 2
     c = frame.camera
@@ -135,7 +135,7 @@ def surface_cells(
 
 
 def _limits(cells: Cells, table: ViewTable, want: Wanted) -> NDArray[np.float64]:
-    """[n] below which the draw of a cell is a false thing; nothing is false on its own kind."""
+    """[n] a cell's draw below this makes a false positive; -inf on surfaces of the wanted class."""
     f = table.file.false_positive
     limit = [
         _STANDARD.inv_cdf(p) if 0 < p < 1 else math.copysign(math.inf, p - 0.5)
@@ -159,8 +159,8 @@ def _blob(
     u_size: float,
     table: ViewTable,
 ) -> Masked | None:
-    """The pixels of the surface within a ball around the false thing's place; None if too few or
-    at the picture's edge."""
+    """Surface pixels within a ball around the false positive's position; None if too few or at the
+    image border."""
     f = table.file.false_positive
     low_m, high_m = f.object_radius_m if want.is_object else f.receptacle_radius_m
     radius_m = low_m + u_size * (high_m - low_m)
@@ -175,14 +175,14 @@ def _blob(
     h, w = frame.depth_m.shape
     rim = min(reach, MOST_RIM_PX)
     if not (rim <= u < w - rim and rim <= v < h - rim):
-        return None  # its place may lie outside the picture, and would move along with its edge
+        return None  # at the border the visible part of the surface would shift its position
     x0, y0 = max(0, int(u) - reach), max(0, int(v) - reach)
     x1, y1 = min(w, int(u) + reach + 1), min(h, int(v) + reach + 1)
     camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
     points_m = lift_pixels(frame.depth_m[y0:y1, x0:x1], camera, frame.T_world_cam)
     own = (truth.ids[y0:y1, x0:x1] == cells.instances[n].id) & np.isfinite(points_m[..., 2])
     far_m2 = np.where(own, ((points_m - wished_m) ** 2).sum(-1), np.inf)
-    center_m = points_m[np.unravel_index(np.argmin(far_m2), far_m2.shape)]  # finer than samples
+    center_m = points_m[np.unravel_index(np.argmin(far_m2), far_m2.shape)]  # at full resolution
     crop = own & (((points_m - center_m) ** 2).sum(-1) < radius_m**2)
     if np.count_nonzero(crop) < f.min_px:
         return None

@@ -1,8 +1,8 @@
-"""The noise of the simulated detector: its table, and draws that are the same from the same view.
+"""Noise of the simulated detector: its table, and draws that repeat for the same view.
 
-Fusion by counting assumes independent errors; real detectors err by object and viewpoint. So an
-error is a fixed function of (seed, table, object instance, 30 degree view sector, distance band,
-visible-pixel band). A stated share of the draws is made anew in each frame.
+Fusion by counting assumes independent errors, but real detectors err by object and viewpoint. So an
+error is a fixed function of (seed, table, object instance, 30 degree viewing sector, distance band,
+visible-pixel band). A given share of the draws is redrawn in each frame.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STANDARD = NormalDist()
 
 @dataclass(frozen=True)
 class Knots:
-    """A function by linear interpolation, constant beyond its ends; `log` for the axis."""
+    """Piecewise linear function, constant beyond its ends; `log`: over a logarithmic axis."""
 
     at: tuple[float, ...]
     value: tuple[float, ...]
@@ -43,10 +43,10 @@ class Knots:
 
 @dataclass(frozen=True)
 class NoiseTable:
-    """How a detector errs. Probabilities 0 to 1; see `noise_tables/demo-v1.toml`."""
+    """Error rates of a simulated detector, 0 to 1; see `noise_tables/demo-v1.toml`."""
 
     name: str
-    digest: str  # of the file: names what was really used
+    digest: str  # hash of the file, which identifies the table in use
     redrawn: float
     score_jitter: float
     sector_rad: float
@@ -68,8 +68,8 @@ class NoiseTable:
     level: float = field(default=1.0)
 
     def scaled(self, level: float, correlation: float | None = None) -> NoiseTable:
-        """`level` multiplies how often and how much it errs; `correlation` 1 redraws nothing per
-        frame, 0 everything. Raises InvalidInput outside their ranges."""
+        """The table with error rates and magnitudes multiplied by `level`. `correlation` 1 redraws
+        nothing per frame, 0 everything. Raises InvalidInput outside their ranges."""
         if not 0 <= level <= 10:
             raise InvalidInput(f"the noise level is {level}; wanted 0 to 10")
         if correlation is not None and not 0 <= correlation <= 1:
@@ -78,12 +78,12 @@ class NoiseTable:
         return replace(self, level=level, redrawn=redrawn)
 
     def miss(self, visible_px: int, distance_m: float) -> float:
-        """Probability that a thing is not reported."""
+        """Probability that an object is not reported."""
         seen = (1 - self.miss_by_pixels(visible_px)) * (1 - self.miss_by_distance(distance_m))
         return min(1.0, self.level * (1 - seen))
 
     def cell(self, sector_rad: float, distance_m: float, visible_px: int) -> tuple[int, int, int]:
-        """The view as far as errors depend on it: sector, distance band, pixel band."""
+        """The discrete view that errors depend on: sector, distance band, pixel band."""
         return (
             int((sector_rad % math.tau) / self.sector_rad),
             int(np.searchsorted(self.distance_bands_m, distance_m)),
@@ -92,35 +92,35 @@ class NoiseTable:
 
 
 class Draws:
-    """Random numbers by name for one thing in one view."""
+    """Random numbers by name for one object in one view."""
 
     def __init__(self, key: str, stamp_ns: int, redrawn: float) -> None:
         self._key, self._stamp_ns, self._redrawn = key, stamp_ns, redrawn
 
     def uniform(self, purpose: str) -> float:
-        """In (0, 1): of the view, or, for a share `redrawn`, of the frame."""
+        """Number in (0, 1), fixed by the view or, for a share `redrawn`, by the frame."""
         key = f"{self._key}/{purpose}"
         if self._redrawn > 0 and hashed(f"{key}/redrawn/{self._stamp_ns}") < self._redrawn:
             return hashed(f"{key}/{self._stamp_ns}")
         return hashed(key)
 
     def normal(self, purpose: str) -> float:
-        """Standard normal, of the view or of the frame as `uniform`."""
+        """Standard normal number, fixed by the view or the frame like `uniform`."""
         return _STANDARD.inv_cdf(self.uniform(purpose))
 
     def frame_normal(self, purpose: str) -> float:
-        """Standard normal, of the frame."""
+        """Standard normal number, fixed by the frame."""
         return _STANDARD.inv_cdf(hashed(f"{self._key}/{purpose}/{self._stamp_ns}"))
 
 
 def hashed(key: str) -> float:
-    """A number in (0, 1) that depends on the key alone, on any machine."""
+    """Number in (0, 1) that depends only on the key, on any machine."""
     number = int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "big")
     return (number + 0.5) / (2**64 + 1)
 
 
 def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
-    """One number per voxel [n, 3] that depends on the voxel and the key alone (splitmix64)."""
+    """One number per voxel [n, 3] that depends only on the voxel and the key (splitmix64)."""
     salt = int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "big")
     out = np.full(len(voxels), salt, np.uint64)
     for column in voxels.T:
@@ -131,8 +131,10 @@ def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
 
 
 def load_noise(name_or_path: str) -> NoiseTable | ViewTable:
-    """A table by name or from a file; `format = "views"` in it makes it a `ViewTable`. Raises
-    InvalidInput when it is not there or wrong."""
+    """A table by name or from a file; a `ViewTable` if it contains `format = "views"`.
+
+    Raises InvalidInput for a missing or invalid table.
+    """
     shipped = resources.files("helios_detector").joinpath("noise_tables", f"{name_or_path}.toml")
     path = Path(name_or_path)
     try:

@@ -1,4 +1,4 @@
-"""A detector that errs like a real one: the simulator's truth with noise (`frame_noise`)."""
+"""Simulated detector: simulator ground truth with the errors of `frame_noise`."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from helios_detector.simulation.mask_errors import eroded, trimmed
 from helios_detector.simulator_truth import TruthSource, truth_of
 from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
 
-VOXEL_M = 0.15  # in which a false positive keeps its place
+VOXEL_M = 0.15  # voxel within which a false positive keeps its position
 SUBSAMPLE_PX = 4
 
 
 class SimulatedDetector(DetectorBackend):
-    """Misses, confuses, imagines, and draws masks too small, the same way from the same view."""
+    """Detector with misses, class confusions, false positives and small masks; errors repeat for
+    the same view."""
 
     def __init__(self, source: TruthSource, table: NoiseTable, seed: int = 0) -> None:
         self._source, self._table, self._seed = source, table, seed
         self.name = f"simulated:{table.name}@{table.digest}"
 
     def vocabulary(self) -> tuple[str, ...]:
-        """The names of the household: it would imagine a unicorn as readily as a mug."""
+        """Household names only: false positives would show any other name too, such as unicorn."""
         return tuple(sorted(household_names()))
 
     def refused(self, context: SearchContext) -> Mapping[str, str]:
@@ -40,7 +41,7 @@ class SimulatedDetector(DetectorBackend):
         self._source.check()
 
     def close(self) -> None:
-        """Holds nothing."""
+        """No resources to free."""
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
@@ -65,7 +66,7 @@ class SimulatedDetector(DetectorBackend):
         return Findings(tuple(detections), tuple(seen.values()))
 
     def _draws(self, thing: Visible, frame: Frame) -> tuple[Draws, float]:
-        """The thing's draws in this view, and its distance from the camera in metres."""
+        """The object's draws in this view, and its distance from the camera in metres."""
         x, y, z = frame.T_world_cam[:3, 3] - thing.instance.center_world_m
         distance_m = math.sqrt(x * x + y * y + z * z)
         cell = self._table.cell(math.atan2(y, x), distance_m, thing.pixels)
@@ -73,7 +74,7 @@ class SimulatedDetector(DetectorBackend):
         return Draws(key, frame.stamp_ns, self._table.redrawn), distance_m
 
     def _named(self, thing: Visible, draws: Draws) -> tuple[str, float]:
-        """The class reported and its score."""
+        """The reported class and its score."""
         table = self._table
         name, (mean, sd) = thing.instance.class_name, table.true_score
         u = draws.uniform("confusion")
@@ -91,7 +92,7 @@ class SimulatedDetector(DetectorBackend):
         return min(0.99, max(0.05, mean + self._table.level * noise))
 
     def _deceives(self, thing: Visible) -> bool:
-        """Whether objects may be imagined on it: furniture."""
+        """True if the object is furniture that may carry false positives."""
         instance = thing.instance
         never = normalised(instance.class_name) in self._table.false_never_on
         return not instance.graspable and not never
@@ -99,7 +100,7 @@ class SimulatedDetector(DetectorBackend):
     def _imagined(
         self, thing: Visible, frame: Frame, wanted: tuple[Wanted, ...], draws: Draws
     ) -> list[Detection]:
-        """Objects that are not there, on a piece of furniture; at one place of it per view."""
+        """False positives on a piece of furniture; a hash picks one position per class."""
         out: list[Detection] = []
         for want in wanted:
             purpose = f"false {normalised(want.name)}"
@@ -117,7 +118,7 @@ class SimulatedDetector(DetectorBackend):
         return out
 
     def _patch(self, thing: Visible, frame: Frame, key: str) -> NDArray[np.bool_]:
-        """The thing's pixels within a small ball around the place that the key picks."""
+        """The object's pixels within a small ball around the position that the key picks."""
         x0, y0, x1, y1 = thing.box_xyxy
         c = frame.camera
         camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)

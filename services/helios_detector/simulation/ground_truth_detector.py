@@ -1,4 +1,4 @@
-"""A detector that does not err: detections straight from the simulator's truth."""
+"""Error-free detector: detections directly from simulator ground truth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MIN_VISIBLE_PX = 10
 
 @dataclass(frozen=True)
 class Visible:
-    """One instance as far as it is in the image."""
+    """The visible part of one instance."""
 
     instance: TruthInstance
     pixels: int
@@ -27,11 +27,11 @@ class Visible:
 
 
 def visible(truth: Truth, min_px: int = MIN_VISIBLE_PX) -> Iterator[Visible]:
-    """The instances with at least `min_px` pixels, by rising id."""
+    """The instances with at least `min_px` pixels, in ascending order of id."""
     ids = truth.ids
     width = ids.shape[1]
     flat = ids.ravel()
-    # Runs of equal pixels within a row: a few thousand instead of every pixel.
+    # Runs of equal pixels within a row are far fewer than pixels.
     begins = np.empty(flat.size, bool)
     np.not_equal(flat[1:], flat[:-1], out=begins[1:])
     begins[::width] = True
@@ -62,7 +62,7 @@ def detection(
     crop: NDArray[np.bool_],
     shape: tuple[int, int],
 ) -> Detection:
-    """A detection whose mask [h, w] is `crop` within the box."""
+    """Detection with `crop` as its mask [h, w] within the box."""
     x0, y0, x1, y1 = box_xyxy
     mask = np.zeros(shape, bool)
     mask[y0:y1, x0:x1] = crop
@@ -70,7 +70,7 @@ def detection(
 
 
 class GroundTruthDetector(DetectorBackend):
-    """Everything asked for that shows at least 10 pixels, with score 1."""
+    """Detector that reports each instance of a search class with at least 10 pixels, score 1."""
 
     name = "ground-truth"
 
@@ -87,7 +87,7 @@ class GroundTruthDetector(DetectorBackend):
         self._source.check()
 
     def close(self) -> None:
-        """Holds nothing."""
+        """No resources to free."""
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)

@@ -1,4 +1,4 @@
-"""Masks as a detector draws them: too small, cut off, or running over onto what is below."""
+"""Simulated mask errors: eroded, cut off, or leaking onto the support below."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def trimmed(box_xyxy: Box, crop: NDArray[np.bool_]) -> Masked:
 
 
 def eroded(box_xyxy: Box, crop: NDArray[np.bool_], erode_px: int) -> Masked:
-    """With a rim of `erode_px` taken off; as it is where nothing would be left."""
+    """The mask eroded by `erode_px`; unchanged if no pixel would remain."""
     if erode_px <= 0:
         return box_xyxy, crop
     kernel = np.ones((2 * erode_px + 1, 2 * erode_px + 1), np.uint8)
@@ -29,7 +29,7 @@ def eroded(box_xyxy: Box, crop: NDArray[np.bool_], erode_px: int) -> Masked:
 
 
 def partial(box_xyxy: Box, crop: NDArray[np.bool_], keep: float, side: int) -> Masked:
-    """About a share `keep` of the pixels: what lies at the left, right, top or bottom (0 to 3)."""
+    """About a share `keep` of the pixels, from the left, right, top or bottom (`side` 0 to 3)."""
     along = np.cumsum(np.count_nonzero(crop, axis=0 if side < 2 else 1))
     share = keep if side in (0, 2) else 1 - keep
     cut = int(np.searchsorted(along, share * along[-1]))
@@ -53,8 +53,8 @@ def leaked(
     depth_m: NDArray[np.float32],
     within_m: float,
 ) -> Masked:
-    """With what lies up to `by_px` below and half of it beside, of the pixels in `support` [h, w]
-    whose depth is within `within_m` of the thing's median."""
+    """The mask extended by up to `by_px` below and half of it to each side, onto pixels in
+    `support` [h, w] whose depth is within `within_m` of the object's median."""
     x0, y0, x1, y1 = box_xyxy
     h, w = support.shape
     beside = (by_px + 1) // 2

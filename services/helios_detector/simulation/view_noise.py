@@ -1,23 +1,24 @@
-"""Draws that persist: what of an error belongs to a thing, to its side, to the view, to the frame.
+"""Persistent random draws: errors correlated by object, viewing direction, view and frame.
 
 Real detectors err by object and viewpoint, so errors of neighbouring views must not be independent.
-Each draw (whether a thing is missed, what it is taken for, its score, ...) is one standard normal
-number, a Gaussian copula over four levels with variance shares that add up to 1:
+Each draw (missed or not, reported class, score, ...) is one standard normal number from a Gaussian
+copula over four levels, with variance shares that add up to 1:
 
     z = √thing·n(thing) + √side·n(thing, angle) + √view·n(thing, cell) + √frame·n(thing, stamp)
 
-All n are standard normal numbers hashed from (seed, name of the thing, purpose of the draw) and
-the level's own key. So z is standard normal and Φ(z) uniform, whatever the shares are: they say
-how errors hang together, never how often they happen. `angle` and `cell` are seen from the thing:
-12 sectors of 30 degrees, and for `cell` the bands of distance and of visible pixels too. The side
-is a smooth field on the circle: four knots 90 degrees apart, interpolated at the sector's middle
-and brought to unit variance. Neighbouring sectors agree to 0.83 to 0.96 of the side's share, those
-90 degrees apart to 0.2 to 0.5 of it, opposite ones to nothing: a look-alike is wrong from one side.
+All n are standard normal numbers hashed from (seed, name of the object, purpose of the draw) and
+the level's own key. So z is standard normal and Φ(z) uniform for any shares: the shares set the
+correlation of errors, never their rate. `thing` is the object. `angle` and `cell` locate the camera
+as seen from the object: 12 viewing sectors of 30 degrees; `cell` adds the bands of distance and of
+visible pixels. The `side` term is a smooth field on the circle: four knots 90 degrees apart,
+interpolated at the sector's middle and scaled to unit variance. In units of the `side` share,
+neighbouring sectors correlate by 0.83 to 0.96, sectors 90 degrees apart by 0.2 to 0.5, opposite
+ones by 0, so that an object may be mistaken from one direction only.
 
-Correlation 1 gives the frame's share to the other three in their ratios: an error is fixed by the
-view. Correlation 0 gives all of it to the frame. Unset, the table's shares hold: with a frame's
-share f, z of two frames of one view correlate by 1 - f, and a yes-or-no error at even odds differs
-between them with probability acos(1 - f) / π: 0.14 for f = 0.1.
+Correlation 1 distributes the frame's share over the other three in their ratios, so the view fixes
+every error. Correlation 0 gives the whole variance to the frame. Unset, the table's shares hold:
+with the frame's share f, z of two frames of one view correlate by 1 - f, and a binary error at even
+odds differs between them with probability acos(1 - f) / π: 0.14 for f = 0.1.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _THING, _SIDE, _VIEW, _FRAME = (np.array([n], np.uint64) for n in range(1, 5))
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of a draw's variance; they add up to 1."""
+    """Variance shares of a draw by level (see the module); they add up to 1."""
 
     thing: float
     side: float
@@ -47,7 +48,10 @@ class Shares:
     frame: float
 
     def correlated(self, correlation: float) -> Shares:
-        """With 1 - `correlation` for the frame and the rest in the same ratios."""
+        """Shares with 1 - `correlation` for the frame and the rest in the same ratios.
+
+        Raises ValueError if the frame has the whole variance and `correlation` is above 0.
+        """
         fixed = self.thing + self.side + self.view
         if fixed == 0 and correlation > 0:
             raise ValueError("the frame has the whole variance; nothing is there to be correlated")
@@ -57,9 +61,9 @@ class Shares:
 
 @dataclass(frozen=True)
 class Views:
-    """How n things are seen."""
+    """The views of n objects."""
 
-    keys: NDArray[np.uint64]  # [n] of the seed and the thing
+    keys: NDArray[np.uint64]  # [n] hash of the seed and the object
     sectors: NDArray[np.int64]  # [n] 0 to 11
     cells: NDArray[np.int64]  # [n] sector, distance band and pixel band in one number
 
@@ -69,17 +73,17 @@ class Views:
 
 @lru_cache(maxsize=65536)
 def key_of(text: str) -> int:
-    """64 bits that depend on the text alone, on any machine."""
+    """64-bit hash that depends only on the text, on any machine."""
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "big")
 
 
 def keys_of(texts: Sequence[str]) -> NDArray[np.uint64]:
-    """[n]"""
+    """Hashes [n] of the texts."""
     return np.array([key_of(text) for text in texts], np.uint64)
 
 
 def mixed(key: NDArray[np.uint64], value: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """A new key of both, in this order, of the common shape (splitmix64)."""
+    """Combined hash of key and value, in this order, broadcast to one shape (splitmix64)."""
     out = key + (value + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     out = (out ^ (out >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     out = (out ^ (out >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -87,20 +91,20 @@ def mixed(key: NDArray[np.uint64], value: NDArray[np.uint64]) -> NDArray[np.uint
 
 
 def normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
-    """A standard normal number of each key (Box and Muller)."""
+    """Standard normal number of each key (Box-Muller)."""
     u = ((keys >> np.uint64(32)).astype(np.float64) + 0.5) / 2**32
     v = (keys & np.uint64(0xFFFFFFFF)).astype(np.float64) / 2**32
     return np.sqrt(-2 * np.log(u)) * np.cos(math.tau * v)
 
 
 def uniform(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Φ(z)."""
+    """Φ(z): uniform numbers from standard normal ones."""
     erf = [math.erf(x) for x in (z / math.sqrt(2)).ravel().tolist()]
     return 0.5 + 0.5 * np.array(erf, np.float64).reshape(z.shape)
 
 
 def sectors_of(xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """[n] sector in which the camera stands, of its place [n, 2] seen from the thing."""
+    """Viewing sector [n] of the camera from its position [n, 2] relative to the object."""
     turn = np.arctan2(xy_m[:, 1], xy_m[:, 0]) % math.tau
     return np.minimum((turn * (SECTORS / math.tau)).astype(np.int64), SECTORS - 1)
 
@@ -108,7 +112,7 @@ def sectors_of(xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
 def latent(
     views: Views, purposes: NDArray[np.uint64], shares: Shares, stamp_ns: int
 ) -> NDArray[np.float64]:
-    """Draws [n, purposes]: standard normal, the same where the levels' keys are the same."""
+    """Standard normal draws [n, purposes]; each level repeats its term for the same key."""
     base = mixed(views.keys[:, None], purposes[None, :])
     out = np.zeros(base.shape)
     if shares.thing > 0:
@@ -130,7 +134,7 @@ def latent(
 
 @lru_cache(maxsize=1)
 def _sides() -> tuple[NDArray[np.uint64], NDArray[np.float64]]:
-    """Of each sector: the two knots around its middle [12, 2] and their weights [12, 2]."""
+    """(the two knots [12, 2] around each sector's middle, their weights [12, 2])."""
     at = (np.arange(SECTORS) + 0.5) * SIDES / SECTORS
     low = np.floor(at)
     knots = np.stack([low, (low + 1) % SIDES], -1).astype(np.uint64)

@@ -1,7 +1,7 @@
-"""A detector that errs by thing, side and view: the simulator's truth through a `ViewTable`.
+"""Simulated detector with errors correlated by object and view: ground truth and a `ViewTable`.
 
-Every draw is keyed by the seed and the *name* of the thing, which is the same in every process.
-Names repeat from home to home ("mug_3"): give each home a seed of its own.
+Every draw is keyed by the seed and the *name* of the object, which is the same in every process.
+Names repeat across homes ("mug_3"), so each home needs its own seed.
 """
 
 from __future__ import annotations
@@ -31,23 +31,24 @@ _PURPOSE_KEYS = keys_of(PURPOSES)
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the detector makes of one thing."""
+    """The simulated result for one visible object."""
 
     thing: Visible
-    names: tuple[tuple[str, float], ...]  # reported class and score: none, one or two
-    draws: Mapping[str, float]  # uniform, by purpose
+    names: tuple[tuple[str, float], ...]  # reported classes and scores; empty if missed
+    draws: Mapping[str, float]  # purpose -> uniform draw
 
 
 class ViewDetector(DetectorBackend):
-    """Misses, confuses, doubles, imagines and masks badly, the same way from the same view."""
+    """Detector with misses, class confusions, second names, false positives and mask errors;
+    errors persist for the same view."""
 
     def __init__(self, source: TruthSource, table: ViewTable, seed: int = 0) -> None:
         self._source, self._table, self._seed = source, table, seed
         self.name = f"simulated:{table.name}@{table.digest}"
 
     def vocabulary(self) -> tuple[str, ...]:
-        """The names of the household and of the table: it would imagine a unicorn as readily as a
-        mug."""
+        """Household names and the table's classes only: false positives would show any other name
+        too, such as unicorn."""
         return tuple(sorted(household_names() | self._table.rows.keys()))
 
     def refused(self, context: SearchContext) -> Mapping[str, str]:
@@ -57,7 +58,7 @@ class ViewDetector(DetectorBackend):
         self._source.check()
 
     def close(self) -> None:
-        """Holds nothing."""
+        """No resources to free."""
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
@@ -85,7 +86,7 @@ class ViewDetector(DetectorBackend):
         return Findings(tuple(detections), tuple(seen.values()))
 
     def verdicts(self, frame: Frame, truth: Truth, wanted: tuple[Wanted, ...]) -> list[Verdict]:
-        """What the detector makes of everything in view, asked for or not."""
+        """Results for every visible object, in the search context or not."""
         things = list(visible(truth))
         return verdicts(
             things, self._table, [self._key(t.instance) for t in things],
@@ -96,7 +97,7 @@ class ViewDetector(DetectorBackend):
         return key_of(f"{self._seed}/{self._table.name}/{instance.key}")
 
     def _masked(self, verdict: Verdict, frame: Frame, truth: Truth) -> Masked:
-        """The thing's box and mask as they are reported."""
+        """The object's box and mask as reported."""
         table, m, u = self._table, self._table.file.mask, verdict.draws
         box, crop = verdict.thing.box_xyxy, verdict.thing.crop
         box, crop = eroded(box, crop, round(m.erode_px * table.level))
@@ -119,7 +120,7 @@ def verdicts(
     stamp_ns: int,
     wanted: Sequence[Wanted] = (),
 ) -> list[Verdict]:
-    """What is made of each thing (with its key) seen from the eye [3], world, in metres."""
+    """Results for each object (with its key) seen from the camera position `eye_m` [3], world."""
     if not things:
         return []
     centers_m = np.array([t.instance.center_world_m for t in things], float)
@@ -144,7 +145,7 @@ def verdicts(
 def named(
     class_name: str, pixels: int, table: ViewTable, u: Mapping[str, float]
 ) -> tuple[tuple[str, float], ...]:
-    """Reported classes and scores of a thing that is not missed."""
+    """Reported classes and scores, one or two, of an object that is not missed."""
     true = normalised(class_name)
     row = table.rows.get(true)
     if row is None:
@@ -166,7 +167,10 @@ def also_named(
     wanted: Sequence[Wanted],
     draws: NDArray[np.float64],
 ) -> tuple[tuple[str, float], ...]:
-    """Asked names that nothing about the thing explains, with scores. draws: [wanted, 2]."""
+    """Extra search classes reported for the object without a confusion entry, with scores.
+
+    draws: [wanted, 2].
+    """
     known = {normalised(name) for name, _ in names} | {normalised(thing.instance.class_name)}
     return tuple(
         (w.name, table.score("confused", u_score, thing.pixels))
@@ -178,7 +182,7 @@ def also_named(
 
 
 def _support(truth: Truth) -> NDArray[np.bool_]:
-    """[h, w] what no graspable thing covers."""
+    """Mask [h, w] of pixels that no graspable object covers."""
     graspable = np.zeros(int(max(truth.ids.max(), *truth.instances, 0)) + 1, bool)
     graspable[[id for id, i in truth.instances.items() if i.graspable]] = True
     return ~graspable[truth.ids]

@@ -1,11 +1,11 @@
-"""The table of a detector that errs by view (`view_noise.py`): one TOML file, checked when read.
+"""Noise table of the detector with view-correlated errors (`view_noise.py`): validated TOML.
 
-Every entry is explained in `noise_tables/ovmm-v1.toml`. Each rate is
+`noise_tables/ovmm-v1.toml` explains every entry. Each rate is
 
     min(1, level · scale · rate of the file)
 
-with the level a setting and the scale of the kind of error an entry of the file. Wrong names stand
-below `confusion.most` instead of 1: a class remains the most likely name of its things.
+with `level` from a setting and `scale` of the kind of error from the file. The rate of wrong names
+is limited to `confusion.most` instead of 1, so an object's own class stays its most likely name.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Probabilities = tuple[Probability, ...]
 Places = Annotated[tuple[Positive, ...], AfterValidator(_ascending)]
 Quantiles = Annotated[Probabilities, Field(min_length=2), AfterValidator(_ascending)]
 Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
-Kind = Literal["true", "confused", "false"]  # of what a score is given to
+Kind = Literal["true", "confused", "false"]  # kind of detection that gets a score
 Name = Annotated[str, AfterValidator(normalised)]
 
 
@@ -72,7 +72,7 @@ class Bands(_Part):
 class Miss(_Part):
     pixels: Places
     by_pixels: Probabilities
-    by_distance: Probabilities  # of each band: one more than `bands.distance_m` has places
+    by_distance: Probabilities  # of each band: one more than the entries of `bands.distance_m`
     factor: dict[Name, Positive]
 
     @model_validator(mode="after")
@@ -146,7 +146,7 @@ class Confusion(_Part):
         return groups
 
     def rows(self) -> dict[str, dict[str, float]]:
-        """True class -> reported class -> probability: the rows, on top of what groups give."""
+        """True class -> reported class -> probability: from the groups, overridden by the rows."""
         out: dict[str, dict[str, float]] = {}
         for group in self.group:
             for true in group.names:
@@ -169,7 +169,7 @@ class Confusion(_Part):
 
 
 class ViewTableFile(_Part):
-    """The file as it is written."""
+    """The contents of the TOML file."""
 
     format: str = Field(pattern="^views$")
     name: str
@@ -194,14 +194,14 @@ class ViewTableFile(_Part):
 
 @dataclass(frozen=True)
 class Row:
-    """What a thing may be mistaken for."""
+    """The classes that one true class may be reported as."""
 
     names: tuple[str, ...]
-    upto: NDArray[np.float64]  # [n] cumulated shares, the last is 1
-    total: float  # probability of the file that it is mistaken at all
+    upto: NDArray[np.float64]  # [n] cumulative shares, the last is 1
+    total: float  # total probability of a wrong class, from the file
 
     def pick(self, u: float) -> str:
-        """The name for a uniform draw."""
+        """The reported class for a uniform draw `u`."""
         return self.names[min(int(np.searchsorted(self.upto, u, "right")), len(self.names) - 1)]
 
 
@@ -210,7 +210,7 @@ class ViewTable:
     """The table at one level and correlation."""
 
     file: ViewTableFile
-    digest: str  # of the file: names what was really used
+    digest: str  # hash of the file, which identifies the table in use
     shares: Shares
     level: float = 1.0
 
@@ -220,7 +220,7 @@ class ViewTable:
 
     @cached_property
     def rows(self) -> dict[str, Row]:
-        """By normalised true class."""
+        """Confusion rows by normalised true class."""
         out = {}
         for true, row in self.file.confusion.rows().items():
             values = np.array(list(row.values()))
@@ -229,8 +229,9 @@ class ViewTable:
         return out
 
     def scaled(self, level: float, correlation: float | None = None) -> ViewTable:
-        """`level` multiplies every rate; 0 is the truth. `correlation` 1 redraws nothing per frame,
-        0 everything; None: the table's shares. Raises InvalidInput outside their ranges."""
+        """The table with every rate multiplied by `level`; 0 gives ground truth. `correlation` 1
+        redraws nothing per frame, 0 everything; None: the table's shares. Raises InvalidInput
+        outside their ranges."""
         if not 0 <= level <= 10:
             raise InvalidInput(f"the noise level is {level}; wanted 0 to 10")
         if correlation is not None and not 0 <= correlation <= 1:
@@ -240,13 +241,13 @@ class ViewTable:
         return ViewTable(self.file, self.digest, shares, level)
 
     def rate(self, probability: float, scale: float = 1.0) -> float:
-        """At this level."""
+        """The rate min(1, level · scale · probability)."""
         return min(1.0, self.level * scale * probability)
 
     def miss(
         self, class_names: list[str], pixels: NDArray[np.int64], distance_m: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """[n] probability that a thing is not reported; names normalised."""
+        """[n] probability that an object is not reported; names normalised."""
         m = self.file.miss
         by_pixels = np.interp(np.log(np.maximum(pixels, 1)), np.log(m.pixels), m.by_pixels)
         by_distance = np.array(m.by_distance)[self._distance_bands(distance_m)]
@@ -255,31 +256,31 @@ class ViewTable:
         return np.minimum(1.0, self.level * self.file.scale.miss * rate)
 
     def confuse(self, class_name: str) -> float:
-        """Probability that a reported thing has another's name; the name normalised."""
+        """Probability that a reported object has another class's name; the name normalised."""
         row = self.rows.get(class_name)
         if row is None:
             return 0.0
         return min(self.file.confusion.most, self.rate(row.total, self.file.scale.confuse))
 
     def second(self, class_name: str) -> float:
-        """Probability that it is reported under a second name as well; the name normalised."""
+        """Probability that an object is also reported under a second name; the name normalised."""
         row = self.rows.get(class_name)
         return self.rate(row.total, self.file.scale.second) if row else 0.0
 
     def anything(self) -> float:
-        """Probability that it is also reported under one asked name that is not in its row."""
+        """Probability that an object is also reported as one search class outside its row."""
         return self.rate(self.file.confusion.anything, self.file.scale.second)
 
     def false(self, structure: bool, is_object: bool) -> float:
-        """Probability that one cell of a surface shows one class that was asked for."""
+        """Probability that one surface cell shows one search class as a false positive."""
         f = self.file.false_positive
         rate = f.on_structure if structure else f.on_furniture
         rate *= 1.0 if is_object else f.receptacle_factor
         return self.rate(rate, self.file.scale.false)
 
     def score(self, kind: Kind, u: float, pixels: int) -> float:
-        """At a uniform draw. Below level 1 the score of a true thing goes towards 1, that of an
-        error stays as it is: errors become fewer, not surer."""
+        """Score for a uniform draw `u`. Below level 1 scores of true detections approach 1; scores
+        of errors do not change, so errors become fewer but not more confident."""
         s = self.file.score
         quantiles = {"true": s.true, "confused": s.confused, "false": s.false}[kind]
         score = float(np.interp(u, np.linspace(0, 1, len(quantiles)), quantiles))
@@ -293,7 +294,7 @@ class ViewTable:
         pixels: NDArray[np.int64] | None,
         distance_m: NDArray[np.float64],
     ) -> NDArray[np.int64]:
-        """[n] sector, distance band and pixel band in one number."""
+        """[n] viewing sector, distance band and pixel band in one number."""
         bands = self.file.bands.pixels
         large = 0 if pixels is None else np.searchsorted(bands, pixels, "right")
         return sectors + SECTORS * (self._distance_bands(distance_m) + 64 * large)
@@ -307,7 +308,7 @@ class ViewTable:
         centers_m: NDArray[np.float64],
         pixels: NDArray[np.int64] | None,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """(sectors, cells, distances in metres), each [n], of things at [n, 3] from the eye [3]."""
+        """(sectors, cells, distances in metres), each [n], of objects [n, 3] seen from `eye_m`."""
         offset_m = eye_m - centers_m
         distance_m = np.linalg.norm(offset_m, axis=1)
         sectors = sectors_of(offset_m[:, :2])
@@ -315,11 +316,11 @@ class ViewTable:
 
 
 def shares_of(p: Persistence) -> Shares:
-    """As draws take them."""
+    """The table's persistence entries as `Shares`."""
     return Shares(p.thing, p.side, p.view, p.frame)
 
 
 def view_table(data: dict[str, Any], digest: str) -> ViewTable:
-    """Raises ValueError saying what is wrong with the file."""
+    """The table from parsed TOML. Raises ValueError with the fault of the file."""
     file = ViewTableFile.model_validate(data)
     return ViewTable(file, digest, shares_of(file.persistence))
