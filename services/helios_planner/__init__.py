@@ -1,1 +1,1 @@
-"""Planner: from an instruction to actions (paper section 3.2 and appendix 6.1)."""
+"""Planner: runs instructions as robot actions (paper section 3.2 and appendix 6.1)."""

@@ -1,4 +1,4 @@
-"""`python -m helios_planner`: settings, session, run."""
+"""Entry point of `python -m helios_planner`: loads the settings and runs the service."""
 
 from __future__ import annotations
 

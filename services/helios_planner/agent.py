@@ -1,4 +1,5 @@
-"""What an agent is: how it differs from the others. Flow, motion, pick and place are the same."""
+"""Definition of an agent: its rules for belief and search. Task flow, motion, pick and place are
+the same for all agents."""
 
 from __future__ import annotations
 
@@ -16,12 +17,13 @@ from helios_planner.task import Phase
 
 @dataclass(frozen=True)
 class Agent:
-    """How an agent differs from the others.
+    """The rules in which agents differ.
 
-    belief: what it takes for true of things. seek_object: tools, class, start receptacle's class or
-    None; seek_receptacle: tools, class, where the object was taken from if that must not be the
-    goal, else None. retries: whether a failed pick is tried again from another pose.
-    other_share: share of an expected view that speaks for something else (Table 5); 0 is
+    belief: class of its belief about objects. seek_object: creates the object search from tools,
+    class and start receptacle's class (or None). seek_receptacle: creates the receptacle search
+    from tools, class and the point where the object was picked, if that receptacle must not be the
+    goal, else None. retries: True if a failed pick is tried again from another pose. other_share:
+    share of the evidence of an expected view that goes to the *other* class (Table 5); 0 is
     optimistic.
     """
 
@@ -33,7 +35,7 @@ class Agent:
 
 
 def trusting(belief: type[Belief], explorer: Callable[[Search, str], Explorer]) -> Agent:
-    """One that goes by detections alone. explorer: of a search and its value layer."""
+    """Agent that acts on detections alone. explorer: creates it for a search and value layer."""
     return Agent(
         belief,
         lambda tools, name, _: TrustingSearch(tools, Phase.FIND_OBJECT, name, explorer),

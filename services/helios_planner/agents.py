@@ -1,21 +1,21 @@
-"""The agents, side by side. Flow, motion, pick and place are the same for all.
+"""Table of the agents. Task flow, motion, pick and place are the same for all.
 
-| agent               | takes for true         | object: next place          | goal: next frontier |
-|---------------------|------------------------|-----------------------------|---------------------|
-| helios              | the best it knows      | objective (eq. 8-10)        | highest value       |
-| helios-paper        | object map, by score   | objective (eq. 8-10)        | highest value       |
-| helios-5050         | object map, by score   | the same, half as hopeful   | highest value       |
-| no-global-objective | object map, by score   | receptacles, then frontiers | highest value       |
-| trusting            | whatever is detected   | highest value               | highest value       |
-| random-frontier     | whatever is detected   | drawn                       | drawn               |
-| homerobot-heuristic | whatever is detected   | nearest                     | nearest             |
-| vlfm                | what was detected well | highest value, kept         | highest value, kept |
-| vlfm-unfiltered     | and at an image's side | highest value, kept         | highest value, kept |
-| vlfm-helios-stop    | object map, by score   | highest value, kept         | highest value       |
+| agent               | belief               | object: next place          | goal: next frontier |
+|---------------------|----------------------|-----------------------------|---------------------|
+| helios              | object map, by score | objective (eq. 8-10)        | highest value       |
+| helios-paper        | object map, by score | objective (eq. 8-10)        | highest value       |
+| helios-5050         | object map, by score | objective, other share 0.5  | highest value       |
+| no-global-objective | object map, by score | receptacles, then frontiers | highest value       |
+| trusting            | every detection      | highest value               | highest value       |
+| random-frontier     | every detection      | random                      | random              |
+| homerobot-heuristic | every detection      | nearest                     | nearest             |
+| vlfm                | detections seen well | highest value, kept         | highest value, kept |
+| vlfm-unfiltered     | also at image sides  | highest value, kept         | highest value, kept |
+| vlfm-helios-stop    | object map, by score | highest value, kept         | highest value       |
 
-`helios` waits before it acts on a doubtful candidate (`acceptance.py`), and has settings of its own
-(`helios_core.agent_presets`). `helios-paper` is the paper's method. The last three are for object
-navigation (Table 2); they can do every task.
+`helios-paper` is the paper's method. `helios` waits before it acts on a doubtful candidate
+(`acceptance.py`) and has its own settings (`helios_core.agent_presets`). The last three are for
+object navigation (Table 2); they can do every task.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from helios_planner.search.frontier_exploration import ByRule, TargetPursuit
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
 
-_loaded: dict[str, Agent] = {}  # of packages; each is imported once in a process
+_loaded: dict[str, Agent] = {}  # agents of other packages; each is imported once per process
 
 
 def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
@@ -73,9 +73,9 @@ AGENTS: dict[str, Agent] = {
 
 
 def agent_named(name: str) -> Agent:
-    """One of the table, of an entry point, or `package:agent` of anybody's own.
+    """Agent of the table, of an entry point, or of a custom `package:agent`.
 
-    Raises InvalidInput for one that there is not, or that cannot be loaded.
+    Raises InvalidInput for an unknown agent or one that cannot be loaded.
     """
     if name in AGENTS:
         return AGENTS[name]
@@ -85,7 +85,7 @@ def agent_named(name: str) -> Agent:
 
 
 def fault_of(name: str, error: BaseException) -> str:
-    """What is said of a task that ended by a fault that nobody foresaw; name: of its agent."""
+    """Message of a task that an unexpected exception ended. name: the task's agent."""
     if name in AGENTS:
         return (
             f"a fault in the planner ({type(error).__name__}: {str(error)[:200]}); the traceback "
@@ -109,7 +109,7 @@ def _of_package(name: str) -> Agent:
     if named.module.partition(".")[0] in sys.stdlib_module_names:
         raise InvalidInput(f"agent {name!r} is of Python's own library; choose one of {known}")
     given: Any = plugins.load(plugins.AGENTS, named)
-    if not isinstance(given, Agent):  # nothing is called: a task's sender may have named anything
+    if not isinstance(given, Agent):  # never call it: a task may name any attribute
         raise InvalidInput(
             f"agent {name!r} is {plugins.described(given)}; wanted a helios_planner.plugins.Agent, "
             f"such as agent = exploring_by(my_rule), and its name: {named.module}:agent"

@@ -1,4 +1,4 @@
-"""Pick and place: approach, look once more, act, and check the result."""
+"""Pick and place: approach, look again from near, act, and check the result."""
 
 from __future__ import annotations
 
@@ -48,61 +48,57 @@ from helios_planner.task import Cause, TaskFailed
 
 Judged = Callable[[ObjectInstance | None], bool]
 
-PLACE_INSET_M = 0.12  # between the place and the edge of the surface
-FLATNESS_M = (0.012, 0.045)  # height range of a flat area: clear of objects, then accepted
-RELEASE_HEIGHT_M = 0.01  # above the surface
-PAPER_RELEASE_HEIGHT_M = 0.10  # above the highest point ahead: the paper's place rule
-OVER_M = 0.05  # around a point that has to do, what lies there counts
-BELOW_M = 0.20  # lower by this than where it was let go is not on it
-AROUND_M = 1.5  # what fell lies this near
+OVER_M = 0.05  # radius around a placing point in which the highest surface counts
+BELOW_M = 0.20  # an object lower than the placing surface by this is not on it
+AROUND_M = 1.5  # a fallen object lies within this distance of the receptacle
 
 
 def still_there(near: ObjectInstance | None) -> bool:
-    """Whatever is believed to be there at all holds up."""
+    """True if the belief still holds the instance, whatever its score."""
     return near is not None
 
 
 class Done(Enum):
-    """How a skill ended."""
+    """Outcome of a pick or a place."""
 
     SUCCEEDED = auto()
     FAILED = auto()
-    DOUBTED = auto()  # from near it does not look like what it was taken for
+    DOUBTED = auto()  # rejected after the view from near
     OUT_OF_REACH = auto()
 
 
 @dataclass
 class _Failed:
-    """Where placing was tried in vain: points (x, y, z), and where the robot stood (x, y), in m."""
+    """Failed attempts to place: points (x, y, z), and where the robot stood (x, y), in m."""
 
     points: list[tuple[float, float, float]] = field(default_factory=list)
     stands: list[tuple[float, float]] = field(default_factory=list)
 
     def lacks(self, point_m: tuple[float, float, float]) -> bool:
-        """Whether a point is not one of these, or next to one."""
+        """True if no failed point lies within SAME_POINT_M in the plane."""
         x, y, _ = point_m
         return all(math.hypot(x - p[0], y - p[1]) > SAME_POINT_M for p in self.points)
 
 
 @dataclass
 class Manipulation:
-    """Acts on one thing at a time. `picks` counts over the whole task."""
+    """Pick and place of one object at a time. `picks` counts over the whole task."""
 
     body: RobotInterface
     base: BaseController
     settings: Settings
     belief: Belief
-    attempts: int  # picks at one thing
+    attempts: int  # picks per object
     picks: int = 0
     falls: int = 0
     last_reason: str = ""
-    near: ObjectInstance | None = None  # what was acted on last, as it was believed from near
-    surface_m: float = 0.0  # height of where something was let go last
-    placed_on: ObjectInstance | None = None  # as it was known when something was let go on it
+    near: ObjectInstance | None = None  # newest target as estimated from near
+    surface_m: float = 0.0  # height of the newest placing point
+    placed_on: ObjectInstance | None = None  # receptacle as known at the newest placing
 
-    # --- over a restart ------------------------------------------------------------------------
+    # --- restart -------------------------------------------------------------------------------
     def memory(self) -> dict[str, Any]:
-        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        """State that must outlive a crash of the planner, as JSON, for `recall`."""
         return {"picks": self.picks, "falls": self.falls, "last_reason": self.last_reason}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
@@ -111,8 +107,8 @@ class Manipulation:
 
     # --- pick ----------------------------------------------------------------------------------
     def pick(self, thing: ObjectInstance, class_name: str, confirmed: Judged = still_there) -> Done:
-        """Grasp a thing: up to `attempts` times, each from another place. What does not
-        hold up as it is believed from there is doubted."""
+        """Grasp an object: up to `attempts` times, each from another place. Returns DOUBTED if
+        `confirmed` rejects it as seen from there."""
         tried: list[tuple[float, float]] = []
         attempts = 0
         while attempts < self.attempts:
@@ -124,7 +120,7 @@ class Manipulation:
                 return Done.DOUBTED
             thing = near or thing
             if self._missing_m(thing.center_m) > 0:
-                continue  # it is further than it was believed to be: another place
+                continue  # it is further away than estimated: try another place
             attempts += 1
             self._count_pick()
             x, y, z = (float(v) for v in thing.center_m)
@@ -137,7 +133,8 @@ class Manipulation:
         return Done.FAILED
 
     def count_fall(self, fall: Dropped, class_name: str) -> None:
-        """What was carried lies somewhere: it may be picked again, `falls` times at most."""
+        """Count a fall of the carried object. It may be picked again, `falls` times at most. Raises
+        TaskFailed beyond that."""
         self.falls += 1
         if self.falls > self.settings.falls:
             raise TaskFailed(
@@ -158,9 +155,9 @@ class Manipulation:
     def _approach(
         self, target_m: np.ndarray, tried: list[tuple[float, float]], purpose: str
     ) -> bool:
-        """Stand within reach of a point, facing it, the head towards it: with it in sight, else
-        where only what is over it would hide it, as the boards of a shelf seem to do in a map of
-        heights."""
+        """Stand within reach of a point, facing it, with the head tilted to it; False if no pose
+        allows it. Poses that see the point come first, then poses where only what lies above it
+        hides it: in a height map the boards of a shelf seem to do so."""
         for above_m, level in product((ON_TOP_M, ON_SHELF_M), self.base.levels):
             stand = stand_for(
                 target_m, self.base.reach(level), self.body.description, self._reach_m, tried,
@@ -194,16 +191,16 @@ class Manipulation:
         return self.body.description.reach_m - REACH_SPARE_M
 
     def _missing_m(self, target_m: np.ndarray) -> float:
-        """How much the robot stands too far away; at most 0 when the point is in reach."""
-        spare = REACH_SPARE_M / 3
+        """Distance (m) that the robot stands too far away; at most 0 when the point is in reach."""
+        spare = self.settings.reach_spare_m / 3
         return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
 
     # --- place ---------------------------------------------------------------------------------
     def place(
         self, receptacle: ObjectInstance, class_name: str, confirmed: Judged = still_there
     ) -> Done:
-        """Put the held thing down on a receptacle, by the rule of the settings. What does not
-        hold up as it is believed from there is doubted."""
+        """Put the held object down on a receptacle, by the place rule of the settings. Returns
+        DOUBTED if `confirmed` rejects the receptacle as seen from near."""
         failed = _Failed()
         stood = False
         for last in (False,) * (self.settings.places_per_receptacle - 1) + (True,):
@@ -230,8 +227,8 @@ class Manipulation:
         return Done.FAILED if stood else Done.OUT_OF_REACH
 
     def _put(self, point_m: tuple[float, float, float]) -> bool:
-        """Face a point in reach and release above it; False when the robot could not and still
-        holds the thing."""
+        """Face a point in reach and release above it. False if that failed and the robot still
+        holds the object; raises Dropped if it fell."""
         self._face(np.array(point_m))
         by_paper = self.settings.place_rule == "paper"
         drop_m = PAPER_RELEASE_HEIGHT_M if by_paper else RELEASE_HEIGHT_M
@@ -250,9 +247,10 @@ class Manipulation:
     def _free_spots(
         self, receptacle: ObjectInstance, reached: Reach, failed: _Failed
     ) -> list[Spot]:
-        """New spots where nothing lies yet; where there is none, those that are only about flat,
-        and then those nearer to an edge."""
-        for inset_m, flat_m in product((PLACE_INSET_M, PLACE_INSET_M / 2), FLATNESS_M):
+        """New spots that are flat and empty. Without any: spots that are nearly flat, then spots
+        nearer to an edge."""
+        wished_m = self.settings.place_inset_m
+        for inset_m, flat_m in product((wished_m, wished_m / 2), self.settings.place_flats_m):
             rules = PlaceRules(inset_m, flat_m)
             spots = place_spots(receptacle, reached, self._reach_m, rules, failed.stands)
             if new := [spot for spot in spots if failed.lacks(spot.point_m)]:
@@ -260,7 +258,7 @@ class Manipulation:
         return []
 
     def _spot(self, receptacle: ObjectInstance, failed: _Failed) -> Spot | None:
-        """The best spot on a surface that was seen; on the second try one without a surface."""
+        """Best spot on a seen surface; without one, a spot at the receptacle's edge, or None."""
         for level in self.base.levels if self.settings.place_rule == "flat" else ():
             spots = self._free_spots(receptacle, self.base.reach(level), failed)
             if spots:
@@ -281,8 +279,8 @@ class Manipulation:
     def _point_from_here(
         self, receptacle: ObjectInstance, spot: Spot, failed: _Failed
     ) -> tuple[float, float, float] | None:
-        """The point again, now that the surface was seen from near: the best one within reach. None
-        where there is a better one elsewhere."""
+        """Best point within reach on the surface as now seen from near. None if every free spot is
+        out of reach."""
         here = self.body.pose()
         if self.settings.place_rule == "paper":
             rules = AheadRules(self._reach_m)
@@ -296,7 +294,7 @@ class Manipulation:
         return next(as_good, free[0].point_m if free else None)
 
     def _raised(self, spot: Spot) -> tuple[float, float, float]:
-        """Where a spot has to do: over what is seen there now."""
+        """The spot's point, raised to the highest surface that is seen there now."""
         x, y, z = spot.point_m
         return x, y, max(z, top_at_m(self.body.ground(), (x, y), OVER_M))
 
@@ -314,8 +312,8 @@ def seen_after(
     least_class_score: float,
     surface_m: float,
 ) -> tuple[Seen, ObjectInstance | None]:
-    """Where the placed thing is seen; before, now: all instances of its class. surface_m: height
-    of what it was put on, where it was let go."""
+    """Visibility of the placed object on or beside the receptacle, and its instance. before, now:
+    all instances of its class. surface_m: height of the point at which it was released."""
     believed = [
         o for o in now
         if o.class_score >= least_class_score
@@ -340,11 +338,11 @@ def look_after(
     least_class_score: float,
     surface_m: float,
 ) -> tuple[Seen, ObjectInstance | None]:
-    """As `seen_after`; what is seen nowhere is looked for once more."""
+    """Result of `seen_after`, after one more look if the object is seen nowhere."""
     seen, thing = seen_after(receptacle, before, now(), least_class_score, surface_m)
     if seen is Seen.NOWHERE:
-        # In the image of the placing the map took it for still held. Where no step is left to
-        # look once more, it is placed all the same.
+        # The map takes the object in the placing's keyframe for still held. Without a step left to
+        # look once more, the placing counts all the same.
         with contextlib.suppress(TaskFailed):
             body.act(Observe())
         seen, thing = seen_after(receptacle, before, now(), least_class_score, surface_m)

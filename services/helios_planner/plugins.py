@@ -1,6 +1,6 @@
-"""What an agent of your own is made of (docs/tutorials/your-own-agent.md).
+"""Public interface for custom agents (docs/tutorials/your-own-agent.md).
 
-The smallest is an exploration rule: a function from places to scores.
+The smallest agent is an exploration rule: a function from places to scores.
 
     from helios_planner.plugins import Places, exploring_by
 
@@ -12,8 +12,8 @@ The smallest is an exploration rule: a function from places to scores.
     helios up --agent my_package:agent
     helios task "find the mug"
 
-A whole agent says what it takes for true of things, and how it seeks the object and the goal:
-`Agent(belief, seek_object, seek_receptacle)`. A search of its own derives from `Search` and writes
+A full agent defines its belief about objects and its searches for the object and the goal:
+`Agent(belief, seek_object, seek_receptacle)`. A custom search derives from `Search` and implements
 `decide` and `explore`.
 """
 
@@ -56,12 +56,12 @@ __all__ = [
 
 
 def exploring_by(rule: ExplorationRule, *, trusts_detector: bool = False) -> Agent:
-    """An agent that goes where a rule says, and is else as one of ours.
+    """Agent that explores by a rule and is otherwise a built-in agent.
 
-    As `helios-paper`: it acts on the scores of the object map, and the rule chooses among candidate
-    receptacles and frontiers while the object is sought, among frontiers while the goal is sought.
-    With trusts_detector as `trusting`: it acts on what is detected, and the rule chooses among
-    frontiers.
+    By default it is `helios-paper`: it acts on the scores of the object map, and the rule chooses
+    among candidate receptacles and frontiers while it searches for the object, among frontiers
+    while it searches for the goal. With trusts_detector it is `trusting`: it acts on detections,
+    and the rule chooses among frontiers.
     """
     if trusts_detector:
         return trusting(TrustingBelief, lambda search, layer: ByOwnRule(search, layer, rule))
@@ -73,14 +73,14 @@ def exploring_by(rule: ExplorationRule, *, trusts_detector: bool = False) -> Age
 
 
 def explorer(search: Search, rule: ExplorationRule) -> Explorer:
-    """Explores for a search of your own: `step(found)` visits one frontier by the rule, until
-    `found()` is true; False when none is left."""
+    """Explorer for a custom search. `step(found)` visits one frontier by the rule, until `found()`
+    is true; it returns False when no frontier is left."""
     layer = PICK_LAYER if search.phase is Phase.FIND_OBJECT else PLACE_LAYER
     return ByOwnRule(search, layer, rule)
 
 
 def act_on_best(things: Sequence[ObjectInstance], scores: Sequence[float], why: str) -> Decision:
-    """What `Search.decide` returns: act on the thing with the highest score, or search on where
+    """Decision for `Search.decide`: act on the instance with the highest score, or search on if
     there is none. why: in words, for `helios why`."""
     candidates = tuple(
         Candidate(

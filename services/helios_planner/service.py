@@ -1,4 +1,4 @@
-"""The planner's shell: tasks come over the bus, one worker does them, everybody is told."""
+"""The planner service: receives tasks over the bus, runs them in one worker and publishes them."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ log = logging.getLogger(__name__)
 
 MOST_PRIORITY = 100
 PULSE_S = 5.0
-MEND_S = 1.0  # between two tries to keep what could not be kept
+MEND_S = 1.0  # period of retries while tasks cannot be stored
 SETTINGS_S = 1.0
-VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with patience
+VOCABULARY_S = 1.5  # longest wait at submission; the worker waits longer
 
 
 class PlannerService:
-    """See the module. `_lock` guards the queue; it is never held across a call to the bus."""
+    """Service object of the planner. `_lock` guards the queue; no call to the bus runs under it."""
 
     def __init__(self, bus: Bus, settings: Settings, health: Health) -> None:
-        """Raises InvalidInput where the agent of the settings cannot be loaded."""
+        """Raises InvalidInput if the agent of the settings cannot be loaded."""
         agent_named(settings.agent)
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.Lock()
@@ -80,7 +80,7 @@ class PlannerService:
         self._queue = deque(self._registry.restore())
         self._cancels = {id: threading.Event() for id in self._queue}
         self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
-        self._reservation = Reservation()  # under the lock
+        self._reservation = Reservation()  # guarded by _lock
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
@@ -99,8 +99,7 @@ class PlannerService:
         self._tell_health()
 
     def close(self) -> None:
-        """Ends within an action. Who stops the planner stops its task: only after a crash is a
-        task taken up again."""
+        """Stop within one action. A running task ends: only a crashed planner's task is resumed."""
         self._ending.set()
         self._registry.closing.set()
         with self._lock:
@@ -113,7 +112,7 @@ class PlannerService:
 
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
-        """Kept before it is answered. Raises Unavailable while tasks cannot be kept."""
+        """Store a task, queue it and return it. Raises Unavailable while tasks cannot be stored."""
         self._registry.check_keeping()
         instruction = parse_with_help(request.instruction, self._model)
         agent = self._known_agent(request.agent or self._settings.agent)
@@ -150,9 +149,9 @@ class PlannerService:
             settings=dict(request.settings),
         )
         with self._lock:
-            self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is told
+            self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is published
         try:
-            changed = self._registry.add(task)  # before the worker can tell that it runs
+            changed = self._registry.add(task)  # before the worker can publish it as running
         except Unavailable:
             with self._lock:
                 self._cancels.pop(id, None)
@@ -168,9 +167,9 @@ class PlannerService:
         return waiting_words(instruction, self._description is not None, why)
 
     def _known_agent(self, said: str) -> str:
-        """The agent's name as it is listed; it may be said in any case. Raises InvalidInput for an
-        agent that there is not, or that no task may name, and Conflict for one that needs other
-        settings than the services have."""
+        """The agent's name as listed; `said` may have any case. Raises InvalidInput for an
+        unknown agent or one that no task may name, and Conflict for one that needs other settings
+        than the services have."""
         listed = dict.fromkeys((*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent))
         name = same_name(said, listed) or said
         if self._settings.agents_of_tasks == "listed" and name not in listed:
@@ -186,8 +185,8 @@ class PlannerService:
         return name
 
     def _started_for_another(self, agent: str) -> str:
-        """What to do where planner or object map run with other settings than the agent's; empty
-        where an agent's task can run."""
+        """Error message if planner or object map run with the settings of another agent; empty if a
+        task of the agent can run."""
         started = {"planner": self._settings.agent, "object map": self._agent_of_object_map()}
         others = {s: a for s, a in started.items() if a and not same_settings(agent, a)}
         if not others:
@@ -201,7 +200,7 @@ class PlannerService:
         )
 
     def _agent_of_object_map(self) -> str:
-        """The agent that the object map was started for; empty where it does not answer."""
+        """Agent that the object map was started for; empty if it does not answer."""
         try:
             reply = self._bus.call(settings_method("objectmap"), pb.Empty(), SETTINGS_S)
             return str(json.loads(reply.json)["agent"]["value"])
@@ -216,7 +215,7 @@ class PlannerService:
         return pb.TaskList(tasks=[task_to_proto(t) for t in self._registry.tasks()])
 
     def cancel(self, request: pb.TaskRequest) -> pb.Task:
-        """A queued task ends at once, a running one within its present action."""
+        """End a queued task at once, a running one within its current action."""
         task = self._registry.known(request.id)
         with self._lock:
             queued = request.id in self._queue
@@ -240,15 +239,15 @@ class PlannerService:
         return task_to_proto(task)
 
     def pause(self, request: pb.TaskRequest) -> pb.Task:
-        """The action that runs is finished; none is begun until `resume`. A queued task is not
-        begun until then."""
+        """Pause a task: the current action finishes, and no other begins until `resume`. A queued
+        task does not start until then."""
         return self._set_on_hold(request.id, True)
 
     def resume(self, request: pb.TaskRequest) -> pb.Task:
         return self._set_on_hold(request.id, False)
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
-        """All that were kept; with settings, each with what it would have been under them."""
+        """All stored decisions of a task; with settings, each also as recomputed under them."""
         self._registry.known(request.id)
         changes = changes_of(request.settings)
         kept = self._store.decisions(request.id)
@@ -259,8 +258,8 @@ class PlannerService:
         return pb.DecisionList(decisions=kept)
 
     def reserve(self, request: pb.ReserveRequest) -> pb.ReserveReply:
-        """No task is begun until it ends. Raises Conflict while a task is queued or under way: the
-        queue's lock decides which of the two came first."""
+        """Reserve the planner: no task starts until the reservation ends. With a token, end that
+        one. Raises Conflict while a task is queued or running; the queue's lock orders the two."""
         with self._lock:
             if request.token:
                 self._reservation.end(request.token)
@@ -283,7 +282,7 @@ class PlannerService:
         while (id := self._next()) is not None:
             try:
                 self._run(id)
-            except (Exception, SystemExit) as error:  # an agent may be somebody else's
+            except (Exception, SystemExit) as error:  # a custom agent may raise anything
                 if self._ending.is_set():
                     return
                 log.exception("task %s ended by a fault", id)
@@ -292,7 +291,7 @@ class PlannerService:
             self._registry.publish(PLAN, pb.Plan(task_id=id))
 
     def _next(self) -> str | None:
-        """The next task in the queue, once the robot is known; None at the end."""
+        """Next task of the queue, once the robot is known; None when the planner ends."""
         while not self._described.wait(0.2):
             if self._ending.is_set():
                 return None
@@ -307,26 +306,27 @@ class PlannerService:
                 self._wake.wait(0.5)
             if self._ending.is_set():
                 return None
-            id = max(ready, key=self._rank)  # of equal ones the first
+            id = max(ready, key=self._rank)  # the first of equal ones
             self._queue.remove(id)
             return id
 
     def _may_go(self, id: str) -> bool:
-        """What was under way is taken up though it is on hold: to settle its last action."""
+        """True if a task may start. An interrupted task may although it is on hold: its last action
+        must be settled."""
         return self._is_under_way(id) or not self._registry.known(id).on_hold
 
     def _is_under_way(self, id: str) -> bool:
         return self._registry.known(id).state.under_way
 
     def _rank(self, id: str) -> tuple[bool, int]:
-        """What was under way goes on before anything is begun."""
+        """Sort key in the queue: interrupted tasks before new ones, then by priority."""
         task = self._registry.known(id)
         return task.state.under_way, task.priority
 
     def _run(self, id: str) -> None:
         assert self._description is not None
         task = self._registry.known(id)
-        if said := self._started_for_another(task.agent):  # since it was submitted
+        if said := self._started_for_another(task.agent):  # services may have changed
             with self._lock:
                 self._holds.pop(id, None)
                 self._cancels.pop(id, None)
@@ -353,7 +353,7 @@ class PlannerService:
                 self._cancels.pop(id, None)
 
     def _new_hold(self, id: str) -> PauseControl:
-        """Of a task that has begun; paused where somebody had paused it."""
+        """Pause control of a task that has begun; paused if the task is on hold."""
         task = self._registry.known(id)
         cancelled = self._cancels[id]
         hold = PauseControl(task.time_limit_s, task.started_s + task.time_limit_s, cancelled)
@@ -362,7 +362,7 @@ class PlannerService:
         return hold
 
     def _set_on_hold(self, id: str, on_hold: bool) -> pb.Task:
-        """Kept before it is obeyed. Raises Conflict for a task that has ended."""
+        """Store the pause or its end, then apply it. Raises Conflict for a task that has ended."""
         task = self._registry.known(id)
         if self._registry.has_ended(id):
             what = "paused" if on_hold else "resumed"
@@ -378,14 +378,14 @@ class PlannerService:
                     changes["state"] = State.PAUSED if on_hold else State.RUNNING
         changed = self._registry.change(id, **changes)
         with self._lock:
-            if hold := self._holds.get(id):  # somebody else may have asked for the opposite
+            if hold := self._holds.get(id):  # another request may have set the opposite meanwhile
                 (hold.pause if self._registry.known(id).on_hold else hold.resume)()
             self._wake.notify_all()
         return task_to_proto(changed)
 
     def _pulse(self) -> None:
-        """Say that the planner lives, so that the next one knows how long none did; while tasks
-        cannot be kept, try to."""
+        """Store periodically that the planner is alive, so that the next one knows how long none
+        was. While tasks cannot be stored, retry that."""
         while not self._ending.wait(MEND_S if self._store.fault else PULSE_S):
             if self._store.fault:
                 self._registry.mend()

@@ -1,4 +1,4 @@
-"""The life of a task."""
+"""Record of a task, its states, phases and failure causes, and the exceptions that end it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from helios_core.task_states import ENDED, HOLDS_ROBOT
 
 from helios_planner.instruction.parser import Instruction
 
-HELD = "paused; resume or cancel it"  # what a task says that is on hold
+HELD = "paused; resume or cancel it"  # message of a paused task
 
 
 class State(StrEnum):
-    """Where a task stands in its life: as `helios_core.task_states` spells it."""
+    """State of a task, spelled as in `helios_core.task_states`."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -31,12 +31,12 @@ class State(StrEnum):
 
     @property
     def under_way(self) -> bool:
-        """Begun, and not ended."""
+        """True if the task has begun and not ended."""
         return self.value in HOLDS_ROBOT
 
 
 class Phase(StrEnum):
-    """What a running task is at: find, pick, find, place (paper, figure 3); or it only moves."""
+    """Phase of a running task: find, pick, find, place (paper, Figure 3), or a pure motion."""
 
     FIND_OBJECT = "find_object"
     PICK = "pick"
@@ -47,7 +47,7 @@ class Phase(StrEnum):
 
 
 class Cause(StrEnum):
-    """Why a task failed; the closed list that reports count by."""
+    """Cause of a failed task; the closed list that reports count by."""
 
     OBJECT_NOT_FOUND = "object not found"
     RECEPTACLE_NOT_FOUND = "receptacle not found"
@@ -63,7 +63,7 @@ class Cause(StrEnum):
 
 
 class TaskFailed(Exception):
-    """Ends a task with a cause of the closed list and a sentence."""
+    """Raised to end a task with a cause of the closed list and a message."""
 
     def __init__(self, cause: Cause, message: str) -> None:
         super().__init__(message)
@@ -71,19 +71,19 @@ class TaskFailed(Exception):
 
 
 class TimeIsUp(TaskFailed):
-    """The task's own time limit is over. An exploration ends so, and has not failed."""
+    """Raised when the task's time limit is over. An exploration then ends without failure."""
 
     def __init__(self, message: str) -> None:
         super().__init__(Cause.STEP_BUDGET, message)
 
 
 class TaskCancelled(Exception):
-    """Ends a task that somebody cancelled."""
+    """Raised to end a cancelled task."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One task; times in seconds since 1970, 0 while unknown."""
+    """One task. Times in seconds since 1970, 0 while unknown."""
 
     id: str
     text: str
@@ -91,7 +91,7 @@ class Task:
     state: State
     max_steps: int
     created_s: float
-    time_limit_s: float = 0.0  # from its start; 0: none
+    time_limit_s: float = 0.0  # from its start; 0: no limit
     phase: Phase | None = None
     cause: Cause | None = None
     message: str = ""
@@ -100,14 +100,14 @@ class Task:
     picks: int = 0
     started_s: float = 0.0
     ended_s: float = 0.0
-    progress: float = 0.0  # never falls
-    eta_s: tuple[float, float] | None = None  # it may end in so many seconds: at least, at most
+    progress: float = 0.0  # share done; never falls
+    eta_s: tuple[float, float] | None = None  # seconds until its end: at least, at most
     context_id: str = ""
     agent: str = DEFAULT_AGENT
-    priority: int = 0  # a higher one is begun first
-    settings: Mapping[str, str] = field(default_factory=dict)  # of the planner, for it alone
-    seen_at_goal: bool | None = None  # after it was placed; None: it was not, or nobody knows
-    on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
+    priority: int = 0  # a higher one starts first
+    settings: Mapping[str, str] = field(default_factory=dict)  # planner settings of this task alone
+    seen_at_goal: bool | None = None  # after placing; None: not placed, or unknown
+    on_hold: bool = False  # True while a client has paused it
 
     def with_(self, **changes: Any) -> Task:
         """A copy with some fields changed."""

@@ -1,4 +1,4 @@
-"""Compile every kernel, or load it from the cache, so that no task waits for it."""
+"""Compilation of every Numba kernel, or loading from the cache, so that no task waits for it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from helios_planner.motion_planning.path_planner import (
 
 
 def warm_up() -> None:
-    """Ways over a small empty ground, of a robot that is a disc and of one that is none."""
+    """Plan paths on a small empty map, for a disc footprint and for a box footprint."""
     ground = GroundMap(
         np.zeros((64, 64), np.int8), np.zeros((64, 64), np.float32), 0.05, (0.0, 0.0)
     )

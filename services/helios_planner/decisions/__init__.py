@@ -1,1 +1,1 @@
-"""What is decided and why: pure functions from candidates to a decision (section 3.2)."""
+"""Decision rules: pure functions from candidates to a decision with its reason (section 3.2)."""

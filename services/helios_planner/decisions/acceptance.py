@@ -1,8 +1,8 @@
-"""When a candidate is good enough to act on (eq. 7 and 11), and when the search ends.
+"""Acceptance of candidates (eq. 7 and 11) and the end of a search.
 
 The paper acts on the first candidate whose score passes one threshold. The patient agent acts at
-once only above a higher one, keeps searching otherwise, and takes the best candidate when nothing
-is left to search or when its share of the steps is used up.
+once only above a higher threshold and searches on otherwise. Its threshold falls when nothing is
+left to search and as its share of the steps is used up.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ from helios_planner.decisions.decision import (
     ViewOption,
 )
 
-# Shares of the threshold: at first, and down to what is taken when patience ends.
+# Acceptance thresholds as shares of τ, from the first to the last.
 _OF_OBJECTS = (1.25, 1.0, 0.75, 0.5)
 _OF_RECEPTACLES = (1.4, 1.2, 1.0, 0.75, 0.5)
-PATIENCE = 0.6  # share of the steps that are left when the search begins
+PATIENCE = 0.6  # share of the steps left at the start, after which the lowest one applies
 
 
 @dataclass(frozen=True)
 class AcceptanceThreshold:
-    """What a candidate must meet. anywhere: wherever it is, not only where it was said to be."""
+    """Least score of an accepted candidate. anywhere: True if it may lie elsewhere than on the
+    receptacle that the instruction names."""
 
     score: float
     anywhere: bool
@@ -39,11 +40,14 @@ class AcceptanceThreshold:
 
 @dataclass(frozen=True)
 class AcceptanceThresholds:
-    """From the highest down. firm: how many of them hold until everything was searched twice.
-    patience: share of the steps that are left when the search begins, after which the lowest holds,
-    the others at even distances before; None: steps do not count. by_place: a candidate's score
-    counts times how likely it is where it was said to be. at_last: share of the task's steps after
-    which the last one holds, which patience leaves out."""
+    """Acceptance thresholds of one search, from the highest to the lowest.
+
+    firm: number of thresholds that apply until everything was searched twice. patience: share of
+    the steps left at the start of the search after which the lowest applies, the others at equal
+    intervals before; None: steps do not count. by_place: True if scores are multiplied by the
+    relative probability that the candidate lies where the instruction says. at_last: share of the
+    task's steps after which the last threshold applies; patience does not reach it.
+    """
 
     steps: tuple[AcceptanceThreshold, ...]
     firm: int
@@ -52,8 +56,8 @@ class AcceptanceThresholds:
     at_last: float | None = None
 
     def least_at(self, used: float, since: float) -> int:
-        """How far down to be by now. used, since: share of the task's steps, now and when the
-        search began."""
+        """Lowest index into `steps` that applies now. used, since: used share of the task's steps,
+        now and at the start of the search."""
         usual = len(self.steps) - (self.at_last is not None)
         if self.at_last is not None and used >= self.at_last:
             return usual
@@ -65,18 +69,19 @@ class AcceptanceThresholds:
 
 Rule = Callable[
     [float, bool], AcceptanceThresholds
-]  # threshold of Table 3, whether its place is known
+]  # (τ of Table 3, True if the instruction names the place)
 
 
 def paper(threshold: float, place_known: bool) -> AcceptanceThresholds:
-    """One threshold (τ of Table 3); at first only in its place, where that is known."""
+    """The paper's one threshold (τ of Table 3); first only for candidates in the named place, if
+    there is one."""
     anywhere = (AcceptanceThreshold(threshold, True),)
     steps = (AcceptanceThreshold(threshold, False), *anywhere) if place_known else anywhere
     return AcceptanceThresholds(steps, len(steps))
 
 
 def patient(threshold: float, place_known: bool) -> AcceptanceThresholds:
-    """Sure, then the threshold, then the best there is."""
+    """Thresholds that fall from above τ to half of it."""
     shares = _OF_OBJECTS if place_known else _OF_RECEPTACLES
     steps = tuple(AcceptanceThreshold(share * threshold, True) for share in shares)
     firm = sum(share >= 1 for share in shares)
@@ -84,10 +89,11 @@ def patient(threshold: float, place_known: bool) -> AcceptanceThresholds:
 
 
 def in_the_end(within: AcceptanceThresholds, at_last: float) -> AcceptanceThresholds:
-    """The same, and after that share of the task's steps anything that may be it at all.
+    """The same thresholds and, after that share of the task's steps, any candidate at all.
 
-    The paper is silent on what to do when everything has been searched in vain, or the steps run
-    out: the likeliest thing is brought, to the likeliest place, and that is said.
+    The paper does not define the case that everything was searched in vain or the steps run out.
+    HELIOS then brings the most likely object to the most likely place, and the task's message
+    reports it.
     """
     return replace(
         within, steps=(*within.steps, AcceptanceThreshold(ANY_SCORE, True)), at_last=at_last
@@ -102,9 +108,9 @@ def act_or_look(
     what: Act,
     anywhere: bool = True,
 ) -> Decision:
-    """Pick and place decisions: act at score >= threshold, else one more view where
+    """Pick or place decision: act at score >= threshold, else take one more view where
     Psi' >= min(threshold, Psi + tau_inc), else search on (eq. 11 and the text below it). Unless
-    `anywhere`, only what is in its place counts; the rest is remembered."""
+    `anywhere`, only candidates in the named place count; the record lists all."""
     candidates = tuple(
         Candidate(
             kind, t.instance.class_name, position_of(t.instance),
@@ -147,7 +153,7 @@ def act_or_look(
 def best_view(
     instance: ObjectInstance, scores: Sequence[float], poses: Sequence[tuple[float, float]]
 ) -> Decision:
-    """The gaze point from which the score would be highest (section 3.2)."""
+    """Decision for the gaze point with the highest expected score (section 3.2)."""
     candidates = tuple(
         Candidate("gaze", f"view {k + 1} of {instance.class_name}", (*xy, 0.0),
                   {"score_after_view": s, "total": s}, k)
@@ -159,7 +165,8 @@ def best_view(
 
 
 def give_up(what: Act, thing: ObjectInstance, kind: str, reason: str) -> Decision:
-    """What was chosen is not acted on after all, or was in vain. thing: as it was chosen."""
+    """Decision to leave a chosen candidate, before or after an attempt. thing: the candidate as
+    it was chosen."""
     terms = {
         "class_score": thing.class_score, "uncertainty": thing.uncertainty,
         "score": thing.score, "views": float(thing.views),
@@ -170,7 +177,7 @@ def give_up(what: Act, thing: ObjectInstance, kind: str, reason: str) -> Decisio
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:
-    """Highest total; the nearer on a tie, then the first, so that replays decide alike."""
+    """Index of the highest total; on a tie the nearer, then the first, so that a replay agrees."""
     return max(
         range(len(candidates)),
         key=lambda k: (
@@ -180,6 +187,6 @@ def best_of(candidates: Sequence[Candidate]) -> int:
 
 
 def position_of(instance: ObjectInstance) -> tuple[float, float, float]:
-    """Its centre: x, y, z in the world, m."""
+    """Centre of an instance: world x, y, z (m)."""
     x, y, z = (float(v) for v in instance.center_m)
     return x, y, z

@@ -1,8 +1,8 @@
-"""A kept decision taken again under other settings: "would it have gone there with alpha_d 0.01?"
+"""A stored decision recomputed under other settings: "would it have gone there with alpha_d 0.01?"
 
-A pure function over what was kept, by the very functions that decided. Thresholds of the class
-score (cs_a, cs_g, cs_b) are kept with a decision too: a higher one drops candidates, of a lower one
-nobody knows what it would have let in, so that the answer is not certain.
+It is a pure function of the stored record and calls the same functions that decided. The class
+score thresholds (cs_a, cs_g, cs_b) are stored with a decision. A higher one drops candidates. A
+lower one would admit candidates that are not stored, so the result is then not certain.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from helios_planner.decisions.global_search import (
 )
 from helios_planner.settings import Settings
 
-# Which settings a rule reads: its own name of each, and that of the setting.
+# Settings that a rule reads: its own name of each -> the setting's name.
 _GLOBAL = {"alpha_d": "alpha_d", "class_threshold": "cs_a"}
 _PICK = {"threshold": "tau_g", "tau_inc": "tau_inc", "class_threshold": "cs_g"}
 _PLACE = {"threshold": "tau_b", "tau_inc": "tau_inc", "class_threshold": "cs_b"}
@@ -43,15 +43,15 @@ _READS: dict[str, dict[str, str]] = {
     DecisionRule.PICK: _PICK, DecisionRule.STOP: _PICK, DecisionRule.PLACE: _PLACE,
 }  # fmt: skip
 _ACTS: dict[str, Act] = {act.rule: act for act in Act}
-_TAU = "tau"  # of Table 3, as a kept decision has it
-MOST = 1e6  # of any setting that is tried
+_TAU = "tau"  # τ of Table 3, as a stored decision names it
+MOST = 1e6  # upper limit of every setting in a request
 SETTINGS = ("alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b")
 
 
 @dataclass(frozen=True)
 class Recomputed:
-    """flips: another would have been chosen, or something else done. certain: False where it would
-    depend on what was not asked for at that time."""
+    """A recomputed decision. flips: True if it chooses another candidate or action. certain: False
+    if it depends on values that were not queried at the time."""
 
     decision: Decision
     flips: bool
@@ -59,7 +59,7 @@ class Recomputed:
 
 
 def changes_of(texts: Mapping[str, str]) -> dict[str, float]:
-    """Settings as they are typed, "alpha_d" -> "0.01". Raises InvalidInput."""
+    """Values of settings from their text, "alpha_d" -> "0.01". Raises InvalidInput."""
     changes = {}
     for name, text in texts.items():
         if name not in SETTINGS:
@@ -77,8 +77,8 @@ def changes_of(texts: Mapping[str, str]) -> dict[str, float]:
 
 
 def as_kept(decision: Decision, settings: Settings) -> Decision:
-    """The decision with what else must be known to take it again: the class score that let its
-    candidates in, and the τ of which its threshold was a share."""
+    """The decision with the values needed to recompute it: the class score threshold of its
+    candidates, and the τ of which its threshold is a share."""
     reads = _READS.get(decision.rule, {})
     more = {
         name: float(getattr(settings, reads[own]))
@@ -89,8 +89,8 @@ def as_kept(decision: Decision, settings: Settings) -> Decision:
 
 
 def _own_value(decision: Decision, own: str, value: float) -> float:
-    """What a rule makes of a setting. An agent that is patient wants more than τ at first, and in
-    the end is content with less: its share stays."""
+    """Value of a setting as a rule uses it. A patient agent's threshold is a share of τ, above 1 at
+    first and below 1 later; the share stays."""
     then, tau = decision.settings.get(own, value), decision.settings.get(_TAU, 0.0)
     if own != "threshold" or tau <= 0 or then == tau:
         return value
@@ -98,9 +98,9 @@ def _own_value(decision: Decision, own: str, value: float) -> float:
 
 
 def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
-    """The decision under its own settings but for `changes` (name of a setting -> value)."""
+    """The decision under its own settings, except for `changes` (name of a setting -> value)."""
     reads = _READS.get(decision.rule)
-    if reads is None:  # no setting enters: detector trusted, frontier by value, best view
+    if reads is None:  # rules without settings: trusted detector, frontier by value, best view
         return Recomputed(decision, flips=False, certain=True)
     used = decision.settings | {
         own: _own_value(decision, own, changes[setting]) for own, setting in reads.items()
@@ -108,7 +108,7 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
     }  # fmt: skip
     before, after = decision.settings.get("class_threshold"), used.get("class_threshold")
     lowered = after is not None and after != before and (before is None or after < before)
-    unseen = any(  # it would have been seen first at another time
+    unseen = any(  # eq. 8 would have first seen it at another time
         c.kind == "first_seen" and c.terms["class_score"] < (after or 0.0) for c in decision.memory
     )
     kept = tuple(
@@ -151,8 +151,8 @@ def _global(
 def _act_or_look(
     decision: Decision, candidates: Sequence[Candidate], used: Mapping[str, float]
 ) -> tuple[Decision, bool]:
-    """And whether it is certain: what a view would bring was asked for only where the score was
-    below the threshold of that time."""
+    """The decision, and True if it is certain. The score after one more view was queried only where
+    the score was below the threshold of that time."""
     things = [
         ViewOption(
             _instance(c), c.terms["score"], c.terms.get("score_after_view"),
@@ -178,7 +178,7 @@ def _act_or_look(
 
 
 def _instance(c: Candidate) -> ObjectInstance:
-    """As much of an instance as a decision reads."""
+    """Instance with the fields that a decision reads."""
     return ObjectInstance(
         id=c.id, class_name=c.name, center_m=np.array(c.position_m), size_m=np.zeros(3),
         score=c.terms.get("score", 0.0), class_score=c.terms["class_score"],

@@ -1,4 +1,4 @@
-"""A decision as data: its candidates with every term, the winner, and the rule that chose it."""
+"""Record of a decision: its candidates with every term, the winner, and the rule that chose it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from enum import StrEnum
 
 from helios_core.types import ObjectInstance
 
-ANY_SCORE = -1.0  # below every score, and no threshold that can be set
+ANY_SCORE = -1.0  # below every score; no threshold can be set to it
 
 
 class DecisionRule(StrEnum):
-    """The rules that take decisions, as they are kept, sent and shown.
+    """Names of the decision rules, as stored, published and shown.
 
-    A frontier by its value is named with its layer ("frontier by pick value"), and a rule of a
-    plug-in by its own name: `Decision.rule` is any text.
+    A rule for frontiers by value has the layer in its name ("frontier by pick value"), and a
+    plug-in's rule has its own name: `Decision.rule` is any text.
     """
 
     PICK = "pick (eq. 7, 11)"
@@ -31,7 +31,7 @@ class DecisionRule(StrEnum):
 
 
 class Act(StrEnum):
-    """What is done with a candidate that is good enough, and the rule that decides about it."""
+    """Action on an accepted candidate, and the rule that decides about it."""
 
     PICK = "pick"
     PLACE = "place"
@@ -44,8 +44,8 @@ class Act(StrEnum):
 
 @dataclass(frozen=True)
 class ReceptacleOption:
-    """A receptacle that may be searched. information_gain as normalised for eq. 10; bearing_rad
-    from the robot's heading, positive left."""
+    """A receptacle that may be searched. information_gain: normalised for eq. 10; bearing_rad: from
+    the robot's heading, positive left."""
 
     instance: ObjectInstance
     class_score: float
@@ -56,8 +56,8 @@ class ReceptacleOption:
 
 @dataclass(frozen=True)
 class FrontierOption:
-    """A frontier that may be driven to, and its value for what is sought; bearing_rad from the
-    robot's heading, positive left."""
+    """A frontier that may be driven to. value: of the value layer for the sought class;
+    bearing_rad: from the robot's heading, positive left."""
 
     id: int
     xy_m: tuple[float, float]
@@ -68,11 +68,13 @@ class FrontierOption:
 
 @dataclass(frozen=True)
 class ViewOption:
-    """A candidate thing with the best score that one more view could bring (eq. 11).
+    """A candidate with the best score that one more view could bring (eq. 11).
 
-    best_score is None where no new gaze point is left; one that is not `in_place` is not where it
-    was said to be, for example not on a start receptacle. Scores count times `place`: how likely it
-    is where it was said to be, beside the likeliest place; 1 where that does not count."""
+    best_score: None if no new gaze point is left. in_place: False if it does not lie where the
+    instruction says, for example not on a start receptacle. place: relative probability, in (0, 1],
+    that it lies there, 1 for the most likely receptacle and where it does not count; scores are
+    multiplied by it.
+    """
 
     instance: ObjectInstance
     score: float
@@ -83,27 +85,27 @@ class ViewOption:
 
     @property
     def total(self) -> float:
-        """What the thing is judged by."""
+        """Score that decides about the candidate."""
         return self.score * self.place
 
 
 class Do(StrEnum):
-    """What a decision says to do."""
+    """Action that a decision orders."""
 
     SEARCH_RECEPTACLE = "search_receptacle"
     GO_TO_FRONTIER = "go_to_frontier"
-    ACT = "act"  # sure enough: pick, place, or stop there
-    LOOK = "look"  # one more view
+    ACT = "act"  # on an accepted candidate: pick, place, or stop there
+    LOOK = "look"  # take one more view
     SEARCH_ON = "search_on"
     NOTHING_LEFT = "nothing_left"
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What was decided, among what, why.
+    """One decision with its candidates and its reason.
 
     rule: a `DecisionRule` or another name; winner: an index into candidates, or None; settings: the
-    values that the rule used; memory: what it remembered of earlier steps (eq. 8, 9).
+    values that the rule used; memory: values of earlier steps that the rule used (eq. 8, 9).
     """
 
     rule: str
@@ -116,7 +118,7 @@ class Decision:
 
     @property
     def chosen(self) -> Candidate:
-        """The winner; only where there is one."""
+        """The winner. Raises LookupError if there is none."""
         if self.winner is None:
             raise LookupError(f"the decision {self.rule} has no winner: {self.why}")
         return self.candidates[self.winner]
@@ -124,8 +126,8 @@ class Decision:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One option with its terms. kind: object, receptacle, frontier or gaze; of what a decision
-    remembers: first_seen or chosen_frontier."""
+    """One option of a decision with its terms. kind: object, receptacle, frontier or gaze; in a
+    decision's memory: first_seen or chosen_frontier."""
 
     kind: str
     name: str

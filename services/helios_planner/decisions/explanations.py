@@ -1,6 +1,6 @@
-"""Why, in one sentence each: what is done first, then the sum that decided, then who came second.
+"""Reasons of decisions, one sentence each: the action, the sum that decided, the runner-up.
 
-A sentence names numbers as the paper does: score is Ψ, class score is S, uncertainty is U.
+Sentences name numbers as the paper does: score is Ψ, class score is S, uncertainty is U.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Rounding = Callable[[float], float]
 
 
 def search_receptacle(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
-    """Eq. 10, first case."""
+    """Sentence for a receptacle chosen by eq. 10, first case."""
     c, t = candidates[winner], candidates[winner].terms
     return (
         f"search the {c.name}{_away(c)}: worth {t['total']:.3f} = class score "
@@ -25,7 +25,7 @@ def search_receptacle(candidates: Sequence[Candidate], winner: int, alpha_d: flo
 
 
 def go_to_frontier(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
-    """Eq. 10, second case."""
+    """Sentence for a frontier chosen by eq. 10, second case."""
     c, t = candidates[winner], candidates[winner].terms
     return (
         f"explore {c.name}{_away(c)}: worth {t['total']:.3f} = value {t['value']:.2f} × scale "
@@ -35,7 +35,7 @@ def go_to_frontier(candidates: Sequence[Candidate], winner: int, alpha_d: float)
 
 
 def nearest_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
-    """Without the objective: receptacles come before frontiers."""
+    """Sentence for a choice without the objective: receptacles come before frontiers."""
     c = candidates[winner]
     places = sum(k.kind == "receptacle" for k in candidates)
     frontiers = len(candidates) - places
@@ -46,7 +46,7 @@ def nearest_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
 
 
 def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -> str:
-    """Of who trusts, and of VLFM's beginning."""
+    """Sentence for the frontier of highest value: trusting agent, and VLFM's first choice."""
     c = candidates[winner]
     return (
         f"explore {c.name}{_away(c)}: its {layer} value {c.terms['value']:.2f} is the highest"
@@ -55,7 +55,7 @@ def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -
 
 
 def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, value: float) -> str:
-    """Of VLFM, which keeps to a frontier; value: when it was chosen."""
+    """Sentence for a frontier that VLFM keeps. value: when it was chosen."""
     c = candidates[winner]
     return (
         f"go on to {c.name}{_away(c)}: its {layer} value was {value:.2f} and is "
@@ -64,13 +64,13 @@ def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, valu
 
 
 def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
-    """Of the heuristic."""
+    """Sentence of the heuristic agent for the nearest frontier."""
     c = candidates[winner]
     return f"explore {c.name}{_away(c)}: the nearest of {counted(len(candidates), 'frontier')}"
 
 
 def nearest_way(candidates: Sequence[Candidate], winner: int) -> str:
-    """Of who explores for its own sake."""
+    """Sentence of an exploration task for the frontier with the shortest path."""
     c = candidates[winner]
     way = f"explore {c.name}: its way is {c.terms['way_m']:.1f} m"
     rest = sorted(k.terms["way_m"] for k in candidates if k is not c)
@@ -80,7 +80,7 @@ def nearest_way(candidates: Sequence[Candidate], winner: int) -> str:
 
 
 def way_ends(goal: str, x_m: float, y_m: float, before_m: float, after_m: float) -> str:
-    """Of who goes to a point over ground that is not known yet."""
+    """Sentence for a path to a point over ground that is not known yet."""
     return (
         f"go on to {goal} by ({x_m:.2f}, {y_m:.2f}) m, where the known ground ends: {before_m:.1f} "
         f"m to there, then {after_m:.1f} m that nobody has seen yet"
@@ -88,13 +88,13 @@ def way_ends(goal: str, x_m: float, y_m: float, before_m: float, after_m: float)
 
 
 def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
-    """Of who explores at random."""
+    """Sentence for a random frontier."""
     c = candidates[winner]
     return f"explore {c.name}{_away(c)}: drawn from {counted(len(candidates), 'frontier')}"
 
 
 def own_rule(candidates: Sequence[Candidate], winner: int, name: str) -> str:
-    """Of a rule that somebody else wrote."""
+    """Sentence for a choice by a plug-in's rule."""
     c = candidates[winner]
     do = f"search the {c.name}" if c.kind == "receptacle" else f"explore {c.name}"
     return (
@@ -104,14 +104,14 @@ def own_rule(candidates: Sequence[Candidate], winner: int, name: str) -> str:
 
 
 def nothing_left(receptacles: bool) -> str:
-    """A search that is over. receptacles: whether these were candidates, too."""
+    """Sentence for a finished search. receptacles: True if receptacles were candidates, too."""
     if receptacles:
         return "nothing is left: no receptacle to search and no frontier to explore is in reach"
     return "nothing is left: no frontier to explore is in reach"
 
 
 def act(what: Act, c: Candidate, threshold: float, sure: int) -> str:
-    """Eq. 7 passed."""
+    """Sentence for a candidate that passes eq. 7."""
     t = c.terms
     of = f", the best of {sure} that pass" if sure > 1 else ""
     n = _digits(lambda r: _value(t, "score", r) >= r(threshold))
@@ -128,7 +128,7 @@ def act(what: Act, c: Candidate, threshold: float, sure: int) -> str:
 
 
 def look(c: Candidate, threshold: float, tau_inc: float) -> str:
-    """One more view is worth it (below eq. 11)."""
+    """Sentence for one more view that is worth it (below eq. 11)."""
     t, worth = c.terms, min(threshold, c.terms["total"] + tau_inc)
     n = _digits(
         lambda r: (
@@ -145,7 +145,7 @@ def look(c: Candidate, threshold: float, tau_inc: float) -> str:
 def search_on(
     what: Act, candidates: Sequence[Candidate], threshold: float, tau_inc: float, anywhere: bool
 ) -> str:
-    """Neither sure enough nor worth a view."""
+    """Sentence for a search that goes on: no candidate is accepted or worth a view."""
     if not candidates:
         return f"search on: nothing to {what} {_on(what)}has been seen yet"
     usable = [c for c in candidates if anywhere or c.terms["in_place"]]
@@ -172,13 +172,13 @@ def search_on(
 
 
 def less(value: float, than: float) -> str:
-    """ "0.42 < 0.50", with so many digits that it is true as it stands there."""
+    """Comparison such as "0.42 < 0.50", with as many digits as make it true in print."""
     n = _digits(lambda r: r(value) < r(than))
     return f"{value:.{n}f} < {than:.{n}f}"
 
 
 def _digits(holds: Callable[[Rounding], bool]) -> int:
-    """Decimals, at least two, with which a comparison holds between the numbers as printed."""
+    """Decimals, at least two, with which a comparison holds between the printed numbers."""
 
     def to(decimals: int) -> Rounding:
         return lambda value: float(f"{value:.{decimals}f}")
@@ -187,12 +187,12 @@ def _digits(holds: Callable[[Rounding], bool]) -> int:
 
 
 def _value(terms: Mapping[str, float], name: str, rounded: Rounding) -> float:
-    """What `_scored` prints last."""
+    """Number that `_scored` prints last."""
     return rounded(terms[name] * terms.get("place", 1.0))
 
 
 def _scored(terms: Mapping[str, float], name: str, digits: int = 2) -> str:
-    """ "0.42", or "0.84 × place 0.50 = 0.42"."""
+    """Text of a score, "0.42" or "0.84 × place 0.50 = 0.42"."""
     score = f"{terms[name]:.{digits}f}"
     if "place" not in terms:
         return score
@@ -201,7 +201,7 @@ def _scored(terms: Mapping[str, float], name: str, digits: int = 2) -> str:
 
 
 def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:
-    """Which gaze point raises Ψ most (eq. 11); score: Ψ now."""
+    """Sentence for the gaze point that raises Ψ most (eq. 11). score: Ψ now."""
     after = candidates[winner].terms["score_after_view"]
     rest = sorted((c.terms["total"] for k, c in enumerate(candidates) if k != winner), reverse=True)
     other = f"; the next one to {rest[0]:.2f}" if rest else ""
@@ -212,7 +212,7 @@ def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: 
 
 
 def give_up(what: Act, name: str, reason: str) -> str:
-    """What was chosen is left, and why."""
+    """Sentence for leaving a chosen candidate."""
     doing = {
         Act.PICK: "picking the", Act.PLACE: "placing on the", Act.STOP: "stopping at the",
     }  # fmt: skip
@@ -220,14 +220,14 @@ def give_up(what: Act, name: str, reason: str) -> str:
 
 
 def trusted(candidates: Sequence[Candidate], winner: int) -> str:
-    """Whoever trusts goes to what was reported."""
+    """Sentence of the trusting agent for a reported object."""
     c = candidates[winner]
     of = f", the nearest of {len(candidates)}" if len(candidates) > 1 else ""
     return f"go to the {c.name} that the detector reported{_away(c)}{of}"
 
 
 def none_reported(name: str) -> str:
-    """Whoever trusts has nothing to trust yet."""
+    """Sentence of the trusting agent without any report."""
     return f"search on: the detector has reported no {name} yet"
 
 
@@ -237,7 +237,7 @@ def _away(c: Candidate) -> str:
 
 
 def _ahead(candidates: Sequence[Candidate], winner: int, term: str = "total") -> str:
-    """ "; next the sofa with 0.312, then 4 more"."""
+    """Text about the runner-up, such as "; next the sofa with 0.312, then 4 more"."""
     rest = [c for k, c in enumerate(candidates) if k != winner]
     if not rest:
         return "; there is no other"

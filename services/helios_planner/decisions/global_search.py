@@ -21,7 +21,7 @@ from helios_planner.decisions.decision import (
 from helios_planner.match_radii import SAME_FRONTIER_M
 
 GainNorm = Literal["per_gaussian", "sum"]
-KEPT_VALUE = 0.01  # the last frontier is kept while its value has not fallen by so much (VLFM)
+KEPT_VALUE = 0.01  # fall of its value from which VLFM leaves the last frontier
 FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
 
 
@@ -33,8 +33,7 @@ def normalised_gain(gain_nats: float, gaussians: int, norm: GainNorm) -> float:
 
 @dataclass(frozen=True)
 class FirstSeen:
-    """What a candidate was worth when it was first seen: S_a0 * IG_a0 of eq. 8, and its
-    centre."""
+    """Terms of a candidate when it was first seen, S_a0 and IG_a0 of eq. 8, and its centre."""
 
     class_score: float
     information_gain: float
@@ -47,7 +46,7 @@ class FirstSeen:
 
 @dataclass(frozen=True)
 class ChosenFrontier:
-    """A frontier that was once chosen, and its value at that time."""
+    """A frontier that was chosen before, and its value at that time."""
 
     xy_m: tuple[float, float]
     value_when_chosen: float
@@ -55,7 +54,7 @@ class ChosenFrontier:
 
 @dataclass
 class SearchMemory:
-    """What eq. 8 and 9 remember over one search."""
+    """Values that eq. 8 and 9 keep over one search."""
 
     first_seen: dict[int, FirstSeen] = field(default_factory=dict)
     chosen: list[ChosenFrontier] = field(default_factory=list)
@@ -75,7 +74,7 @@ class SearchMemory:
 
     @staticmethod
     def of_json(memory: Mapping[str, Any]) -> SearchMemory:
-        """What `as_json` wrote."""
+        """Inverse of `as_json`."""
         seen = {int(id): FirstSeen(s, ig, (x, y)) for id, s, ig, x, y in memory["first_seen"]}
         return SearchMemory(seen, [ChosenFrontier((x, y), v) for x, y, v in memory["chosen"]])
 
@@ -83,17 +82,17 @@ class SearchMemory:
 def estimated_value(
     frontier_xy_m: tuple[float, float], seen: Mapping[int, FirstSeen], alpha_d: float
 ) -> float:
-    """V_0 of a frontier that was chosen before (eq. 8); `seen` must not be empty."""
+    """Estimated value V_0 of a previously chosen frontier (eq. 8); `seen` must not be empty."""
     return max(  # eq. 8
         s.worth - alpha_d * math.dist(s.center_xy_m, frontier_xy_m) for s in seen.values()
     )
 
 
 def frontier_scale(memory: SearchMemory, alpha_d: float) -> float:
-    """F_0, which turns a frontier's value into a candidate's worth (eq. 9).
+    """Scale F_0, which turns a frontier's value into a candidate's worth (eq. 9).
 
-    1 where it is not defined: no chosen frontier, no candidate, a value of zero or so small that
-    the ratio is infinite; and where the mean ratio is not above 0, since a negative scale would
+    1 where F_0 is undefined: no chosen frontier, no candidate, or a value of zero or so small that
+    the ratio is infinite. Also 1 if the mean ratio is not above 0, since a negative scale would
     reverse the order of the frontiers.
     """
     usable: Sequence[ChosenFrontier] = [f for f in memory.chosen if f.value_when_chosen > 0]
@@ -109,18 +108,18 @@ def frontier_scale(memory: SearchMemory, alpha_d: float) -> float:
 def candidate_value(
     class_score: float, information_gain: float, distance_m: float, alpha_d: float
 ) -> float:
-    """V of a candidate receptacle (eq. 10, first case)."""
+    """Value V of a candidate receptacle (eq. 10, first case)."""
     return class_score * information_gain - alpha_d * distance_m  # eq. 10
 
 
 def frontier_value(value: float, scale: float, distance_m: float, alpha_d: float) -> float:
-    """V of a frontier (eq. 10, second case)."""
+    """Value V of a frontier (eq. 10, second case)."""
     return value * scale - alpha_d * distance_m  # eq. 10
 
 
 @dataclass(frozen=True)
 class WayOption:
-    """A frontier that may be explored for its own sake: its length and the way to it, metres."""
+    """A frontier of an exploration task: its length and the length of the path to it, in metres."""
 
     id: int
     xy_m: tuple[float, float]
@@ -130,7 +129,7 @@ class WayOption:
 
 
 def nearest_by_way(frontiers: Sequence[WayOption]) -> Decision:
-    """The frontier with the shortest way to it, for who explores and seeks nothing."""
+    """Decision for the frontier with the shortest path, for exploration tasks."""
     candidates = tuple(
         Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
                   {"way_m": f.way_m, "size_m": f.size_m, "distance_m": f.distance_m,
@@ -147,12 +146,12 @@ def nearest_by_way(frontiers: Sequence[WayOption]) -> Decision:
 def highest_value(
     frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator
 ) -> Decision:
-    """The frontier with the highest value of a layer; the nearer one on a tie."""
+    """Decision for the frontier with the highest value of a layer; the nearer one on a tie."""
     return _highest(frontiers, layer)
 
 
 def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator) -> Decision:
-    """The nearest frontier, whatever its value."""
+    """Decision for the nearest frontier, whatever its value."""
     candidates = _listed(frontiers, [-f.distance_m for f in frontiers])
     if not candidates:
         return _nothing(DecisionRule.NEAREST_FRONTIER)
@@ -162,7 +161,7 @@ def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Genera
 
 
 def kept(frontiers: Sequence[FrontierOption], layer: str, last: ChosenFrontier | None) -> Decision:
-    """VLFM: the frontier that was gone to last while its value has not fallen since, else the one
+    """VLFM's decision: the last chosen frontier while its value has not fallen since, else the one
     with the highest value of a layer."""
     decision = _highest(frontiers, layer)
     if last is None or decision.winner is None:
@@ -181,7 +180,7 @@ def kept(frontiers: Sequence[FrontierOption], layer: str, last: ChosenFrontier |
 
 
 def drawn(frontiers: Sequence[FrontierOption], layer: str, rng: np.random.Generator) -> Decision:
-    """Any frontier with the same chance."""
+    """Decision for a random frontier, all with equal probability."""
     candidates = _listed(frontiers, [0.0 for _ in frontiers])
     if not candidates:
         return _nothing(DecisionRule.RANDOM_FRONTIER)
@@ -223,7 +222,7 @@ def by_objective(
     memory: SearchMemory,
     alpha_d: float,
 ) -> Decision:
-    """Candidate start receptacles and frontiers by one objective (eq. 10)."""
+    """Decision among candidate start receptacles and frontiers by one objective (eq. 10)."""
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
     remembered = as_candidates(memory)
     if not candidates:
@@ -245,7 +244,7 @@ def receptacles_first(
     memory: SearchMemory,
     alpha_d: float,
 ) -> Decision:
-    """Without the objective: any candidate receptacle before every frontier, the nearest first;
+    """Decision without the objective: the nearest candidate receptacle before every frontier;
     frontiers by eq. 10 (section 4, ablation)."""
     if not receptacles:
         return by_objective((), frontiers, memory, alpha_d)
@@ -258,9 +257,9 @@ def receptacles_first(
     )  # fmt: skip
 
 
-# --- what eq. 8 and 9 remember, as it is kept with a decision -----------------------------------
+# --- memory of eq. 8 and 9, as stored with a decision -------------------------------------------
 def as_candidates(memory: SearchMemory) -> tuple[Candidate, ...]:
-    """Candidates as first seen and frontiers once chosen."""
+    """The memory as candidates: those first seen, and the frontiers chosen before."""
     seen = [
         Candidate(
             "first_seen", "", (*s.center_xy_m, 0.0),
@@ -276,7 +275,7 @@ def as_candidates(memory: SearchMemory) -> tuple[Candidate, ...]:
 
 
 def as_memory(candidates: Sequence[Candidate]) -> SearchMemory:
-    """What `as_candidates` wrote."""
+    """Inverse of `as_candidates`."""
     memory = SearchMemory()
     for c in candidates:
         xy = c.position_m[0], c.position_m[1]

@@ -1,4 +1,4 @@
-"""Where to go next by the scores of a function that somebody else wrote."""
+"""Choice of the next place by a plug-in's scores."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Places:
-    """Where a search may go next. Every array has one row for each of n places, n >= 1."""
+    """Places that a search may go to next. Every array has one row for each of n places, n >= 1."""
 
-    sought: str  # class name of what is sought
-    layer: str  # "pick": the object is sought; "place": the goal receptacle
-    is_frontier: NDArray[np.bool_]  # [n] a border of the searched ground; else a receptacle
-    xy_m: Floats  # [n, 2] in the world
-    distance_m: Floats  # [n] from the robot, straight
+    sought: str  # class name of the sought object or receptacle
+    layer: str  # "pick": search for the object; "place": search for the goal receptacle
+    is_frontier: NDArray[np.bool_]  # [n] True for a frontier, False for a receptacle
+    xy_m: Floats  # [n, 2] world
+    distance_m: Floats  # [n] straight line from the robot
     bearing_rad: Floats  # [n] from the robot's heading, -pi to pi; positive is left
-    value: Floats  # [n] of a frontier: the value layer there, 0 to 1; 0 of a receptacle
-    class_score: Floats  # [n] S of a receptacle, 0 to 1; 0 of a frontier
-    information_gain: Floats  # [n] of looking at a receptacle (eq. 12); 0 of a frontier
-    rng: np.random.Generator  # of the task, by the setting agent_seed
+    value: Floats  # [n] value layer at a frontier, 0 to 1; 0 for a receptacle
+    class_score: Floats  # [n] S of a receptacle, 0 to 1; 0 for a frontier
+    information_gain: Floats  # [n] of looking at a receptacle (eq. 12); 0 for a frontier
+    rng: np.random.Generator  # the task's generator, seeded by the setting agent_seed
 
     def __len__(self) -> int:
         return len(self.xy_m)
 
 
-# Scores [n], the highest is gone to; -inf: never. A tie goes to the nearer place.
+# Returns scores [n]; the highest wins, the nearer place on a tie. -inf: never go there.
 ExplorationRule = Callable[[Places], ArrayLike]
 
 
@@ -57,7 +57,7 @@ def by_own_rule(
     layer: str,
     rng: np.random.Generator,
 ) -> Decision:
-    """The place with the highest score. Raises Internal where the rule fails."""
+    """Decision for the place with the highest score. Raises Internal if the rule fails."""
     name = name_of(rule)
     if not (receptacles or frontiers):
         return _nothing(name)
@@ -72,7 +72,7 @@ def by_own_rule(
 
 
 def name_of(rule: ExplorationRule) -> str:
-    """As in decisions and sentences."""
+    """Name of a rule in decisions and their sentences."""
     return f"rule {getattr(rule, '__name__', type(rule).__name__)}"
 
 
@@ -101,11 +101,11 @@ def _places(
 
 
 def _scores(rule: ExplorationRule, name: str, places: Places) -> Floats:
-    """[n], each finite or -inf."""
+    """Scores [n] of the rule, each finite or -inf. Raises Internal for anything else."""
     wanted = f"wanted {len(places)} numbers, one for each place (-inf: never go there)"
     try:
         given = rule(places)
-    except Exception as error:  # of anybody's code
+    except Exception as error:  # plug-in code may raise anything
         log.exception("the exploration %s failed", name)
         raise Internal(
             f"the exploration {name} failed ({type(error).__name__}: {error}); the traceback is in "
@@ -144,7 +144,7 @@ def _candidates(
         )
         for k, f in enumerate(frontiers, len(receptacles))
     ]  # fmt: skip
-    # What is never gone to is no candidate: a decision is told as JSON, which has no -inf.
+    # Places with -inf are no candidates: decisions are sent as JSON, which has no -inf.
     return tuple(c for c in rows if np.isfinite(c.terms["total"]))
 
 

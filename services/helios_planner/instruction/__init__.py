@@ -1,1 +1,1 @@
-"""From a sentence to the things and places that a task names."""
+"""Parsing of an instruction into the objects and places of a task."""

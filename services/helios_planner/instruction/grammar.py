@@ -1,12 +1,11 @@
-"""The grammar of instructions: words into clauses.
+"""Grammar of instructions: cuts words into clauses.
 
     instruction = [politeness] clause { joiner clause } [politeness]
     clause      = verb thing { preposition place }
     thing       = { determiner } words [ relative ]         "the red mug that is on the desk"
 
-A clause knows its verb and its phrases; `parser` decides what they mean together.
-Some sentences are refused before their phrases are read. A refusal quotes what came and shows a
-sentence that would have been read.
+A clause knows its verb and its phrases; `parser` interprets them together. Some sentences are
+refused before their phrases are read. A refusal quotes the sentence and shows a valid one.
 """
 
 from __future__ import annotations
@@ -19,12 +18,13 @@ from helios_planner.instruction import lexicon as w
 from helios_planner.instruction.lexicon import Place, Verb, length_at, trimmed
 
 EXAMPLE = '"Move the mug from the coffee table to the kitchen counter"'
-_EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # no thing by themselves
+_EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # not an object by themselves
 
 
 @dataclass(frozen=True)
 class PlacePhrase:
-    """ "from the coffee table": what the preposition says, its words, and the place's words."""
+    """A phrase such as "from the coffee table": the kind of its preposition, the preposition, and
+    the words of the place."""
 
     kind: Place
     preposition: str
@@ -32,7 +32,7 @@ class PlacePhrase:
 
     @property
     def name(self) -> str:
-        """The place without determiners; empty for none."""
+        """The place without determiners; empty without a name."""
         return " ".join(noun(list(self.words)))
 
     def __str__(self) -> str:
@@ -41,8 +41,8 @@ class PlacePhrase:
 
 @dataclass
 class Clause:
-    """A verb and its phrases. `asides` are words that do not change the task; `condition` is what
-    opens one ("in case"), and nothing after it is read."""
+    """A verb and its phrases. `asides`: words that do not change the task. `condition`: words that
+    open a condition ("in case"); nothing after it is read."""
 
     verb: Verb
     verb_words: str
@@ -53,7 +53,7 @@ class Clause:
 
 
 def clauses_of(words: list[str]) -> list[Clause]:
-    """The clauses of a sentence; empty where it has no verb that is known."""
+    """Clauses of a sentence; empty without a known verb."""
     words = _spelled(without_politeness(words))
     words = _active(_verb_first(words))
     remark, words = _remark(words)
@@ -77,7 +77,7 @@ def noun(words: list[str]) -> list[str]:
 
 # --- the order of words ------------------------------------------------------------------------
 def without_politeness(words: list[str]) -> list[str]:
-    """Without what people say around a wish."""
+    """The words without phrases of politeness around the request."""
     changed = True
     while changed:
         words, changed = _without_additions(words), False
@@ -92,7 +92,8 @@ def without_politeness(words: list[str]) -> list[str]:
 
 
 def _without_additions(words: list[str]) -> list[str]:
-    """ "Bring the mug as soon as you can to the sofa" without "as soon as you can"."""
+    """The words without additions: "as soon as you can" in "bring the mug as soon as you can
+    to the sofa"."""
     out, at = [], 0
     while at < len(words):
         n = length_at(words, at, w.ADDED)
@@ -110,7 +111,7 @@ def _phrase_ends(words: list[str], at: int) -> bool:
 
 
 def _begins(words: list[str], at: int) -> bool:
-    """Whether a wish may begin here: "when you can just bring the mug"."""
+    """True if a request may begin here: "when you can just bring the mug"."""
     return bool(_verb_at(words, at)[0] or length_at(words, at, w.POLITE))
 
 
@@ -123,8 +124,8 @@ def _is_place(words: list[str], at: int) -> bool:
 
 
 def _verb_first(words: list[str]) -> list[str]:
-    """ "From the desk, bring the mug to the sofa" and "The mug on the desk: bring it to the sofa"
-    with the verb in front."""
+    """The words with the verb in front: for "From the desk, bring the mug to the sofa" and "The mug
+    on the desk: bring it to the sofa"."""
     if not words or _verb_at(words, 0)[0]:
         return words
     for at, word in enumerate(words[:-1]):
@@ -144,9 +145,9 @@ def _verb_first(words: list[str]) -> list[str]:
 
 
 def _active(words: list[str]) -> list[str]:
-    """ "The mug should be brought to the sofa", "could the mug be brought to the sofa", "I'd like
-    the mug brought to the sofa", "the mug belongs on the sofa" and "mug from the desk to the sofa"
-    with a verb in front."""
+    """The words with a verb in front: for "The mug should be brought to the sofa", "could the mug
+    be brought to the sofa", "I'd like the mug brought to the sofa", "the mug belongs on the sofa"
+    and "mug from the desk to the sofa"."""
     if n := length_at(words, 0, w.WANTS):
         for at in range(n + 1, len(words)):
             if words[at] in w.PARTICIPLES and _is_place(words, at + 1):
@@ -168,8 +169,9 @@ def _active(words: list[str]) -> list[str]:
 
 
 def _remark(words: list[str]) -> tuple[str, list[str]]:
-    """ "I am thirsty. Bring the cup to the desk": what is said before a wish that is whole without
-    it, and the wish. No condition: "if I am thirsty, bring the cup to the desk"."""
+    """(remark, request): splits "I am thirsty. Bring the cup to the desk" if the request is
+    complete without the remark. A condition is no remark: "if I am thirsty, bring the cup
+    to the desk"."""
     if not words or _verb_at(words, 0)[0] or length_at(words, 0, w.CONDITIONS):
         return "", words
     for at, word in enumerate(words):
@@ -181,8 +183,8 @@ def _remark(words: list[str]) -> tuple[str, list[str]]:
 
 
 def _spelled(words: list[str]) -> list[str]:
-    """With a slip of the finger in the verb mended, where one verb alone is meant, and without
-    the ending of "moving the mug"."""
+    """The words with a typing error in the verb corrected, if only one verb can be meant, and
+    without the ending of "moving the mug"."""
     if not words or _verb_at(words, 0)[0]:
         return words
     if words[0].endswith("ing") and length_at(words, 1, w.DETERMINERS):  # no "carrying case"
@@ -197,8 +199,8 @@ def _spelled(words: list[str]) -> list[str]:
 
 
 def _slip(typed: str, meant: str) -> bool:
-    """Whether two neighbours are swapped, a letter is missing or is there twice. The first letter
-    is right, and no letter is another one: "make" is not "take"."""
+    """True if two neighbouring letters are swapped, or a letter is missing or doubled. The first
+    letter is right, and no letter is replaced: "make" is not "take"."""
     if typed[0] != meant[0] or len(meant) < 4 or meant.startswith(typed + "s"):
         return False
     if len(typed) == len(meant):
@@ -211,8 +213,8 @@ def _slip(typed: str, meant: str) -> bool:
 
 # --- verbs -------------------------------------------------------------------------------------
 def _verb_at(words: list[str], at: int) -> tuple[Verb | None, int]:
-    """The verb that starts at a place and the number of its words. "Go" before another verb only
-    leads to it: "go find the mug", "go and get the mug"."""
+    """Verb at a position, and the number of its words. "Go" before another verb only introduces it:
+    "go find the mug", "go and get the mug"."""
     n = length_at(words, at, w.VERBS)
     if not n:
         return None, 0
@@ -226,7 +228,7 @@ def _verb_at(words: list[str], at: int) -> tuple[Verb | None, int]:
 
 
 def _split(words: list[str]) -> list[list[str]]:
-    """Cut before each verb that a joiner or a pause opens; "to" before a verb joins too."""
+    """Cut before each verb that follows a joiner or a pause; "to" before a verb is a joiner too."""
     cuts, at = [0], 1
     while at < len(words):
         n = 1 if words[at] == w.PAUSE else 0
@@ -248,8 +250,8 @@ def _clause(words: list[str]) -> Clause:
     assert verb is not None
     out = Clause(verb, " ".join(words[:n]))
     at, relative = n, False
-    here: list[str] = out.thing  # where words go now
-    opened: tuple[Place, str] | None = None  # the place phrase that is open
+    here: list[str] = out.thing  # list that receives the next words
+    opened: tuple[Place, str] | None = None  # place phrase that is not complete yet
 
     def close() -> None:
         nonlocal opened, here
@@ -293,8 +295,8 @@ def _clause(words: list[str]) -> Clause:
 
 
 def _place_at(words: list[str], at: int, nothing_yet: bool) -> int:
-    """Number of words of the preposition here. "Over" is one in "the towel over the chair", and
-    none in "bring over the mug" and "take the mug over to the sink"."""
+    """Number of words of the preposition here. "Over" is a preposition in "the towel over the
+    chair", but not in "bring over the mug" and "take the mug over to the sink"."""
     if n := length_at(words, at, w.PLACES):
         return n
     over = words[at] == "over" and not nothing_yet and length_at(words, at + 1, w.DETERMINERS)
@@ -324,7 +326,7 @@ def short(text: str) -> str:
 
 
 def refuse_negation(words: list[str], text: str) -> None:
-    """Raises InvalidInput for what is not to be done."""
+    """Raises InvalidInput for a sentence that forbids something."""
     polite = length_at(words, 0, w.POLITE)  # "why don't you bring the mug"
     for at in range(polite, len(words)):
         if n := length_at(words, at, w.NEGATIONS):
@@ -358,7 +360,7 @@ def _a_condition(said: str, text: str) -> str:
 
 
 def no_verb(words: list[str], text: str) -> str:
-    """What to say of a sentence without a verb that is known."""
+    """Message about a sentence without a known verb."""
     if (bare := without_politeness(words)) and bare[0] in w.HALTS:
         return (
             f"{short(text)} is no task: a robot is stopped at once by `helios stop` (HTTP: "

@@ -1,9 +1,8 @@
-"""A language model that may help with sentences which the grammar does not recognise.
+"""Client of a language model that may rephrase sentences which the grammar does not recognise.
 
-It is asked to say the same in one plain English sentence, and that sentence is read by the same
-grammar: whatever the model answers, nothing gets past `instruction.parse`. Any server that speaks
-OpenAI's chat completions will do, on this machine or elsewhere; without one nothing is missing but
-this help.
+The model answers with one plain English sentence, which the same grammar parses: no answer bypasses
+`instruction.parse`. Any server with OpenAI's chat completions API works, local or remote; without
+one only this help is missing.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ START, GOAL and PLACE are pieces of furniture. Invent nothing."""
 
 
 class NoHelp(Exception):
-    """The model gave nothing that can be used; why, in one clause."""
+    """Raised if the model gave no usable answer; the message is the reason, in one clause."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class LanguageModel:
     timeout_s: float
 
     def plain_sentence(self, text: str) -> str:
-        """The same in plain English. Raises NoHelp within about `timeout_s`."""
+        """The text as one plain English sentence. Raises NoHelp within about `timeout_s`."""
         body = {
             "model": self.model,
             "temperature": 0,
@@ -95,7 +94,7 @@ class LanguageModel:
 
 
 def language_model(settings: Settings) -> LanguageModel | None:
-    """The model that the settings name; None for none."""
+    """The model of the settings; None if they name none."""
     s = settings
     key = s.llm_key.get_secret_value()
     return LanguageModel(s.llm_url, s.llm_model, key, s.llm_timeout_s) if s.llm_url else None

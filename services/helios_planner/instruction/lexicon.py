@@ -1,7 +1,6 @@
-"""Text into words, and the tables of words that instructions are made of.
+"""Tokenizer, and the tables of words that instructions consist of.
 
-Nothing here knows a sentence: `clauses` does. Every table is written as people write: phrases
-separated by commas.
+The module `grammar` reads sentences. Tables hold phrases separated by commas.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from collections.abc import Collection
 from enum import Enum, auto
 
 Phrase = tuple[str, ...]
-PAUSE = ","  # any mark between words
+PAUSE = ","  # any punctuation between words
 PARTICIPLES: dict[str, str] = {
     "moved": "move", "brought": "bring", "put": "put", "placed": "place", "taken": "take",
     "carried": "carry", "delivered": "deliver", "transported": "transport", "returned": "return",
@@ -33,26 +32,26 @@ _SPELLED = str.maketrans(
         "@": " at ",
     }
 )
-_TURNS = ("LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI")  # of direction
+_TURNS = ("LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI")  # bidirectional controls
 
 
 class Verb(Enum):
-    """What a verb asks for; it decides what "on the table" means beside it."""
+    """Kind of a verb; it decides the meaning of "on the table" in its clause."""
 
-    PUT = auto()  # "put the mug on the table": on names the goal
-    TAKE = auto()  # "take the mug on the table": on names the start
+    PUT = auto()  # "put the mug on the table": "on" names the goal
+    TAKE = auto()  # "take the mug on the table": "on" names the start
     FIND = auto()
     GO = auto()
 
 
 class Place(Enum):
-    """What a preposition says of the place after it."""
+    """Meaning of a preposition for the place after it."""
 
     FROM = auto()
     TO = auto()
     ON = auto()  # start or goal: the verb decides
-    BESIDE = auto()  # a relation to a thing that the robot cannot bring about
-    FOR = auto()  # "search the desk for the mug"; else for whom
+    BESIDE = auto()  # a relation that the robot cannot bring about
+    FOR = auto()  # "search the desk for the mug"; with other verbs for a person
 
 
 def _phrases(text: str) -> tuple[Phrase, ...]:
@@ -108,26 +107,26 @@ PLACES: dict[Phrase, Place] = {
     ).items()
 }  # fmt: skip
 
-# Words that open what does not change the task; it is told that it was not used.
+# Words that open a phrase which does not change the task; it is reported as unused.
 ASIDES = frozenset(_phrases(
     "with, without, that, which, that has, which has, that have, because, since, so that, so, where"
 ))  # fmt: skip
-# Words that open a condition: what comes after it would have to be judged, so it is refused.
+# Words that open a condition, which is refused: the robot would have to judge it.
 CONDITIONS = frozenset(_phrases(
     "if, only if, even if, when, only when, whenever, unless, until, after, before, while, once, "
     "in case, as soon as, as long as, so long as, provided, provided that, providing, assuming, "
     "supposing, given that, on condition, on the condition, in the event, the moment, "
     "the next time"
 ))  # fmt: skip
-HALTS = _words("stop halt cancel abort pause quit")  # no tasks; there are commands for them
+HALTS = _words("stop halt cancel abort pause quit")  # not tasks: there are commands for them
 NEGATIONS = frozenset(_phrases(
     "not, don't, dont, never, do not, doesn't, nothing, nowhere, no, none, neither, nor, except, "
     "except for, but, instead of, other than, rather than, apart from"
 ))  # fmt: skip
-# Words that tie those before and after them together: neither can be left out.
+# Words that bind those before and after them: neither can be left out.
 BINDING = _words("of for and or but nor no not any anything anywhere every via without avoiding")
 
-# "the mug that is standing on the desk": what is meant by the place that follows is the start.
+# "the mug that is standing on the desk": the place after these words is the start.
 RELATIVES = frozenset(_phrases(
     "that is, that's, thats, that are, that was, that lies, that stands, that sits, which is, "
     "is, are, was, i left, i put, i see, you see, you find, you can see, you will find, "
@@ -137,7 +136,7 @@ RELATIVES = frozenset(_phrases(
     "should be, must be, might be, may be, could be, probably, usually, often, always, still, maybe"
 ))  # fmt: skip
 
-# What follows a wish: where the thing is ("…, it is on the table"), or something else.
+# Continuations of a request: where the object is ("…, it is on the table"), or a remark.
 LOCATED = frozenset(_phrases(
     "it is, it's, its, they are, i left it, i left them, i put it, i put them, it should be, "
     "you find it, you will find it"
@@ -159,8 +158,8 @@ POLITE = frozenset(_phrases(
     "how about, what about, do me a favour and, do me a favor and, be so kind as to, first, next, "
     "quickly, carefully, good morning, dear"
 ))  # fmt: skip
-# What people add to a wish, wherever in it: no condition, where nothing follows that could be one
-# ("if you can see it").
+# Additions anywhere in a request. They are no conditions, unless something follows that could be
+# one ("if you can see it").
 ADDED = frozenset(_phrases(
     "as soon as you can, as soon as possible, as soon as you have time, as fast as you can, "
     "as fast as possible, as quickly as you can, as quickly as possible, if you can, if possible, "
@@ -210,7 +209,7 @@ PASSIVES = frozenset(_phrases(
 ))  # fmt: skip
 MODALS = _words("can could may should would must will")  # "could the mug be brought to the sofa"
 WANTS = frozenset(_phrases("i want, i need, i'd like, i would like, want, need"))
-# "There is a mug on the table. Bring it to the sofa": what opens the first sentence.
+# "There is a mug on the table. Bring it to the sofa": openings of the first sentence.
 STATED = frozenset(
     _phrases(
         "there is, there are, i think, i believe, i see, i have, i left, i put, i forgot, i saw"
@@ -220,8 +219,8 @@ BELONGS = frozenset(_phrases(
     "belongs, should go, goes, has to go, needs to go, must go, needs to be, has to be, must be"
 ))  # fmt: skip
 
-# Enough of other languages to name them in a refusal: how an instruction begins, and small words
-# of which two that differ tell the language wherever they stand.
+# Words of other languages, enough to name the language in a refusal: first words of an instruction,
+# and small words, of which two different ones suffice anywhere.
 FOREIGN: dict[str, str] = {
     word: language
     for language, words in {
@@ -248,8 +247,8 @@ SMALL_FOREIGN: dict[str, frozenset[str]] = {
 
 
 def language_of(words: list[str], surely: bool = False) -> str | None:
-    """The language other than English that a sentence looks like. surely: by its small words, as
-    a verb may be English too ("bring die Tasse zum Sofa")."""
+    """Language other than English that a sentence seems to be in. surely: by small words only,
+    since a verb may also be English ("bring die Tasse zum Sofa")."""
     small = {language: len(its & set(words)) for language, its in SMALL_FOREIGN.items()}
     begins = [FOREIGN[word] for word in words[:4] if word in FOREIGN and (word,) not in VERBS]
     likely = max(small, key=lambda language: small[language] + begins.count(language))
@@ -259,8 +258,8 @@ def language_of(words: list[str], surely: bool = False) -> str | None:
 
 
 def tokens(text: str) -> list[str]:
-    """Lower-case words and pauses. Look-alikes of Unicode are made plain (full width, ligatures),
-    what cannot be seen is dropped, symbols count as spaces."""
+    """Lower-case words and pauses. Unicode variants are normalised (full width, ligatures),
+    invisible characters are dropped, symbols count as spaces."""
     plain = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).lower())
     plain = plain.replace("->", "→").replace("=>", "→").translate(_SPELLED).translate(_MARKS)
     plain = re.sub(r"\bthere'?s\b", "there is", plain)
@@ -268,15 +267,15 @@ def tokens(text: str) -> list[str]:
     for c in plain:
         kind = unicodedata.category(c)
         if kind in ("Cf", "Mn", "Me"):
-            continue  # zero width, marks on top of letters that have no composed form
+            continue  # zero width, and combining marks without a composed form
         kept.append(c if c in "'-," or c.isalnum() else " ")
     words = [w if w == PAUSE else w.strip("'-") for w in "".join(kept).split()]
     return trimmed([w for w in words if w])
 
 
 def control_character(text: str) -> str:
-    """The name of the first character that is none to read, such as "U+001B"; empty for none. What
-    parts words, a tab or a line end, is no such; what reverses text on a terminal is one."""
+    """Name of the first unreadable character, such as "U+001B"; empty for none. Tabs and line ends
+    are allowed; characters that reverse text on a terminal are not."""
     for c in text:
         if unicodedata.category(c) in ("Cc", "Co", "Cs", "Zl", "Zp") and c not in "\t\n\r":
             return f"U+{ord(c):04X}"
@@ -286,7 +285,8 @@ def control_character(text: str) -> str:
 
 
 def strange_letter(text: str) -> tuple[str, str] | None:
-    """(letter, script) of the first letter that is not Latin, such as a Cyrillic о; or None."""
+    """(letter, script) of the first letter that is not Latin, such as a Cyrillic о;
+    None without one."""
     for c in unicodedata.normalize("NFKC", text):
         if c.isalpha() and c.isprintable():
             script = unicodedata.name(c, "UNKNOWN").split()[0]
@@ -296,7 +296,7 @@ def strange_letter(text: str) -> tuple[str, str] | None:
 
 
 def length_at(words: list[str], at: int, phrases: Collection[Phrase]) -> int:
-    """Number of words of the longest phrase that stands at a place; 0 for none."""
+    """Number of words of the longest phrase that starts at a position; 0 for none."""
     for n in range(min(6, len(words) - at), 0, -1):
         if tuple(words[at : at + n]) in phrases:
             return n
@@ -304,7 +304,7 @@ def length_at(words: list[str], at: int, phrases: Collection[Phrase]) -> int:
 
 
 def trimmed(words: list[str]) -> list[str]:
-    """Without pauses at the ends, and one pause where several met."""
+    """The words without pauses at the ends, and with one pause where several meet."""
     out: list[str] = []
     for word in words:
         if word != PAUSE or (out and out[-1] != PAUSE):

@@ -1,8 +1,9 @@
-"""Sentences that send the robot itself: to a point, "explore the home", "come back".
+"""Sentences that move only the robot: to a point, "explore the home", "come back".
 
-Points are read as people write them: "3.2, 4.1", "(3.2 m, -4.1 m) facing 90 degrees". Lengths are
-metres in the world frame. A heading without a unit is in degrees, counter-clockwise from the x axis
-of the world. `parser` reads the verb of a sentence to a point with the grammar of all sentences.
+Points are accepted as people write them: "3.2, 4.1", "(3.2 m, -4.1 m) facing 90 degrees". Lengths
+are metres in the world frame. A heading without a unit is in degrees, counter-clockwise from the x
+axis of the world. `parser` reads the verb of a sentence with a point by the grammar of all
+sentences.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from helios_planner.instruction import lexicon as w
 from helios_planner.instruction.grammar import noun, short, without_politeness
 from helios_planner.instruction.lexicon import length_at
 
-MOST_M = 10_000.0  # of a coordinate; no home is so large
-WORD = "xypoint"  # stands for the point in what is read on
+MOST_M = 10_000.0  # largest coordinate; no home is that large
+WORD = "xypoint"  # stands for the point in the text that is parsed next
 HOW = "“go to 3.2, 4.1” or “go to 3.2, 4.1 facing 90 degrees” (metres in the world frame)"
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d+)?|\.\d+|(?:nan|inf(?:inity)?)(?!\w))"
@@ -44,7 +45,7 @@ _SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u2012": "-", "\u221e": "
 
 @dataclass(frozen=True)
 class Point:
-    """A place on the floor of the world, and which way to face there; None: any."""
+    """Point on the floor of the world, and the heading there; None: any."""
 
     x_m: float
     y_m: float
@@ -56,8 +57,8 @@ class Point:
 
 @dataclass(frozen=True)
 class Written:
-    """A point and the text around it, in which `WORD` stands for the point. more: a third number
-    follows its two."""
+    """A point and the text around it, in which `WORD` stands for the point. more: True if a
+    third number follows."""
 
     point: Point
     text: str
@@ -65,7 +66,7 @@ class Written:
 
 
 def find_point(text: str) -> Written | None:
-    """The first point of a text. `confirm` it once it is known that a point is meant."""
+    """First point of a text. Call `confirm` once it is known that a point is meant."""
     plain = unicodedata.normalize("NFKC", text).translate(_SIGNS).lower()
     found = _POINT.search(plain)
     if found is None:
@@ -82,9 +83,9 @@ def find_point(text: str) -> Written | None:
 
 
 def confirm(written: Written, said: str) -> Point:
-    """The point, its heading within half a turn. Raises InvalidInput for one that is none.
+    """The point, with its heading wrapped to (-pi, pi]. Raises InvalidInput for an invalid one.
 
-    said: the instruction in quotation marks, for the error.
+    said: the instruction in quotation marks, for the message.
     """
     point = written.point
     if written.more:
@@ -127,7 +128,7 @@ _DURATION = re.compile(
 
 
 class Move(Enum):
-    """What moves the robot without a thing or a place that has a name."""
+    """Motions that name no object and no place."""
 
     EXPLORE = auto()
     HOME = auto()
@@ -135,7 +136,7 @@ class Move(Enum):
 
 @dataclass(frozen=True)
 class ReadMove:
-    """limit_s: how long at most, where it was said."""
+    """A parsed motion. limit_s: time limit, if one was named."""
 
     move: Move
     limit_s: float | None = None
@@ -161,7 +162,7 @@ _START = _phrases(
     "where you started, where you began, where you came from, where you were at the start, "
     "place where you started, point where you started, place you started from, where it started"
 )
-# What people tell robots and this one has no task for.
+# Common requests to robots for which there is no task.
 _NONE = _phrases(
     "turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, sit, back up, "
     "step back, reverse, forward, backward, backwards, drive forward, drive backward, "
@@ -176,10 +177,10 @@ _ARGUMENTS = _phrases("turn, rotate, spin, dock, undock, charge, recharge, follo
 
 
 def read_move(text: str) -> ReadMove | None:
-    """What the sentence moves, None where it is another sentence.
+    """The motion that the sentence orders; None for another sentence.
 
-    Raises InvalidInput for what this robot has no task for, and for a part of a home, since rooms
-    are not told apart.
+    Raises InvalidInput for a motion without a task, and for a part of a home, since rooms are not
+    distinguished.
     """
     limit_s, rest = _without_duration(text.lower())
     explored = _explore(_plain(rest), text)
@@ -228,7 +229,7 @@ def _is_home(words: list[str]) -> bool:
     rest = rest[length_at(rest, 0, _STRAIGHT) :]
     back = rest[:1] == ["back"]
     rest = rest[1:] if back else rest
-    if not rest:  # "move back" is a motion, and no way to a place
+    if not rest:  # "move back" is a motion, not a place
         return verb == ["return"] or (back and verb not in ([], ["move"]))
     if rest == ["home"]:
         return True
@@ -249,7 +250,7 @@ def _refuse_unknown(words: list[str], text: str) -> None:
 
 
 def _without_duration(text: str) -> tuple[float | None, str]:
-    """Seconds, where a duration is said, and the text without it."""
+    """Seconds, if a duration is named, and the text without it. Raises InvalidInput."""
     found = _DURATION.search(text)
     if found is None:
         return None, text

@@ -1,9 +1,8 @@
-"""Parses an instruction into what the planner does, without a language model.
+"""Parser of instructions: from a sentence to a task, without a language model.
 
-"Move (object) from the (start receptacle) to the (goal receptacle)" and its relatives. `grammar`
-cuts the sentence into clauses; this module decides which phrase is the object, the start and the
-goal, and which kind of task is asked for. Raises InvalidInput with what was understood and what is
-missing.
+It reads "Move (object) from the (start receptacle) to the (goal receptacle)" and its variants.
+`grammar` cuts the sentence into clauses; this module decides which phrase is the object, the start
+and the goal, and the kind of task. Raises InvalidInput with the understood and the missing parts.
 """
 
 from __future__ import annotations
@@ -53,15 +52,15 @@ class Kind(StrEnum):
 
     @property
     def only_moves(self) -> bool:
-        """Whether nothing is looked for: the robot moves, and its map grows."""
+        """True if nothing is searched: the robot moves, and its map grows."""
         return self in (Kind.GO_TO_POINT, Kind.EXPLORE, Kind.GO_HOME)
 
 
 @dataclass(frozen=True)
 class Instruction:
-    """kind MOVE has object and goal, start if it was said; FIND an object; GO_TO a goal;
-    GO_TO_POINT a point; EXPLORE and GO_HOME nothing. unused: what was said and does not change the
-    task, such as "in the kitchen". limit_s: how long at most, where it was said."""
+    """One parsed instruction. MOVE has object and goal, and start if it was named; FIND an object;
+    GO_TO a goal; GO_TO_POINT a point; EXPLORE and GO_HOME nothing. unused: phrases that do not
+    change the task, such as "in the kitchen". limit_s: time limit, if one was named."""
 
     kind: Kind
     object: str | None = None
@@ -73,11 +72,11 @@ class Instruction:
 
 
 class NotRead(InvalidInput):
-    """No sentence was recognised; somebody with more language might."""
+    """Raised if no sentence was recognised; a language model may help."""
 
 
 def parse(text: str) -> Instruction:
-    """Read an instruction. Raises InvalidInput: what was understood and what is missing."""
+    """Parse an instruction. Raises InvalidInput with the understood and the missing parts."""
     if len(text) > LONGEST:
         raise InvalidInput(
             f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
@@ -113,9 +112,10 @@ def parse(text: str) -> Instruction:
 
 
 def parse_with_help(text: str, model: LanguageModel | None) -> Instruction:
-    """Read by the grammar; what it does not recognise is said plainly by the model and read again.
+    """Parse by the grammar. A sentence that it does not recognise is rephrased by the model and
+    parsed again.
 
-    Raises InvalidInput as `parse` does, and says why the model did not help.
+    Raises InvalidInput as `parse` does, with the reason why the model did not help.
     """
     try:
         return parse(text)
@@ -137,9 +137,9 @@ def parse_with_help(text: str, model: LanguageModel | None) -> Instruction:
 
 
 def _sent_to(written: Written, text: str) -> Instruction | None:
-    """The robot is sent to a point; None where its numbers mean something else ("2 mugs").
+    """Instruction to go to a point; None if the numbers mean something else ("2 mugs").
 
-    Raises InvalidInput where a point is named, and something else with it.
+    Raises InvalidInput if something else is named with the point.
     """
     clauses = clauses_of(lexicon.tokens(written.text))
     phrases = [" ".join(noun(c.thing)) for c in clauses if c.verb is Verb.GO]
@@ -235,18 +235,19 @@ def _go_to(clauses: list[Clause], text: str) -> Instruction:
 
 @dataclass
 class Roles:
-    """Names by the part that they play; of each at most one once all clauses are taken in."""
+    """Names in an instruction by role; at most one each after all clauses were read."""
 
     text: str
     things: list[str] = field(default_factory=list)
     starts: list[str] = field(default_factory=list)
     goals: list[str] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
-    no_goal: str = ""  # why a place that was named is none to put a thing on
+    no_goal: str = ""  # why a named place cannot be a goal
 
     @classmethod
     def of(cls, clauses: list[Clause], text: str) -> Roles:
-        """Raises InvalidInput for what cannot be done and for several things at once."""
+        """Roles of the clauses. Raises InvalidInput for an impossible request or
+        several at once."""
         roles = cls(text)
         for number, clause in enumerate(clauses):
             if clause.verb is Verb.FIND:
@@ -260,7 +261,7 @@ class Roles:
         return roles
 
     def understood(self, missing: list[str]) -> str:
-        """What to say of a sentence in which this is missing."""
+        """Message about a sentence that lacks these parts."""
         parts = [f"object “{t}”" for t in self.things]
         parts += [f"from “{s}”" for s in self.starts]
         parts += [f"to “{g}”" for g in self.goals]
@@ -305,8 +306,8 @@ class Roles:
                 self._add_goal(place)
 
     def _go(self, clause: Clause, number: int, then_put: bool) -> None:
-        """ "Go to the desk and take the mug": where to take it from. "Take the mug, go to the
-        desk and put it down": where to put it."""
+        """Read a GO clause. "Go to the desk and take the mug" names the start, "take the mug, go to
+        the desk and put it down" the goal."""
         if number and then_put and self.things:
             for place in self._usable(clause, beside=True):
                 self._add_goal(place)
@@ -319,7 +320,7 @@ class Roles:
             self._add(self.starts, place)
 
     def _usable(self, clause: Clause, beside: bool = False) -> list[PlacePhrase]:
-        """The places of a clause without rooms; a room narrows a place, and is none itself."""
+        """The places of a clause without rooms; a room only narrows another place."""
         usable = []
         for at, place in enumerate(clause.places):
             if self._says_which(clause, at):
@@ -347,8 +348,8 @@ class Roles:
 
     @staticmethod
     def _says_which(clause: Clause, at: int) -> bool:
-        """Whether a place beside something says where the place before it is, from which a thing
-        is taken: "from the table next to the sofa"; "on the chair at the desk" says which chair."""
+        """True if the place specifies the place before it: "from the table next to the sofa", "on
+        the chair at the desk"."""
         place, before = clause.places[at], clause.places[at - 1] if at else None
         if before is None or not before.name:
             return False
@@ -397,7 +398,7 @@ class Roles:
 
 
 def one_name(words: list[str], text: str) -> str:
-    """The name of one thing. Raises InvalidInput for several of them."""
+    """Name of one object or place. Raises InvalidInput for several."""
     parts: list[list[str]] = [[]]
     at = 0
     while at < len(words):
@@ -424,7 +425,7 @@ def one_name(words: list[str], text: str) -> str:
 
 
 def _between_adjectives(words: list[str], at: int) -> bool:
-    """Whether a pause or "and" joins what is said of one thing: "the black and white ball"."""
+    """True if a pause or "and" joins adjectives of one noun: "the black and white ball"."""
     if at == 0 or words[at - 1] not in lexicon.ADJECTIVES:
         return False
     more = words[at] == "and" and at + 1 < len(words) and words[at + 1] in lexicon.ADJECTIVES

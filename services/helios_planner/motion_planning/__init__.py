@@ -1,1 +1,1 @@
-"""Paths, poses and places to stand. Pure: arrays in, arrays out."""
+"""Paths, poses and base placement as pure functions of arrays."""

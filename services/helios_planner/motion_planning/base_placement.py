@@ -1,7 +1,7 @@
-"""Where the base stands to look at a candidate, to pick, or to place.
+"""Base placement: poses from which to look at a candidate, to pick, or to place.
 
 Gaze points are the paper's (section 3.2, local search): reachable places around a candidate from
-which its centre is in sight. Places to pick and to put down are scored by reach and by room.
+which its centre is in sight. Poses to pick and to place are rated by path and clearance.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from helios_planner.motion_planning import kernels
 from helios_planner.motion_planning.costmap import GroundMap, Pose2, corner_of, facing
 from helios_planner.motion_planning.path_planner import Reach
 
-REACH_SPARE_M = 0.06  # of the robot's reach, not used when a base pose is chosen
-ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
-OTHER_SIDE_M = 0.4  # so far from where it cannot be reached a robot may reach it
-ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back
+ON_TOP_M = 0.15  # nothing else stands within this distance of an object
+OTHER_SIDE_M = 0.4  # least distance of a new pose from one that failed
+ON_SHELF_M = 0.45  # from a shelf's edge to an object at its back
 
 
 @dataclass(frozen=True)
 class GazeRules:
-    """Lengths in metres. Contours at `distances_m` around the candidate's ground projection;
-    gaze points `spacing_m` apart; none where something above `block_height_m`, or above the line
-    of sight, stands between; things within `near_m` of the candidate are part of it."""
+    """Rules for gaze points, lengths in metres. They lie on contours at `distances_m` around the
+    candidate's ground projection, `spacing_m` apart. There is none where something above
+    `block_height_m`, or above the line of sight, stands between; objects within `near_m` of the
+    candidate are part of it."""
 
     distances_m: tuple[float, ...]
     spacing_m: float
@@ -40,21 +40,21 @@ class GazeRules:
 
 @dataclass(frozen=True)
 class GazePoint:
-    """A pose of the base and a tilt of the head; positive tilt looks down."""
+    """Pose of the base and tilt of the head; positive tilt looks down."""
 
     pose: Pose2
     tilt_rad: float
-    arrival: float  # cells at full speed from where the robot stands
+    arrival: float  # arrival time in cells at full speed, from the robot's present pose
 
     def T_world_cam(self, robot: RobotDescription) -> Matrix:
-        """Camera pose [4, 4] there."""
+        """Camera pose [4, 4] at the gaze point."""
         return camera_on_base(
             self.pose.T_world_base, robot.camera_height_m, self.tilt_rad, robot.camera_forward_m
         )
 
 
 def outline_of(candidate: ObjectInstance) -> NDArray[np.float64]:
-    """Ground projection [n, 2] of a candidate: its hull, or its box where the hull is too small."""
+    """Ground projection [n, 2] of a candidate: its hull, or its box if the hull is too small."""
     if len(candidate.outline_m) >= 3:
         return np.asarray(candidate.outline_m, float)
     half = np.maximum(candidate.size_m[:2] / 2, 0.03)
@@ -63,7 +63,7 @@ def outline_of(candidate: ObjectInstance) -> NDArray[np.float64]:
 
 
 def outline_mask(ground: GroundMap, outline_m: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """1 for the cells [h, w] under an outline [n, 2]."""
+    """Mask [h, w] with 1 in the cells under an outline [n, 2]."""
     mask = np.zeros(ground.occupancy.shape, np.uint8)
     corners = np.rint(ground.exact_cells_of(outline_m)[:, ::-1] - 0.5).astype(np.int32)
     cv2.fillPoly(mask, [corners.reshape(-1, 1, 2)], 1)
@@ -71,8 +71,8 @@ def outline_mask(ground: GroundMap, outline_m: NDArray[np.float64]) -> NDArray[n
 
 
 def tilt_towards(distance_m: float, height_m: float, robot: RobotDescription) -> float:
-    """Tilt that centres a point ahead of the base at that distance and height, within the head's
-    range."""
+    """Tilt (rad) that centres a point ahead of the base at that distance and height, within
+    the head's range."""
     ahead_m = max(distance_m - robot.camera_forward_m, 0.05)
     tilt = math.atan2(robot.camera_height_m - height_m, ahead_m)
     low, high = robot.tilt_range_rad
@@ -80,7 +80,7 @@ def tilt_towards(distance_m: float, height_m: float, robot: RobotDescription) ->
 
 
 def eye_of(pose: Pose2, robot: RobotDescription) -> tuple[float, float]:
-    """Where the camera is over the ground (x, y) when the base stands at a pose."""
+    """Position of the camera over the ground (x, y) for a pose of the base."""
     return (
         pose.x_m + robot.camera_forward_m * math.cos(pose.yaw_rad),
         pose.y_m + robot.camera_forward_m * math.sin(pose.yaw_rad),
@@ -95,7 +95,7 @@ def in_sight(
     near_m: float,
     block_height_m: float,
 ) -> bool:
-    """Whether nothing known stands between an eye and a point (world x, y, z)."""
+    """True if no known obstacle stands between an eye and a point (world x, y, z)."""
     (r0, c0), (r1, c1) = ground.exact_cells_of(np.array([eye_xy, target_m[:2]]))
     return not kernels.hidden_along(
         ground.top_m, r0, c0, eye_z_m, r1, c1, float(target_m[2]),
@@ -106,8 +106,8 @@ def in_sight(
 def gaze_points(
     candidate: ObjectInstance, reached: Reach, robot: RobotDescription, rules: GazeRules
 ) -> list[GazePoint]:
-    """Gaze points around a candidate (paper, section 3.2), nearest by way first. Free and reachable
-    places only, facing the middle of its ground projection and its highest point."""
+    """Gaze points around a candidate (paper, section 3.2), shortest path first: free and reachable
+    poses that face the middle of its ground projection and have its highest point in sight."""
     ground = reached.ground
     outline = outline_of(candidate)
     middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
@@ -148,11 +148,11 @@ def gaze_points(
 
 @dataclass(frozen=True)
 class PlaceRules:
-    """Lengths in metres; see the settings `place_*`."""
+    """Rules for placing points, lengths in metres; see the settings `place_*`."""
 
     inset_m: float
     flat_m: float
-    patch_m: float = 0.10  # over which flatness is asked for
+    patch_m: float = 0.10  # side of the patch that must be flat
     spacing_m: float = 0.08
     best_inset_m: float = 0.22
 
@@ -163,12 +163,12 @@ class AheadRules:
 
     reach_m: float
     half_width_m: float = 0.2
-    above_m: float = 0.3  # what rises more above the receptacle's top is a wall behind it
+    above_m: float = 0.3  # anything higher above the receptacle's top is a wall behind it
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A point to place at (world, on the surface) and the pose from which it is in reach."""
+    """Placing point (world, on the surface) and the pose from which it is in reach."""
 
     point_m: tuple[float, float, float]
     stand: Pose2
@@ -184,9 +184,9 @@ def stand_for(
     near_m: float = ON_TOP_M,
     tried_m: float = 0.2,
 ) -> Pose2 | None:
-    """A reachable pose within `reach_m` of a point (world x, y, z), facing it, with it in sight and
-    not near one that was tried: short way, wide clearance. None if there is none. near_m: so near
-    to the point nothing hides it."""
+    """Reachable pose within `reach_m` of a point (world x, y, z) that faces and sees it and is not
+    near a tried one: short path, wide clearance. None if there is none. near_m: distance from the
+    point within which nothing hides it."""
     ground = reached.ground
     near = ground.window_at(target_m, reach_m)
     cells = np.argwhere(np.isfinite(reached.arrival[near])) + corner_of(near)
@@ -217,9 +217,9 @@ def place_spots(
     rules: PlaceRules,
     not_from: Sequence[tuple[float, float]] = (),
 ) -> list[Spot]:
-    """Flat places on a receptacle that lie in reach of where the robot can stand, best first: well
-    inside the edge, then a short way. Empty when no surface was seen or none is in reach. not_from:
-    where the robot stood in vain (x, y in m)."""
+    """Flat spots on a receptacle in reach of a possible pose, best first: well inside the edge,
+    then a short path. Empty if no surface was seen or none is in reach. not_from: positions from
+    which placing failed (x, y in m)."""
     ground = reached.ground
     outline = outline_of(receptacle)
     centre, extent = outline.mean(axis=0), float(np.ptp(outline, axis=0).max())
@@ -240,7 +240,7 @@ def place_spots(
     spots: list[tuple[float, Spot]] = []
     step = max(1, round(rules.spacing_m / ground.cell_m))
     for row, column in np.argwhere(inset >= rules.inset_m):
-        if (row + r0) % step or (column + c0) % step:  # the same places whatever part is looked at
+        if (row + r0) % step or (column + c0) % step:  # the same grid for every window
             continue
         x_m, y_m = part.centres_of(np.array([[row, column]]))[0]
         away = np.hypot(stand_xy[:, 0] - x_m, stand_xy[:, 1] - y_m)
@@ -266,7 +266,8 @@ def _nearest_that_fits(
     in_reach: NDArray[np.integer],
     reached: Reach,
 ) -> tuple[Pose2, float] | None:
-    """The pose at one of the places that faces the target, by the shortest way, and that way."""
+    """Pose at one of the places that faces the target, by the shortest path, and
+    that path's length."""
     for k in in_reach[np.argsort(way_m[in_reach], kind="stable")][:200:10]:
         pose = facing(float(xy[k, 0]), float(xy[k, 1]), target)
         if reached.fits(pose):
@@ -277,8 +278,8 @@ def _nearest_that_fits(
 def highest_ahead(
     receptacle: ObjectInstance, ground: GroundMap, robot: Pose2, rules: AheadRules
 ) -> tuple[float, float, float] | None:
-    """The paper's rule: the highest point (world x, y, z) of a receptacle in a region ahead of the
-    robot; None where nothing was seen of it there."""
+    """Highest point (world x, y, z) of a receptacle in a region ahead of the robot, by the paper's
+    rule; None if nothing of it was seen there."""
     mask = outline_mask(ground, outline_of(receptacle))
     on_it = (ground.top_m > 0) & (ground.top_m <= receptacle.top_m + rules.above_m)
     cells = np.argwhere((mask != 0) & on_it)
@@ -299,7 +300,7 @@ def highest_ahead(
 def edge_spot(
     receptacle: ObjectInstance, stand: Pose2, inset_m: float
 ) -> tuple[float, float, float]:
-    """Without a seen surface: the point of the outline nearest to where the robot stands, moved
+    """Placing point without a seen surface: the point of the outline nearest to the robot, moved
     `inset_m` towards the middle, at the receptacle's height."""
     outline = outline_of(receptacle)
     middle = outline.mean(axis=0)
@@ -319,11 +320,11 @@ def _flat_inset_m(
     outline: NDArray[np.float64],
     rules: PlaceRules,
 ) -> NDArray[np.float32]:
-    """Distance [h, w] of each flat cell of the receptacle to the next that is not."""
+    """Distance [h, w] (m) of each flat cell of the receptacle to the next cell that is not flat."""
     mask = outline_mask(part, outline)
     n = max(1, round(rules.patch_m / part.cell_m / 2))
     kernel = np.ones((2 * n + 1, 2 * n + 1), np.uint8)
-    # One cell of noise in a surface must not end it: holes of a cell or two are filled.
+    # Fill holes of a cell or two: one noisy cell must not end a surface.
     top = cv2.morphologyEx(part.top_m, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     rough = cv2.dilate(top, kernel) - cv2.erode(top, kernel)
     flat = (mask != 0) & (top > 0.05) & (top <= receptacle.top_m + 0.15) & (rough <= rules.flat_m)
@@ -334,8 +335,7 @@ def _flat_inset_m(
 
 
 def top_at_m(ground: GroundMap, xy_m: tuple[float, float], radius_m: float) -> float:
-    """The highest that was seen around a point (world x, y); 0 where nothing was, also beyond the
-    map."""
+    """Greatest height (m) seen around a point (world x, y); 0 without any, also beyond the map."""
     row, column = ground.cells_of(np.array([xy_m]))[0]
     rows, columns = ground.occupancy.shape
     if not (0 <= row < rows and 0 <= column < columns):
@@ -353,12 +353,12 @@ def _top_around_m(part: GroundMap, row: int, column: int, radius_m: float) -> fl
 def nearest_to(
     point_m: NDArray[np.float64], things: Sequence[ObjectInstance], within_m: float
 ) -> ObjectInstance | None:
-    """The instance whose centre is nearest to a point, if within `within_m` in the plane."""
+    """Instance whose centre is nearest to a point, within `within_m` in the plane; else None."""
     near = [t for t in things if math.dist(t.center_m[:2], point_m[:2]) <= within_m]
     return min(near, key=lambda t: math.dist(t.center_m[:2], point_m[:2]), default=None)
 
 
 def near_outline(receptacle: ObjectInstance, point_m: np.ndarray, within_m: float) -> bool:
-    """Whether a point lies over a receptacle's ground projection, or this near to it."""
+    """True if a point lies over a receptacle's ground projection, or within `within_m` of it."""
     hull = outline_of(receptacle).astype(np.float32).reshape(-1, 1, 2)
     return cv2.pointPolygonTest(hull, (float(point_m[0]), float(point_m[1])), True) >= -within_m

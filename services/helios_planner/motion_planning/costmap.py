@@ -1,7 +1,7 @@
-"""The costmap of one occupancy map: clearance, what a robot's footprint can reach, its blind zone.
+"""Costmap of one occupancy grid: clearance, and the robot's near blind zone.
 
-Clearance is the exact distance to the nearest obstacle, in metres, read between cells. The blind
-zone is the floor at the robot's feet that its camera cannot see.
+Clearance is the distance to the nearest obstacle, in metres. The blind zone is the floor at the
+robot's feet that its camera cannot see.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from helios_planner.motion_planning import kernels
 
-SPECK_M2 = 0.015  # unknown patches below this area are gaps between depth pixels: floor
-SEEN_M = 0.1  # a camera sees the floor for sure so far beyond the edge of its image
+SEEN_M = 0.1  # distance beyond the image's edge at which the camera surely sees the floor
 Disc = tuple[float, float, float]  # x, y, radius
 
 
 @dataclass(frozen=True)
 class Pose2:
-    """Where the base stands: world x, y in metres, heading in radians."""
+    """Pose of the base: world x, y in metres, heading in radians."""
 
     x_m: float
     y_m: float
@@ -44,22 +43,22 @@ class Pose2:
         return self.x_m, self.y_m
 
     def ahead(self, distance_m: float) -> Pose2:
-        """The pose so far straight ahead; below 0 behind."""
+        """Pose at this distance straight ahead; behind if it is negative."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return Pose2(self.x_m + distance_m * c, self.y_m + distance_m * s, self.yaw_rad)
 
     def distance_m(self, point: tuple[float, float] | NDArray[np.float64]) -> float:
-        """In the ground plane, from the base's middle."""
+        """Distance (m) from the base's middle, in the ground plane."""
         return math.hypot(point[0] - self.x_m, point[1] - self.y_m)
 
     def bearing_rad(self, point: tuple[float, float] | NDArray[np.float64]) -> float:
-        """Turn that would face the point; positive left, in (-pi, pi]."""
+        """Turn (rad) that would face the point; positive left, in (-pi, pi]."""
         heading = math.atan2(point[1] - self.y_m, point[0] - self.x_m)
         return wrap_angle(heading - self.yaw_rad)
 
 
 def facing(x_m: float, y_m: float, target: tuple[float, float] | NDArray[np.float64]) -> Pose2:
-    """The pose at (x, y) that faces `target`."""
+    """Pose at (x, y) that faces `target`."""
     return Pose2(x_m, y_m, math.atan2(target[1] - y_m, target[0] - x_m))
 
 
@@ -90,14 +89,14 @@ class GroundMap:
         return (np.asarray(cells, float)[:, ::-1] + 0.5) * self.cell_m + np.asarray(self.origin_m)
 
     def inside(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which cells [n, 2] lie on the map."""
+        """Mask [n] of the cells [n, 2] that lie on the map."""
         rows, columns = self.occupancy.shape
         row, column = cells[:, 0], cells[:, 1]
         return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
     def window(self, cell: tuple[int, int], radius_m: float) -> tuple[slice, slice]:
-        """Rows and columns of the square within `radius_m` of a cell, cut to the map; empty where
-        none of it lies on the map."""
+        """Rows and columns of the square within `radius_m` of a cell, cut to the map; empty if it
+        lies off the map."""
         n = math.ceil(radius_m / self.cell_m)
         rows, columns = self.occupancy.shape
         return _cut(int(cell[0]), n, rows), _cut(int(cell[1]), n, columns)
@@ -110,7 +109,7 @@ class GroundMap:
         return self.window((int(row), int(column)), radius_m)
 
     def part(self, near: tuple[slice, slice]) -> GroundMap:
-        """The map of a window, which may be empty; a view of these arrays."""
+        """Map of a window, which may be empty; a view of these arrays."""
         row, column = near[0].start, near[1].start
         origin = (
             self.origin_m[0] + column * self.cell_m, self.origin_m[1] + row * self.cell_m
@@ -120,7 +119,7 @@ class GroundMap:
         )  # fmt: skip
 
     def padded(self, x_m: float, y_m: float, margin_m: float) -> GroundMap:
-        """A map that also covers `margin_m` around the point; new cells are unknown."""
+        """Map that also covers `margin_m` around the point; new cells are unknown."""
         row, column = self.cells_of(np.array([[x_m, y_m]]))[0]
         n = math.ceil(margin_m / self.cell_m)
         rows, columns = self.occupancy.shape
@@ -150,7 +149,7 @@ def corner_of(near: tuple[slice, slice]) -> NDArray[np.int64]:
 def unknown_near(
     ground: GroundMap, point: tuple[float, float], radius_m: float
 ) -> tuple[float, float]:
-    """The unknown cell nearest to a point, or the point itself."""
+    """Centre of the nearest unknown cell around a point; the point itself if there is none."""
     near = ground.window_at(point, radius_m)
     cells = np.argwhere(ground.occupancy[near] < 0)
     if not len(cells):
@@ -175,13 +174,13 @@ def clearance_m(
     marks_m: NDArray[np.float64],
     trusted_m: NDArray[np.float64],
 ) -> NDArray[np.float32]:
-    """Distance [h, w] from each cell's middle to the edge of the nearest obstacle, metres.
+    """Distance [h, w] (m) from each cell's middle to the edge of the nearest obstacle.
 
-    Unknown ground is an obstacle, but one that the rim may come `unknown_gain_m` nearer to. Not
-    unknown are specks smaller than `speck_m2`, what lies in and next to the robot's own footprint,
-    and the discs `trusted_m`. What was seen or felt to be an obstacle is one there, too.
-    marks_m: [n, 3] x, y, radius of obstacles that were felt and not seen; trusted_m: [n, 3]
-    likewise, of ground that is taken as free until seen otherwise.
+    Unknown ground is an obstacle, but the footprint's rim may come `unknown_gain_m` nearer to it.
+    These do not count as unknown: specks smaller than `speck_m2`, ground in and next to the robot's
+    own footprint, and the discs `trusted_m`. Obstacles that were seen or felt there count.
+    marks_m: [n, 3] x, y, radius of obstacles that were felt and not seen; trusted_m: [n, 3] x, y,
+    radius of ground that counts as free until seen otherwise.
     """
     occupied = (ground.occupancy > 0).astype(np.uint8)
     unknown = (ground.occupancy < 0).astype(np.uint8)
@@ -196,7 +195,7 @@ def clearance_m(
         r, c = ground.cells_of(np.array([[x_m, y_m]]))[0]
         cv2.circle(occupied, (int(c), int(r)), max(1, round(radius_m / ground.cell_m)), 1, -1)
     to_obstacle = _distance_m(occupied, ground.cell_m)
-    unknown[[0, -1]] = 1  # beyond the array nothing is known
+    unknown[[0, -1]] = 1  # ground beyond the array is unknown
     unknown[:, [0, -1]] = 1
     to_unknown = _distance_m(unknown, ground.cell_m) + np.float32(unknown_gain_m)
     to_unknown[unknown != 0] = 0
@@ -206,9 +205,9 @@ def clearance_m(
 def least_clearance_m(
     clearance: NDArray[np.float32], ground: GroundMap, start: Pose2, end_m: tuple[float, float]
 ) -> float:
-    """The least clearance at any intermediate position of a straight move to `end_m`.
+    """Least clearance at any position of a straight move to `end_m`.
 
-    Positions are checked every half cell; outside the map is no clearance.
+    Positions are checked every half cell; outside the map there is no clearance.
     """
     (r0, c0), (r1, c1) = ground.exact_cells_of(np.array([[start.x_m, start.y_m], end_m]))
     return float(kernels.least_along(clearance, r0, c0, r1, c1))
@@ -232,9 +231,9 @@ def fill_specks(unknown: NDArray[np.uint8], smallest: int) -> None:
 
 
 def blind_m(robot: RobotDescription) -> float:
-    """Nearer than this to the base's middle (m) the robot sees no floor, however it turns and tilts
-    where it stands: the lower edge of the image meets the floor there. Infinite if it never does.
-    """
+    """Radius (m) around the base's middle in which the robot sees no floor, however it turns
+    and tilts where it stands: the lower edge of the image meets the floor there. Infinite if
+    it never does."""
     lowest_rad = robot.tilt_range_rad[1] + robot.camera.vfov_rad / 2
     if lowest_rad <= 0:
         return math.inf
@@ -244,20 +243,22 @@ def blind_m(robot: RobotDescription) -> float:
 
 
 class BlindZone:
-    """Of one robot in one task. `discs`: where its ring was taken as free."""
+    """Near blind zone of one robot in one task. `discs`: where its ring was taken as free."""
 
     def __init__(self, robot: RobotDescription, rim_m: float, most_m: float) -> None:
-        """rim_m: radius in which it turns. most_m: longest way over ground that was never seen."""
+        """rim_m: radius in which the robot turns. most_m: longest path over ground that
+        was never seen."""
         self._blind_m, self._rim_m, self._most_m = blind_m(robot), rim_m, most_m
         self.discs: list[Disc] = []
 
     @property
     def width_m(self) -> float:
-        """Of the ring, from the rim outwards; 0 for a robot that sees the floor at its feet."""
+        """Width (m) of the ring, from the rim outwards; 0 if the robot sees the floor
+        at its feet."""
         return max(0.0, self._blind_m - self._rim_m)
 
     def trust(self, pose: Pose2) -> bool:
-        """Take the ring around a pose as free; whether there is one that may be."""
+        """Take the ring around a pose as free; False if it already is, or must not be."""
         within = any(math.dist(pose.xy, disc[:2]) <= disc[2] for disc in self.discs)
         if within or not 0 < self.width_m <= self._most_m:
             return False
@@ -265,7 +266,7 @@ class BlindZone:
         return True
 
     def too_wide(self) -> str:
-        """What to do about a ring that is never trusted; empty where there is none."""
+        """Advice about a ring that is too wide to be trusted; empty for any other."""
         if self.width_m <= self._most_m:
             return ""
         seen = "never" if math.isinf(self._blind_m) else f"only from {self._blind_m:.1f} m on"

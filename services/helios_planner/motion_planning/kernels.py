@@ -1,4 +1,4 @@
-"""Numba kernels of the path planners and of base placement. Readable twins are in the tests."""
+"""Numba kernels of the path planners and of base placement. The tests hold readable equivalents."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import numpy as np
 from numba import njit
 
 UNREACHED = np.float32(np.inf)
-# Steps of a descent: every direction that a step of at most 3 cells along an axis can take.
+# Steps of a descent: every direction of a step of at most 3 cells along an axis.
 STEPS = np.array(
     [(r, c) for r in range(-3, 4) for c in range(-3, 4) if math.gcd(r, c) == 1], np.int64
 )
-SWEEP_RAD = math.radians(4)  # headings between two that are checked in a turn
+SWEEP_RAD = math.radians(4)  # largest turn between two headings that are checked
 
 
 @njit(cache=True)
 def march(speed, sources, arrival, following, cell_of, head, bucket_width, slowest):
     """First-order upwind solution of |grad T| = 1 / speed (Sethian 1996), with a circular bucket
-    queue (Yatziv, Bartesaghi and Sapiro 2006) whose buckets are worked until nothing in them falls.
+    queue (Yatziv, Bartesaghi and Sapiro 2006). Each bucket is processed until no time in it falls.
 
-    speed: float32 [h, w], 0 blocks, border 0; sources: int64 [k] flat; arrival: float32 [h, w] out,
-    UNREACHED where no way leads; following, cell_of: int32 [n] work; head: int32 [a power of two]
-    that spans the greatest slowness. False when n nodes were too few for the queue.
+    speed: float32 [h, w], 0 blocks, border 0; sources: int64 [k] flat; arrival: float32 [h, w]
+    output, UNREACHED without a path; following, cell_of: int32 [n] buffers; head: int32 [a power of
+    two] that spans the greatest slowness. Returns False if n nodes are too few for the queue.
 
     The order within a bucket does not matter: a cell whose time falls is queued again, so the
-    result is that of an exact heap up to rounding. Entries of a time that fell since are skipped.
+    result equals that of an exact heap up to rounding. Outdated entries are skipped.
     """
     one, width = np.uint32(1), np.uint32(speed.shape[1])  # unsigned: no test for negative indices
     f, t = speed.ravel(), arrival.ravel()
@@ -53,7 +53,7 @@ def march(speed, sources, arrival, following, cell_of, head, bucket_width, slowe
         waiting -= 1
         here = t[c]
         if np.int32(here * inverse) < bucket:
-            continue  # it was worked in an earlier bucket
+            continue  # processed in an earlier bucket
         for k in range(4):
             if k < 2:
                 q, beyond = (c + one, c + one + one) if k == 0 else (c - one, c - one - one)
@@ -80,7 +80,7 @@ def march(speed, sources, arrival, following, cell_of, head, bucket_width, slowe
             t[q] = new
             place = max(np.int32(new * inverse), bucket)
             if old < UNREACHED and place != bucket and np.int32(old * inverse) == place:
-                continue  # it waits in that bucket already
+                continue  # already queued in that bucket
             if free >= 0:
                 node = free
                 free = following[np.uint32(node)]
@@ -98,7 +98,7 @@ def march(speed, sources, arrival, following, cell_of, head, bucket_width, slowe
 
 @njit(cache=True)
 def _open_between(arrival, row, column, down, right):
-    """Whether all cells that the step touches were reached: no wall is crossed, no corner cut."""
+    """True if the step touches only reached cells: it crosses no wall and cuts no corner."""
     rows, columns = abs(down), abs(right)
     i = j = 0
     while i < rows or j < columns:
@@ -117,7 +117,7 @@ def _open_between(arrival, row, column, down, right):
 
 @njit(cache=True)
 def _slowness(arrival, row, column):
-    """1 / speed of a reached cell: what `march` solved, read backwards; 0 at a source."""
+    """1 / speed of a reached cell, from the equation that `march` solves; 0 at a source."""
     here = arrival[row, column]
     across = here - min(arrival[row, column - 1], arrival[row, column + 1])
     along = here - min(arrival[row - 1, column], arrival[row + 1, column])
@@ -126,10 +126,11 @@ def _slowness(arrival, row, column):
 
 @njit(cache=True)
 def descend(arrival, row, column, out):
-    """Steepest descent by steps in 32 directions into out int32 [n, 2]; the number of cells.
+    """Steepest descent by steps in 32 directions into out int32 [n, 2]; returns the number of
+    cells.
 
-    Taken is the step whose fall comes nearest to the time that it takes (no step is faster than
-    the front was). Every cell but a source has a lower 4-neighbour, so it ends at a source.
+    Each step is the one whose fall comes nearest to its travel time (no step is faster than the
+    front was). Every cell but a source has a lower 4-neighbour, so the descent ends at a source.
     """
     n = 0
     while n < out.shape[0]:
@@ -179,8 +180,9 @@ def least_along(field, row0, column0, row1, column1):
 
 @njit(cache=True)
 def pull_straight(slack, exact, wide_enough, kept):
-    """Indices of the route's points [n, 2] (cells, not rounded) that remain when each stretch is
-    pulled straight that stays wide enough or no narrower than the route; into kept int64 [n]."""
+    """Pull each stretch of a route straight that stays wide enough or no narrower than the route.
+    Writes the indices of the remaining points of the route [n, 2] (cells, not rounded) to kept
+    int64 [n]; returns their number."""
     last = exact.shape[0] - 1
     kept[0] = 0
     count, here = 1, 0
@@ -204,9 +206,9 @@ def pull_straight(slack, exact, wide_enough, kept):
 
 @njit(cache=True)
 def hidden_along(top_m, row0, column0, z0, row1, column1, z1, near_cells, always_m):
-    """Whether something on the line of sight stands above it, or above always_m.
+    """True if an obstacle on the line of sight rises above it, or above always_m.
 
-    The last near_cells before the target belong to what is looked at.
+    The last near_cells before the target belong to the target.
     """
     length = np.hypot(row1 - row0, column1 - column0)
     steps = int(length) + 1
@@ -226,7 +228,7 @@ def hidden_along(top_m, row0, column0, z0, row1, column1, z1, near_cells, always
 
 @njit(cache=True)
 def capsule_slack(clearance, row, column, yaw, half, ahead, radius):
-    """Least clearance of a capsule, less its radius, along a straight move. All in cells but
+    """Least clearance of a capsule, minus its radius, along a straight move. All in cells except
     clearance and radius (m): `half` from its middle to either end's centre, `ahead` the move."""
     dr, dc = math.sin(yaw), math.cos(yaw)
     front = half + ahead
@@ -240,7 +242,7 @@ def capsule_slack(clearance, row, column, yaw, half, ahead, radius):
 
 @njit(cache=True)
 def turn_slack(clearance, row, column, yaw, angle, half, radius):
-    """Least slack while it turns on the spot by `angle`."""
+    """Least slack of a capsule during a turn on the spot by `angle`."""
     steps = int(math.ceil(abs(angle) / SWEEP_RAD))  # noqa: RUF046
     least = np.float32(1e30)
     for k in range(1, steps + 1):
@@ -254,14 +256,15 @@ def march_poses(
     clearance, start, steps, headings, seeds, seed_turns, half, radius, needed, here, leave,
     saturation, turn_cost, spacing, cell_m, times, came, following, state_of, head,
 ):  # fmt: skip
-    """Dijkstra over a lattice of poses by moves ahead and turns to the next heading, every
-    intermediate pose checked; bucket queue as in `kernels.march`, buckets one cell wide.
+    """Dijkstra over a lattice of poses by moves ahead and turns to the next heading; every
+    intermediate pose is checked. Bucket queue as in `kernels.march`, buckets one cell wide.
 
     start: [4] exact row and column of the first node, node of the robot; steps: [k, 2] in nodes,
-    headings [k] of them; seeds: headings that can be turned to at the start, seed_turns their
-    angles (rad); times: float32 [k, rows, columns] out, cells at full speed; came: int8 likewise:
-    0 a move ahead, 1 a turn left, -1 a turn right, 2 the start. `needed` slack in m; as little as
-    `here` at the start, back to needed `leave` cells away. False when the queue was too short.
+    headings: [k] their headings; seeds: headings that the robot can turn to at the start,
+    seed_turns: their angles (rad); times: float32 [k, rows, columns] output, cells at full speed;
+    came: int8, same shape, output: 0 a move ahead, 1 a turn left, -1 a turn right, 2 the start.
+    `needed`: slack in m, as little as `here` at the start, back to needed `leave` cells away.
+    Returns False if the queue is too short.
     """
     count, rows, columns = times.shape
     t, origin = times.ravel(), came.ravel()

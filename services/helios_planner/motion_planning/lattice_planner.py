@@ -1,10 +1,10 @@
-"""A pose lattice planner for robots that are not discs; every pose on the way is checked.
+"""Pose lattice planner for robots that are not discs; it checks every pose along a path.
 
 The robot's box is enclosed in a capsule. A straight move sweeps one longer capsule, whose clearance
-is the least along one line. The lattice has nodes 0.1 m apart, one of them where the robot stands,
-and the 32 headings of the steps between them. Each step ahead (0.10 to 0.36 m) and each turn to the
-next heading (7 to 18 degrees) is one motion that the robot can carry out. The lattice is kept while
-the robot follows it, so a way through a gap stays open.
+is the least along one line. The lattice has nodes 0.1 m apart, one of them at the robot, and the 32
+headings of the steps between them. Each step ahead (0.10 to 0.36 m) and each turn to the next
+heading (7 to 18 degrees) is one motion that the robot can carry out. The lattice is kept while the
+robot follows it, so a path through a gap stays open.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from helios_planner.motion_planning.kernels import STEPS
 from helios_planner.motion_planning.path_planner import NONE, MotionRules, Reach
 
 NODE_M = 0.1
-KEPT_M = 0.025  # this far from a node it still stands on it
-TURN_COST_M = 0.3  # a radian of turning costs as much as so many metres at full speed
-ALIGNED_RAD = math.radians(1.5)  # a heading this near to the wanted one is not corrected
+KEPT_M = 0.025  # within this distance of a node the robot stands on it
+TURN_COST_M = 0.3  # cost of a radian of turning, in metres at full speed
+ALIGNED_RAD = math.radians(1.5)  # heading errors below this are not corrected
 
 _order = np.argsort(np.arctan2(STEPS[:, 0], STEPS[:, 1]))
 _STEPS = np.ascontiguousarray(STEPS[_order])  # rows, columns
@@ -34,29 +34,30 @@ _HEADINGS = np.arctan2(_STEPS[:, 0], _STEPS[:, 1]).astype(np.float64)
 
 @dataclass(frozen=True)
 class Capsule:
-    """Points within `radius_m` of the stretch of `half_m` ahead of and behind the middle."""
+    """All points within `radius_m` of the segment from `half_m` behind the middle
+    to `half_m` ahead."""
 
     half_m: float
     radius_m: float
 
     @staticmethod
     def around(length_m: float, width_m: float) -> Capsule:
-        """A slim capsule that contains a box; its ends reach out a little, its sides too."""
+        """Slim capsule that contains a box; its ends and its sides protrude a little."""
         inside_m = 0.1 * length_m
         return Capsule(length_m / 2 - inside_m, math.hypot(inside_m, width_m / 2))
 
     @property
     def reach_m(self) -> float:
-        """Radius of the disc that it turns in."""
+        """Radius of the disc in which it turns."""
         return self.half_m + self.radius_m
 
 
 @dataclass(frozen=True)
 class PoseReach(Reach):
-    """Where such a robot can get, and facing where. `arrival` is that of the soonest heading.
+    """Poses that such a robot can reach. `arrival` is that of the heading reached first.
 
-    times: float32 [32, rows, columns] of the lattice, in cells at full speed; came: int8, how each
-    pose is come to; first: exact row and column of node [0, 0]; node: the robot's.
+    times: float32 [32, rows, columns] of the lattice, in cells at full speed; came: int8, the
+    motion that leads to each pose; first: exact row and column of node [0, 0]; node: the robot's.
     """
 
     capsule: Capsule
@@ -68,17 +69,17 @@ class PoseReach(Reach):
 
     @property
     def node_xy(self) -> tuple[float, float]:
-        """Where in the world the robot's node lies: what keeps this lattice for the next plan."""
+        """World position of the robot's node, by which the next plan can keep this lattice."""
         x, y = self._xy_of(np.array([self.node]))[0]
         return float(x), float(y)
 
     @property
     def kept(self) -> bool:
-        """Whether the lattice is an earlier one, and one of where it stands would differ."""
+        """True if the lattice is an earlier one and differs from a new one at the robot."""
         return self.robot.distance_m(self.node_xy) > 1e-6
 
     def fits(self, pose: Pose2) -> bool:
-        """Whether it can get there and face so, or nearly so."""
+        """True if the robot can get there with that heading, or nearly so."""
         k = _nearest_heading(pose.yaw_rad)
         i, j = self._node_at(pose.xy)
         rows, columns = self.times.shape[1:]
@@ -87,8 +88,8 @@ class PoseReach(Reach):
         return self._slack_at(pose, 0.0) >= self.margin_m - 0.5 * self.ground.cell_m
 
     def best_near(self, goal: Pose2, within_m: float) -> tuple[int, int, int] | None:
-        """The pose (heading, row, column of the lattice) to end at: near the goal, facing nearly as
-        it does where that is possible. None when no pose within `within_m` can be got to."""
+        """End pose (heading, row, column of the lattice): near the goal, with nearly its heading
+        where that is possible. None if no pose within `within_m` can be reached."""
         i, j = self._node_at(goal.xy)
         n = math.ceil(within_m / NODE_M) + 1
         i0, j0 = max(0, i - n), max(0, j - n)
@@ -107,7 +108,7 @@ class PoseReach(Reach):
         return k, i, j
 
     def way_to(self, state: tuple[int, int, int]) -> list[tuple[int, int, int]]:
-        """Poses of the lattice from the first heading at the robot's place to this one."""
+        """Poses of the lattice from the first heading at the robot's node to this one."""
         way, (k, i, j) = [state], state
         while (how := int(self.came[k, i, j])) != 2:
             if how == 0:
@@ -118,7 +119,7 @@ class PoseReach(Reach):
         return way[::-1]
 
     def route_along(self, way: list[tuple[int, int, int]]) -> NDArray[np.float64]:
-        """World points [n, 2] of a way."""
+        """World points [n, 2] of a path."""
         return self._xy_of(np.array([(i, j) for _, i, j in way]))
 
     def route_to(self, point: tuple[float, float]) -> NDArray[np.float64]:
@@ -128,7 +129,7 @@ class PoseReach(Reach):
     def next_move(
         self, way: list[tuple[int, int, int]], rules: MotionRules
     ) -> Forward | Turn | None:
-        """The next motion along a way; None at its end, or when the motion is not free."""
+        """Next motion along a path; None at its end, or if the motion is not free."""
         k, i, j = way[0]
         ahead = 0
         while ahead + 1 < len(way) and way[ahead + 1][0] == k:
@@ -150,15 +151,15 @@ class PoseReach(Reach):
         if abs(error) > ALIGNED_RAD:
             over = error + math.copysign(rules.min_turn_rad + 1e-3, error)
             if abs(self.free_turn_rad(over)) >= abs(over):
-                return Turn(over)  # and back by the smallest turn
+                return Turn(over)  # then back by the smallest turn
         step_m = NODE_M * math.hypot(*_STEPS[k])
-        whole = min(ahead, int(rules.max_forward_m / step_m + 1e-9))  # to end it on a node
+        whole = min(ahead, int(rules.max_forward_m / step_m + 1e-9))  # to end on a node
         distance_m = min(max(whole, 1) * step_m, rules.max_forward_m)
         free_m = self.free_ahead_m(distance_m, rules)
         return Forward(free_m) if free_m >= rules.min_forward_m else None
 
     def free_turn_rad(self, wanted_rad: float) -> float:
-        """How far of a turn on the spot is free."""
+        """Free part of a turn on the spot."""
         steps = max(1, math.ceil(abs(wanted_rad) / kernels.SWEEP_RAD))
         for n in range(1, steps + 1):
             here = self.robot
@@ -168,7 +169,7 @@ class PoseReach(Reach):
         return wanted_rad
 
     def free_ahead_m(self, wanted_m: float, rules: MotionRules) -> float:
-        """How far it can go straight ahead; 0 if less than the smallest move."""
+        """Free part of a move straight ahead; 0 if less than the smallest move."""
         distance_m = wanted_m
         while distance_m >= rules.min_forward_m - 1e-9:
             if self._slack_at(self.robot, distance_m) >= self.least_slack_m:
@@ -177,8 +178,8 @@ class PoseReach(Reach):
         return 0.0
 
     def free_back_m(self, wanted_m: float, rules: MotionRules) -> float:
-        """How far it can go straight back; 0 if less than the smallest move. The rear end alone
-        comes over new ground: it must stay clear of everything by what the cells' size hides."""
+        """Free part of a move straight back; 0 if less than the smallest move. Only the rear end
+        enters new ground: it keeps more clearance there than the cell size can hide."""
         rear = self.robot.ahead(-self.capsule.half_m)
         least_m = self.capsule.radius_m + 0.75 * self.ground.cell_m
         distance_m = wanted_m
@@ -191,7 +192,8 @@ class PoseReach(Reach):
 
     @property
     def least_slack_m(self) -> float:
-        """What a motion from here must keep: the margin, or what there is where there is less."""
+        """Slack that a motion from here must keep: the margin, or the present slack if
+        that is less."""
         tolerance = 0.5 * self.ground.cell_m
         return min(self.margin_m, self._slack_at(self.robot, 0.0)) - tolerance
 
@@ -221,9 +223,9 @@ def pose_reach(
     trusted_m: NDArray[np.float64] = NONE,
     lattice_xy: tuple[float, float] | None = None,
 ) -> PoseReach:
-    """Everything that such a robot can reach now, keeping the margin of the rules. It may leave the
-    place where it stands although it is narrow there, never towards narrower ones. marks_m,
-    trusted_m: as `clearance_m`; lattice_xy: a node of the lattice to keep if it stands on it."""
+    """Everything that such a robot can reach now with the margin of the rules. It may leave a place
+    that is too narrow, but never towards narrower ones. marks_m, trusted_m: as in `clearance_m`;
+    lattice_xy: a node of the lattice to keep if the robot stands on it."""
     ground = ground.padded(robot.x_m, robot.y_m, capsule.reach_m + 0.3)
     clear = clearance_m(
         ground, robot, capsule.reach_m, rules.margin_m, rules.speck_m2, marks_m, trusted_m
@@ -269,7 +271,7 @@ def pose_reach(
 def _node_under(
     ground: GroundMap, robot: Pose2, lattice_xy: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """Exact row and column of the node that it stands on: of that lattice, else of a new one."""
+    """Exact row and column of the robot's node: of the given lattice, else of a new one."""
     here = ground.exact_cells_of(np.array([robot.xy]))[0]
     if lattice_xy is not None:
         spacing = NODE_M / ground.cell_m
@@ -281,7 +283,7 @@ def _node_under(
 
 
 def _spread(reached: PoseReach, soonest: NDArray[np.float32], spacing: float) -> None:
-    """Give each cell the time of its nearest node, where the robot's middle may be."""
+    """Set each cell's arrival to the time of its nearest node, where the robot's middle may be."""
     h, w = reached.arrival.shape
     i = np.rint((np.arange(h) + 0.5 - reached.first[0]) / spacing).astype(int)
     j = np.rint((np.arange(w) + 0.5 - reached.first[1]) / spacing).astype(int)
@@ -291,7 +293,8 @@ def _spread(reached: PoseReach, soonest: NDArray[np.float32], spacing: float) ->
 
 
 def _first_turn(error_rad: float, rules: MotionRules) -> float:
-    """As far as one turn goes, but never so far that what is left is too little for another."""
+    """First turn towards a heading: as large as possible, but the rest is 0 or large
+    enough to turn."""
     least = rules.min_turn_rad + 1e-6
     left = abs(error_rad) - rules.max_turn_rad
     most = abs(error_rad) if left <= 0 else min(rules.max_turn_rad, abs(error_rad) - least)

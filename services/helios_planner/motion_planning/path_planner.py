@@ -1,8 +1,8 @@
-"""Fast Marching Square (FM²), paths that keep clear of obstacles (Garrido et al. 2007; app. 6.1).
+"""Fast Marching Square (FM²): paths that keep clear of obstacles (Garrido et al. 2007; app. 6.1).
 
 Speed rises with the distance to the nearest obstacle up to a maximum. The arrival time of a front
-with that speed has one minimum, its source, so descending it gives the path. `next_primitive` turns
-the path into the next single motion of the robot.
+with that speed has one minimum, its source, so its descent gives the path. `next_primitive` turns
+the path into the robot's next motion.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from helios_planner.motion_planning.costmap import (
     least_clearance_m,
 )
 
-BUCKET_WIDTH = 0.1  # of the time to cross a cell at full speed
+BUCKET_WIDTH = 0.1  # in units of the time to cross a cell at full speed
 SLOWEST = 0.05  # least speed of an open cell; bounds the width of the front
 NONE = np.empty((0, 3))  # no discs
-WIDE_ENOUGH_M = 0.10  # of clearance to spare, a straight line is taken in any case
+WIDE_ENOUGH_M = 0.10  # clearance to spare from which a straight line is always taken
 
 
 def speed_field(
     clearance_m: NDArray[np.float32], required_m: float, contact_m: float, saturation_m: float
 ) -> NDArray[np.float32]:
-    """Speed [h, w] in 0 to 1: 0 where clearance is below `required_m`, else in proportion to the
-    distance left beyond `contact_m`, full from `saturation_m` beyond it. The border is closed."""
+    """Speed [h, w] in 0 to 1: 0 where clearance is below `required_m`, else proportional to the
+    distance beyond `contact_m`, full from `saturation_m` beyond it. The border is closed."""
     speed = np.clip((clearance_m - contact_m) / saturation_m, 0.1, 1.0).astype(np.float32)
     speed[clearance_m < required_m] = 0
     speed[[0, -1]] = 0
@@ -46,8 +46,8 @@ def speed_field(
 
 def arrival_time(speed: NDArray[np.float32], sources: NDArray[np.integer]) -> NDArray[np.float32]:
     """Arrival time [h, w] of a front from the source cells [k, 2] (row, column), in cells at full
-    speed; inf where no way leads. speed: float32 [h, w], 0 (closed) to 1; an open cell is never
-    slower than SLOWEST. Raises InvalidInput for an open border or a source on it or beyond it."""
+    speed; inf without a path. speed: float32 [h, w], 0 (closed) to 1; an open cell is never slower
+    than SLOWEST. Raises InvalidInput for an open border, or a source on the border or beyond."""
     field = np.ascontiguousarray(speed, np.float32)
     rows, columns = field.shape
     if field[[0, -1]].any() or field[:, [0, -1]].any():
@@ -69,7 +69,7 @@ def arrival_time(speed: NDArray[np.float32], sources: NDArray[np.integer]) -> ND
 
 def descend(arrival: NDArray[np.float32], start: tuple[int, int]) -> NDArray[np.int32]:
     """Cells [n, 2] from `start` down to a source, at most 3 apart along an axis, with only reached
-    cells between them; empty when `start` was not reached."""
+    cells between them; empty if `start` was not reached."""
     if not np.isfinite(arrival[start]):
         return np.empty((0, 2), np.int32)
     out = np.empty((arrival.size, 2), np.int32)
@@ -79,17 +79,17 @@ def descend(arrival: NDArray[np.float32], start: tuple[int, int]) -> NDArray[np.
 
 @dataclass(frozen=True)
 class MotionRules:
-    """How the robot may move. Lengths in metres, angles in radians.
+    """Limits and margins of the robot's motion. Lengths in metres, angles in radians.
 
-    `margin_m` is kept between the footprint's rim and obstacles; full speed of the front, that is
-    no pull away from obstacles, from `saturation_m` beyond the rim.
+    `margin_m` is kept between the footprint's rim and obstacles. The front has full speed, without
+    a pull away from obstacles, from `saturation_m` beyond the rim.
     """
 
     footprint_m: float
     margin_m: float = 0.05
     saturation_m: float = 0.30
-    speck_m2: float = SPECK_M2
-    leave_m: float = 0.60  # so far from the start it may be as narrow as the start itself is
+    speck_m2: float = 0.01
+    leave_m: float = 0.60  # distance from the start within which it may be as narrow as there
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0
     min_turn_rad: float = math.radians(5)
@@ -98,10 +98,10 @@ class MotionRules:
 
 @dataclass(frozen=True)
 class Reach:
-    """Where the robot can get from where it stands.
+    """Places that the robot can reach from its present pose.
 
-    `arrival` float32 [h, w] in cells at full speed, inf where no way leads; `required_m` float32
-    [h, w] is the clearance a cell must have.
+    `arrival` float32 [h, w] in cells at full speed, inf without a path; `required_m` float32 [h,
+    w]: least clearance of a cell.
     """
 
     ground: GroundMap
@@ -112,11 +112,12 @@ class Reach:
 
     @cached_property
     def slack(self) -> NDArray[np.float32]:
-        """Clearance beyond what is required [h, w]; below 0 the robot must not stand."""
+        """Clearance [h, w] beyond the required one; the robot must not stand where it
+        is below 0."""
         return self.clearance - self.required_m
 
     def at(self, points_m: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Arrival time at world points [n, 2]; inf off the map and where no way leads."""
+        """Arrival time at world points [n, 2]; inf off the map and without a path."""
         cells = self.ground.cells_of(points_m)
         inside = self.ground.inside(cells)
         out = np.full(len(cells), np.inf, np.float32)
@@ -124,12 +125,12 @@ class Reach:
         return out
 
     def fits(self, pose: Pose2) -> bool:
-        """Whether the robot fits there with that heading; a disc does wherever it can get."""
+        """True if the robot fits there with that heading; a disc does wherever it can get."""
         return True
 
     def free_back_m(self, wanted_m: float, rules: MotionRules) -> float:
-        """How far it can go straight back, coming no nearer to anything than it stands now; 0 if
-        less than the smallest move."""
+        """Distance that it can move straight back without coming nearer to an obstacle than it is
+        now; 0 if less than the smallest move."""
         here = least_clearance_m(self.clearance, self.ground, self.robot, self.robot.xy)
         least_m = min(here, rules.footprint_m)
         distance_m = wanted_m
@@ -141,7 +142,7 @@ class Reach:
         return 0.0
 
     def nearest(self, point: tuple[float, float], within_m: float) -> tuple[float, float] | None:
-        """The reachable place nearest to a point, if any lies within `within_m`."""
+        """Reachable place nearest to a point, if any lies within `within_m`."""
         ground = self.ground
         near = ground.window_at(point, within_m)
         cells = np.argwhere(np.isfinite(self.arrival[near])) + corner_of(near)
@@ -153,7 +154,7 @@ class Reach:
         return (float(centres[k, 0]), float(centres[k, 1])) if d[k] <= within_m else None
 
     def route_to(self, point: tuple[float, float]) -> NDArray[np.float64]:
-        """World points [n, 2] from the robot to a reachable place; empty when none leads there."""
+        """World points [n, 2] from the robot to a reachable place; empty without a path."""
         cells = self.ground.cells_of(np.array([point]))
         if not self.ground.inside(cells)[0]:
             return np.empty((0, 2))
@@ -172,9 +173,8 @@ def reach(
     marks_m: NDArray[np.float64] = NONE,
     trusted_m: NDArray[np.float64] = NONE,
 ) -> Reach:
-    """Everything that can be reached now, keeping the margin. The robot may leave the place where
-    it stands although it is narrow there, never towards narrower ones. marks_m, trusted_m: as
-    `clearance_m`."""
+    """Everything that can be reached now with the margin of the rules. The robot may leave a place
+    that is too narrow, but never towards narrower ones. marks_m, trusted_m: as in `clearance_m`."""
     ground = ground.padded(robot.x_m, robot.y_m, rules.footprint_m + 0.3)
     clear = clearance_m(
         ground, robot, rules.footprint_m, rules.margin_m, rules.speck_m2, marks_m, trusted_m
@@ -187,7 +187,7 @@ def reach(
         near = ground.window((row, column), rules.leave_m)
         r, c = np.ogrid[near]
         far_m = np.hypot(r - row, c - column) * ground.cell_m
-        # The further from where it stands, the more of the margin must be back.
+        # The required clearance rises to the full margin with the distance from the robot.
         required[near] = np.minimum(wanted, here + far_m * (wanted - here) / rules.leave_m)
     speed = speed_field(clear, 0.0, rules.footprint_m, rules.saturation_m)
     speed[clear < required] = 0
@@ -197,7 +197,7 @@ def reach(
 
 
 def straightened(route: NDArray[np.float64], reached: Reach) -> NDArray[np.float64]:
-    """The route [n, 2] with every detour pulled straight that costs none of its clearance."""
+    """The route [n, 2] with every detour pulled straight that costs no clearance."""
     if len(route) < 3:
         return route
     exact = reached.ground.exact_cells_of(route)
@@ -209,8 +209,8 @@ def straightened(route: NDArray[np.float64], reached: Reach) -> NDArray[np.float
 def next_primitive(
     corners: NDArray[np.float64], reached: Reach, rules: MotionRules
 ) -> Forward | Turn | None:
-    """The next motion along a straightened route that starts at the robot; None at its end, or when
-    no move forward is free of collision (then look again or find another route)."""
+    """Next motion along a straightened route that starts at the robot. None at its end, or if no
+    move forward is free of collision (then look again or find another route)."""
     robot = reached.robot
     if len(corners) == 0 or robot.distance_m(corners[-1]) < rules.min_forward_m:
         return None
@@ -225,14 +225,14 @@ def next_primitive(
     if free_m >= rules.min_forward_m:
         return Forward(free_m)
     if abs(error_rad) > 0.2 * rules.min_turn_rad:
-        # Too small a turn for the robot: overshoot, and come back by the smallest turn it can do.
+        # Too small a turn for the robot: overshoot, then turn back by its smallest turn.
         return Turn(error_rad + math.copysign(rules.min_turn_rad, error_rad))
     return None
 
 
 def free_ahead_m(reached: Reach, wanted_m: float, rules: MotionRules) -> float:
-    """How far of `wanted_m` the robot can go straight ahead, every intermediate position of its
-    footprint clear; 0 if less than the smallest move."""
+    """Part of `wanted_m` that the robot can move straight ahead, with every intermediate position
+    of its footprint clear; 0 if less than the smallest move."""
     robot, slack = reached.robot, reached.slack
     distance = wanted_m
     while distance >= rules.min_forward_m:

@@ -1,7 +1,7 @@
 """Borders of the known floor: where free ground meets ground that was never seen.
 
-These are frontiers of the occupancy itself. The 2D map's own frontiers are those of a search: they
-begin anew with each one, also in a home that is known.
+These are frontiers of the occupancy grid itself. The frontiers of the 2D map belong to a search:
+each search begins with new ones, also in a known home.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Drives the base: turns, looks around, follows a path one motion at a time, and recovers.
+"""Base controller: turns, looks around, follows a path one motion at a time, and recovers.
 
-`BaseController` drives robots whose footprint is a disc, `PoseBaseController` all others. The map
-is read again before every motion. Recovery behaviors: a smaller margin, a look down around the
-robot, a look at unknown ground that blocks the way, and moving back.
+`BaseController` drives robots whose footprint is a disc, `PoseBaseController` all others. Every
+motion uses the newest map. Recovery behaviors: a smaller margin, a look down around the robot, a
+look at unknown ground that blocks the path, and moving back.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from helios_planner.settings import Settings
 
 MARK_RADIUS_M = 0.08
 ARRIVED_M = 0.12
-MOST_TURNS = 24  # one after the other, towards one place
-WEDGED_M = 0.3  # who cannot get so far away is wedged
+MOST_TURNS = 24  # in a row, towards one place
+WEDGED_M = 0.3  # a robot confined to this radius is wedged
 
 
 class Outcome(Enum):
-    """How a drive ended."""
+    """Outcome of a drive."""
 
     ARRIVED = auto()
     INTERRUPTED = auto()
@@ -53,8 +53,8 @@ Step = Forward | Turn | Literal[Outcome.ARRIVED, Outcome.UNREACHABLE]
 
 @dataclass(frozen=True)
 class BlockedPath:
-    """Where a way leaves the ground that can be reached: its first place beyond (`at`), its last
-    one before (`stand`), and how far it leads before and after that; metres."""
+    """End of the reachable part of a path: the first place beyond (`at`), the last one before
+    (`stand`), and the path's length before and after that; metres."""
 
     at: tuple[float, float]
     stand: tuple[float, float]
@@ -67,7 +67,7 @@ def never() -> bool:
 
 
 class BaseController:
-    """Moves a robot over known ground only. Remembers obstacles that it bumped into unseen."""
+    """Moves a robot over known ground only, and records unseen obstacles that it met."""
 
     def __init__(self, body: RobotInterface, settings: Settings) -> None:
         robot = body.description
@@ -84,8 +84,8 @@ class BaseController:
         self.felt_obstacles: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
         self.blind_zone = BlindZone(body.description, self.rules.footprint_m, settings.blind_m)
         self._cached: dict[tuple, Reach] = {}
-        self._turns = 0  # one after the other, since the last move ahead
-        self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
+        self._turns = 0  # in a row, since the last move ahead
+        self._cleared: list[tuple[float, float]] = []  # unknown ground that was looked at
 
     # --- turning and looking --------------------------------------------------------------------
     def turn_to(self, yaw_rad: float) -> None:
@@ -99,12 +99,12 @@ class BaseController:
                 return
 
     def _turn(self, angle_rad: float) -> bool:
-        """Turn on the spot; False when that would touch something."""
+        """Turn on the spot; False if the turn is not fully free."""
         self.monitor.act(Turn(angle_rad))
         return True
 
     def tilt(self, tilt_rad: float) -> bool:
-        """Point the head; whether that took an action."""
+        """Tilt the head; False if no action was needed."""
         low, high = self.body.description.tilt_range_rad
         wanted = float(np.clip(tilt_rad, low, high))
         if abs(wanted - self.body.tilt_rad()) < math.radians(2):
@@ -113,18 +113,18 @@ class BaseController:
         return True
 
     def look_around(self) -> None:
-        """A full turn; the ground next to the robot is looked at on the way."""
+        """Make a full turn, and look at the ground next to the robot on the way."""
         self._full_turn(down_only=False)
 
     def turn_around(self, stop: Callable[[], bool]) -> None:
-        """A full turn with the head as while driving, until `stop`."""
+        """Make a full turn with the head as while driving, until `stop()` is true."""
         turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
         for _ in range(turns):
             if stop() or not self._turn(2 * math.pi / turns):
                 return
 
     def look_down_around(self) -> bool:
-        """Look at the ground next to the robot, all around; False when it is known already."""
+        """Look at the ground next to the robot, all around; False if it is already known."""
         if not near_ground_unknown(self.body.ground(), self.body.pose(), self.rules.footprint_m):
             return False
         self._full_turn(down_only=True)
@@ -163,7 +163,7 @@ class BaseController:
         return reach(self._covering(ground), self.body.pose(), rules, *self._discs())
 
     def memory(self) -> dict[str, Any]:
-        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        """State that must outlive a crash of the planner, as JSON, for `recall`."""
         return {
             "felt": [list(f) for f in self.felt_obstacles],
             "trusted": [list(disc) for disc in self.blind_zone.discs],
@@ -174,13 +174,13 @@ class BaseController:
         self.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
 
     def _covering(self, ground: GroundMap) -> GroundMap:
-        """A map that also covers the rings taken as free."""
+        """Map that also covers the rings taken as free."""
         for x_m, y_m, radius_m in self.blind_zone.discs:
             ground = ground.padded(x_m, y_m, radius_m + 0.1)
         return ground
 
     def _discs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What was felt, and what is taken as free: [n, 3] each."""
+        """Felt obstacles, and ground taken as free: [n, 3] each."""
         contacts, trusted = (
             np.array(d, float).reshape(-1, 3) for d in (self.felt_obstacles, self.blind_zone.discs)
         )
@@ -199,8 +199,8 @@ class BaseController:
         slip_m: float = 0.3,
         face: bool = True,
     ) -> Outcome:
-        """Drive to a pose, looking after every move; `slip_m`: as near as this is near enough when
-        the very place turns out to be taken."""
+        """Drive to a pose, with a look after every move; `slip_m`: accepted distance from the goal
+        if it turns out to be occupied."""
         self.tilt(self.settings.travel_tilt_rad)
         self._turns = 0
         outcome = self._drive(goal, purpose, stop, slip_m)
@@ -210,7 +210,8 @@ class BaseController:
         return outcome
 
     def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
-        """One motion after the other; where there is none, a smaller margin, then a look around."""
+        """Drive one motion at a time; without a free one, try a smaller margin,
+        then look around."""
         level, looked = 0, False
         self._settle_jump()
         self._get_free()
@@ -242,8 +243,8 @@ class BaseController:
         return 80 + int(10 * self.body.pose().distance_m(goal.xy))
 
     def _next_step(self, goal: Pose2, purpose: str, slip_m: float, level: int) -> Step:
-        """The next motion towards a goal with the margin of a level; ARRIVED, or UNREACHABLE with
-        that margin."""
+        """Next motion towards a goal with the margin of a level; or ARRIVED, or UNREACHABLE
+        with that margin."""
         pose = self.body.pose()
         if pose.distance_m(goal.xy) < ARRIVED_M:
             return Outcome.ARRIVED
@@ -262,7 +263,7 @@ class BaseController:
         return move
 
     def ahead(self, distance_m: float) -> bool:
-        """Move straight ahead if every intermediate position is clear; whether it moved."""
+        """Move straight ahead if every intermediate position is clear; True if it moved."""
         rules = replace(self.rules, margin_m=self.settings.margins_m[-1])
         free_m = free_ahead_m(self.reach(self.levels[-1]), distance_m, rules)
         if free_m < self.rules.min_forward_m:
@@ -270,7 +271,7 @@ class BaseController:
         return self.monitor.act(Forward(free_m)).moved_m > NO_MOTION_M
 
     def back(self) -> bool:
-        """Move straight back, where the robot came from and can do so; whether it moved."""
+        """Move straight back as far as the robot can and the ground is clear; True if it moved."""
         most_m = self.body.description.max_back_m
         free_m = self.reach(self.levels[-1]).free_back_m(most_m, self.rules)
         if free_m < self.rules.min_forward_m - 1e-9:
@@ -278,7 +279,7 @@ class BaseController:
         return self.monitor.act(Forward(-free_m)).moved_m > NO_MOTION_M
 
     def _mark_ahead(self, pose: Pose2, moved_m: float) -> None:
-        """Something unseen is in the way: remember it where the rim met it."""
+        """Record an unseen obstacle where the rim met it."""
         self.monitor.blocked()
         ahead_m = moved_m + self.rules.footprint_m + MARK_RADIUS_M
         self.felt_obstacles.append(
@@ -290,15 +291,15 @@ class BaseController:
         )
 
     def _wedged(self) -> bool:
-        """Whether the ground that can be reached is hardly more than what it stands on."""
+        """True if the reachable ground is hardly more than what the robot stands on."""
         reached = self.reach(self.levels[-1])
         area_m2 = np.isfinite(reached.arrival).sum() * reached.ground.cell_m**2
         return bool(area_m2 < math.pi * WEDGED_M**2)
 
     def _get_free(self) -> None:
-        """While wedged: the camera may be blind for the ground at the feet; or what was felt is
-        gone or never was there, so forget it and look all around, then move back, a few times.
-        Raises TaskFailed when that does not help."""
+        """Free a wedged robot. First look down, and trust the ground in the blind zone. Then a few
+        times: discard felt obstacles, which may be gone, look all around, and move back. Raises
+        TaskFailed if that does not help."""
         if self._wedged():
             self.look_down_around()
         if self._wedged():
@@ -312,8 +313,8 @@ class BaseController:
                 self.back()
 
     def _settle_jump(self) -> None:
-        """After a jump of the localisation: what was felt lies elsewhere now; look around, so that
-        the map holds what is seen from the new pose."""
+        """Recover from a jump of the localisation: discard felt obstacles, whose positions are now
+        wrong, and look around, so that the map holds the view from the new pose."""
         while self.monitor.jumped:
             self.monitor.jumped = False
             self.felt_obstacles.clear()
@@ -321,10 +322,10 @@ class BaseController:
             self._cleared.clear()
             self.look_around()
 
-    # --- unknown ground in the way -------------------------------------------------------------
+    # --- unknown ground that blocks a path -----------------------------------------------------
     def clear_way(self, target: tuple[float, float], within_m: float) -> bool:
-        """Look at the unknown ground that bars the way to within `within_m` of a place, if it is
-        only unknown ground that does. Whether there was any that was not looked at before."""
+        """Look at the unknown ground that blocks the path to within `within_m` of a place. False if
+        something else blocks it, or if it was looked at before."""
         barred = self.way_ends(self.body.ground(), target, within_m)
         if barred is None or any(math.dist(barred.at, c) < SAME_BARRIER_M for c in self._cleared):
             return False
@@ -335,9 +336,8 @@ class BaseController:
     def way_ends(
         self, ground: GroundMap, target: tuple[float, float], within_m: float
     ) -> BlockedPath | None:
-        """Where the shortest way to within `within_m` of a place leaves the ground that can be
-        reached, were all unknown ground of a map free. None where none leads there even so, or
-        where all of it can be reached."""
+        """End of the reachable part of the shortest path to within `within_m` of a place, if all
+        unknown ground were free. None without such a path, or if all of it can be reached."""
         level = self.levels[-1]
         known = np.where(ground.occupancy < 0, np.int8(0), ground.occupancy)
         hopeful = self._reach_on(replace(ground, occupancy=known), level)
@@ -358,7 +358,8 @@ class BaseController:
         )
 
     def look_past(self, barred: BlockedPath, stop: Callable[[], bool] = never) -> None:
-        """Go to where the known way ends, and look at the unknown ground beyond, until `stop`."""
+        """Go to the end of the known path, and look at the unknown ground beyond, until
+        `stop()` is true."""
         unknown = unknown_near(self.body.ground(), barred.at, self.rules.footprint_m + 0.2)
         goal = facing(*barred.stand, unknown)
         outcome = self.go_to(goal, "look at unknown ground in the way", stop)
@@ -373,7 +374,7 @@ class BaseController:
 
 
 class PoseBaseController(BaseController):
-    """Moves a robot whose footprint is a box: plans over poses on a lattice."""
+    """Controller of a robot whose footprint is a box: plans over poses on a lattice."""
 
     def __init__(self, body: RobotInterface, settings: Settings, capsule: Capsule) -> None:
         super().__init__(body, settings)
@@ -397,7 +398,7 @@ class PoseBaseController(BaseController):
         return reached
 
     def _new_lattice(self) -> None:
-        """From where it stands: what one lattice misses another may have."""
+        """Start a new lattice at the robot: it may hold a path that the present one misses."""
         self._lattice_xy = None
         self._cached.clear()
 
@@ -438,7 +439,7 @@ class PoseBaseController(BaseController):
 
 
 def base_controller_for(body: RobotInterface, settings: Settings) -> BaseController:
-    """The base that fit the robot's footprint."""
+    """Base controller for the robot's footprint."""
     box = body.description.footprint_box_m
     return (
         BaseController(body, settings)
@@ -448,7 +449,7 @@ def base_controller_for(body: RobotInterface, settings: Settings) -> BaseControl
 
 
 def down_tilt_rad(robot: RobotDescription) -> float:
-    """Tilt at which the ground at the rim is at the image's lower edge."""
+    """Tilt at which the lower edge of the image shows the ground at the rim."""
     # A little within the rim: the image's lower edge is straight, the rim is round.
     rim_m = 0.8 * robot.footprint_radius_m - robot.camera_forward_m
     rim = math.atan2(robot.camera_height_m, rim_m)
@@ -456,7 +457,7 @@ def down_tilt_rad(robot: RobotDescription) -> float:
 
 
 def near_ground_unknown(ground: GroundMap, pose: Pose2, footprint_m: float) -> bool:
-    """Whether more than 2 % of the ground up to 0.7 m beyond a robot's rim was never seen."""
+    """True if more than 2 % of the ground up to 0.7 m beyond a robot's rim was never seen."""
     reach_m = footprint_m + 0.7
     ground = ground.padded(pose.x_m, pose.y_m, reach_m + 0.1)
     row, column = ground.cells_of(np.array([pose.xy]))[0]

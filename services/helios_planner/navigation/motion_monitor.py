@@ -1,4 +1,4 @@
-"""Counts what goes wrong with motions. Each kind has a limit; beyond it the task fails."""
+"""Counts of failed motions. Each kind has a limit; beyond it the task fails."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.task import Cause, TaskFailed
 
-NO_MOTION_M = 0.05  # a move forward that gave less met something
-MOST_BLOCKS = 12  # motions without motion in one task before the robot counts as stuck
-MOST_WEDGED = 3  # times in one task that it may be wedged
+NO_MOTION_M = 0.05  # a shorter move forward met an obstacle
+MOST_BLOCKS = 12  # motions without effect in one task before the robot counts as stuck
+MOST_WEDGED = 3  # times in one task that the robot may be wedged
 MOST_JUMPS = 3  # jumps of the localisation in one task
-JUMP_M, JUMP_RAD = 0.5, math.radians(40)  # beyond what the robot says it has moved
+JUMP_M, JUMP_RAD = 0.5, math.radians(40)  # beyond the motion that the robot reports
 
 
 class Dropped(Exception):
-    """What was carried is held no more; `point_m` is where the base stood (x, y)."""
+    """Raised when the carried object is no longer held; `point_m`: position of the base (x, y)."""
 
     def __init__(self, point_m: tuple[float, float], reason: str) -> None:
         super().__init__(reason)
@@ -27,8 +27,9 @@ class Dropped(Exception):
 
 
 class MotionMonitor:
-    """Does the actions of one task and counts what went wrong. `jumped` is set by a jump of the
-    localisation and cleared by who has dealt with it; `carrying` by who picked something up."""
+    """Performs the actions of one task and counts failures. A jump of the localisation
+    sets `jumped`, and the code that handles it clears it. The code that picks an
+    object sets `carrying`."""
 
     def __init__(self, body: RobotInterface) -> None:
         self.body = body
@@ -36,7 +37,8 @@ class MotionMonitor:
         self.blocks = self.wedged = self.jumps = 0
 
     def act(self, action: Action) -> ActionResult:
-        """Do it. Raises TaskFailed at a limit, and Dropped when what was carried fell."""
+        """Perform an action. Raises TaskFailed at a limit, and Dropped if the
+        carried object fell."""
         before = self.body.pose()
         result = self.body.act(action)
         after = self.body.pose()
@@ -51,18 +53,18 @@ class MotionMonitor:
         return result
 
     def _still_held(self) -> bool:
-        """A gripper's word is asked for twice before what is carried counts as fallen."""
+        """True if the gripper reports an object; asks twice before the object counts as fallen."""
         if not self.body.held():
             self.body.act(Observe())
         return bool(self.body.held())
 
     def stood_still(self, move: Forward, result: ActionResult) -> bool:
-        """Whether a move met something unseen; stop-now and jumps say nothing of that."""
+        """True if a move met an unseen obstacle; after stop-now and jumps only if it collided."""
         still = result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m)
         return (still and not self.body.cut_short and not self.jumped) or result.collided
 
     def blocked(self) -> None:
-        """Count a motion that gave none."""
+        """Count a motion without effect. Raises TaskFailed at the limit."""
         self.blocks += 1
         if self.blocks > MOST_BLOCKS:
             raise TaskFailed(
@@ -70,7 +72,7 @@ class MotionMonitor:
             )
 
     def wedged_in(self, advice: str = "") -> None:
-        """Count that no way led out. advice: what may help, for the sentence at the limit."""
+        """Count that no path led out. advice: remedy for the message at the limit."""
         self.wedged += 1
         if self.wedged > MOST_WEDGED:
             x_m, y_m = self.body.pose().xy

@@ -1,8 +1,8 @@
-"""Going to a point on the floor, over known ground as far as there is any.
+"""Driving to a point on the floor, over known ground as far as possible.
 
-Where no known way leads, the shortest one through unknown ground is taken for free until it is
-seen: the robot drives to where the known ground ends, looks, and plans again. Unknown ground that
-stays unknown when it was looked at counts as a wall from then on, so that another way is tried.
+Without a known path, unknown ground counts as free until it is seen: the robot drives to where the
+known ground ends, looks, and plans again. Unknown ground that remains unknown after a look counts
+as a wall from then on, so that another path is tried.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.navigation.base_controller import BaseController, BlockedPath, Outcome
 from helios_planner.task import Cause, TaskFailed
 
-MOST_AWAY_M = 100.0  # from the robot to the point; the plan's arrays grow with it
-AROUND_M = 1.5  # of unknown ground around what is known that a way may lead through
-WALL_M = 0.3  # radius in which unknown ground that stays so counts as a wall
-MOST_STAGES = 60  # times that a way ends at unknown ground, for one point
-MOST_TRIES = 3  # drives over known ground that come to nothing
-FACED_RAD = math.radians(10)  # a heading this near to the wanted one is it
+MOST_AWAY_M = 100.0  # from the robot to the point; the size of the planner's arrays grows with it
+AROUND_M = 1.5  # width of the unknown ground around the map through which a path may lead
+WALL_M = 0.3  # radius in which unknown ground counts as a wall after a look
+MOST_STAGES = 60  # paths that end at unknown ground, for one point
+MOST_TRIES = 3  # failed drives over known ground
+FACED_RAD = math.radians(10)  # accepted error of the final heading
 
 XY = tuple[float, float]
 
 
 class PointGoal:
-    """Takes the robot to one point. `on_stage` is told where the known way ends, each time.
+    """Drives the robot to one point. `on_stage` is called with the end of each known path.
 
     `walls` are places (x, y) of unknown ground that stayed unknown; they must outlive a restart.
     """
@@ -44,22 +44,22 @@ class PointGoal:
         within_m: float,
         on_stage: Callable[[BlockedPath], None],
     ) -> None:
-        """within_m: where the robot cannot stand on the point, the nearest place will do that is no
-        further from it."""
+        """within_m: if the robot cannot stand on the point, the nearest place up to this far from
+        it is accepted."""
         self._base, self.xy_m, self._within_m = base, xy_m, within_m
         self._on_stage = on_stage
         self.walls: list[XY] = []
 
     def memory(self) -> dict[str, Any]:
-        """As JSON, for `recall`."""
+        """State as JSON, for `recall`."""
         return {"walls": [list(wall) for wall in self.walls]}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         self.walls = [(x, y) for x, y in memory["walls"]]
 
     def drive(self, yaw_rad: float | None, purpose: str) -> float:
-        """Go there and face that way; the distance that is left (m). Raises TaskFailed: why the
-        point is out of reach, and which place near it is not."""
+        """Drive there and face that heading; returns the remaining distance (m). Raises TaskFailed
+        with the reason why the point is out of reach, and the nearest place that is not."""
         base = self._base
         away_m = base.body.pose().distance_m(self.xy_m)
         if away_m > MOST_AWAY_M:
@@ -83,18 +83,18 @@ class PointGoal:
         raise TaskFailed(Cause.UNREACHABLE, self._why_not())
 
     def _goal(self, yaw_rad: float | None) -> Pose2:
-        """Any heading: that of the way there."""
+        """Goal pose; without a given heading, that of the direct line to the point."""
         pose = self._base.body.pose()
         on_the_way = pose.yaw_rad + pose.bearing_rad(self.xy_m)
         return Pose2(*self.xy_m, on_the_way if yaw_rad is None else yaw_rad)
 
     def _near(self) -> Reach | None:
-        """With the widest margin that leads there over known ground."""
+        """Reach with the widest margin that leads there over known ground; None without one."""
         reaches = (self._base.reach(level) for level in self._base.levels)
         return next((r for r in reaches if r.nearest(self.xy_m, self._within_m) is not None), None)
 
     def _stage(self) -> bool:
-        """Look at the unknown ground where the known way ends; False when no way is left."""
+        """Look at the unknown ground where the known path ends; False when no path is left."""
         base = self._base
         ground = walled(spacious(base.body.ground(), self.xy_m), self.walls)
         barred = base.way_ends(ground, self.xy_m, self._within_m)
@@ -109,7 +109,7 @@ class PointGoal:
         return True
 
     def _seen_past(self, barred: BlockedPath) -> bool:
-        """Whether the place beyond the known way can be reached by now."""
+        """True if the place beyond the known path can be reached now."""
         reached = self._base.reach(self._base.levels[-1])
         return bool(np.isfinite(reached.at(np.array([barred.at])))[0])
 
@@ -127,7 +127,7 @@ class PointGoal:
             )
 
     def _why_not(self) -> str:
-        """What the point is, and the nearest place that is not."""
+        """Reason why the point is out of reach, with the nearest place that is not."""
         base = self._base
         said = state_of(base.body.ground(), self.xy_m, base.body.description.inner_radius_m)
         place = nearest_reachable(base.reach(base.levels[-1]), self.xy_m)
@@ -140,12 +140,12 @@ class PointGoal:
 
 
 def point_text(xy_m: XY) -> str:
-    """A point as sentences name it."""
+    """Text of a point in messages."""
     return f"({xy_m[0]:.2f}, {xy_m[1]:.2f}) m"
 
 
 def spacious(ground: GroundMap, xy_m: XY) -> GroundMap:
-    """A map that covers the point too, with unknown ground all around."""
+    """Map that also covers the point, with unknown ground all around."""
     rows, columns = ground.occupancy.shape
     x_m, y_m = ground.origin_m
     for x, y in ((x_m, y_m), (x_m + columns * ground.cell_m, y_m + rows * ground.cell_m), xy_m):
@@ -154,7 +154,7 @@ def spacious(ground: GroundMap, xy_m: XY) -> GroundMap:
 
 
 def walled(ground: GroundMap, walls: Sequence[XY]) -> GroundMap:
-    """A map in which the unknown ground around these places is an obstacle."""
+    """Map in which the unknown ground around these places is an obstacle."""
     near = np.zeros(ground.occupancy.shape, np.uint8)
     for row, column in ground.cells_of(np.array(walls).reshape(-1, 2)):
         cv2.circle(near, (int(column), int(row)), round(WALL_M / ground.cell_m), 1, -1)
@@ -163,7 +163,7 @@ def walled(ground: GroundMap, walls: Sequence[XY]) -> GroundMap:
 
 
 def state_of(ground: GroundMap, xy_m: XY, footprint_m: float) -> str:
-    """Why a point cannot be stood on, as the end of a sentence that it begins."""
+    """Reason why the robot cannot stand on a point: the predicate of a sentence about it."""
     cell = ground.cells_of(np.array([xy_m]))
     known = int(ground.occupancy[cell[0, 0], cell[0, 1]]) if ground.inside(cell)[0] else -1
     if known > 0:
@@ -182,7 +182,7 @@ def state_of(ground: GroundMap, xy_m: XY, footprint_m: float) -> str:
 
 
 def nearest_reachable(reached: Reach, xy_m: XY) -> XY | None:
-    """The place nearest to a point that can be reached, however far; None where there is none."""
+    """Reachable place nearest to a point, at any distance; None if there is none."""
     centres = reached.ground.centres_of(np.argwhere(np.isfinite(reached.arrival)))
     if not len(centres):
         return None

@@ -1,1 +1,1 @@
-"""The robot and its maps, as a task sees them: one small interface, and the bus behind it."""
+"""Interface to the robot and its maps, and its implementation over the bus."""

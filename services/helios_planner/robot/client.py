@@ -48,16 +48,16 @@ from helios_planner.task import Cause, TaskFailed
 
 log = logging.getLogger(__name__)
 
-ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
-ANSWERED_BY = {  # part of a keyframe's answers -> who has to be looked at when it is missing
+ACK_PATIENCE_S = 6.0  # then a new keyframe is taken: a service that restarted has lost it
+ANSWERED_BY = {  # part of a keyframe's acknowledgements -> service to check when it is missing
     DETECTIONS: "detector",
     MapPart.OCCUPANCY: MapPart.OCCUPANCY.service,
 } | {part: f"{part.service} (or the detector before it)" for part in FROM_DETECTIONS}
-BY_DETECTOR = FROM_DETECTIONS | {DETECTIONS}  # not answered while the detector answers nothing
+BY_DETECTOR = FROM_DETECTIONS | {DETECTIONS}  # not acknowledged while the detector does not respond
 
 
 class TaskListener(ProgressListener, Protocol):
-    """Who is told also how the robot and the services take part."""
+    """Progress listener that also receives events of the robot and the services."""
 
     def on_steps(self, steps: int) -> None: ...
     def on_keyframe(self, frame: FrameId) -> None: ...
@@ -67,7 +67,7 @@ class TaskListener(ProgressListener, Protocol):
 
 
 class RobotClient(RobotInterface):
-    """One task's hold on the robot. Used from one thread; `cancelled` may be set from any."""
+    """Access of one task to the robot. Used from one thread; any thread may set `cancelled`."""
 
     def __init__(
         self,
@@ -82,8 +82,8 @@ class RobotClient(RobotInterface):
         listener: TaskListener,
         parts: Sequence[str],
     ) -> None:
-        """bus: to listen to; line: to call by; parts: of a keyframe that must be answered before
-        the next action (`ANSWERED_BY`)."""
+        """bus: for subscriptions; line: for requests; parts: of a keyframe that must be
+        acknowledged before the next action (`ANSWERED_BY`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
         self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
         self._detector = DetectorStatus(bus)
@@ -99,10 +99,10 @@ class RobotClient(RobotInterface):
         self._frontiers: tuple[Frontier, ...] = ()
         self._start: tuple[float, float] | None = None
         self._objects: dict[str, list[ObjectInstance]] = {}
-        self._fresh = False  # whether the map is the one after the last action
+        self._fresh = False  # True if the map holds the last action's keyframe
 
     def begin(self) -> None:
-        """Get the lease, and look until every map answers under this task's search context."""
+        """Get the lease, and look until every map uses this task's search context."""
         deadline = time.monotonic() + self._settings.ack_timeout_s + self._settings.away_s
         while True:
             _, answers, missing = self._do(Observe(), ACK_PATIENCE_S)
@@ -128,7 +128,7 @@ class RobotClient(RobotInterface):
             self._line.rest(RETRY_S)
 
     def end(self) -> None:
-        """Listen no more, and give the robot back."""
+        """Close the subscriptions, and release the robot."""
         self._driver.release()
         self._detector.close()
         if self._inbox is not None:
@@ -136,7 +136,8 @@ class RobotClient(RobotInterface):
 
     # --- acting --------------------------------------------------------------------------------
     def act(self, action: Action) -> ActionResult:
-        """See `RobotInterface`. A keyframe that a map lost, by a restart say, is taken anew."""
+        """See `RobotInterface`. A keyframe that a map lost, for example by a restart,
+        is taken again."""
         result, _, missing = self._do(action, ACK_PATIENCE_S)
         cut_short = self.cut_short
         deadline = time.monotonic() + self._settings.ack_timeout_s
@@ -153,7 +154,7 @@ class RobotClient(RobotInterface):
                 )
             log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
             _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
-        self.cut_short = cut_short  # of the action, not of looking anew
+        self.cut_short = cut_short  # of the action, not of a repeated keyframe
         self._line.waits_for("")
         return result
 
@@ -192,7 +193,8 @@ class RobotClient(RobotInterface):
         return result, answers, missing
 
     def _whom(self, parts: Sequence[str]) -> tuple[str, str]:
-        """(who has not answered these parts, why where the detector said so)."""
+        """Services that have not acknowledged these parts, and the detector's reason if
+        it gave one."""
         trouble = self._detector.trouble
         blamed = [p for p in parts if trouble and p in BY_DETECTOR]
         names = [ANSWERED_BY[p] for p in parts if p not in blamed]
@@ -252,7 +254,7 @@ class RobotClient(RobotInterface):
             T_world_cam=[transform_to_proto(T) for T in T_world_cam],
             camera=pinhole_to_proto(self.description.camera),
             joint=joint,
-            other_share=other_share or None,  # unset: as the object map is set
+            other_share=other_share or None,  # unset: the object map's own setting
         )
         try:
             reply = self._line.call(WHAT_IF, request, refusals=(InvalidInput, Conflict))
@@ -282,7 +284,7 @@ class RobotClient(RobotInterface):
         known = self._ground.version if self._ground is not None else 0
         reply = self._snapshot(known)
         if not reply.unchanged and not reply.width * reply.height:
-            # map2d was started again and has no map yet: a new keyframe gives it one.
+            # map2d has restarted and has no map yet: a new keyframe gives it one.
             self.act(Observe())
             reply = self._snapshot(0)
         if not reply.unchanged or self._ground is None:
@@ -307,7 +309,7 @@ class RobotClient(RobotInterface):
         self._fresh = True
 
     def _snapshot(self, known: int) -> pb.MapSnapshot:
-        """The newest map; without arrays where it is the version `known`."""
+        """Newest map; without arrays if it has the version `known`."""
         return self._line.call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
 
     def _on_pause(self, why: str | None) -> None:

@@ -1,4 +1,4 @@
-"""The newest detections as points in the world: masks lifted with the frame's depth."""
+"""Sightings: the newest detections as points in the world, masks lifted with the frame's depth."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from helios_core.topics import OBSERVATION
 from helios_core.types import Detection, Observation
 from numpy.typing import NDArray
 
-MIN_POINTS = 8  # below it a mask has no depth worth the name
-TRIMMED = 0.02  # share of the points beyond each side of the box: edges belong to what is behind
+MIN_POINTS = 8  # least points of a mask with usable depth
+TRIMMED = 0.02  # share of the points beyond each side of the box: edges may show the background
 log = logging.getLogger(__name__)
-DETECTIONS = "detections"  # part of a keyframe's answers, beside the maps'; the planner's own
+DETECTIONS = "detections"  # part of a keyframe that the planner itself acknowledges
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """One detection in the world: what of the thing was seen in one frame. Metres, world."""
+    """One detection in the world: the part of an object seen in one frame. Metres, world."""
 
     class_name: str
-    confidence: float  # the detector's, 0 to 1
+    confidence: float  # of the detector, 0 to 1
     center_m: NDArray[np.float64]  # [3] middle of the box of its points
     size_m: NDArray[np.float64]  # [3]
     outline_m: NDArray[np.float64]  # [n, 2] hull of its points on the ground
     nearest_m: float  # from the camera to the nearest of its points
-    at_side: bool  # whole in the left or right third of the image, and at its edge
+    at_side: bool  # entirely in the left or right third of the image, and at its edge
 
     @property
     def top_m(self) -> float:
@@ -43,7 +43,7 @@ class Sighting:
 
 
 def sightings_of(observation: Observation) -> list[Sighting]:
-    """Every detection that has depth, in the detector's order."""
+    """Sightings of all detections that have depth, in the detector's order."""
     frame = observation.frame
     found = []
     for detection in observation.detections:
@@ -62,8 +62,8 @@ def sightings_of(observation: Observation) -> list[Sighting]:
 def mask_points_m(
     detection: Detection, depth_m: NDArray[np.float32], camera: Pinhole, T_world_cam: Matrix
 ) -> NDArray[np.float64]:
-    """World points [n, 3] under a mask; its rim, where depth mixes with what is behind, is left
-    out where enough remains."""
+    """World points [n, 3] under a mask. Its rim, where depth mixes with the background, is left out
+    if enough points remain."""
     x0, y0, x1, y1 = detection.box_xyxy
     mask = detection.mask[y0:y1, x0:x1]
     inner = cv2.erode(
@@ -85,8 +85,8 @@ def mask_points_m(
 
 
 def lies_at_side(left_px: int, right_px: int, width_px: int) -> bool:
-    """Whether columns [left, right) lie within the left or right third of an image and come within
-    5 % of its edge: so little was seen of the thing that VLFM doubts it."""
+    """True if columns [left, right) lie within the left or right third of an image and come within
+    5 % of its edge: VLFM doubts such a detection, since little of the object is visible."""
     third, margin = width_px // 3, int(0.05 * width_px)
     if right_px <= third:
         return left_px <= margin
@@ -100,8 +100,8 @@ def sighting_of(
     eye_m: NDArray[np.float64],
     at_side: bool,
 ) -> Sighting:
-    """A sighting of points [n, 3], n >= 1, from a point [3]: their box without the outermost few,
-    and their hull."""
+    """Sighting of points [n, 3], n >= 1, from a camera position [3]: their box without the
+    outermost few, and their hull."""
     low, high = np.quantile(points_m, [TRIMMED, 1 - TRIMMED], axis=0)
     within = ((points_m >= low) & (points_m <= high)).all(axis=1)
     kept = points_m[within] if within.sum() >= 3 else points_m
@@ -119,7 +119,8 @@ def sighting_of(
 
 
 class MessageBuffer:
-    """Collects sightings and reports each answered keyframe to the acks. Thread-safe."""
+    """Collects the sightings of a task, and acknowledges each keyframe with an
+    observation. Thread-safe."""
 
     def __init__(self, bus: Bus, acks: KeyframeAcks, context_id: str) -> None:
         self._acks, self._context_id = acks, context_id
@@ -128,7 +129,7 @@ class MessageBuffer:
         self._registration = bus.subscribe(OBSERVATION, self._on_observation)
 
     def sightings(self) -> list[Sighting]:
-        """All of this task, in the order of their coming."""
+        """All sightings of this task, in order of arrival."""
         with self._lock:
             return list(self._sightings)
 

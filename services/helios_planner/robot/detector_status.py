@@ -1,4 +1,4 @@
-"""What the detector says of itself while a task runs."""
+"""Status of the detector while a task runs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from helios_core.topics import status_topic
 
 
 class DetectorStatus:
-    """Written by the bus's threads, read by the task's."""
+    """Newest status of the detector. Bus threads write it, the task's thread reads it."""
 
     def __init__(self, bus: Bus) -> None:
         self._state, self._reason = "", ""
@@ -17,16 +17,16 @@ class DetectorStatus:
 
     @property
     def trouble(self) -> str:
-        """Why it is not ready now; empty where it is, and where it has said nothing."""
+        """Reason why it is not ready now; empty if it is, and before its first status."""
         return "" if self._state in ("", "ready") else self._reason
 
     @property
     def noted(self) -> str:
-        """Why it is degraded, or was last since `note_from_now`; empty where it never was."""
+        """Reason why it is degraded, or last was since `note_from_now`; empty if it never was."""
         return self._reason if self._state == "degraded" else self._noted
 
     def note_from_now(self) -> None:
-        """What it said before was of another search."""
+        """Record faults from now on; earlier ones belong to another search."""
         self._noting = True
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a mission needs of the robot and its maps, as one small interface."""
+"""Interface of a mission to the robot and its maps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from helios_planner.task import Phase
 
 @dataclass(frozen=True)
 class Frontier:
-    """A border between what was searched and what was not; values by layer."""
+    """Border between floor that this search has explored and floor that it has not;
+    values by layer."""
 
     id: int
     xy_m: tuple[float, float]
@@ -31,26 +32,26 @@ class Frontier:
 
 @dataclass(frozen=True)
 class WhatIf:
-    """What views would bring: Psi' and information gain in nats, per pose, or one if joint."""
+    """Expected effect of views: Psi' and information gain in nats, per pose, or one if joint."""
 
     scores: tuple[float, ...]
     gains_nats: tuple[float, ...]
 
 
 class ProgressListener(Protocol):
-    """Who is told how a mission goes; nothing that is told changes it."""
+    """Receives the progress of a mission, without influence on it."""
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
-        """What the task does now."""
+        """Publish what the task does now."""
 
     def on_decision(self, decision: Decision) -> None:
-        """Keep and publish a decision."""
+        """Store and publish a decision."""
 
     def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
-        """The route [n, 2] being driven; empty when standing."""
+        """Publish the route [n, 2] being driven; empty when the robot stands."""
 
     def on_picks(self, picks: int) -> None:
-        """How many picks were tried."""
+        """Publish the number of picks so far."""
 
 
 class RobotInterface(ABC):
@@ -58,32 +59,31 @@ class RobotInterface(ABC):
 
     description: RobotDescription
     listener: ProgressListener
-    cut_short: bool = False  # whether the last action was ended early by stop-now
+    cut_short: bool = False  # True if stop-now ended the last action early
 
     @abstractmethod
     def act(self, action: Action) -> ActionResult:
-        """Do it, and return when every map holds what the robot saw afterwards."""
+        """Perform an action; returns when every map holds the keyframe taken after it."""
 
     @abstractmethod
     def budget_used(self) -> float:
-        """Share [0, 1] of the steps that the task may take."""
+        """Used share [0, 1] of the task's steps."""
 
     def detector_trouble(self) -> str:
-        """What was wrong with the detector during the task, for the end of a sentence; empty where
-        nothing was."""
+        """Faults of the detector during the task, as the end of a sentence; empty without any."""
         return ""
 
     @abstractmethod
     def pose(self) -> Pose2:
-        """Where the base stands."""
+        """Pose of the base."""
 
     @abstractmethod
     def tilt_rad(self) -> float:
-        """Where the head points; positive looks down."""
+        """Tilt of the head; positive looks down."""
 
     @abstractmethod
     def held(self) -> str:
-        """Class name of what is held; empty for nothing."""
+        """Class name of the held object; empty for none."""
 
     @abstractmethod
     def ground(self) -> GroundMap:
@@ -95,8 +95,7 @@ class RobotInterface(ABC):
 
     @abstractmethod
     def start(self) -> tuple[float, float] | None:
-        """Where the robot stood first in this world (x, y in m), as the 2D map has it; None: it
-        does not know."""
+        """Robot's first position in this world (x, y in m), from the 2D map; None if unknown."""
 
     @abstractmethod
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
@@ -104,7 +103,7 @@ class RobotInterface(ABC):
 
     @abstractmethod
     def sightings(self) -> Sequence[Sighting]:
-        """All that the detector has reported in this task, in the order of its coming."""
+        """All sightings of this task, in order of arrival."""
 
     @abstractmethod
     def what_if(
@@ -115,9 +114,9 @@ class RobotInterface(ABC):
         joint: bool,
         other_share: float = 0.0,
     ) -> WhatIf:
-        """What would be believed of an instance, were it seen as the class from there; a share of
-        what is seen may speak for something else."""
+        """Expected score and information gain of an instance if these views show it as the class;
+        other_share: share of their evidence that goes to the *other* class."""
 
     @abstractmethod
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
-        """Tell the object map that a thing is no longer where it was."""
+        """Report to the object map that an object is no longer where it was."""

@@ -1,4 +1,4 @@
-"""Calls to services that retry while a service is away, and the robot's actions over the lease."""
+"""Requests that are retried while a service is away, and the robot's actions under the lease."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ RETRY_S = 0.3
 log = logging.getLogger(__name__)
 HOLDER = "planner"
 _ACTION = re.compile(r"[^.]*?(?:\.(\d+))?-(\d+)")
-RELEASE_S = 1.0  # longest wait for giving the lease back
-RECENT = 20  # actions, of which so many may be answered only when asked for again:
+RELEASE_S = 1.0  # longest wait for the release of the lease
+RECENT = 20  # actions, of which at most MOST_IN_VAIN may need a retry
 MOST_IN_VAIN = 8
 
 
 def system_error(error: HeliosError) -> TaskFailed:
-    """The end of a task by an error of a service."""
+    """Failure of a task because of an error of a service."""
     return TaskFailed(Cause.SYSTEM_ERROR, error.message)
 
 
 def number_of(action_id: str) -> tuple[int, int]:
-    """Life and number of an action of a task (`TASK.LIFE-NUMBER`), which rise as it goes on; zeros
-    for another id."""
+    """Life and number of a task's action (`TASK.LIFE-NUMBER`), which rise as the task goes on;
+    zeros for another id."""
     parts = _ACTION.fullmatch(action_id)
     return (int(parts[1] or 0), int(parts[2])) if parts else (0, 0)
 
 
 class Caller(Protocol):
-    """What calls go out by: a bus, or what a task puts before it."""
+    """Sends requests: a bus, or a task's filter in front of it."""
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep: ...
 
 
 class RobotConnection:
-    """Calls for one task that wait for services that are away, and end by a cancel. `on_wait` is
-    told what is waited for, and None when it came. `bus.call` asks without waiting."""
+    """Requests of one task: retried while a service is away, ended by a cancel. `on_wait` receives
+    what the task waits for, and None when that has come. `bus.call` sends without a retry."""
 
     def __init__(
         self,
@@ -67,8 +67,8 @@ class RobotConnection:
         request: Req,
         refusals: tuple[type[HeliosError], ...] = (),
     ) -> Rep:
-        """Ask, and wait for a service that is away, up to `away_s`. Refusals are passed on; any
-        other error ends the task as a system error."""
+        """Send a request, and retry up to `away_s` while the service is away. Refusals are raised;
+        any other error ends the task as a system error."""
         away_s = self._settings.away_s
         deadline = time.monotonic() + away_s
         away = False
@@ -93,13 +93,13 @@ class RobotConnection:
         return reply
 
     def waits_for(self, what: str) -> None:
-        """Tell it, once; empty when it came."""
+        """Report once what the task waits for; empty when it has come."""
         if what != self._waited_for:
             self._waited_for = what
             self._on_wait(what or None)
 
     def rest(self, seconds: float) -> None:
-        """Wait; a cancel ends it."""
+        """Sleep; raises TaskCancelled on a cancel."""
         self.cancelled.wait(seconds)
         self.check()
 
@@ -109,7 +109,8 @@ class RobotConnection:
 
 
 class Driver:
-    """One task's hold on the robot. `on_pause` is told the reason, and None when it goes on."""
+    """Actions of one task on the robot. `on_pause` receives the reason of a stop, and None when the
+    task goes on."""
 
     def __init__(
         self,
@@ -122,17 +123,17 @@ class Driver:
         self._on_pause = on_pause
         self._number = 0
         self._token: int | None = None
-        self._lease_s, self._renewed_s = 0.0, 0.0  # for how long it is granted, and since when
-        self._granted = 0  # the newest lease, also while another one is to be asked for
+        self._lease_s, self._renewed_s = 0.0, 0.0  # its duration, and time of its renewal
+        self._granted = 0  # token of the newest lease, also while another one is requested
         self._in_vain: deque[bool] = deque(maxlen=RECENT)
 
     def do(self, action: Action) -> pb.ActionResult:
-        """Send one action until it is done once: under the same id while nobody answers or the
-        lease was lost, under a new one after a stop. A lease that ran out while nothing was done
-        (the task was paused) is renewed without a word.
+        """Send one action until it is done once: under the same id while there is no response or
+        the lease was lost, under a new one after a stop. A lease that expired while nothing was
+        done (the task was paused) is renewed silently.
 
-        Raises TaskFailed when that takes longer than `away_s`, or happens again and again: a robot
-        that is too slow to be driven would otherwise never be done with its task.
+        Raises TaskFailed if that takes longer than `away_s`, or happens too often: a task with a
+        robot too slow to drive would otherwise never end.
         """
         away_since: float | None = None
         problem: HeliosError | None = None
@@ -180,7 +181,8 @@ class Driver:
             self._line.rest(RETRY_S)
 
     def _note(self, problem: HeliosError | None) -> None:
-        """Of an action that was done: why not at once; None where it was."""
+        """Record a completed action. problem: why it needed a retry, None if it did not. Raises
+        TaskFailed if too many recent ones did."""
         self._in_vain.append(problem is not None)
         if problem is not None and sum(self._in_vain) > MOST_IN_VAIN:
             raise TaskFailed(
@@ -191,11 +193,11 @@ class Driver:
             ) from problem
 
     def state(self) -> RobotState:
-        """How the robot is, asked now."""
+        """Present state of the robot, by a request."""
         return state_from_proto(self._line.call(GET_STATE, pb.Empty()))
 
     def wait_while_stopped(self) -> bool:
-        """While stop-now is latched: pause. Whether it was."""
+        """Wait while stop-now is latched; True if it was."""
         paused = False
         while (state := self.state()).stopped:
             if not paused:
@@ -207,7 +209,7 @@ class Driver:
         return paused
 
     def release(self) -> None:
-        """Give the lease back: whoever wants to drive need not wait until it runs out."""
+        """Release the lease, so that another client need not wait until it expires."""
         token, self._granted, self._token = self._granted, 0, None
         if not token:
             return
@@ -217,8 +219,8 @@ class Driver:
             log.info("the lease runs out by itself: %s", error.message)
 
     def _lease(self) -> int:
-        """Ask until it is granted. While somebody else drives the robot, the task waits: who has it
-        in hand keeps it."""
+        """Request the lease until it is granted; returns its token. The task waits while another
+        client holds it."""
         request = pb.LeaseRequest(holder=HOLDER)
         while True:
             try:

@@ -1,1 +1,1 @@
-"""Where to look next, and when a candidate is good enough to act on (section 3.2)."""
+"""Searches: where to look next, and when a candidate is good enough (section 3.2)."""

@@ -1,4 +1,4 @@
-"""The loop that every search shares: frontiers, candidates, the second round, and its memory."""
+"""Base of every search: frontiers, candidates, later rounds, and the memory of a search."""
 
 from __future__ import annotations
 
@@ -24,18 +24,16 @@ from helios_planner.search.view_selection import Looking, Places
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
-PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, where the goal may be
-MOST_DOUBTS = 4  # of one thing in one search
-# Times in one search that something, or one and the same thing, turns out to be out of reach.
+PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers of the object and of the goal receptacle
+MOST_DOUBTS = 4  # rejections of one candidate in one search
+# Limits per search: candidates found out of reach, and the same for one candidate.
 MOST_WAITS, MOST_OF_ONE = 8, 3
-FRONTIER_REACH_M = 1.2  # a frontier is looked at from this near
-REVISIT_SPACING_M = 2.5  # between the viewpoints of a repeated search
-GRID_M = 0.2  # between the places that are considered
+GRID_M = 0.2  # spacing of the considered places
 
 
 @dataclass
 class SearchTools:
-    """What the searches of one task work with."""
+    """Objects that the searches of one task share."""
 
     body: RobotInterface
     settings: Settings
@@ -43,10 +41,10 @@ class SearchTools:
     looking: Looking
     belief: Belief
     rng: np.random.Generator
-    given_up: list[tuple[float, float]] = field(default_factory=list)  # frontiers that stayed
+    given_up: list[tuple[float, float]] = field(default_factory=list)  # remaining after a visit
 
     def memory(self) -> dict[str, Any]:
-        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        """State that must outlive a crash of the planner, as JSON, for `recall`."""
         return {
             "given_up": [list(f) for f in self.given_up],
             "looked": self.looking.memory(),
@@ -64,37 +62,37 @@ class SearchTools:
 
 
 class Search(ABC):
-    """Looks for one class until there is one to act on. What an agent adds: how it decides about
-    what it knows of, and where it explores."""
+    """Search for one class until there is a candidate to act on. Subclasses decide about the known
+    candidates and choose where to explore."""
 
     def __init__(self, tools: SearchTools, phase: Phase, name: str, refused_m: float) -> None:
-        """refused_m: how near to a refused candidate nothing is tried again."""
+        """refused_m: radius around a refused candidate in which no other is tried."""
         self.tools, self.phase, self.name = tools, phase, name
         self.body, self.settings = tools.body, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
-        self.refused = Places(refused_m)  # for good
-        self.waiting = Places(SAME_PLACE_M)  # until more ground is known
-        self.rounds = tools.settings.rounds  # times that everything is searched
-        self._waited_at: list[tuple[float, float]] = []  # middles of what was out of reach, in m
-        self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
+        self.refused = Places(refused_m)  # permanently
+        self.waiting = Places(tools.settings.same_place_m)  # until more ground is known
+        self.rounds = tools.settings.rounds  # times that the home is searched
+        self._waited_at: list[tuple[float, float]] = []  # centres of unreachable candidates, m
+        self._doubts: dict[int, int] = {}  # instance id -> rejections from near
         self._round = self._first_round = 0
         self._patrol = RevisitSearch(self.base, REVISIT_SPACING_M)
         self._acted_from: Pose2 | None = None
-        self._first = -1.0, ""  # what is said first, while this share of the steps is used
+        self._first = -1.0, ""  # prefix of messages while this share of the steps is used
         self._left_at = 0  # version of the map when a candidate was last found out of reach
 
     @abstractmethod
     def decide(self) -> Decision:
-        """About what is known: act on one, or search on."""
+        """Decision about the known candidates: act on one, or search on."""
 
     @abstractmethod
     def explore(self) -> bool:
-        """One step to learn of more; False when nothing is left."""
+        """Take one exploration step; False when nothing is left."""
 
     def conclude(self) -> Decision:
-        """Decide and tell: act on one, or search on."""
+        """Decide, publish the decision and return it: act on a candidate, or search on."""
         decision = self.decide()
-        if not isinstance(decision, Decision):  # a search of somebody else's
+        if not isinstance(decision, Decision):  # a custom search may return anything
             raise TypeError(
                 f"decide() gave a value of type {type(decision).__name__}; wanted a Decision, as "
                 "act_on_best gives it"
@@ -106,39 +104,40 @@ class Search(ABC):
 
     @property
     def threshold(self) -> float:
-        """The score from which something is acted on now."""
+        """Score from which a candidate is acted on now."""
         return self.settings.tau_g
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
-        """Whether what was chosen is acted on as it is believed from near; None: no longer."""
+        """True if the chosen candidate is still acted on. near: its estimate from near, None if the
+        belief no longer holds it."""
         return near is not None
 
     def why_not(self, near: ObjectInstance | None) -> str:
-        """What speaks against that which does not hold up from near."""
+        """Reason to reject a candidate after the view from near."""
         if near is None:
             return "from near it is no longer believed to be there"
         return f"from near it does not look like a {self.name}"
 
     def accept_likeliest_after(self, after: float) -> None:
-        """In the end, and after that share of the task's steps, the likeliest will do; from 1 on it
-        never does. To who has no threshold it always does."""
+        """Accept the most likely candidate when nothing is left, and after that share of the task's
+        steps; never if it is 1 or more. A search without a threshold always accepts it."""
         return
 
     def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
-        """Whether this was chosen only because it has come to that."""
+        """True if the candidate was chosen only as the most likely one."""
         return False
 
     @property
     def at_last(self) -> bool:
-        """Whether it has come to that: no time is left to clear ways."""
+        """True if the most likely candidate is now accepted: no time is left to clear paths."""
         return False
 
     def relax(self) -> bool:
-        """With nothing left to explore: drop a condition, if there is one to drop."""
+        """Drop a condition on candidates when nothing is left to explore; False without one."""
         return False
 
     def find(self) -> ObjectInstance:
-        """Look until there is one to act on. Raises TaskFailed when nothing is left."""
+        """Search until there is a candidate to act on. Raises TaskFailed when nothing is left."""
         first, self._first_round = self._first_round, 0
         for round_number in range(first, self.rounds):
             self._round = round_number
@@ -155,7 +154,7 @@ class Search(ABC):
         raise self._not_found()
 
     def memory(self) -> dict[str, Any]:
-        """What must not be forgotten over a restart, as JSON, for `recall`."""
+        """State that must outlive a restart, as JSON, for `recall`."""
         return {
             "round": self._round, "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
             "refused": self.refused.memory(), "waiting": self.waiting.memory(),
@@ -184,11 +183,11 @@ class Search(ABC):
         self.body.listener.on_phase(self.phase, self.name, "; ".join([*said_first, message]))
 
     def say_first(self, why: str) -> None:
-        """Why it searches again: said before all that it tells until the robot acts."""
+        """Set why it searches again. The reason precedes every message until the robot acts."""
         self._first = self.body.budget_used(), why
 
     def give_up(self, what: Act, thing: ObjectInstance, reason: str) -> None:
-        """Keep and tell why what was chosen is left; `what` was to be done with it."""
+        """Record and publish why a chosen candidate is left; `what`: the intended action."""
         kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
         decision = give_up(what, thing, kind, reason)
         self.body.listener.on_decision(decision)
@@ -197,7 +196,7 @@ class Search(ABC):
 
     # --- candidates ----------------------------------------------------------------------------
     def leave(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
-        """Leave a candidate for good, or, out of reach, until more ground is known."""
+        """Leave a candidate for good or, if out of reach, until more ground is known."""
         if not out_of_reach:
             self.refused.add(candidate)
             return
@@ -212,28 +211,29 @@ class Search(ABC):
             self._left_at = self.body.ground().version
 
     def doubt(self, candidate: ObjectInstance) -> None:
-        """It did not hold up from near: its views decide whether it comes back, a few times."""
+        """Count a rejection from near. Its views decide if the candidate comes back; after
+        MOST_DOUBTS it is refused."""
         self._doubts[candidate.id] = self._doubts.get(candidate.id, 0) + 1
         if self._doubts[candidate.id] >= MOST_DOUBTS:
             self.refused.add(candidate)
 
     def end_waiting(self) -> bool:
-        """Candidates that were out of reach may be tried again; whether that may help."""
+        """Allow candidates that were out of reach again; True if the map has changed since."""
         waited = bool(self.waiting.points)
         self.waiting.clear()
         return waited and self.body.ground().version != self._left_at
 
     def _near_enough_m(self, candidate: ObjectInstance) -> float:
-        """So far from its middle some part of it is in reach."""
-        reach_m = self.body.description.reach_m - REACH_SPARE_M
+        """Distance from its centre at which some part of the candidate is in reach."""
+        reach_m = self.body.description.reach_m - self.settings.reach_spare_m
         return reach_m + float(min(candidate.size_m[:2])) / 2
 
     def open(self, candidate: ObjectInstance) -> bool:
-        """Whether a candidate is neither refused nor waiting."""
+        """True if a candidate is neither refused nor waiting."""
         return candidate not in self.refused and candidate not in self.waiting
 
     def chosen(self, decision: Decision) -> ObjectInstance:
-        """The instance that a decision chose."""
+        """Instance that a decision chose. Raises TaskFailed if the belief no longer holds it."""
         for o in self.belief.known(self.name):
             if o.id == decision.chosen.id:
                 return o
@@ -244,7 +244,7 @@ class Search(ABC):
 
     # --- frontiers -----------------------------------------------------------------------------
     def frontier_options(self, layer: str) -> list[FrontierOption]:
-        """Frontiers that can be driven near to, with the widest margin that leads to any."""
+        """Frontiers that can be driven near to, with the widest margin that reaches any."""
         pose = self.body.pose()
         frontiers = self._open_frontiers()
         for level in self.base.levels:
@@ -271,8 +271,8 @@ class Search(ABC):
         return any(math.dist(f.xy_m, xy_m) <= SAME_PLACE_M for f in self.body.frontiers())
 
     def visit_frontier(self, xy_m: tuple[float, float], found: Callable[[], bool]) -> None:
-        """Drive near and look at it, until it is no frontier or something was found; what is
-        still a frontier then is given up."""
+        """Drive near a frontier and look at it, until it is gone or `found()` is true. A frontier
+        that remains is given up."""
         near = None
         for level in self.base.levels:
             near = self.base.reach(level).nearest(xy_m, FRONTIER_REACH_M)
@@ -294,16 +294,16 @@ class Search(ABC):
             self.tools.given_up.append(xy_m)
 
     def clear_way(self) -> bool:
-        """With no frontier in reach: look at unknown ground that bars the way to one, or to a
-        candidate that waits. Whether there was any."""
+        """Look at unknown ground that blocks the path to a frontier or to a waiting candidate, when
+        no frontier is in reach; False if there is none."""
         pose = self.body.pose()
         targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
         targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
         return any(self.base.clear_way(t, FRONTIER_REACH_M) for t in targets)
 
     def patrol(self) -> bool:
-        """After the first round, with nothing left to explore: look around from one more place.
-        Whether there was any."""
+        """Look around from one more place, when nothing is left to explore after the first round;
+        False if there is none."""
         if self._round == 0:
             return False
 
@@ -313,7 +313,7 @@ class Search(ABC):
         return self._patrol.step(f"look for the {self.name} from another side", found)
 
     def next_round(self) -> None:
-        """Everything was searched: once more, since a detector may miss what it saw."""
+        """Search everything once more, since a detector may miss an object in view."""
         self.tools.given_up.clear()
         self.looking.forget()
         self.base.look_around()
@@ -325,18 +325,18 @@ def _xy(candidate: ObjectInstance) -> tuple[float, float]:
 
 
 class RevisitSearch:
-    """Goes to the nearest place that is `apart_m` from all places where it has looked around."""
+    """Visits the nearest place that is `apart_m` from all places where it has looked around."""
 
     def __init__(self, base: BaseController, apart_m: float) -> None:
         self._base, self._apart_m = base, apart_m
         self.seen_from: list[tuple[float, float]] = []  # x, y in m
 
     def begin(self) -> None:
-        """Anew, from where the robot has just looked around."""
+        """Start again from the present place, where the robot has just looked around."""
         self.seen_from = [self._base.body.pose().xy]
 
     def step(self, purpose: str, found: Callable[[], bool]) -> bool:
-        """Go to one more place and look around there, until `found`; False when none is left."""
+        """Look around from one more place, until `found()` is true; False when none is left."""
         place = next_place(self._base.reach(), self.seen_from, self._apart_m)
         if place is None:
             return False
@@ -354,8 +354,8 @@ class RevisitSearch:
 def next_place(
     reached: Reach, seen_from: Sequence[tuple[float, float]], apart_m: float
 ) -> tuple[float, float] | None:
-    """The place with the shortest way that is `apart_m` or more from all of these; None where there
-    is none. Places are world x, y in m."""
+    """Place with the shortest path that is `apart_m` or more from all of `seen_from`; None if there
+    is none. World x, y in m."""
     stride = max(1, round(GRID_M / reached.ground.cell_m))
     arrival = reached.arrival[::stride, ::stride]
     cells = np.argwhere(np.isfinite(arrival))

@@ -1,8 +1,8 @@
-"""The searches of the baselines: the trusting agent (paper, section 4) and VLFM.
+"""Searches of the baselines: the trusting agent (paper, section 4) and VLFM.
 
 The trusting agent explores until its detector reports the object, then acts: no 3D map, no gaze
-points, no objective. VLFM explores by its value map (Yokoyama et al. 2024). Neither asks the object
-map.
+points, no objective. VLFM explores by its value map (Yokoyama et al. 2024). Neither queries the
+object map.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from helios_planner.search.frontier_exploration import Explorer, TargetPursuit
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.task import Phase
 
-RANGE_M = 5.0  # of VLFM's camera
-FAR_SHARE, NEAR_SHARE = 0.95, 0.5  # of the range: tentative beyond, and dropped within
+RANGE_M = 5.0  # range of VLFM's camera
+FAR_SHARE, NEAR_SHARE = 0.95, 0.5  # of the range: tentative beyond, discarded within
 TOO_NEAR_M = 1.0
-TENTATIVE = 1.0  # its uncertainty, so that its score is 0
+TENTATIVE = 1.0  # uncertainty of a tentative object, so that its score is 0
 
 
 class TrustingSearch(Search):
-    """Acts on the nearest thing that the detector has reported and that has not failed yet. Goal
-    receptacles that it reported while the object was sought count too."""
+    """Search that acts on the nearest reported object that has not failed yet. Goal receptacles
+    reported during the object search count too."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class TrustingSearch(Search):
         explorer: Callable[[Search, str], Explorer],
         not_at: np.ndarray | None = None,
     ) -> None:
-        """not_at: where the object was taken from, when start and goal are of one class."""
+        """not_at: point where the object was picked, if start and goal are of one class."""
         super().__init__(tools, phase, name, SAME_THING_M)
         self._not_at = not_at
         layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
@@ -91,8 +91,8 @@ class TrustingSearch(Search):
 
 
 class StopSearch(ScoredSearch):
-    """Explores as VLFM does until something may be what is sought, by its class score; then goes to
-    gaze points around it, and stops there only where its score is high enough."""
+    """Search that explores as VLFM does until there is a candidate by class score. It then goes to
+    gaze points around it, and stops there only if its score is high enough."""
 
     kind, what = "object", Act.STOP
 
@@ -119,13 +119,13 @@ class StopSearch(ScoredSearch):
 
 
 class VlfmBelief(TrustingBelief):
-    """See the module."""
+    """VLFM's belief: detections seen well count, others are tentative."""
 
     doubts_sides: ClassVar[bool] = True
 
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
-        """What was seen well; if there is nothing, what is tentative."""
-        super().known(class_name)  # reads what came
+        """Objects that were seen well; without any, the tentative ones."""
+        super().known(class_name)  # reads new sightings
         self._things = [t for t in self._things if not (_tentative(t) and self._disproved(t))]
         things = [t for t in self._things if t.class_name == class_name]
         return [t for t in things if not _tentative(t)] or things
@@ -136,7 +136,7 @@ class VlfmBelief(TrustingBelief):
         return nearest_to(thing.center_m, self.known(class_name), within_m)
 
     def holds(self, thing: ObjectInstance) -> bool:
-        """Also False where another one was seen well meanwhile."""
+        """Also False if another object was seen well meanwhile."""
         return any(t.id == thing.id for t in self.known(thing.class_name))
 
     @property
@@ -157,7 +157,7 @@ class VlfmBelief(TrustingBelief):
             self._put(sighting, known, TENTATIVE)
 
     def _disproved(self, thing: ObjectInstance) -> bool:
-        """Whether the camera is turned to any of it from near: it would have been seen well."""
+        """True if the camera faces part of the object from near: it would have seen it well."""
         robot, pose = self.body.description, self.body.pose()
         eye = (*eye_of(pose, robot), robot.camera_height_m)
         points = np.vstack([outline_of(thing), thing.center_m[:2]])
@@ -169,7 +169,7 @@ class VlfmBelief(TrustingBelief):
 
 
 class UnfilteredBelief(VlfmBelief):
-    """Without the doubt about what is at the side of an image (Table 2)."""
+    """VLFM's belief that also counts detections at an image's side as seen well (Table 2)."""
 
     doubts_sides = False
 

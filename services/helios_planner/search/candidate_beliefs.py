@@ -1,4 +1,4 @@
-"""What an agent takes for true of things: the object map's scores, or what the detector says."""
+"""Beliefs about objects: from the object map with its scores, or from detections alone."""
 
 from __future__ import annotations
 
@@ -21,42 +21,42 @@ from helios_planner.settings import Settings
 
 
 class Belief(ABC):
-    """Things by class, and what is said of one when the robot stands before it."""
+    """An agent's belief about objects: the instances of a class, and an estimate from near."""
 
-    answered: ClassVar[tuple[str, ...]]  # parts of a keyframe that must be there to decide
+    answered: ClassVar[tuple[str, ...]]  # keyframe parts to be acknowledged before a decision
 
     def __init__(self, body: RobotInterface, settings: Settings) -> None:
         self.body, self.settings = body, settings
 
     @abstractmethod
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
-        """Everything that may be of a class."""
+        """All instances that may be of a class."""
 
     @abstractmethod
     def from_near(
         self, thing: ObjectInstance, class_name: str, within_m: float
     ) -> ObjectInstance | None:
-        """The thing as it is believed now; None where it is no longer believed to be there."""
+        """Present estimate of an object in front of the robot; None if it is no longer there."""
 
     def holds(self, thing: ObjectInstance) -> bool:
-        """Whether it is worth to go on to it; who weighs views does so when it stands there."""
+        """True if driving on to the object is worth it. Beliefs with scores decide on arrival."""
         return True
 
     @abstractmethod
     def taken(self, thing: ObjectInstance) -> None:
-        """It was picked up: it is no longer where it was."""
+        """Remove an object that was picked up."""
 
     @abstractmethod
     def memory(self) -> list[str]:
-        """What is believed here and nowhere else, as JSON, for `recall`."""
+        """State that only this belief holds, as JSON, for `recall`."""
 
     @abstractmethod
     def recall(self, memory: Sequence[str]) -> None:
-        """Believe again what `memory` told."""
+        """Restore the state that `memory` returned."""
 
 
 class MapBelief(Belief):
-    """The object map, with scores over all views (HELIOS)."""
+    """Belief of the object map, with scores over all views (HELIOS)."""
 
     answered = tuple(MapPart)
 
@@ -66,7 +66,7 @@ class MapBelief(Belief):
     def from_near(
         self, thing: ObjectInstance, class_name: str, within_m: float
     ) -> ObjectInstance | None:
-        """The same instance within `within_m`; where it is gone, what lies in its place now."""
+        """The same instance within `within_m`; if it is gone, the one now in its place."""
         known = self.body.objects(class_name)
         same = [o for o in known if o.id == thing.id]
         within_m = within_m if same else min(within_m, SAME_THING_M)
@@ -79,12 +79,12 @@ class MapBelief(Belief):
         return []
 
     def recall(self, memory: Sequence[str]) -> None:
-        """The object map remembers by itself."""
+        """Do nothing: the object map keeps its own state."""
 
 
 class TrustingBelief(Belief):
-    """Every detection is true and stays so: no map, no doubt. A later detection at the same place
-    says where the thing is more exactly."""
+    """Belief that every detection is true for good: no map, no doubt. A later detection at the same
+    place replaces the position."""
 
     answered = (MapPart.OCCUPANCY, MapPart.VALUE, DETECTIONS)
 
@@ -120,7 +120,7 @@ class TrustingBelief(Belief):
         self._put(sighting, self._known_as(sighting))
 
     def _known_as(self, sighting: Sighting) -> ObjectInstance | None:
-        """What it is a sighting of, if that was reported before."""
+        """Known object that the sighting shows; None if it is new."""
         same = [
             t for t in self._things
             if t.class_name == sighting.class_name
@@ -131,7 +131,7 @@ class TrustingBelief(Belief):
     def _put(
         self, sighting: Sighting, known: ObjectInstance | None, uncertainty: float = 0.0
     ) -> None:
-        """Believe it, in the place of what was known."""
+        """Store a sighting as a new object, or in place of the known one."""
         if known is None:
             self._ids += 1
             self._things.append(trusted(self._ids, sighting, 1, uncertainty))
@@ -141,7 +141,7 @@ class TrustingBelief(Belief):
 
 
 def trusted(id: int, sighting: Sighting, views: int, uncertainty: float = 0.0) -> ObjectInstance:
-    """A sighting as an instance, beyond doubt unless an uncertainty is given."""
+    """Instance of a sighting, with score 1 unless an uncertainty is given."""
     return ObjectInstance(
         id=id,
         class_name=sighting.class_name,

@@ -1,4 +1,4 @@
-"""Exploring for its own sake: to the nearest border of the known floor, until none is left."""
+"""Exploration task: drive to the nearest border of the known floor until none is left."""
 
 from __future__ import annotations
 
@@ -21,26 +21,25 @@ from helios_planner.search.base import FRONTIER_REACH_M
 from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
-MIN_BORDER_M = 0.4  # shorter edges of the known floor are not explored
-NAMED = 3  # places that the closing sentence names
+NAMED = 3  # unseen places in the closing message
 
 XY = tuple[float, float]
 
 
 class Exploration:
-    """Of one task. `given_up`: middles of borders that stayed when they were looked at."""
+    """Exploration of one task. `given_up`: middles of borders that remained after a look."""
 
     def __init__(self, base: BaseController, settings: Settings) -> None:
         self._base, self._body, self._settings = base, base.body, settings
         self.given_up: list[XY] = []
-        self._ids: list[XY] = []  # of the borders that were chosen from, in the order of coming
-        self._before_m2: float | None = None  # of floor that was known at the beginning
+        self._ids: list[XY] = []  # middles of all borders so far; the index + 1 is a border's id
+        self._before_m2: float | None = None  # known floor at the start
         self._now_m2 = 0.0
-        self._left: list[XY] = []  # borders that there still are
+        self._left: list[XY] = []  # borders that remain
         self._cached: tuple[int, list[Border]] = (-1, [])
 
     def memory(self) -> dict[str, Any]:
-        """As JSON, for `recall`."""
+        """State as JSON, for `recall`."""
         return {
             "borders_given_up": [list(xy) for xy in self.given_up],
             "borders": [list(xy) for xy in self._ids],
@@ -53,18 +52,18 @@ class Exploration:
         self._before_m2 = memory["before_m2"]
 
     def run(self) -> None:
-        """Until no border is left that can be reached and was not looked at."""
+        """Explore until every border that can be reached was looked at."""
         self._note()
         while self._step():
             self._note()
 
     def said(self) -> str:
-        """What has come of it, so far."""
-        new_m2 = max(0.0, self._now_m2 - (self._before_m2 or 0.0))  # what is known may shrink
+        """Message about the known floor so far."""
+        new_m2 = max(0.0, self._now_m2 - (self._before_m2 or 0.0))  # known floor may become unknown
         return f"{self._now_m2:.1f} m² of floor are known, {new_m2:.1f} m² of them new"
 
     def said_at_end(self) -> str:
-        """With what could not be looked at."""
+        """Closing message, with the places that could not be looked at."""
         if not self._left:
             return f"{self.said()}; nothing reachable is unknown"
         named = ", ".join(point_text(xy).removesuffix(" m") for xy in self._left[:NAMED])
@@ -76,12 +75,12 @@ class Exploration:
         )
 
     def said_left(self) -> str:
-        """Of one that is cut short."""
+        """Part of the message of an exploration that is cut short."""
         n = len(self._left)
         return f"{counted(n, 'place')} {'is' if n == 1 else 'are'} left to look at"
 
     def begin(self) -> bool:
-        """Note what is known before the first look; whether there is any border."""
+        """Record the known floor before the first look; True if there is any border."""
         self._note()
         return bool(self._left)
 
@@ -119,7 +118,7 @@ class Exploration:
         ]  # fmt: skip
 
     def _options(self) -> list[WayOption]:
-        """With the widest margin that leads near to any."""
+        """Borders that can be driven near to, with the widest margin that reaches any."""
         borders = self._open()
         for level in self._base.levels:
             reached = self._base.reach(level)
@@ -137,7 +136,7 @@ class Exploration:
         return WayOption(self._id(border.xy_m), border.xy_m, border.size_m, way_m, distance_m)
 
     def _id(self, xy_m: XY) -> int:
-        """The number of a border, from 1; one where another was has its number."""
+        """Number of a border, from 1; one at the place of an earlier border keeps its number."""
         for k, known in enumerate(self._ids, start=1):
             if math.dist(known, xy_m) <= SAME_PLACE_M / 2:
                 return k
@@ -148,7 +147,7 @@ class Exploration:
         return any(math.dist(b.xy_m, xy_m) <= SAME_PLACE_M for b in self._borders())
 
     def _visit(self, xy_m: XY) -> None:
-        """Drive near and look, until it is no border; what still is one then is given up."""
+        """Drive near a border and look at it until it is gone; give it up if it remains."""
         base, near = self._base, self._place_near(xy_m)
         if near is not None:
             goal = facing(*near, xy_m)
@@ -170,14 +169,14 @@ class Exploration:
         )
 
     def _clear_way(self) -> bool:
-        """With no border in reach: look at unknown ground that bars the way to one. Whether there
-        was any."""
-        pose = self._body.pose()
+        """Look at unknown ground that blocks the path to a border, when none is in reach; False if
+        there is none."""
+        pose, within_m = self._body.pose(), self._settings.frontier_reach_m
         targets: Sequence[XY] = sorted((b.xy_m for b in self._open()), key=pose.distance_m)
         return any(self._base.clear_way(xy_m, FRONTIER_REACH_M) for xy_m in targets)
 
 
 def _way_m(reached: Reach, place: XY) -> float:
-    """Length of the way there, in metres at full speed: narrow stretches count more."""
+    """Length of the path to a place, in metres at full speed: narrow stretches count more."""
     ((row, column),) = reached.ground.cells_of(np.array([place]))
     return float(reached.arrival[row, column]) * reached.ground.cell_m

@@ -1,5 +1,5 @@
-"""How frontiers are explored: by a rule that chooses one and stays with it until it was seen, or
-as VLFM does, which asks again after every move."""
+"""Exploration of frontiers: by a rule that keeps a frontier until it was seen, or as VLFM does,
+which chooses again after every move."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from helios_planner.search.base import Search
 
 
 class Explorer(ABC):
-    """Of one search, in one value layer."""
+    """Explorer of the frontiers of one search, in one value layer."""
 
     def __init__(self, search: Search, layer: str) -> None:
         self.search, self.layer = search, layer
 
     @abstractmethod
     def step(self, found: Callable[[], bool]) -> bool:
-        """Explore one frontier, until `found`; False when none is left."""
+        """Explore one frontier, until `found()` is true; False when none is left."""
 
     @abstractmethod
     def memory(self) -> list[float]:
-        """What must not be forgotten over a restart, for `recall`."""
+        """State that must outlive a restart, for `recall`."""
 
     @abstractmethod
     def recall(self, memory: Sequence[float]) -> None:
-        """What `memory` told."""
+        """Restore the state that `memory` returned."""
 
     def _visit(self, decision: Decision, found: Callable[[], bool]) -> bool:
-        """Do what was decided, and tell it."""
+        """Publish a decision and carry it out; False if nothing is left."""
         self.search.body.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
@@ -47,7 +47,7 @@ class Explorer(ABC):
 
 
 class ByRule(Explorer):
-    """A frontier is visited to its end."""
+    """Explorer that visits the frontier that a rule chose until it is gone."""
 
     def __init__(self, search: Search, layer: str, rule: FrontierRule) -> None:
         super().__init__(search, layer)
@@ -61,11 +61,12 @@ class ByRule(Explorer):
         return []
 
     def recall(self, memory: Sequence[float]) -> None:
-        """It goes by what is there now."""
+        """Do nothing: the rule has no state."""
 
 
 class TargetPursuit(Explorer):
-    """VLFM: the frontier of the highest value, left for another as soon as its value falls."""
+    """VLFM's explorer: drives to the frontier of the highest value, and chooses again as soon as
+    its value falls."""
 
     def __init__(self, search: Search, layer: str) -> None:
         super().__init__(search, layer)
@@ -87,8 +88,8 @@ class TargetPursuit(Explorer):
             self.last = ChosenFrontier((x_m, y_m), value)
 
     def _fell(self) -> bool:
-        """Whether the frontier gone to is worth less than after the last move. Where it still is
-        one, it is followed: frontiers move as ground is seen."""
+        """True if the value of the target frontier has fallen since the last move. Else the target
+        follows the frontier, which moves as ground is seen."""
         assert self.last is not None
         last = self.last
         near = [

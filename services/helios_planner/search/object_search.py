@@ -1,4 +1,4 @@
-"""Finding the object: candidates on start receptacles, the global and the local search."""
+"""Search for the object: candidates on start receptacles, global and local search."""
 
 from __future__ import annotations
 
@@ -24,28 +24,31 @@ from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import Places
 from helios_planner.task import Phase
 
-SOMEWHERE = 0.05  # score of a start receptacle that may be anywhere and was not seen
-EXPECTED = 0.4  # score of one that is still to be found, while none is as sure
+SOMEWHERE = 0.05  # score of an unseen start receptacle, which may be anywhere
+EXPECTED = 0.4  # score of a start receptacle still to be found, unless a known one has more
 
 
 def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:
-    """On or near anything that may be a start receptacle, however little it is believed."""
+    """True if the object is on or near any start receptacle, whatever that one's score."""
     return any(near_outline(start, thing.center_m, ON_OUTLINE_M) for start in starts)
 
 
 def place(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> float:
-    """Ψ of the start receptacle that a thing is on, beside that of the likeliest one which is known
-    or to be expected; (0, 1]. Beyond the paper: (0.05 + Ψ_here) / (0.05 + max(0.4, max Ψ))."""
+    """Relative probability, in (0, 1], that an object is on a start receptacle: the Ψ of the one
+    under it against the highest Ψ known or expected. Beyond the paper: (0.05 + Ψ_here) / (0.05 +
+    max(0.4, max Ψ))."""
     likeliest = max([EXPECTED, *(start.score for start in starts)])
     here = [max(s.score, 0.0) for s in starts if near_outline(s, thing.center_m, ON_OUTLINE_M)]
     return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
 
 
 class ObjectSearch(ScoredSearch):
-    """Remembers over a task what was visited, chosen and first seen.
+    """Search for the object. It keeps which receptacles and frontiers were visited, chosen and
+    first seen.
 
-    Where the instruction names a start receptacle, what lies elsewhere is remembered, and acted on
-    only when there is nothing left to search.
+    If the instruction names a start receptacle, the paper's thresholds accept a candidate elsewhere
+    only when nothing is left to search. The patient agent's thresholds lower its score by
+    `place_of`.
     """
 
     kind, what = "object", Act.PICK
@@ -96,7 +99,7 @@ class ObjectSearch(ScoredSearch):
         return super().relax()
 
     def _something_to_do(self) -> bool:
-        """Whether the search is to be interrupted for a candidate object."""
+        """True if a candidate object interrupts the search."""
         found = self.body.objects(self.name)
         seen = tuple((o.id, o.views, round(o.score, 3)) for o in found)
         if not seen or self._last_seen == seen:
@@ -104,9 +107,9 @@ class ObjectSearch(ScoredSearch):
         self._last_seen = seen
         return self.decide().do in (Do.ACT, Do.LOOK)
 
-    # --- where it may be -----------------------------------------------------------------------
+    # --- global and local search ---------------------------------------------------------------
     def explore(self) -> bool:
-        """One step of the global search."""
+        """Take one step of the global search."""
         options = self._receptacle_options()
         frontiers = self.frontier_options(PICK_LAYER)
         decision = self.next_place(options, frontiers)
@@ -148,11 +151,11 @@ class ObjectSearch(ScoredSearch):
     def next_place(
         self, receptacles: Sequence[ReceptacleOption], frontiers: Sequence[FrontierOption]
     ) -> Decision:
-        """Where to search next; either list may be empty."""
+        """Decision for the next place to search; either list may be empty."""
         return self._rule(receptacles, frontiers, self.seen, self.settings.alpha_d)
 
     def _local_search(self, receptacle: ObjectInstance) -> None:
-        """All gaze points of a receptacle, nearest first; then it is visited."""
+        """Look at a receptacle from all its gaze points, nearest first, and mark it as visited."""
         purpose = f"look for the {self.name} on the {receptacle.class_name}"
         while points := self.looking.around(receptacle):
             outcome = self.looking.go_and_look(

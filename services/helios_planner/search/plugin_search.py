@@ -1,4 +1,4 @@
-"""The searches of HELIOS with a rule of somebody else's for where to go next."""
+"""Searches of HELIOS in which a plug-in's rule chooses the next place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from helios_planner.search.scored_search import ReceptacleSearch
 
 
 class ByOwnRule(Explorer):
-    """The frontier that the rule scores highest, visited to its end."""
+    """Explorer that visits the frontier with the rule's highest score until it is gone."""
 
     def __init__(self, search: Search, layer: str, rule: ExplorationRule) -> None:
         super().__init__(search, layer)
@@ -33,11 +33,11 @@ class ByOwnRule(Explorer):
         return []
 
     def recall(self, memory: Sequence[float]) -> None:
-        """It goes by what is there now."""
+        """Do nothing: the rule has no state."""
 
 
 class OwnObjectSearch(ObjectSearch):
-    """Candidate receptacles and frontiers by the rule's scores."""
+    """Object search among candidate receptacles and frontiers by the rule's scores."""
 
     def __init__(
         self, tools: SearchTools, name: str, start: str | None, rule: ExplorationRule
@@ -53,7 +53,7 @@ class OwnObjectSearch(ObjectSearch):
 
 
 class OwnReceptacleSearch(ReceptacleSearch):
-    """Frontiers by the rule's scores, until the goal is known."""
+    """Receptacle search that explores by the rule's scores until the goal is known."""
 
     def __init__(
         self, tools: SearchTools, name: str, not_at: np.ndarray | None, rule: ExplorationRule

@@ -34,10 +34,10 @@ MOST_WRITTEN = 16
 
 
 class ScoredSearch(Search):
-    """Acts on a candidate with Psi >= the threshold that holds by now."""
+    """Search that acts on a candidate once its score Psi reaches the current threshold."""
 
-    kind: str  # of what is sought, in decisions
-    what: Act  # is done with it
+    kind: str  # kind of the sought object, as decision records name it
+    what: Act  # action on an accepted candidate
 
     def __init__(
         self,
@@ -49,18 +49,18 @@ class ScoredSearch(Search):
     ) -> None:
         super().__init__(tools, phase, name, refused_m)
         self._standards, self._since = standards, tools.body.budget_used()
-        self._step = 0  # of the standards
-        self._acted = standards.steps[0]  # what the newest decision was taken by
+        self._step = 0  # index into the acceptance thresholds
+        self._acted = standards.steps[0]  # acceptance threshold of the newest decision
         self._views: dict[int, BestView | None] = {}
         self._remembered = CandidateMemory()
-        self._from_memory = False  # whether what the newest decision is about is believed no more
+        self._from_memory = False  # True if its candidate is no longer in the object map
 
     @abstractmethod
     def candidates(self) -> list[ObjectInstance]:
-        """What may be what is sought, by its class score."""
+        """Instances that may be the sought one, by class score."""
 
     def until_candidates(self, explorer: Explorer) -> bool:
-        """Explore a step, or until there is a new candidate or one that may be acted on."""
+        """Take one exploration step, until a new candidate appears or one reaches the threshold."""
         before = {o.id for o in self.candidates()}
 
         def found() -> bool:
@@ -70,21 +70,22 @@ class ScoredSearch(Search):
         return explorer.step(found)
 
     def in_place(self, candidate: ObjectInstance) -> bool:
-        """Whether it is where it was said to be."""
+        """True if the candidate lies on the receptacle that the instruction names."""
         return True
 
     def place_of(self, candidate: ObjectInstance) -> float:
-        """How likely it is where it was said to be, beside the likeliest place; (0, 1]."""
+        """Relative probability, in (0, 1], that the candidate lies on the named receptacle; 1 for
+        the most likely receptacle."""
         return 1.0
 
     @property
     def threshold(self) -> float:
-        """The score from which something is acted on now."""
+        """Score from which a candidate is acted on now."""
         return self._standard.score
 
     @property
     def anywhere(self) -> bool:
-        """Whether what is not in its place may be acted on now."""
+        """True if a candidate outside the named place may be acted on now."""
         return self._standard.anywhere
 
     @property
@@ -97,10 +98,10 @@ class ScoredSearch(Search):
         return self.place_of(candidate) if self._standards.by_place else 1.0
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
-        """Views from near may take from its score what one more could bring back, tau_inc: large
-        things are seen in parts from there. Who acted above the threshold asks for no more than it,
-        and who goes back to what was believed once asks for nothing.
-        """
+        """True if the candidate keeps its least score after the views from near. These may lower a
+        score by tau_inc, which one more view could bring back: from near, large objects are seen
+        in parts. A candidate accepted above τ must only keep τ - tau_inc. A remembered candidate
+        needs no score."""
         if self._from_memory or near is None:
             return self._from_memory
         least = replace(self._acted, score=self._least_near)
@@ -118,13 +119,13 @@ class ScoredSearch(Search):
 
     @property
     def _least_near(self) -> float:
-        """The score that what was chosen must have from near."""
+        """Least score from near of the chosen candidate."""
         threshold = self._standards.steps[self._standards.firm - 1].score
         return min(self._acted.score, threshold) - self.settings.tau_inc
 
     @property
     def at_last(self) -> bool:
-        """Whether the newest decision was taken because it had come to that."""
+        """True if the newest decision used the threshold that accepts any candidate."""
         return self._standards.at_last is not None and self._acted is self._standards.steps[-1]
 
     def _meets(self, thing: ObjectInstance, standard: AcceptanceThreshold) -> bool:
@@ -140,7 +141,7 @@ class ScoredSearch(Search):
         return self.at_last and doubtful
 
     def relax(self) -> bool:
-        again = self._round + 1 < self.settings.rounds  # first everything is searched once more
+        again = self._round + 1 < self.settings.rounds  # first search everything once more
         last = self._standards.firm if again else len(self._standards.steps)
         if self._step >= last - 1:
             return False
@@ -159,7 +160,7 @@ class ScoredSearch(Search):
         self._remembered.recall(memory.get("remembered", []))
 
     def decide(self) -> Decision:
-        """Act on one, look at one again, or search on."""
+        """Decision to act on a candidate, to look at one again, or to search on."""
         options = []
         self._views.clear()
         things = self.candidates()
@@ -184,13 +185,13 @@ class ScoredSearch(Search):
         return known_once or super().chosen(decision)
 
     def conclude(self) -> Decision:
-        """Looks at candidates again for as long as that is decided."""
+        """Look at candidates again as long as the decision orders it; returns the other one."""
         while (decision := super().conclude()).do is Do.LOOK:
             self._look_again(decision)
         return decision
 
     def _look_again(self, decision: Decision) -> None:
-        """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
+        """Go to the best view of the chosen candidate, unless one is accepted on the way."""
         view = self._views[decision.chosen.id]
         assert view is not None
 
@@ -202,14 +203,14 @@ class ScoredSearch(Search):
 
 
 class ReceptacleSearch(ScoredSearch):
-    """What was learnt while the object was sought is used from the first moment."""
+    """Search for the goal receptacle. The object map of the object search counts from the start."""
 
     kind, what = "receptacle", Act.PLACE
 
     def __init__(
         self, tools: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule
     ) -> None:
-        """not_at: where the object was taken from, when start and goal are of one class."""
+        """not_at: point where the object was picked, if start and goal are of one class."""
         s = tools.settings
         within = standards(s.tau_b, False)
         super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
@@ -220,7 +221,7 @@ class ReceptacleSearch(ScoredSearch):
         return self.until_candidates(self._explorer)
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
-        """At last there is no time for another, whatever this one looks like from near."""
+        """Also True at the last threshold: no time is left for another receptacle."""
         return self.at_last or super().confirmed(near)
 
     def candidates(self) -> list[ObjectInstance]:
@@ -233,24 +234,24 @@ class ReceptacleSearch(ScoredSearch):
 
 
 class CandidateMemory:
-    """Candidates as they were when they were believed last, by id."""
+    """Newest estimates of candidates by id, also of those that the object map no longer holds."""
 
     def __init__(self) -> None:
         self._things: dict[int, ObjectInstance] = {}
 
     def note(self, candidates: Iterable[ObjectInstance]) -> None:
-        """Of one that is known already, what is believed now."""
+        """Store the present estimates of candidates."""
         self._things |= {c.id: c for c in candidates}
 
     def get(self, id: int) -> ObjectInstance | None:
         return self._things.get(id)
 
     def best(self, allowed: Callable[[ObjectInstance], bool]) -> ObjectInstance | None:
-        """The one with the largest class score times views; None where none is allowed."""
+        """Candidate with the largest class score times views; None if none is allowed."""
         return max(filter(allowed, self._things.values()), key=_spoken_for, default=None)
 
     def memory(self) -> list[str]:
-        """As JSON, for `recall`: the best ones, since it is written down before every action."""
+        """The best candidates as JSON, for `recall`; few, as every action stores them."""
         best = heapq.nlargest(MOST_WRITTEN, self._things.values(), key=_spoken_for)
         return [object_to_proto(c).SerializeToString().hex() for c in best]
 
@@ -259,5 +260,5 @@ class CandidateMemory:
 
 
 def _spoken_for(c: ObjectInstance) -> tuple[float, int]:
-    """How much the views said for it; of equals the older one."""
+    """Sort key: class score times views; of equal ones the older."""
     return c.class_score * c.views, -c.id

@@ -1,4 +1,4 @@
-"""Looking at candidates: gaze points that are left, what a view would bring, going there."""
+"""Views of candidates: gaze points that are left, the expected effect of a view, driving there."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_GAZE_POINTS = 10  # of one candidate in one request to the object map
 
 @dataclass
 class Places:
-    """A set of things, known by id and by where they are (ids change when instances merge)."""
+    """Set of places, found by instance id and by position: ids change when instances merge."""
 
     same_m: float
     ids: set[int] = field(default_factory=set)
@@ -50,7 +50,7 @@ class Places:
         self.points.clear()
 
     def memory(self) -> dict[str, Any]:
-        """As JSON, for `recall`."""
+        """State as JSON, for `recall`."""
         return {"ids": sorted(self.ids), "points": [p.tolist() for p in self.points]}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
@@ -60,14 +60,14 @@ class Places:
 
 @dataclass(frozen=True)
 class BestView:
-    """The view that would raise a candidate's score most."""
+    """View that would raise a candidate's score most."""
 
     gaze: GazePoint
     score: float
 
 
 class Looking:
-    """Knows from where each candidate was looked at on purpose."""
+    """Views of the candidates of a task; records from where each was looked at on purpose."""
 
     def __init__(
         self,
@@ -76,10 +76,14 @@ class Looking:
         settings: Settings,
         other_share: float = 0.0,
     ) -> None:
-        """other_share: of what a local search may see, what speaks for something else."""
+        """other_share: share of the evidence of an expected view that goes to the *other* class."""
         self.body, self.base, self.settings = body, base, settings
         self._other_share = other_share
-        self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's middle, from where
+        s = settings
+        self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
+        self._place_rules = GazeRules(s.gaze_distances_m, s.gaze_spacing_m, s.block_height_m)
+        self._stop_rules = GazeRules(s.stop_distances_m, s.view_spacing_m, s.block_height_m)
+        self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's centre, viewpoint
         self._views: dict[tuple, BestView | None] = {}
         self._gains: dict[tuple, float] = {}
 
@@ -93,8 +97,8 @@ class Looking:
         return self._left(thing, VIEW_RULES, 0.6 * VIEW_RULES.spacing_m)
 
     def stops_at(self, thing: ObjectInstance) -> list[GazePoint]:
-        """Where to stop before what was sought, nearest first; looked from already or not."""
-        return self._points(thing, STOP_RULES)
+        """Poses at which to stop in front of a found object, nearest first; used before or not."""
+        return self._points(thing, self._stop_rules)
 
     def _left(self, candidate: ObjectInstance, rules: GazeRules, apart_m: float) -> list[GazePoint]:
         done = self._done(candidate)
@@ -104,7 +108,7 @@ class Looking:
         ]  # fmt: skip
 
     def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
-        """With the widest margin that leads to any."""
+        """Gaze points with the widest margin that reaches any."""
         for level in self.base.levels:
             points = gaze_points(candidate, self.base.reach(level), self.body.description, rules)
             if points:
@@ -118,24 +122,24 @@ class Looking:
         ]  # fmt: skip
 
     def times(self, candidate: ObjectInstance) -> int:
-        """How often it was looked at on purpose."""
+        """Number of times that a candidate was looked at on purpose."""
         return len(self._done(candidate))
 
     def forget(self) -> None:
-        """Every gaze point may be gone to again."""
+        """Make every gaze point available again."""
         self._looked.clear()
 
     def memory(self) -> list[list[float]]:
-        """As JSON, for `recall`: middles and poses [x, y, x, y, yaw]."""
+        """Centres and poses [x, y, x, y, yaw] as JSON, for `recall`."""
         return [[*map(float, m), p.x_m, p.y_m, p.yaw_rad] for m, p in self._looked]
 
     def recall(self, memory: Sequence[Sequence[float]]) -> None:
         self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in memory]
 
-    # --- what views would bring ----------------------------------------------------------------
+    # --- expected effect of views --------------------------------------------------------------
     def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
-        """Expected gain of a local search (eq. 12); None where it cannot be gone to yet."""
-        points = self.around(receptacle)[:MOST_GAZE_POINTS]
+        """Expected gain of a local search (eq. 12); None if no gaze point can be reached."""
+        points = self.around(receptacle)[: self.settings.gaze_poses]
         if not points:
             return None
         key = (
@@ -150,7 +154,7 @@ class Looking:
         return self._gains[key]
 
     def best_view(self, thing: ObjectInstance, class_name: str) -> BestView | None:
-        """The extra view with the best Psi' (eq. 11); None where none is left."""
+        """Extra view with the best Psi' (eq. 11); None if none is left."""
         if self.times(thing) >= self.settings.extra_views:
             return None
         points = self.views_of(thing)[:MOST_GAZE_POINTS]
@@ -179,14 +183,14 @@ class Looking:
         in_place: bool,
         ask: bool,
     ) -> tuple[ViewOption, BestView | None]:
-        """A candidate with its terms; with `ask`, what one more view would bring, if it matters."""
+        """Candidate with its terms; with `ask` and a score below threshold also its best view."""
         matters = ask and thing.score < threshold
         view = self.best_view(thing, class_name) if matters else None
         distance_m = self.body.pose().distance_m(thing.center_m)
         score = view.score if view else None
         return ViewOption(thing, thing.score, score, distance_m, in_place), view
 
-    # --- going to look -------------------------------------------------------------------------
+    # --- driving to a view ---------------------------------------------------------------------
     def go_and_look(
         self,
         candidate: ObjectInstance,
@@ -194,9 +198,8 @@ class Looking:
         purpose: str,
         stop: Callable[[], bool] = never,
     ) -> Outcome:
-        """Drive to a gaze point, face the candidate, tilt the head. Reached or not, it counts as
-        looked from there, so that the same view is not asked for again; interrupted, it does not.
-        """
+        """Drive to a gaze point, face the candidate, tilt the head. The gaze point is then used,
+        reached or not, so that it is not chosen again; after an interruption it is not."""
         outcome = self.base.go_to(gaze.pose, purpose, stop)
         if outcome is Outcome.INTERRUPTED:
             return outcome

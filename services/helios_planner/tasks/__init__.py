@@ -1,1 +1,1 @@
-"""How a task is kept, told, held back, carried out and taken up again after a crash."""
+"""Tasks: storage, publication, pausing, execution and resumption after a crash."""

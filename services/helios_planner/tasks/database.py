@@ -1,7 +1,7 @@
-"""The file that tasks are kept in: opened, or put aside where it is damaged; and room for it.
+"""SQLite file of the tasks: opening it, setting a damaged one aside, and checking disk space.
 
-SQLite's write-ahead log (`-wal`) is kept short: on a small disk it would take the room that
-somebody makes.
+SQLite's write-ahead log (`-wal`) is kept short: on a small disk it would take the space that a
+person frees.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ CREATE TABLE IF NOT EXISTS journal (
 );
 CREATE TABLE IF NOT EXISTS pulse (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
 """
-ROOM_BYTES = 256 * 1024  # that the disk must have before it is trusted again
+ROOM_BYTES = 256 * 1024  # free space that the disk must have before writes are tried again
 MAKE_ROOM = (
     f"make room on that disk, at least {ROOM_BYTES // 1024} KB, or see what is wrong with it"
 )
-LOG_PAGES = 64  # of 4 KB, after which the log is written into the database
+LOG_PAGES = 64  # pages of 4 KB after which the log is written into the database
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
-_BESIDE = ("", "-wal", "-shm")  # the files of one database
+_BESIDE = ("", "-wal", "-shm")  # suffixes of the files of one database
 
 
 def opened(path: Path) -> tuple[sqlite3.Connection, str]:
-    """The database, and what is to be said of it; a damaged one is put aside for a new one.
+    """The database, and a message about its file, usually empty; a damaged file is replaced by a
+    new one.
 
-    Raises Unavailable where there cannot be one.
+    Raises Unavailable if it cannot be opened.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,12 +68,12 @@ def opened(path: Path) -> tuple[sqlite3.Connection, str]:
 
 
 def damaged(error: Exception) -> bool:
-    """Whether an error says that the file itself is broken."""
+    """True if an error means that the file itself is damaged."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGED
 
 
 def remedy(error: Exception) -> str:
-    """What a person should do about an error of the database."""
+    """Advice for a person about an error of the database."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     if damaged(error):
         return "restart the planner, which puts the file aside"
@@ -84,19 +85,19 @@ def remedy(error: Exception) -> str:
 
 
 def shorten_log(db: sqlite3.Connection) -> None:
-    """Give back the room that the log takes, as far as the disk allows."""
+    """Free the disk space of the write-ahead log, as far as the disk allows."""
     with contextlib.suppress(sqlite3.Error):
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
 
 
 def has_room(path: Path) -> bool:
-    """Whether the disk of a database has `ROOM_BYTES`. Nothing stays taken."""
+    """True if the disk of a database has `ROOM_BYTES` free. No space stays taken."""
     probe = path.with_name(f"{path.name}-room")
     try:
         with probe.open("wb") as file:
             os.posix_fallocate(file.fileno(), 0, ROOM_BYTES)
     except OSError as error:
-        return error.errno not in _NO_ROOM  # what else is wrong shows when it is written
+        return error.errno not in _NO_ROOM  # other errors show when the database is written
     finally:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
@@ -112,7 +113,7 @@ def _connected(path: Path) -> sqlite3.Connection:
         db.execute("PRAGMA synchronous=NORMAL")
         db.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES}")
         db.execute("PRAGMA journal_size_limit=0")
-        for table in ("tasks", "journal", "pulse"):  # as far as they are read at the start
+        for table in ("tasks", "journal", "pulse"):  # detects damage at the start
             db.execute(f"SELECT * FROM {table}").fetchall()
     except BaseException:
         db.close()
@@ -121,7 +122,7 @@ def _connected(path: Path) -> sqlite3.Connection:
 
 
 def _put_aside(path: Path) -> Path:
-    """Rename the files of a database; the new name of its first."""
+    """Rename the files of a damaged database; returns the new name of the first."""
     n = 1
     while (aside := path.with_name(f"{path.name}.damaged-{n}")).exists():
         n += 1

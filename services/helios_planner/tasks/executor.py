@@ -1,4 +1,4 @@
-"""One task from its start, or from where a planner that died left it, to its end."""
+"""Execution of one task, from its start or from its journal after a crash, to its end."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ log = logging.getLogger(__name__)
 
 
 class TaskExecutor:
-    """One life of a task. `cancelled` ends it within an action, `hold` pauses it."""
+    """One life of a task: its execution by one planner process. `cancelled` ends it within an
+    action, `hold` pauses it."""
 
     def __init__(
         self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: KeyframeAcks,
@@ -48,7 +49,7 @@ class TaskExecutor:
         self._calls = TaskCalls(bus, self._journal, hold, self._reporter, settings.keep_within_s)
 
     def run(self) -> None:
-        """Until it has ended, or was cancelled because the planner ends; the registry says that."""
+        """Run the task until it ends or the planner closes; the registry publishes the end."""
         body: RobotClient | None = None
         mission: Mission | MoveMission | None = None
         try:
@@ -94,14 +95,14 @@ class TaskExecutor:
         self._registry.end(self._task.id, state, message, cause, seen_at_goal=seen)
 
     def _left(self, body: RobotClient | None) -> str:
-        """How the robot is left by a task that does not go on."""
+        """Message about the robot after a task that does not go on."""
         if not self._journal.is_settled:
             return "the robot has not answered its last action and may still be at it"
         held = self._held(body)
         return f"the robot stands; {held}" if held else "the robot stands"
 
     def _held(self, body: RobotClient | None) -> str:
-        """What the robot still holds; empty for nothing, and where it is not asked."""
+        """Message about the held object; empty if there is none, or if it is not queried."""
         if body is None or not self._journal.is_settled:
             return ""
         try:
@@ -114,7 +115,8 @@ class TaskExecutor:
         return RobotConnection(self._calls, self._settings, self._cancelled, self._reporter.on_wait)
 
     def _body(self, context_id: str) -> RobotClient:
-        """Each life has its own ids of actions, so that none is taken for an earlier one."""
+        """The task's robot client. Each life has its own action ids, so that none repeats
+        an earlier one."""
         life = self._journal.entry.life
         body = RobotClient(
             self._bus, self._line(), self._settings, self._robot, self._acks,
@@ -131,21 +133,21 @@ class TaskExecutor:
         return Mission(body, instruction, self._settings, self._task.agent)
 
     def _parts(self) -> Sequence[str]:
-        """Of a keyframe that must be answered before the next action: who only moves needs no
-        detector."""
+        """Parts of a keyframe that must be acknowledged before the next action. A task that only
+        moves needs no detector."""
         if self._task.instruction.kind.only_moves:
             return (MapPart.OCCUPANCY,)
         return agent_named(self._task.agent).belief.answered
 
     def _take_up(self, mission: Mission | MoveMission) -> None:
-        """Settle the action in flight, and remember what was known."""
+        """Settle the action in flight, and restore the mission's state."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
         last = last_action(self._line(), self._settings, self._journal, lambda: self._calls.held_s)
         if self._journal.entry.memory:
             mission.recall(self._journal.entry.memory, last)
 
     def _named(self) -> None:
-        """The task in the detector's names; waits for a detector that is away."""
+        """Translate the task's names to the detector's; waits for a detector that is away."""
         named = in_vocabulary(self._task.instruction, self._line().call(VOCABULARY, pb.Empty()))
         self._task = self._registry.change(self._task.id, instruction=named)
 

@@ -1,4 +1,4 @@
-"""What the planner tells others: tasks, decisions and plans as messages."""
+"""Conversion of tasks, decisions and plans to protobuf messages and back."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from helios_planner.task import Cause, Phase, State, Task
 
 
 def task_to_proto(task: Task) -> pb.Task:
-    """As it is told and kept."""
+    """Message of a task, as published and stored."""
     i = task.instruction
     task_message = pb.Task(
         id=task.id,
@@ -61,7 +61,7 @@ def task_to_proto(task: Task) -> pb.Task:
 
 
 def task_from_proto(task: pb.Task) -> Task:
-    """What `task_to_proto` wrote, but for when it may end: that was said then."""
+    """Inverse of `task_to_proto`, except for the estimated end, which is out of date."""
     return Task(
         id=task.id,
         text=task.instruction,
@@ -102,8 +102,8 @@ def _point_from_proto(point: pb.GoalPoint) -> Point:
 def decision_to_proto(
     decision: Decision, task: Task, index: int, frame: FrameId | None, made_s: float
 ) -> pb.Decision:
-    """index: number of the decision in its task; frame: the newest keyframe that it knew; made_s:
-    seconds since 1970."""
+    """Message of a decision. index: its number in the task; frame: newest keyframe before it;
+    made_s: seconds since 1970."""
     out = pb.Decision(
         task_id=task.id,
         index=index,
@@ -123,7 +123,7 @@ def decision_to_proto(
 
 
 def decision_from_proto(message: pb.Decision) -> Decision:
-    """What `decision_to_proto` wrote."""
+    """Inverse of `decision_to_proto`."""
     chosen = [k for k, c in enumerate(message.candidates) if c.chosen]
     return Decision(
         rule=message.rule,
@@ -137,7 +137,7 @@ def decision_from_proto(message: pb.Decision) -> Decision:
 
 
 def recomputed_to_proto(recomputed: Recomputed) -> pb.Recomputed:
-    """What a decision would have been under other settings."""
+    """Message of a decision recomputed under other settings."""
     d = recomputed.decision
     return pb.Recomputed(
         do=d.do,
@@ -172,7 +172,7 @@ def _candidate_from_proto(c: pb.Candidate) -> Candidate:
 def plan_to_proto(
     task_id: str, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str
 ) -> pb.Plan:
-    """route_m: [n, 2], world; goal: the pose at its end, None where none is asked for."""
+    """Message of a plan. route_m: [n, 2], world; goal: the pose at its end, None without one."""
     out = pb.Plan(task_id=task_id, path_m=route_m.ravel().tolist(), purpose=purpose)
     if goal is not None:
         out.goal.CopyFrom(pb.Pose2(x_m=goal.x_m, y_m=goal.y_m, yaw_rad=goal.yaw_rad))

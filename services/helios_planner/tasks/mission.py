@@ -1,4 +1,4 @@
-"""The flow of a task (paper section 3.2, appendix 6.1): find, pick, find, place."""
+"""Flow of a task with objects (paper section 3.2, appendix 6.1): find, pick, find, place."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from helios_planner.tasks.run_control import LastAction
 
 
 class Mission:
-    """One task from beginning to end; `run` returns the sentence of its success."""
+    """One task from start to end; `run` returns the message of its success."""
 
     def __init__(
         self, body: RobotInterface, instruction: Instruction, settings: Settings, agent: str = ""
@@ -46,17 +46,17 @@ class Mission:
         self.skills = Manipulation(body, base, settings, belief, attempts)
         self.looked_around = self.placed = False
         self.seen_at_goal: bool | None = (
-            None  # of what was placed; None: nothing was that it knows of
+            None  # True if the placed object is seen there; None: nothing is known to be placed
         )
-        self.target_m: np.ndarray | None = None  # what is being picked
+        self.target_m: np.ndarray | None = None  # centre of the object to pick
         self.picked_at_m: np.ndarray | None = None
-        self.unsure: dict[Phase, str] = {}  # what is to be said of what was settled for
-        self._fell = ""  # why the next search is for what was held already
-        self.search: Search | None = None  # the one that goes on
-        self._recalled: Mapping[str, Any] | None = None  # of the search that went on
+        self.unsure: dict[Phase, str] = {}  # notes about doubtful choices, for the final message
+        self._fell = ""  # message about a fall, for the next search
+        self.search: Search | None = None  # the current one
+        self._recalled: Mapping[str, Any] | None = None  # memory of the interrupted search
 
     def run(self) -> str:
-        """Raises TaskFailed and TaskCancelled."""
+        """Run the task; returns its message. Raises TaskFailed and TaskCancelled."""
         i = self.instruction
         if i.kind is Kind.MOVE and self.picked_at_m is None and not self.placed:
             self._take_over(i.object or "")
@@ -73,10 +73,10 @@ class Mission:
         if i.kind is Kind.FIND:
             search = self.agent.seek_object(self.tools, i.object, i.start)
             if isinstance(search, ScoredSearch):
-                search.what = Act.STOP  # in its sentences
+                search.what = Act.STOP  # for its explanations
             return self._show(self._begun(search))
         assert i.goal
-        if self.placed:  # while nobody was there to look
+        if self.placed:  # placed before a restart: nobody looked since
             self.seen_at_goal = False
         while not self.placed:
             try:
@@ -92,8 +92,8 @@ class Mission:
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
 
     def _take_over(self, name: str) -> None:
-        """What an earlier task left in the gripper: what is asked for is only to be placed, and
-        anything else is in the way. Raises TaskFailed."""
+        """Use an object that an earlier task left in the gripper: the right one only needs to be
+        placed. Raises TaskFailed for any other."""
         held = self.body.held()
         if held and held != name:
             message = f"the gripper is not free for the {name}: a {held} is in it"
@@ -103,7 +103,7 @@ class Mission:
             self.tools.base.monitor.carrying = True
 
     def _begun(self, search: Search) -> Search:
-        """The search that goes on from now; one that was cut off remembers what it knew."""
+        """Make a search the current one; an interrupted search gets its memory back."""
         recalled, self._recalled = self._recalled, None
         if recalled is not None and recalled["phase"] == search.phase:
             search.recall(recalled)
@@ -114,9 +114,9 @@ class Mission:
         search.tell(f"looking for the {search.name}")
         return search
 
-    # --- over a restart ------------------------------------------------------------------------
+    # --- restart -------------------------------------------------------------------------------
     def memory(self) -> dict[str, Any]:
-        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        """State that must outlive a crash of the planner, as JSON, for `recall`."""
         search = self.search
         return {
             "looked_around": self.looked_around,
@@ -129,7 +129,7 @@ class Mission:
         }
 
     def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
-        """Go on from there; `last`: what came of the newest action. Raises TaskFailed."""
+        """Restore the state; `last`: outcome of the newest action. Raises TaskFailed."""
         self.looked_around = memory["looked_around"]
         self.target_m = _array(memory["target_m"])
         self.picked_at_m = _array(memory["picked_at_m"])
@@ -152,7 +152,7 @@ class Mission:
         self.tools.base.monitor.carrying = self.picked_at_m is not None and not self.placed
 
     def _was_picked(self, name: str) -> None:
-        """It was picked while nobody was there to see it."""
+        """Record a pick that succeeded while the planner was away."""
         assert self.target_m is not None
         self.picked_at_m, self._recalled = self.target_m, None
         thing = nearest_to(self.target_m, self.tools.belief.known(name), SAME_THING_M)
@@ -160,7 +160,7 @@ class Mission:
             self.tools.belief.taken(thing)
 
     def _pick(self, name: str, start: str | None) -> np.ndarray:
-        """Until something is held; where it was."""
+        """Search and pick until an object is held; returns where it was."""
         search = self.agent.seek_object(self.tools, name, start)
         search.accept_likeliest_after(self.settings.pick_at_last)
         self._begun(search)
@@ -182,7 +182,7 @@ class Mission:
             self._give_up(search, Act.PICK, found, done)
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
-        """Until it is put down; and whether it is seen there then."""
+        """Search and place until the object is put down, then check if it is seen there."""
         search = self.agent.seek_receptacle(self.tools, goal, not_at)
         search.accept_likeliest_after(self.settings.place_at_last)
         search.rounds = self.settings.rounds_held
@@ -209,14 +209,14 @@ class Mission:
             self._give_up(search, Act.PLACE, found, done)
 
     def _note_if_unsure(self, search: Search, found: ObjectInstance) -> None:
-        """Before it is acted on, so that a planner that dies in the act still tells it."""
+        """Record a doubtful choice before the action, so that it outlives a restart."""
         self.unsure.pop(search.phase, None)
         if search.accepted_as_likeliest(found):
             said = f"no surer {search.name} was found than this one ({found.score:.2f})"
             self.unsure[search.phase] = said
 
     def _give_up(self, search: Search, what: Act, found: ObjectInstance, done: Done) -> None:
-        """Leave what did not work, or doubt it, and tell why."""
+        """Leave or doubt a candidate, and publish the reason."""
         reason = self.skills.last_reason or "it did not work"
         if done is Done.DOUBTED:
             reason = search.why_not(self.skills.near)
@@ -231,8 +231,8 @@ class Mission:
     def _seen(
         self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]
     ) -> bool:
-        """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen
-        elsewhere."""
+        """True if the placed object is seen on the receptacle. Raises TaskFailed if it is
+        seen beside it."""
         least, surface_m = self.settings.cs_g, self.skills.surface_m
         seen, thing = look_after(
             self.body, receptacle, before, lambda: self.tools.belief.known(name), least, surface_m
@@ -249,7 +249,7 @@ class Mission:
     def _go_to(self, goal: str) -> None:
         search = self.agent.seek_receptacle(self.tools, goal, None)
         if isinstance(search, ScoredSearch):
-            search.what = Act.STOP  # in its sentences
+            search.what = Act.STOP  # for its explanations
         search = self._begun(search)
         looking, pose = self.tools.looking, self.body.pose
         while True:
@@ -263,9 +263,9 @@ class Mission:
             search.leave(found, out_of_reach=True)
 
     def _show(self, search: Search) -> str:
-        """Find a thing and stop before it, or as near as a way leads; it must still be believed
-        from there."""
-        looking, near_m = self.tools.looking, max(STOP_RULES.distances_m)
+        """Find an object and stop in front of it, or as near as a path leads. Its score from there
+        must still reach the threshold."""
+        looking, near_m = self.tools.looking, max(self.settings.stop_distances_m)
         while True:
             used = self.body.budget_used()
             found = search.find()
@@ -281,11 +281,11 @@ class Mission:
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
             search.give_up(Act.STOP, found, worse or search.why_not(None))
-            if self.body.budget_used() == used:  # nothing was done, and nothing else would be
+            if self.body.budget_used() == used:  # without a step, another try would end the same
                 search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)
 
     def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
-        """Go to the first of these that can be got to, for as long as it is worth to."""
+        """Drive to the first reachable gaze point, as long as the belief supports the object."""
         go, purpose = self.tools.looking.go_and_look, f"show the {found.class_name}"
         for gaze in points:
             outcome = go(found, gaze, purpose, lambda: not self.tools.belief.holds(found))

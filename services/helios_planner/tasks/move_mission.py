@@ -1,4 +1,4 @@
-"""The flow of a task that only moves the robot: to a point, home, or all over the home."""
+"""Flow of a task that only moves the robot: to a point, home, or to explore the home."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed, TimeIsUp
 from helios_planner.tasks.run_control import LastAction
 
-GO_WITHIN_M = 0.25  # stopping distance to a goal that the robot cannot stand on
-HOME_WITHIN_M = 0.5  # the robot may have begun where it is too narrow to go
+HOME_WITHIN_M = 0.5  # the robot may have started in a place too narrow to return to
 
 
 class MoveMission:
-    """One such task from beginning to end; `run` returns the sentence of its success."""
+    """One motion task from start to end; `run` returns the message of its success."""
 
     seen_at_goal: bool | None = None  # nothing is placed
 
@@ -36,7 +35,7 @@ class MoveMission:
         self._recalled: Mapping[str, Any] = {"walls": []}
 
     def run(self) -> str:
-        """Raises TaskFailed and TaskCancelled."""
+        """Run the task; returns its message. Raises TaskFailed and TaskCancelled."""
         match self.instruction.kind:
             case Kind.EXPLORE:
                 return self._explore()
@@ -47,9 +46,9 @@ class MoveMission:
                 assert point is not None
                 return self._go((point.x_m, point.y_m), point.yaw_rad, GO_WITHIN_M, "the goal")
 
-    # --- over a restart ------------------------------------------------------------------------
+    # --- restart -------------------------------------------------------------------------------
     def memory(self) -> dict[str, Any]:
-        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        """State that must outlive a crash of the planner, as JSON, for `recall`."""
         going = self._recalled if self.point_goal is None else self.point_goal.memory()
         return {
             "looked_around": self.looked_around,
@@ -59,7 +58,7 @@ class MoveMission:
         }
 
     def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
-        """Go on from there. What came of the newest action shows in where the robot stands."""
+        """Restore the state. The robot's pose shows the outcome of the newest action."""
         self.looked_around = memory["looked_around"]
         self.base.recall(memory)
         self.exploration.recall(memory["exploration"])
@@ -104,7 +103,7 @@ class MoveMission:
 
     # --- exploring -----------------------------------------------------------------------------
     def _explore(self) -> str:
-        """The end of its time is the end of an exploration, and no failure."""
+        """Explore the home. The end of the task's time ends it without failure."""
         exploration = self.exploration
         try:
             if not self.looked_around:

@@ -1,9 +1,9 @@
-"""How far a task is, and in how many seconds it may end, as a range.
+"""Progress of a task, and the range of seconds until its end.
 
-Steps that are left are a range: the fewest, as if what is sought stood at the end of the present
-way, and the most, as if it stood at the last of the places that are known. Seconds are steps times
-the seconds that this task took for a step so far. What a search will find nobody knows: the range
-is wide where little is known.
+The steps left are a range. The fewest assume that the sought object is at the end of the present
+path, the most that it is at the last of the known places. Seconds are steps times the seconds per
+step of this task so far. The result of a search cannot be predicted: the range is wide where little
+is known.
 """
 
 from __future__ import annotations
@@ -15,49 +15,49 @@ from collections.abc import Mapping, Sequence
 from helios_planner.instruction.parser import Kind
 from helios_planner.task import Phase
 
-LEAST_STEPS = 5  # before a pace is told
-RECENT = 20  # steps whose pace may differ from that of the whole task
-LONGEST_STEP_S = 120.0  # what lasts longer is not the robot's pace
+LEAST_STEPS = 5  # before an estimate is published
+RECENT = 20  # newest steps, whose pace may differ from the whole task's
+LONGEST_STEP_S = 120.0  # a longer step does not count for the pace
 
-# Steps of a phase of which nothing is known yet: about the fewest and the most that tasks in the
-# simulated homes took with a perfect detector (docs/results/ground-truth).
+# Steps of a phase without any knowledge: about the fewest and the most in the simulated homes with
+# a perfect detector (docs/results/ground-truth).
 TYPICAL: Mapping[Phase, tuple[float, float]] = {
     Phase.FIND_OBJECT: (20, 300),
     Phase.PICK: (3, 40),
     Phase.FIND_RECEPTACLE: (3, 200),
     Phase.PLACE: (3, 40),
-    Phase.GO: (1, 80),  # to another room and around what stands in the way
+    Phase.GO: (1, 80),  # to another room and around obstacles
     Phase.EXPLORE: (20, 300),
 }
 UNKNOWN_PHASE = (1.0, 300.0)
 PHASES: Mapping[Kind, Sequence[Phase]] = {
     Kind.MOVE: (Phase.FIND_OBJECT, Phase.PICK, Phase.FIND_RECEPTACLE, Phase.PLACE)
 }
-STEPS_A_PLACE = 25.0  # to go to a place and look, before this task has been at any
-STEPS_A_M = (1.0, 8.0)  # of a way: straight on, or with many turns
+STEPS_A_PLACE = 25.0  # to go to a place and look, before this task has visited any
+STEPS_A_M = (1.0, 8.0)  # per metre of path: straight, or with many turns
 ROUNDS = 2  # a search may go over all places once more
-CREEP = 0.001  # share of what is left that a step is worth at least
+CREEP = 0.001  # least progress per step, as a share of the rest
 MOST_PROGRESS = 0.99  # before it has succeeded
 
 
 class ProgressEstimate:
-    """Of one life of a task; told of all that it does, by one thread. `progress` never falls."""
+    """Estimate for one life of a task, updated by one thread. `progress` never falls."""
 
     def __init__(self, kind: Kind, max_steps: int, steps: int, progress: float) -> None:
-        """steps, progress: from where it goes on."""
+        """steps, progress: values at the start of this life."""
         self._kind, self._max_steps, self._steps = kind, max_steps, steps
         self.progress = progress
         self._phase: Phase | None = None
         self._phase_began = steps
-        self._places, self._decided = 0, 0  # left to go to; decisions in this phase
+        self._places, self._decided = 0, 0  # places left to visit; decisions in this phase
         self._way_m = 0.0
-        self._last_s: float | None = None  # of the newest step; None: a pause came after it
+        self._last_s: float | None = None  # time of the newest step; None after a pause
         self._took_s, self._counted = 0.0, 0
         self._recent_s: deque[float] = deque(maxlen=RECENT)
 
-    # --- what is heard -------------------------------------------------------------------------
+    # --- events --------------------------------------------------------------------------------
     def on_step(self, steps: int, now_s: float) -> None:
-        """A step was done at a time of any clock that does not stand."""
+        """Count a finished step; now_s: time of any monotonic clock."""
         if self._last_s is not None and 0 <= (took_s := now_s - self._last_s) <= LONGEST_STEP_S:
             self._took_s, self._counted = self._took_s + took_s, self._counted + 1
             self._recent_s.append(took_s)
@@ -66,7 +66,7 @@ class ProgressEstimate:
         self._rise_to_now()
 
     def on_rest(self) -> None:
-        """It stands: until the next step the time does not count."""
+        """The robot stands: the time until the next step does not count."""
         self._last_s = None
 
     def on_phase(self, phase: Phase) -> None:
@@ -75,16 +75,16 @@ class ProgressEstimate:
             self._places, self._decided, self._way_m = 0, 0, 0.0
 
     def on_choice(self, places: int) -> None:
-        """It decided where to go next, among so many places."""
+        """Count a decision for the next place, among this number of places."""
         self._places, self._decided = places, self._decided + 1
 
     def on_way(self, length_m: float) -> None:
         self._way_m = length_m
 
-    # --- what is told --------------------------------------------------------------------------
+    # --- estimates -----------------------------------------------------------------------------
     def eta_s(self, left_s: float = math.inf) -> tuple[float, float] | None:
-        """Seconds until it ends: at least and at most, as far as can be told; None before it has a
-        pace. left_s: until its time limit."""
+        """Seconds until its end, at least and at most; None before LEAST_STEPS steps. left_s: until
+        its time limit."""
         if self._counted < LEAST_STEPS:
             return None
         whole_s = self._took_s / self._counted
@@ -94,7 +94,7 @@ class ProgressEstimate:
         return min(low * min(whole_s, recent_s), high_s), high_s
 
     def steps_left(self) -> tuple[float, float]:
-        """The fewest and the most."""
+        """Fewest and most steps until its end."""
         phases = PHASES.get(self._kind, ())
         later = phases[phases.index(self._phase) + 1 :] if self._phase in phases else ()
         if self._phase is None:

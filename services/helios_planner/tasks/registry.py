@@ -1,4 +1,4 @@
-"""The tasks of this planner: added, changed, reported, ended, and read again after a restart."""
+"""Registry of the planner's tasks: adding, changing, publishing, ending and restoring them."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ UNPROVEN = (
     "task again"
 )
 NOT_KEPT = "this could not be kept: a planner that is restarted will not know it"
-PLACES = ("frontier", "receptacle")  # candidates that are places to go to and look
+PLACES = ("frontier", "receptacle")  # candidates that are places to visit
 LONGEST_RESERVATION_S = 600.0
-LONGEST_REASON = 200  # letters
+LONGEST_REASON = 200  # characters
 
 
 class TaskRegistry:
-    """Thread-safe; no lock is held while the bus is used. While `closing` is set, a cancelled task
-    is one that the planner left, and `close` ends it.
+    """Registry of tasks. Thread-safe; no lock is held during calls to the bus. While `closing` is
+    set, a cancelled task is one that the planner left, and `close` ends it.
 
-    A task is told as ended when that is kept. Where it cannot be kept, its message says so, and
-    `mend` tells it as ended later: once it is kept, or when that has not come for `keep_within_s`.
+    A task is published as ended once its end is stored. If the store refuses it, the task's message
+    reports that, and `mend` publishes the end later: once it is stored, or after `keep_within_s`.
     """
 
     def __init__(self, bus: Bus, settings: Settings, health: Health, store: Store) -> None:
@@ -59,15 +59,15 @@ class TaskRegistry:
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._tasks: dict[str, Task] = {}
         self._cancelled: set[str] = set()  # running tasks that are to end, but have not yet
-        self._ends: dict[str, Task] = {}  # how tasks have ended of which that is not kept yet
-        self._unkept: set[str] = set()  # tasks that the store does not have as they are
+        self._ends: dict[str, Task] = {}  # ended tasks whose end is not stored yet
+        self._unkept: set[str] = set()  # tasks whose stored state is out of date
         self.closing = threading.Event()
 
     def restore(self) -> list[str]:
-        """Read what was kept; the tasks to do, first what ran when the planner died a moment
-        ago. Where that is longer ago, or the planner was stopped, the robot begins nothing by
-        itself: what is queued waits to be resumed. The same where nothing proves that all was
-        kept; and of several that ran only the newest may."""
+        """Read the stored tasks; returns the ids of those to do, first the one that ran when the
+        planner died. It resumes only if the planner died within `resume_within_s`, was not stopped,
+        and the store is proven complete. Else it ends, and queued tasks wait to be resumed. Of
+        several running tasks only the newest resumes."""
         away_s = time.time() - self._store.alive_s()
         just_left = away_s <= self._settings.resume_within_s
         readable = filter(None, map(_readable, self._store.tasks()))
@@ -101,11 +101,11 @@ class TaskRegistry:
         return True
 
     def pulse(self) -> None:
-        """The planner is alive now."""
+        """Store that the planner is alive now."""
         self._store.pulse(time.time())
 
     def mend(self) -> None:
-        """Write what could not be written, and tell the ends that waited for it."""
+        """Write the outdated tasks, and publish the ends that waited for it."""
         with self._writing:
             with self._lock:
                 ends = dict(self._ends)
@@ -133,7 +133,7 @@ class TaskRegistry:
                 self._tell_end(task.with_(message=f"{task.message}; {NOT_KEPT}"))
 
     def close(self) -> None:
-        """End what is still under way, and the store."""
+        """End the running tasks, and close the store."""
         for id in [task.id for task in self.tasks() if task.state.under_way]:
             with self._lock:
                 ended = self._ends.get(id)
@@ -145,7 +145,8 @@ class TaskRegistry:
         self._store.close()
 
     def _leave(self, id: str, why: str) -> None:
-        """End a task that the planner does not go on with: the next one would say the same."""
+        """End a task that cannot go on, and publish it even if it is not stored: the next planner
+        would end it too."""
         self.end(id, State.FAILED, f"the planner {why}", Cause.SYSTEM_ERROR)
         with self._lock:
             waits = self._ends.get(id)
@@ -154,12 +155,12 @@ class TaskRegistry:
 
     # --- one task ------------------------------------------------------------------------------
     def tasks(self) -> list[Task]:
-        """All, oldest first."""
+        """All tasks, oldest first."""
         with self._lock:
             return sorted(self._tasks.values(), key=lambda t: t.created_s)
 
     def known(self, id: str) -> Task:
-        """Raises InvalidInput for one that there is not."""
+        """The task with an id. Raises InvalidInput for an unknown one."""
         with self._lock:
             task = self._tasks.get(id)
         if task is None:
@@ -167,7 +168,7 @@ class TaskRegistry:
         return task
 
     def check_keeping(self) -> None:
-        """Raises Unavailable while tasks cannot be kept."""
+        """Raises Unavailable while tasks cannot be stored."""
         if self._store.fault:
             raise self._not_taken()
 
@@ -175,8 +176,8 @@ class TaskRegistry:
         return Unavailable(f"no task is taken now: {self._store.fault}; then submit it again")
 
     def add(self, task: Task) -> pb.Task:
-        """A new one, kept before it is told; of those that ended long ago the oldest is forgotten.
-        Raises Unavailable where it cannot be kept."""
+        """Store a new task, then publish it; the oldest ended ones beyond `keep_tasks` are deleted.
+        Raises Unavailable if it cannot be stored."""
         message = task_to_proto(task)
         if not self._store.put(message, safe=True):
             raise self._not_taken()
@@ -193,7 +194,7 @@ class TaskRegistry:
         return message
 
     def change(self, id: str, **changes: object) -> Task:
-        """The task with these fields; one that has ended stays as it ended."""
+        """Set fields of a task and return it; an ended task does not change."""
         with self._lock:
             if self._tasks[id].state.ended:
                 return self._tasks[id]
@@ -203,8 +204,8 @@ class TaskRegistry:
         return task
 
     def cancel(self, id: str) -> None:
-        """A running task is to end. It is kept at once, so that a planner which dies before the
-        task obeys does not go on against it."""
+        """Mark a running task to end. This is stored at once: if the planner dies before the task
+        ends, the next planner does not resume it."""
         with self._lock:
             self._cancelled.add(id)
         self._keep(id, safe=True)
@@ -212,7 +213,7 @@ class TaskRegistry:
     def end(
         self, id: str, state: State, message: str, cause: Cause | None = None, **more: object
     ) -> None:
-        """more: other fields of the task, known at its end. What has ended stays as it ended."""
+        """End a task, unless it has ended. more: other fields that are known at its end."""
         if state is State.CANCELLED and self.closing.is_set():
             return
         if state is State.SUCCEEDED:
@@ -230,7 +231,7 @@ class TaskRegistry:
             self._tell_end(task)
             return
         with self._lock:
-            if id not in self._ends:  # it was told meanwhile
+            if id not in self._ends:  # it was published meanwhile
                 return
             waits = f"{message}; told as {state} once that is kept: {self._store.fault}"
             present = self._tasks[id] = self._tasks[id].with_(message=waits, eta_s=None)
@@ -238,7 +239,7 @@ class TaskRegistry:
         self.publish(TASK, task_to_proto(present))
 
     def has_ended(self, id: str) -> bool:
-        """Whether a task goes on no more, also where that is not told yet."""
+        """True if a task has ended, even if that is not published yet."""
         with self._lock:
             return id in self._ends or self._tasks[id].state.ended
 
@@ -252,9 +253,9 @@ class TaskRegistry:
         self._health.count(f"tasks_{task.state}")
         log.info("task %s %s: %s", task.id, task.state, task.message)
 
-    # --- telling -------------------------------------------------------------------------------
+    # --- storing and publishing ----------------------------------------------------------------
     def _keep(self, id: str, safe: bool = False) -> None:
-        with self._writing:  # what is written last is what is newest
+        with self._writing:  # the last write holds the newest state
             with self._lock:
                 task = self._to_keep(id)
             if task is None:
@@ -264,14 +265,14 @@ class TaskRegistry:
                 (self._unkept.discard if kept else self._unkept.add)(id)
 
     def _to_keep(self, id: str) -> Task | None:
-        """A task as the next planner is to know it. The lock is held."""
+        """Task as the next planner must read it. The caller holds the lock."""
         task = self._ends.get(id) or self._tasks.get(id)
         if task is not None and id in self._cancelled and not task.state.ended:
             task = task.with_(state=State.CANCELLED, message="cancelled", ended_s=time.time())
         return task
 
     def keep(self, decision: pb.Decision) -> None:
-        """Store a decision and tell it."""
+        """Store a decision and publish it."""
         self._store.add(decision)
         self.publish(DECISION, decision)
 
@@ -283,7 +284,7 @@ class TaskRegistry:
 
 
 def _readable(stored: pb.Task) -> Task | None:
-    """A task as it was kept; None for one that this planner cannot read."""
+    """The stored task; None if this planner cannot read it."""
     try:
         return task_from_proto(stored)
     except ValueError as error:
@@ -292,7 +293,7 @@ def _readable(stored: pb.Task) -> Task | None:
 
 
 def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "") -> str:
-    """What a queued task says of itself; reserved: why none is begun now."""
+    """Message of a queued task. reserved: why none starts now."""
     words = f"waits for its turn: {reserved}" if reserved else "waits for its turn"
     if not robot_known:
         words += "; the bridge has not described the robot yet"
@@ -302,9 +303,9 @@ def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "
 
 
 class Reservation:
-    """A time in which no task is begun, since somebody replaces the maps that tasks rely on.
+    """Time in which no task starts, while a client replaces the maps that tasks rely on.
 
-    There is at most one. It ends by itself. Use it under the lock of the planner's queue.
+    There is at most one. It expires by itself. The lock of the planner's queue guards it.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -313,11 +314,12 @@ class Reservation:
 
     @property
     def why(self) -> str:
-        """What tasks wait for now; empty for nothing."""
+        """Reason that tasks wait for; empty without a reservation."""
         return self._why if self._token and self._clock() < self._ends_s else ""
 
     def begin(self, why: str, for_s: float) -> str:
-        """Its token. Raises InvalidInput, and Conflict while there is another one."""
+        """Begin a reservation and return its token. Raises InvalidInput, and Conflict
+        during another one."""
         if not (math.isfinite(for_s) and 0 < for_s <= LONGEST_RESERVATION_S):
             raise InvalidInput(
                 f"for_s is {for_s}; wanted more than 0 and at most {LONGEST_RESERVATION_S:g} s"
@@ -331,13 +333,13 @@ class Reservation:
         return self._token
 
     def end(self, token: str) -> None:
-        """Without effect for one that is over."""
+        """End the reservation; no effect on one that is over."""
         if token == self._token:
             self._token = ""
 
 
 class TaskReporter:
-    """Tells how one task goes; called from the worker alone."""
+    """Publishes the progress of one task; called from the worker alone."""
 
     def __init__(
         self, registry: TaskRegistry, task: Task, settings: Settings, first_decision: int = 0
@@ -350,7 +352,7 @@ class TaskReporter:
         self._ends_s = task.started_s + limit_s if limit_s else math.inf
         self._decisions = first_decision
         self._frame: FrameId | None = None  # the newest
-        self._before: str | None = None  # what was told before it had to wait
+        self._before: str | None = None  # message before a wait
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
         self._pace.on_phase(phase)
@@ -375,7 +377,7 @@ class TaskReporter:
         self._registry.change(self._id, state=State.RUNNING, message="goes on")
 
     def on_wait(self, what: str | None) -> None:
-        """Somebody is away; None: they are there again, and it goes on with what it did."""
+        """Publish that a service is away; None: it is back, and the earlier message returns."""
         if self._before is None:
             self._before = self._registry.known(self._id).message
         message = self._before if what is None else f"waits for {what}"
@@ -384,7 +386,7 @@ class TaskReporter:
             self._before = None
 
     def on_hold(self, paused: bool) -> None:
-        """Somebody paused the task, or lets it go on."""
+        """Publish that the task is paused or goes on."""
         if paused:
             self._rest(state=State.PAUSED, message=HELD)
         else:
@@ -408,7 +410,7 @@ class TaskReporter:
         self._registry.publish(PLAN, plan_to_proto(self._id, route_m, goal, purpose))
 
     def _rest(self, **changes: object) -> None:
-        """It stands, and nobody knows for how long."""
+        """Publish a change while the robot stands for an unknown time."""
         self._pace.on_rest()
         self._registry.change(self._id, eta_s=None, **changes)
 

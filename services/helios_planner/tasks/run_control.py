@@ -1,8 +1,8 @@
-"""Controls one running task: its journal before every action, pause, time limit, and recovery.
+"""Control of one running task: its journal before every action, pause, time limit, and recovery.
 
-A journal entry holds the newest action, its id, its result, and the memory of the mission. A
-planner that takes the task up again repeats that action under the same id. The bridge carries out
-an id once, so no action is repeated and none is left out.
+A journal entry holds the newest action, its id, its result, and the mission's memory. A planner
+that resumes the task repeats that action under the same id. The bridge carries out an id once, so
+no action is repeated or left out.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 
 class Journal:
-    """Of one running task; used by its worker alone. `memory` gives what the mission remembers."""
+    """Journal of one running task, for its worker alone. `memory` returns the mission's memory."""
 
     def __init__(self, store: Store, task_id: str, entry: Entry) -> None:
         self._store, self.task_id, self.entry = store, task_id, entry
@@ -39,16 +39,16 @@ class Journal:
 
     @property
     def is_settled(self) -> bool:
-        """Whether it is known what came of the newest action."""
+        """True if the outcome of the newest action is known."""
         return self.entry.request is None or self.entry.result is not None
 
     @property
     def fault(self) -> str:
-        """Why nothing can be kept now."""
+        """Why the store cannot write now; empty if it can."""
         return self._store.fault
 
     def before(self, request: pb.ActionRequest) -> bool:
-        """Whether an action is written down, so that it may begin."""
+        """Write an action before it begins; False if it could not be written."""
         entry = replace(self.entry, request=request, result=None, memory=self.memory())
         if not self._store.keep(self.task_id, entry):
             return False
@@ -62,7 +62,7 @@ class Journal:
         self._keep(replace(self.entry, result=result, epoch=epoch))
 
     def note(self) -> None:
-        """What is remembered now."""
+        """Write the mission's present memory."""
         self._keep(replace(self.entry, memory=self.memory()))
 
     def _keep(self, entry: Entry) -> None:
@@ -71,21 +71,21 @@ class Journal:
 
 
 class TaskCalls:
-    """The calls of one task: they end in time, begin no action while it is paused, and have every
-    action in the journal before the robot is asked for it."""
+    """Calls of one task. They respect its time limit, begin no action while it is paused, and write
+    every action to the journal before it is sent."""
 
     def __init__(
         self, bus: Bus, journal: Journal, hold: PauseControl, reporter: TaskReporter,
         keep_within_s: float,
     ) -> None:  # fmt: skip
-        """keep_within_s: for how long an action may wait until it can be written down."""
+        """keep_within_s: longest wait of an action for the journal."""
         self._bus, self._journal, self._hold, self._reporter = bus, journal, hold, reporter
         self._keep_within_s = keep_within_s
-        self.held_s = 0.0  # for how long the pauses lasted that calls had to wait for
+        self.held_s = 0.0  # duration of the pauses that calls waited for
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
         if isinstance(request, pb.LeaseRequest) and request.release_token:
-            return self._bus.call(method, request, timeout_s)  # also when its time is over
+            return self._bus.call(method, request, timeout_s)  # also after the time limit
         self._hold.check()
         if not isinstance(request, pb.ActionRequest) or method.name != ACT.name:
             return self._bus.call(method, request, timeout_s)
@@ -98,8 +98,8 @@ class TaskCalls:
         return reply
 
     def _written_down(self, request: pb.ActionRequest) -> None:
-        """Return when an action has begun: the journal has it, written while the task was not
-        paused. Raises TaskFailed where the journal cannot take it for too long."""
+        """Return once the journal holds the action, written while the task was not paused. Raises
+        TaskFailed if the journal fails for too long."""
         faulty_s = 0.0
         while True:
             self._hold.wait(self._reporter.on_hold)
@@ -124,17 +124,18 @@ class TaskCalls:
 
 
 class PauseControl:
-    """Of one running task. Thread-safe: asked by its worker, set from anywhere."""
+    """Pause and time limit of one running task. Thread-safe: its worker reads it, any
+    thread sets it."""
 
     def __init__(self, limit_s: float, ends_s: float, cancelled: threading.Event) -> None:
-        """limit_s: as it was asked for, 0 for none; ends_s: when it is over, seconds since 1970."""
+        """limit_s: time limit, 0 for none; ends_s: its end, in seconds since 1970."""
         self._limit_s, self._ends_s, self._cancelled = limit_s, ends_s, cancelled
         self._go = threading.Event()
         self._go.set()
-        self._turn = threading.Lock()  # orders pauses and the beginnings of actions
+        self._turn = threading.Lock()  # orders pauses and the starts of actions
 
     def pause(self) -> None:
-        """When this returns, no action is begun until `resume`; one that was begun goes on."""
+        """Once this returns, no action begins until `resume`; a running one goes on."""
         with self._turn:
             self._go.clear()
 
@@ -147,18 +148,18 @@ class PauseControl:
         return not self._go.is_set()
 
     def begin(self, start: Callable[[], bool]) -> bool | None:
-        """What `start` returns, which is called unless paused; None where paused. A pause that is
-        asked for meanwhile waits until `start` has returned."""
+        """Call `start` and return its result; None while paused. A pause meanwhile waits until
+        `start` has returned."""
         with self._turn:
             return None if self.paused else start()
 
     def check(self) -> None:
-        """Raises TimeIsUp when the task's time is over; its cause is that of the step budget."""
+        """Raises TimeIsUp after the time limit; its cause is that of the step budget."""
         if self._limit_s and time.time() > self._ends_s:
             raise TimeIsUp(f"the task's {self._limit_s:g} s are used up")
 
     def wait(self, tell: Callable[[bool], None]) -> None:
-        """While paused: tell so, and wait. Raises TaskCancelled and TaskFailed."""
+        """While paused, report it and wait. Raises TaskCancelled and TaskFailed."""
         if not self.paused:
             return
         tell(True)
@@ -167,7 +168,7 @@ class PauseControl:
         tell(False)
 
     def rest(self, seconds: float) -> None:
-        """Wait so long. Raises TaskCancelled and TaskFailed."""
+        """Sleep. Raises TaskCancelled and TaskFailed."""
         self._cancelled.wait(seconds)
         self._check_all()
 
@@ -179,8 +180,8 @@ class PauseControl:
 
 @dataclass(frozen=True)
 class LastAction:
-    """The newest action that the robot was asked for; succeeded: None where it was refused, and
-    what the robot holds says more."""
+    """Newest action that was sent to the robot, and its outcome. succeeded: None if it was refused;
+    the held object then tells more."""
 
     action: Action | None
     succeeded: bool | None
@@ -194,11 +195,11 @@ def last_action(
     journal: Journal,
     held_s: Callable[[], float] = lambda: 0.0,
 ) -> LastAction:
-    """Settle what was in flight, and say what came of it. held_s: for how long somebody has paused
-    the task until now, which is nobody's fault.
+    """Settle the action in flight and return its outcome. held_s: duration of pauses so far, which
+    do not count as waiting.
 
-    Raises TaskFailed when the robot is not in the world that the journal speaks of, or has done
-    more of this task than the journal knows.
+    Raises TaskFailed if the robot is not in the journal's world, or has done more of this task than
+    the journal holds.
     """
     _same_world(line, journal)
     _not_stale(_state(line).last_action_id, journal)
@@ -226,7 +227,7 @@ def _same_world(line: RobotConnection, journal: Journal) -> None:
 
 
 def _not_stale(done: str, journal: Journal) -> None:
-    """done: id of the action that the robot did last, of whatever task."""
+    """Check that the journal is up to date. done: id of the robot's last action, of any task."""
     known = journal.entry.request
     if done.startswith((f"{journal.task_id}-", f"{journal.task_id}.")) and (
         known is None or number_of(done) > number_of(known.action_id)
@@ -250,8 +251,8 @@ def _again(
     request: pb.ActionRequest,
     held_s: Callable[[], float],
 ) -> pb.ActionResult | None:
-    """Ask under the same id until somebody answers; None where it is refused and so was not done,
-    for example because stop-now is latched."""
+    """Send the action under the same id until it is answered; None if it is refused and so was not
+    done, for example because stop-now is latched."""
     began_s, within_s = time.monotonic(), settings.away_s + settings.action_timeout_s
     again = pb.ActionRequest()
     again.CopyFrom(request)

@@ -1,4 +1,4 @@
-"""From an instruction to the SearchContext that everything downstream names."""
+"""Search context of an instruction: the classes, thresholds and prompts that all services use."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ ALL_NAMES = "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"
 
 
 def search_context(id: str, instruction: Instruction, settings: Settings) -> SearchContext:
-    """Classes with their thresholds, and what the value layers are asked for. The pick layer asks
-    for the start receptacle where one is named (section 3.1.2), else for the object."""
+    """Classes with their thresholds, and the prompts of the value layers. The pick layer's prompt
+    names the start receptacle if there is one (section 3.1.2), else the object."""
     wanted = (
         (instruction.object, Role.OBJECT, settings.od_g),
         (instruction.start, Role.START_RECEPTACLE, settings.od_a),
@@ -35,9 +35,9 @@ def search_context(id: str, instruction: Instruction, settings: Settings) -> Sea
 
 
 def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> Instruction:
-    """The instruction in the detector's own names: a name as it is, its singular, or the known
-    name that it ends with ("red coffee mug" is a mug, "bowl of oranges" a bowl); the rest counts as
-    unused. Raises InvalidInput for what is unknown."""
+    """The instruction in the detector's names: the name itself, its singular, or the known name
+    that it ends with ("red coffee mug" is a mug, "bowl of oranges" a bowl); other words count as
+    unused. Raises InvalidInput for an unknown name."""
     if vocabulary.open:
         return instruction
     known = {name.replace("_", " ").lower(): name for name in vocabulary.names}
@@ -65,8 +65,8 @@ def check_able(instruction: Instruction, robot: pb.RobotDescription) -> None:
 
 
 def _known(role: str, name: str, known: dict[str, str], detector: str) -> tuple[str, list[str]]:
-    """The detector's name, and what was said beside it. What a thing is "of" is not the thing, and
-    what says another thing or none ("anything but the mug") is not left out."""
+    """The detector's name, and the unused words. The part after "of" may be unused; words that
+    negate the name or add another ("anything but the mug") may not."""
     head, of, rest = name.partition(" of ")
     for said, beside in ((name, []), (head, [f"of {rest}"] if of else [])):
         words = said.split()

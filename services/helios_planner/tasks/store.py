@@ -1,10 +1,10 @@
-"""Tasks and decisions that outlive the process: SQLite in the state directory.
+"""Storage of tasks and decisions over restarts: SQLite in the state directory.
 
-Rows hold the messages as they travel, so that what is told later is what was told then.
+Rows hold the published messages, so that later responses equal what was published.
 
-What is to be believed after a restart is on the disk before it is told. Where the disk refuses (it
-is full), `fault` says so from the first write that failed until `mend` has written everything
-again, and `write_proof.py` tells the next planner that something may be missing.
+A change that must outlive a restart is on the disk before it is published. If the disk refuses a
+write (it is full), `fault` holds the reason from then until `mend` has written everything, and
+`write_proof.py` shows the next planner that data may be missing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from helios_core import proto as pb
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
 from helios_planner.tasks.write_proof import WriteProof
 
-Memory = dict[str, Any]  # of JSON
+Memory = dict[str, Any]  # JSON
 log = logging.getLogger(__name__)
 _PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
 _SETTLE = "DELETE FROM journal WHERE task_id = ?"
@@ -35,22 +35,22 @@ Row = TypeVar("Row", pb.Task, pb.Decision)
 
 @dataclass(frozen=True)
 class Entry:
-    """One task's journal. `life` counts how often it was taken up; request without result: nobody
-    knows whether it was done."""
+    """Journal of one task. `life` counts its resumptions. A request without result has
+    an unknown outcome."""
 
     life: int = 0
     request: pb.ActionRequest | None = None
     result: pb.ActionResult | None = None
     memory: Memory = field(default_factory=dict)
-    epoch: tuple[str, int] | None = None  # the world that its poses live in
+    epoch: tuple[str, int] | None = None  # world of its poses: (boot id, world epoch)
 
 
 class Store:
-    """Safe from any thread. Raises Unavailable where the file cannot be used at the start.
+    """Store of the tasks. Thread-safe. Raises Unavailable if the file cannot be used at the start.
 
-    What writes returns whether it is kept. Of each task the newest `most_decisions` stay; `forget`
-    takes a task out. `proven`: whether the store of before held all that was told. `said`: what is
-    to be said of its file.
+    Methods that write return True if the data is stored. Of each task the newest `most_decisions`
+    stay; `forget` deletes a task. `proven`: True if the previous store held all that was published.
+    `said`: message about its file.
     """
 
     def __init__(self, directory: Path, most_decisions: int = 2000) -> None:
@@ -65,30 +65,30 @@ class Store:
         self._on_fault: Callable[[], None] = lambda: None
 
     def watch(self, on_fault: Callable[[], None]) -> None:
-        """on_fault: called when `fault` has changed, from the thread that writes."""
+        """on_fault: called from the writing thread when `fault` has changed."""
         self._on_fault = on_fault
 
     @property
     def fault(self) -> str:
-        """Why tasks cannot be kept, and what to do about it; empty while they can."""
+        """Why tasks cannot be stored, and the remedy; empty while they can."""
         return self._fault
 
     @property
     def fault_s(self) -> float:
-        """For how long there has been a fault."""
+        """Duration of the present fault."""
         return time.monotonic() - self._fault_since_s if self._fault else 0.0
 
     # --- tasks and decisions -------------------------------------------------------------------
     def put(self, task: pb.Task, safe: bool = False) -> bool:
-        """Keep a task as it is now; safe: so that a loss of power does not undo it."""
+        """Store a task as it is now; safe: also against a loss of power."""
         return self._write((_PUT, _row(task)), safe=safe)
 
     def finish(self, task: pb.Task) -> bool:
-        """Keep how a task has ended, and let go of its journal; a loss of power undoes neither."""
+        """Store the end of a task and delete its journal, both safe against a loss of power."""
         return self._write((_PUT, _row(task)), (_SETTLE, (task.id,)), safe=True)
 
     def add(self, decision: pb.Decision) -> bool:
-        """Keep a decision under its task and number, and let go of the oldest one too many."""
+        """Store a decision under its task and number, and delete the oldest beyond the limit."""
         row = (decision.task_id, decision.index, decision.SerializeToString())
         over = (decision.task_id, decision.index - self._most_decisions)
         return self._write(
@@ -97,7 +97,7 @@ class Store:
         )
 
     def forget(self, id: str) -> bool:
-        """Let go of a task and all that is kept of it."""
+        """Delete a task and all its data."""
         return self._write(
             ("DELETE FROM decisions WHERE task_id = ?", (id,)),
             (_SETTLE, (id,)),
@@ -111,7 +111,7 @@ class Store:
         return [task for id, row in rows if (task := _decoded(pb.Task, row, f"task {id}"))]
 
     def decisions(self, task_id: str) -> list[pb.Decision]:
-        """A task's decisions in order, those that can be read."""
+        """The readable decisions of a task, in order."""
         with self._lock:
             rows = self._db.execute(
                 "SELECT message FROM decisions WHERE task_id = ? ORDER BY number", (task_id,)
@@ -120,7 +120,7 @@ class Store:
         return [d for row in rows if (d := _decoded(pb.Decision, row[0], what))]
 
     def last_number(self, task_id: str) -> int:
-        """Number of a task's newest decision; -1 for none."""
+        """Number of a task's newest decision; -1 without any."""
         with self._lock:
             row = self._db.execute(
                 "SELECT MAX(number) FROM decisions WHERE task_id = ?", (task_id,)
@@ -129,7 +129,7 @@ class Store:
 
     # --- the journal ---------------------------------------------------------------------------
     def keep(self, task_id: str, entry: Entry) -> bool:
-        """Keep what a running task needs to go on."""
+        """Store the journal of a running task."""
         request = entry.request.SerializeToString() if entry.request is not None else None
         result = entry.result.SerializeToString() if entry.result is not None else None
         row = (task_id, entry.life, request, result, json.dumps(entry.memory),
@@ -137,7 +137,7 @@ class Store:
         return self._write(("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row))
 
     def entry(self, task_id: str) -> Entry | None:
-        """What was kept of a running task. Raises ValueError where that cannot be read."""
+        """Journal of a running task. Raises ValueError if it cannot be read."""
         with self._lock:
             row = self._db.execute(
                 "SELECT life, request, result, memory, epoch FROM journal WHERE task_id = ?",
@@ -160,18 +160,18 @@ class Store:
 
     # --- the planner itself --------------------------------------------------------------------
     def pulse(self, at_s: float) -> bool:
-        """The planner was alive then; 0: it was stopped."""
+        """Store when the planner was alive; 0: it was stopped."""
         return self._write(("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (at_s,)))
 
     def alive_s(self) -> float:
-        """When a planner was alive last; 0: it was stopped, or there was none."""
+        """Time when a planner was last alive; 0: it was stopped, or there was none."""
         with self._lock:
             row = self._db.execute("SELECT at_s FROM pulse").fetchone()
         return float(row[0]) if row else 0.0
 
     def mend(self, open_tasks: Iterable[pb.Task], ended: Iterable[pb.Task]) -> bool:
-        """After a fault, and at the start: write what could not be written; whether everything is
-        kept now. open_tasks, ended: as they are now, those that may not be kept."""
+        """Write everything missing, after a fault and at the start; True if all is stored now.
+        open_tasks, ended: present states of tasks whose stored ones may be out of date."""
         if not self._has_room():
             return False
         written = self._write(
@@ -194,7 +194,7 @@ class Store:
         return not missing
 
     def _has_room(self) -> bool:
-        """Whether the disk can be trusted to take more; where it cannot, that is said."""
+        """True if the disk has room for writes; else sets `fault`."""
         with self._lock:
             if self._closed:
                 return False
@@ -209,13 +209,13 @@ class Store:
         return False
 
     def close(self) -> None:
-        """Nothing is kept any more; that is no fault of the disk."""
+        """Close the database. Later writes do nothing and set no fault."""
         with self._lock:
             self._closed = True
             self._db.close()
 
     def _write(self, *statements: Statement, safe: bool = False) -> bool:
-        """All or nothing. What could not be kept is said once."""
+        """Write all statements or none. A repeated fault is logged once."""
         with self._lock:
             if self._closed:
                 return False
@@ -234,7 +234,7 @@ class Store:
         return False
 
     def _failed(self, fault: str) -> bool:
-        """Note why something is not kept; whether that is news. The lock is held."""
+        """Record a fault; True if it is a new one. The caller holds the lock."""
         if not self._fault:
             self._fault_since_s = time.monotonic()
             self._proof.take()

@@ -1,7 +1,7 @@
-"""A proof, on disk, that the store holds all that was told of the tasks.
+"""Proof on disk that the store holds all published data of the tasks.
 
-It is a file that is there while it does. It is removed at the first write that fails, which a full
-disk allows, and made again when all is written. So a planner that finds none takes up nothing.
+The proof is a file. It is removed at the first write that fails, which a full disk allows, and
+written again once everything is stored. A planner that finds none resumes no task.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _TEXT = b"All that was told of the tasks is in tasks.sqlite.\n"
 
 
 class WriteProof:
-    """See the module. Not thread-safe: its store calls it under its lock."""
+    """The proof file. Not thread-safe: the store calls it under its lock."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -28,7 +28,7 @@ class WriteProof:
         return self._path.is_file()
 
     def give(self) -> str:
-        """Put it on the disk; why that cannot be, and what to do, or nothing."""
+        """Write the proof; returns the error and its remedy, empty on success."""
         try:
             write_file(self._path, _TEXT)
         except OSError as error:
