@@ -1,7 +1,7 @@
-"""Generate the Python modules of the messages; `--check` says whether they are stale.
+"""Generate the Python modules of the protobuf messages; `--check` exits 1 if they are stale.
 
-Foxglove's schemas are taken as descriptors from the installed package, so that no copy of their
-`.proto` files has to be kept here.
+Foxglove's schemas come as descriptors from the installed package, so this repository holds no copy
+of their `.proto` files.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from google.protobuf import descriptor_pb2, duration_pb2, timestamp_pb2
 from google.protobuf.message import Message
 
 ROOT = Path(__file__).resolve().parent.parent
-PROTO_ROOT = ROOT / "shared/helios_core/proto"  # the modules lie beside what they are made of
+PROTO_ROOT = ROOT / "shared/helios_core/proto"  # `.proto` files and generated modules
 
 
 def foxglove_descriptors() -> descriptor_pb2.FileDescriptorSet:
-    """All of Foxglove's schemas and the well-known types that they import."""
+    """Foxglove's schemas and the well-known types that they import."""
     out = descriptor_pb2.FileDescriptorSet()
     files = [timestamp_pb2.DESCRIPTOR, duration_pb2.DESCRIPTOR]
     for info in pkgutil.iter_modules(foxglove_schemas_protobuf.__path__):
@@ -38,10 +38,11 @@ def foxglove_descriptors() -> descriptor_pb2.FileDescriptorSet:
 
 
 def generate(out: Path) -> None:
-    """Write `helios/v1/*_pb2.py` and `.pyi` below `out`, importing each other by full name."""
+    """Write `helios/v1/*_pb2.py` and `.pyi` below `out`. They import each other by full package
+    name."""
     sources = sorted(str(p.relative_to(PROTO_ROOT)) for p in PROTO_ROOT.rglob("*.proto"))
     with tempfile.TemporaryDirectory() as scratch:
-        # The foxglove files travel as descriptors; ours are added to the same set.
+        # Foxglove's files come as descriptors; ours are added to the same set.
         base = Path(scratch) / "foxglove.binpb"
         base.write_bytes(foxglove_descriptors().SerializeToString())
         raw = Path(scratch) / "raw"
@@ -72,7 +73,7 @@ def generate(out: Path) -> None:
 
 
 def modules(root: Path) -> dict[str, str]:
-    """All generated modules below a folder: path in it -> text."""
+    """Generated modules below a folder: relative path -> text."""
     found = (*root.rglob("*_pb2.py"), *root.rglob("*_pb2.pyi"))
     return {str(path.relative_to(root)): path.read_text() for path in found}
 

@@ -1,7 +1,7 @@
 """Write `helios_client.sdk` from `helios_client.sdk_async`; `--check` exits 1 if it is stale.
 
-The asynchronous file is the source. The other one is the same text without `async` and `await`, and
-with the blocking counterparts of what it uses.
+The asynchronous module is the source. The generated module is the same text without `async` and
+`await`, with the blocking counterparts of the names it uses.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 CLIENT = Path(__file__).resolve().parent.parent / "clients/helios_client"
 SOURCE, TARGET = CLIENT / "sdk_async.py", CLIENT / "sdk.py"
-REPLACED = (  # pattern, text in its place; in this order
+REPLACED = (  # pattern, replacement; applied in this order
     (r"HTTP interface, for asyncio", "HTTP interface"),
     (r"For use in one event loop\.", "Safe to use from several threads."),
     (r"^import asyncio\n", ""),
@@ -33,7 +33,7 @@ REPLACED = (  # pattern, text in its place; in this order
 
 
 def generated() -> str:
-    """The blocking SDK, formatted."""
+    """Text of the blocking SDK, formatted. Raises ValueError for a pattern without a match."""
     text = SOURCE.read_text()
     for pattern, instead in REPLACED:
         text, count = re.subn(pattern, instead, text, flags=re.MULTILINE | re.DOTALL)

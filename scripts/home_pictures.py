@@ -1,13 +1,13 @@
-"""Makes docs/images/homes-*.png: ten homes of ovmm-v1 and all its classes.
+"""Render docs/images/homes-*.png: ten homes of ovmm-v1 and all its classes.
 
-`python scripts/home_pictures.py [--only NAME]` from the repository's root; needs Pillow, which
-reduces the pictures to 256 colours.
+Run `python scripts/home_pictures.py [--only NAME]` from the repository's root. Needs Pillow, which
+reduces the images to 256 colours.
 """
 
 import argparse
 from pathlib import Path
 
-# First, for it tells MuJoCo how to draw without a display.
+# Imported first: it configures MuJoCo to render without a display.
 from helios_sim.home.home_pictures import Image, overview  # isort: skip
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS

@@ -1,4 +1,4 @@
-"""What the generated pages share: tables, units by name, and blocks kept in a committed page."""
+"""Markdown tables, units by name suffix, and generated blocks in committed pages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-# Ends of names, the longest first: `speed_m_s` is not in seconds.
+# Suffixes of names, longest first: `speed_m_s` is not in seconds.
 UNITS = {
     "_per_cell": "1/cell", "_rad_s": "rad/s", "_per_m": "1/m", "_per_s": "1/s", "_m_s": "m/s",
     "_cells": "cells", "_bytes": "bytes", "_steps": "steps", "_views": "views", "_rad": "rad",
@@ -20,12 +20,12 @@ UNITS = {
 
 
 def unit_of(name: str) -> str:
-    """The unit that a name ends with; empty: none."""
+    """Unit that the suffix of a name denotes; empty if none."""
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table, without the columns that are empty in each row."""
+    """Markdown table, without the columns that are empty in every row."""
     body = [[_cell(cell) for cell in row] for row in rows]
     kept = [i for i, name in enumerate(head) if not body or any(row[i] for row in body) or not name]
     lines = [[head[i] for i in kept], ["---"] * len(kept)]
@@ -34,12 +34,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def code(text: str) -> str:
-    """As code within Markdown; empty text stays empty."""
+    """Text as Markdown code; empty text stays empty."""
     return f"`{text}`" if text else ""
 
 
 def sentence(text: str) -> str:
-    """With a capital at its start, unless a name stands there, and a full stop at its end."""
+    """Text with a capital first letter, unless it starts with a name, and a final full stop."""
     text = " ".join(text.split())
     first = text.split(" ")[0].rstrip(":,;")
     if first.isalpha() and first.islower():
@@ -48,7 +48,7 @@ def sentence(text: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Text that Markdown shows as it is: `<x>`, `*`, `_` and `[` mean nothing in it."""
+    """Text with `<x>`, `*`, `_` and `[` escaped outside code spans, so that Markdown shows them."""
     parts = re.split(r"(`[^`]*`)", text)
     return "".join(
         p if p.startswith("`") else re.sub(r"([<>*_\[\]\\{}])", r"\\\1", p) for p in parts
@@ -61,21 +61,21 @@ def _cell(text: str) -> str:
 
 @dataclass(frozen=True)
 class Block:
-    """A generated part of a committed page, between two marks that name its script."""
+    """Generated part of a committed page, between two marks that name its script."""
 
     page: Path
-    name: str  # what it holds, in the marks
+    name: str  # name of its content in the marks
     script: str
     made: Callable[[], str]
 
     def fresh(self, page: str) -> str:
-        """The page with the block as it should be. Raises ValueError without the marks."""
+        """Text of the page with the block generated anew. Raises ValueError without the marks."""
         begin, end = f"<!-- {self.name}: {self.script} -->\n", f"<!-- end of {self.name} -->\n"
         start, stop = page.index(begin) + len(begin), page.index(end)
         return f"{page[:start]}\n{self.made()}\n{page[stop:]}"
 
     def main(self) -> None:
-        """Write it; with `--check` exit 1 if the page is stale."""
+        """Write the block; with `--check` exit 1 if the page is stale."""
         parser = argparse.ArgumentParser(description=f"Write the {self.name} into {self.page.name}")
         parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
         page = self.page.read_text()

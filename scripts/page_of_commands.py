@@ -1,7 +1,7 @@
-"""The commands of `helios`, for docs/reference/command-line.md.
+"""Commands of `helios`, for docs/reference/command-line.md.
 
-The list of all commands stands in the page; `--check`: is it stale? Their options are written into
-the site when it is built.
+The page itself holds the list of all commands; `--check` exits 1 if it is stale. The options are
+inserted when the site is built.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NOTE = re.compile(r"\s*\[(default|env var): ([^\]]*)\]")
 
 @dataclass(frozen=True)
 class Command:
-    """One command that runs something."""
+    """Command that runs something, not a group of commands."""
 
     name: str  # as typed: "map save"
     help: str
@@ -41,7 +41,7 @@ class Command:
 
 
 def commands() -> list[Command]:
-    """All of them, in the order of `helios --help`."""
+    """All commands, in the order of `helios --help`."""
     return list(_walk(typer.main.get_command(app), ()))
 
 
@@ -56,13 +56,13 @@ def _walk(command: Any, path: tuple[str, ...]) -> Iterator[Command]:
 
 
 def listed() -> str:
-    """Every command with the first sentence of its help."""
+    """Table of all commands with the first sentence of their help."""
     rows = ((code(command.usage), _first_sentence(command.help)) for command in commands())
     return table(("command", "does"), rows)
 
 
 def options() -> str:
-    """One section for each command: its help, its arguments and options."""
+    """One section per command: help, arguments and options."""
     return "\n".join(_section(command) for command in commands())
 
 
@@ -78,7 +78,8 @@ def _section(command: Command) -> str:
 
 
 def _is_address(param: Any) -> bool:
-    """Whether it is one of the four that say which robot is meant, and nothing else."""
+    """True if the parameter is one of the four options that select the robot, with the same
+    help."""
     named = {f"--{f.name}": f for f in dataclasses.fields(GatewayAddress)}
     field = named.get(param.opts[0])
     if field is None:
@@ -127,7 +128,7 @@ def _metavar(param: Any) -> str:
 
 
 def _first_sentence(text: str) -> str:
-    """Up to the first full stop, of the first paragraph."""
+    """First sentence of the first paragraph."""
     first = " ".join(text.split("\n\n")[0].split())
     return plain(sentence(re.split(r"(?<=[a-z)])\.\s", first)[0]))
 

@@ -1,7 +1,7 @@
-"""The HTTP interface from the gateway's OpenAPI, for docs/reference/http-api.md.
+"""HTTP interface from the gateway's OpenAPI document, for docs/reference/http-api.md.
 
-The list of all addresses stands in the page; `--check`: is it stale? Parameters, requests and
-answers are written into the site when it is built.
+The page itself holds the list of all addresses; `--check` exits 1 if it is stale. Parameters,
+requests and responses are inserted when the site is built.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from helios_gateway.web_app import create_app
 from scripts.markdown_tables import DOCS, Block, code, plain, sentence, table, unit_of
 
 METHODS = ("get", "post", "put", "patch", "delete")
-ELSEWHERE = {"Problem"}  # told once, under "Errors"
+ELSEWHERE = {"Problem"}  # documented once, under "Errors"
 Schema = dict[str, Any]
 
 
 @cache
 def description() -> Schema:
-    """The OpenAPI document of a gateway with the default settings."""
+    """OpenAPI document of a gateway with the default settings."""
     return create_app(RobotRegistry({}), Settings.load([])).openapi()
 
 
 def operations() -> Iterator[tuple[str, str, Schema]]:
-    """Method, path and description of each, in the order of the document."""
+    """Method, path and description of every operation, in the order of the document."""
     for path, methods in description()["paths"].items():
         for method in METHODS:
             if method in methods:
@@ -37,7 +37,7 @@ def operations() -> Iterator[tuple[str, str, Schema]]:
 
 
 def listed() -> str:
-    """Every address with its summary."""
+    """Table of all addresses with their summaries."""
     rows = (
         (f"`{method} {path}`", plain(described["summary"]))
         for method, path, described in operations()
@@ -46,7 +46,7 @@ def listed() -> str:
 
 
 def errors() -> str:
-    """Every error status with what it means."""
+    """Table of all error statuses with their meanings."""
     known = {
         status: answer["description"]
         for _, _, described in operations()
@@ -57,7 +57,7 @@ def errors() -> str:
 
 
 def details() -> str:
-    """One section for each group of addresses, then one for all objects that they exchange."""
+    """One section per group of addresses, then one for all objects in requests and responses."""
     out: list[str] = []
     groups: dict[str, list[str]] = {}
     for method, path, described in operations():
@@ -95,7 +95,7 @@ def _body(schema: Schema) -> str:
 
 
 def _answers(responses: Schema) -> Iterator[str]:
-    """Those that are no errors one by one, then the errors' statuses together."""
+    """Success responses one by one, then all error statuses together."""
     failures = []
     for status, answer in sorted(responses.items()):
         content = answer.get("content", {})
@@ -133,7 +133,7 @@ def _fields(schema: Schema) -> str:
 
 
 def _field(name: str, schema: Schema, described: Schema) -> tuple[str, str, str, str]:
-    """Type with bounds, unit, default and meaning."""
+    """Type with bounds, unit, default and meaning of a field."""
     kinds = ", ".join(filter(None, (_type(schema), _bounds(schema))))
     default = "" if described.get("required") else _default(schema)
     meaning = described.get("description") or schema.get("description") or ""
@@ -151,7 +151,7 @@ def _default(schema: Schema) -> str:
 
 
 def _type(schema: Schema) -> str:
-    """In the words of JSON; an object of ours as a link to its section."""
+    """JSON type of a schema; one of our objects as a link to its section."""
     if reference := schema.get("$ref", ""):
         name = reference.rpartition("/")[2]
         known = "properties" in description()["components"]["schemas"][name]
@@ -170,7 +170,7 @@ def _type(schema: Schema) -> str:
 
 
 def _bounds(schema: Schema) -> str:
-    """Of the schema, or of the alternative that has some."""
+    """Bounds of the schema, or of its first alternative that has some."""
     for part in (schema, *schema.get("anyOf", ())):
         low, high = part.get("minimum"), part.get("maximum")
         if "exclusiveMinimum" in part:

@@ -1,4 +1,5 @@
-"""Write the tables of all keys into docs/reference/wire-contract.md; `--check`: are they stale?"""
+"""Write the tables of all bus keys into docs/reference/wire-contract.md; `--check` exits 1 if
+stale."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from scripts.markdown_tables import DOCS, Block, code, table
 
 
 def tables() -> str:
-    """Both tables, from `helios_core.topics`."""
+    """Tables of topics and methods, from `helios_core.topics`."""
     data = (
         (code(t.name), code(t.type.DESCRIPTOR.name), code(t.qos.name))
         for t in (*TOPICS, status_topic("<service>"))

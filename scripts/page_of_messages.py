@@ -1,4 +1,4 @@
-"""The messages of the `.proto` files with their comments, for docs/reference/wire-contract.md."""
+"""Messages of the `.proto` files with their comments, for docs/reference/wire-contract.md."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from scripts.markdown_tables import code, plain, sentence, table, unit_of
 FILES = ("common", "robot", "frame", "search", "map", "task")
 PACKAGE = ".helios.v1."
 HEAD = ("number", "field", "type", "unit", "meaning")
-# Field numbers of the descriptors themselves; a place in a file is a path of them.
+# Field numbers in descriptor.proto; the path of a declaration alternates them with indices.
 MESSAGES, ENUMS, FIELDS, NESTED, VALUES, SYNTAX = (4,), (5,), (2,), (3,), (2,), (12,)
 
 
 @dataclass(frozen=True)
 class Comments:
-    """What stands before and behind each declaration of a file."""
+    """Comments before and behind each declaration of a file."""
 
     by_place: dict[tuple[int, ...], str]
 
@@ -39,24 +39,24 @@ class Comments:
         found = {}
         for location in file.source_code_info.location:
             parts = (*location.leading_detached_comments, location.leading_comments)
-            if tuple(location.path) != SYNTAX:  # only the file's own comment stands apart
+            if tuple(location.path) != SYNTAX:  # only the file's own comment is detached
                 parts = (location.leading_comments, location.trailing_comments)
             found[tuple(location.path)] = " ".join(" ".join(parts).split())
         return cls(found)
 
     def at(self, *place: int) -> str:
-        """One paragraph of Markdown; empty without a comment."""
+        """Comment at a path, as one Markdown paragraph; empty without a comment."""
         text = self.by_place.get(place, "")
         return plain(sentence(text)) if text else ""
 
 
 def messages() -> str:
-    """One section for each file, with its messages in their order."""
+    """One section per file, with its messages in file order."""
     return "\n".join(section for file in described() for section in _file(file))
 
 
 def described() -> list[FileDescriptorProto]:
-    """The files as protoc reads them, comments included."""
+    """Descriptors of the files, comments included."""
     sources = [f"helios/v1/{name}.proto" for name in FILES]
     with tempfile.TemporaryDirectory() as scratch:
         base, full = Path(scratch) / "foxglove.binpb", Path(scratch) / "all.binpb"
@@ -127,7 +127,7 @@ def _rows(
 
 
 def _type(field: FieldDescriptorProto, message: DescriptorProto) -> str:
-    """As in the .proto file; a message of ours as a link to its section."""
+    """Type as in the .proto file; one of our messages as a link to its section."""
     for inner in message.nested_type:
         if inner.options.map_entry and field.type_name.endswith(f".{message.name}.{inner.name}"):
             key, value = inner.field
@@ -145,7 +145,7 @@ def _type(field: FieldDescriptorProto, message: DescriptorProto) -> str:
 
 
 def _carried(name: str) -> str:
-    """The keys that carry a message by itself."""
+    """Keys whose payload is the message; empty for `Empty`."""
     topics = (*TOPICS, status_topic("<service>"))
     methods = (*METHODS, settings_method("<service>"))
     data = [code(t.name) for t in topics if t.type.DESCRIPTOR.name == name]

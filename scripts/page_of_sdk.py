@@ -1,4 +1,4 @@
-"""The methods of the Python SDK in one table, for docs/reference/python-sdk.md."""
+"""Table of the Python SDK's methods, for docs/reference/python-sdk.md."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from scripts.markdown_tables import plain, sentence, table
 
 
 def methods() -> str:
-    """Every public method with its parameters and the first sentence of its docstring."""
+    """Table of all public methods with parameters and the first sentence of their docstrings."""
     return table(("method", "does"), (_row(name) for name in names()))
 
 
 def names() -> list[str]:
-    """The public methods, in the order of the class."""
+    """Names of the public methods, in the order of the class."""
     return [n for n, m in vars(Helios).items() if inspect.isfunction(m) and not n.startswith("_")]
 
 

@@ -1,4 +1,4 @@
-"""The settings of every service as tables, for docs/reference/settings.md."""
+"""Tables of every service's settings, for docs/reference/settings.md."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 
 from scripts.markdown_tables import code, plain, sentence, table, unit_of
 
-MODULES = {  # of the services whose settings module is not `helios_<service>.settings`
+MODULES = {  # services whose settings module is not `helios_<service>.settings`
     "world": "helios_sim.settings",
 }
 KINDS = {bool: "true or false", int: "whole number", float: "number", str: "text"}
@@ -29,7 +29,7 @@ OF_TASK = "A task may set it for itself (`helios task --set`)."
 
 
 def page() -> str:
-    """One section for the settings that each service has, then one for each service."""
+    """One section for the settings common to all services, then one per service."""
     out = ["## Every service\n", _table("<SERVICE>", ServiceSettings.model_fields)]
     for service, kind in sorted(settings_classes().items()):
         out += [f"## {service}\n", f"`python -m {_program(kind)}`\n", _table(service, own(kind))]
@@ -37,7 +37,7 @@ def page() -> str:
 
 
 def settings_classes() -> dict[str, type[ServiceSettings]]:
-    """By service, as the variables and the tables of the settings file name it."""
+    """Settings class of each service, by its name in variables and in the settings file."""
     classes = {}
     for service in SERVICES:
         module = importlib.import_module(MODULES.get(service, f"helios_{service}.settings"))
@@ -52,7 +52,7 @@ def settings_classes() -> dict[str, type[ServiceSettings]]:
 
 
 def own(kind: type[ServiceSettings]) -> dict[str, FieldInfo]:
-    """The settings of a service beyond those that every service has."""
+    """Settings of a service beyond those common to all services."""
     common = ServiceSettings.model_fields
     return {name: field for name, field in kind.model_fields.items() if name not in common}
 
@@ -80,7 +80,7 @@ def _row(service: str, name: str, field: FieldInfo) -> tuple[str, ...]:
 
 
 def default_of(field: FieldInfo) -> str:
-    """As one would type it."""
+    """Default of a setting, as a user would type it."""
     value = field.get_default(call_default_factory=True)
     if value is PydanticUndefined:
         return "required"
@@ -98,7 +98,7 @@ def default_of(field: FieldInfo) -> str:
 
 
 def values_of(field: FieldInfo) -> Iterator[str]:
-    """What may be given: choices, bounds, or the kind of value."""
+    """Allowed values of a setting: choices, bounds, or kind of value."""
     kinds = [kind for kind in _alternatives(field.annotation) if kind is not type(None)]
     choices = [code(str(c)) for kind in kinds if _is_choice(kind) for c in typing.get_args(kind)]
     choices += [code(c) for meta in field.metadata for c in _choices_of(meta)]
@@ -121,7 +121,7 @@ def _is_choice(kind: Any) -> bool:
 
 
 def _choices_of(meta: Any) -> list[str]:
-    """Of a pattern such as ^(a|b)$."""
+    """Choices in a pattern such as ^(a|b)$; empty if it lists none."""
     pattern = str(getattr(meta, "pattern", None) or "")
     choices: list[str] = pattern.removeprefix("^(").removesuffix(")$").split("|")
     words = "".join(choices).replace("-", "")

@@ -1,6 +1,7 @@
-"""Write a driver's types into docs/reference/driver-types.md; `--check`: are they stale?
+"""Write the types of the driver interface into docs/reference/driver-types.md.
 
-Names, types and defaults come from the dataclasses; a field without a meaning below is an error.
+`--check` exits 1 if they are stale. Names, types and defaults come from the dataclasses; a field
+without an entry in `MEANING` is an error.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from helios_core.types import RobotDescription, RobotState
 from scripts.markdown_tables import DOCS, Block
 
 ACTIONS: tuple[type, ...] = (Forward, Turn, Tilt, Pick, Place, Observe)
-UNITS = {"_m": "m", "_rad": "rad", "_ns": "ns"}  # by the end of a name
-SHOWN = {  # types as a reader knows them
+UNITS = {"_m": "m", "_rad": "rad", "_ns": "ns"}  # by the suffix of a name
+SHOWN = {  # types as the page shows them
     "NDArray[np.uint8]": "array `[h, w, 3]`, uint8",
     "NDArray[np.float32]": "array `[h, w]`, float32",
     "Matrix": "array `[4, 4]`, float64",
@@ -113,7 +114,7 @@ MEANING: dict[type, dict[str, str]] = {
 
 
 def section() -> str:
-    """What stands between the marks."""
+    """Text of the generated block."""
     actions = [
         f"| `{kind.__name__}` {row}"
         for kind in ACTIONS
@@ -137,7 +138,8 @@ def section() -> str:
 
 
 def _rows(kind: type) -> list[str]:
-    """One for each field, in the order of the constructor. Raises KeyError without a meaning."""
+    """One table row per field, in the order of the constructor. Raises KeyError for a field without
+    a meaning, and for a meaning without a field."""
     meanings = dict(MEANING[kind])
     rows = []
     for f in dataclasses.fields(kind):

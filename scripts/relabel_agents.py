@@ -1,11 +1,12 @@
-"""Give the agents in results from before release 0.2.0 their present names; nothing else changes.
+"""Rename the agents in results from before release 0.2.0 to their present names.
 
     python scripts/relabel_agents.py docs/results/noisy docs/results/ideas
 
-`helios` was the method of the paper and is `helios-paper` now; `helios-next` is `helios` now. Takes
-folders as `helios eval report RUN --out FOLDER` leaves them: `episodes.jsonl.gz`, `run.json`,
-`results.json`. `run.json` notes the change under `relabelled`, and a folder with this note, or with
-a present name in it, is refused. Make the report anew afterwards: `helios eval report FOLDER`.
+Nothing else changes. `helios` was the method of the paper and is `helios-paper` now; `helios-next`
+is `helios` now. Takes folders as `helios eval report RUN --out FOLDER` writes them:
+`episodes.jsonl.gz`, `run.json`, `results.json`. Notes the change in `run.json` under `relabelled`.
+Refuses a folder that has this note or a present name. Make the report anew afterwards:
+`helios eval report FOLDER`.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ _FLAGS = ("--agent", "--agents")
 
 
 def relabelled(name: str) -> str:
-    """The present name of an agent."""
+    """Present name of an agent."""
     return NAMES.get(name, name)
 
 
 def relabelled_command(words: Sequence[str]) -> list[str]:
-    """A command line with the present names behind `--agent` and `--agents`."""
+    """Command line with the present names after `--agent` and `--agents`."""
     out: list[str] = []
     for before, word in zip(("", *words), words, strict=False):
         flag, equals, value = word.partition("=")
@@ -48,7 +49,7 @@ def relabelled_command(words: Sequence[str]) -> list[str]:
 
 
 def relabelled_run(run: dict[str, Any]) -> dict[str, Any]:
-    """`run.json` with the present names in its commands, in what was asked and in `ran_with`."""
+    """`run.json` with the present names in its commands, `agents`, `asked` and `ran_with`."""
     out = dict(run)
     if "command" in run and not isinstance(run["command"], str):
         out["command"] = relabelled_command(run["command"])
@@ -64,8 +65,8 @@ def relabelled_run(run: dict[str, Any]) -> dict[str, Any]:
 
 
 def relabel(folder: Path) -> dict[str, bytes]:
-    """The new contents of a folder's files, by name. Raises ValueError where the folder is no
-    packed run or has present names."""
+    """New contents of a folder's files, by file name. Raises ValueError if the folder is not a
+    packed run, is relabelled already, or has present names."""
     if (folder / EPISODES).exists():
         raise ValueError(f"{folder} holds {EPISODES}; pack it: helios eval report {folder} --out …")
     run = json.loads((folder / RUN).read_text(encoding="utf-8"))
@@ -97,7 +98,7 @@ def _line(record: dict[str, Any]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Changes all folders, or none; 2 where one is refused."""
+    """Relabel all folders, or none; exit status 2 if one is refused."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,6 +1,6 @@
-"""Sphinx extension: writes the long parts of the reference when the site is built.
+"""Sphinx extension that inserts the generated parts of the reference when the site is built.
 
-A page holds a mark such as `<!-- written by make docs: settings -->`; the part takes its place.
+Each part replaces its mark in a page, such as `<!-- written by make docs: settings -->`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sphinx.errors import ExtensionError
 from scripts import page_of_commands, page_of_http, page_of_messages, page_of_sdk, page_of_settings
 
 MARK = re.compile(r"<!-- written by make docs: (\S+) -->\n")
-PARTS: dict[str, tuple[str, Callable[[], str]]] = {  # name -> page that holds the mark, its maker
+PARTS: dict[str, tuple[str, Callable[[], str]]] = {  # name -> page with the mark, generator
     "settings": ("reference/settings", page_of_settings.page),
     "options": ("reference/command-line", page_of_commands.options),
     "errors": ("reference/http-api", page_of_http.errors),
@@ -36,7 +36,8 @@ def _write(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def written(page: str, text: str) -> str:
-    """The page with its parts. Raises ExtensionError for a mark that is missing or unknown."""
+    """Text of the page with its parts inserted. Raises ExtensionError for a missing or unknown
+    mark."""
     wanted = {name for name, (of, _) in PARTS.items() if of == page}
     found = MARK.findall(text)
     if sorted(found) != sorted(wanted):

@@ -1,1 +1,1 @@
-"""The command line `helios`, the supervisor behind `helios up`, and the Python SDK."""
+"""Command line `helios`, the supervisor behind `helios up`, and the Python SDK."""

@@ -1,4 +1,4 @@
-"""The entry point of the command `helios`, and of `python -m helios_client`."""
+"""Entry point of the command `helios` and of `python -m helios_client`."""
 
 import sys
 
@@ -7,7 +7,7 @@ from helios_client.quick_stop import main as quick_stop
 
 
 def main() -> int:
-    """Run the command line; the exit status."""
+    """Run the command line and return its exit status."""
     status = quick_stop()
     if status is not None:
         return status

@@ -1,4 +1,5 @@
-"""What the HTTP interface answers, typed. All of it is kept in `raw`; unknown fields only there."""
+"""Typed responses of the HTTP interface. `raw` holds the whole object; unknown fields are only
+there."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ class _FromJson:
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
-        """From one JSON object; what it lacks has its default."""
+        """Instance from one JSON object; a missing field has its default."""
         known = {f.name for f in fields(cls)} - {"raw"}
         values = {k: v for k, v in raw.items() if k in known and v is not None}
         return cls(**values, raw=raw)
@@ -23,37 +24,37 @@ class _FromJson:
 
 @dataclass(frozen=True)
 class Task(_FromJson):
-    """A task and how far it is. Times are seconds since 1970."""
+    """A task and its progress. Times are seconds since 1970."""
 
     id: str = ""
     instruction: str = ""
     state: str = ""  # queued, running, paused, succeeded, failed, cancelled
     phase: str = ""  # find_object, pick, find_receptacle, place, go, explore
-    message: str = ""  # what it does now, or why it ended
+    message: str = ""  # current activity, or the reason for the end
     cause: str = ""
     seeking: str = ""
     agent: str = ""  # helios, trusting …
-    priority: int = 0  # of the queued ones a higher one is begun first
-    settings: dict[str, str] = field(default_factory=dict)  # of the planner, for it alone
+    priority: int = 0  # queued tasks with a higher one start first
+    settings: dict[str, str] = field(default_factory=dict)  # planner settings for this task alone
     kind: str = ""  # move, find, go_to, go_to_point, explore, go_home
     object: str = ""
     start: str = ""
     goal: str = ""
     steps: int = 0
     max_steps: int = 0
-    time_limit_s: float | None = None  # from its start; None: none
+    time_limit_s: float | None = None  # from the start of the task; None: no limit
     picks: int = 0
-    progress: float = 0.0  # 0 to 1, a rough guide; never falls
-    # It may end in so many seconds: at least, at most. None: nobody can say.
+    progress: float = 0.0  # 0 to 1, approximate; never falls
+    # Remaining time: at least, at most. None: unknown.
     eta_s: list[float] | None = None
     created_s: float = 0.0
     started_s: float = 0.0
     ended_s: float = 0.0
-    on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
-    unused: list[str] = field(default_factory=list)  # of the instruction
-    seen_at_goal: bool | None = None  # after it was placed; None: it was not, or nobody knows
+    on_hold: bool = False  # paused on request, and not resumed yet
+    unused: list[str] = field(default_factory=list)  # parts of the instruction without effect
+    seen_at_goal: bool | None = None  # seen after placing; None: not placed, or unknown
 
-    point: GoalPoint | None = None  # of kind go_to_point
+    point: GoalPoint | None = None  # for kind go_to_point
 
     @property
     def ended(self) -> bool:
@@ -66,7 +67,7 @@ class Task(_FromJson):
 
 @dataclass(frozen=True)
 class Decision(_FromJson):
-    """What was decided, by which rule and why."""
+    """A decision with its rule, reason and candidates."""
 
     task_id: str = ""
     index: int = 0
@@ -77,12 +78,12 @@ class Decision(_FromJson):
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: dict[str, float] = field(default_factory=dict)
     made_s: float = 0.0
-    recomputed: dict[str, Any] | None = None  # under other settings, where they were asked for
+    recomputed: dict[str, Any] | None = None  # the decision under other settings, if requested
 
 
 @dataclass(frozen=True)
 class FoundObject(_FromJson):
-    """One instance of the object map; lengths in metres, world z up."""
+    """One instance of the object map; lengths in metres, world frame, z up."""
 
     id: int = 0
     class_name: str = ""
@@ -98,25 +99,25 @@ class FoundObject(_FromJson):
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
-        """The wire says `class`, which is no name in Python."""
+        """Instance from JSON; the field `class` becomes `class_name`."""
         named = super().from_json(raw | {"class_name": raw.get("class", "")})
         return replace(named, raw=raw)
 
 
 @dataclass(frozen=True)
 class SeenView(_FromJson):
-    """A past view that fits what was asked for."""
+    """Past view that fits a prompt."""
 
-    score: float = 0.0  # how well, 0 to 1
-    class_name: str = ""  # what the detector named in it; empty: the scorer's model was asked
-    center_m: list[float] = field(default_factory=list)  # x, y: of that, or of what it saw
-    camera: Pose | None = None  # where it stood, and its direction
-    stamp_s: float = 0.0  # the robot's clock
-    jpeg: bytes = field(default=b"", repr=False)  # a small picture
+    score: float = 0.0  # fit to the prompt, 0 to 1
+    class_name: str = ""  # class detected in it, which fits; empty: the image-text scorer judged
+    center_m: list[float] = field(default_factory=list)  # x, y of detection, or of viewed area
+    camera: Pose | None = None  # position and viewing direction
+    stamp_s: float = 0.0  # on the robot's clock
+    jpeg: bytes = field(default=b"", repr=False)  # small image
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
-        """The wire says `class`, which is no name in Python."""
+        """Instance from JSON; the field `class` becomes `class_name`."""
         jpeg = base64.b64decode(raw.get("jpeg_base64", ""))
         named = super().from_json(raw | {"class_name": raw.get("class", "")})
         return replace(named, jpeg=jpeg, raw=raw)
@@ -124,13 +125,13 @@ class SeenView(_FromJson):
 
 @dataclass(frozen=True)
 class Seen(_FromJson):
-    """Where something was seen."""
+    """Places where something was seen."""
 
     prompt: str = ""
-    objects: tuple[FoundObject, ...] = ()  # believed, of a class that the words name; surest first
-    views: tuple[SeenView, ...] = ()  # past views that fit the words, best first
+    objects: tuple[FoundObject, ...] = ()  # of a class that the prompt names, highest score first
+    views: tuple[SeenView, ...] = ()  # past views that fit the prompt, best first
     views_asked: int = 0
-    views_note: str = ""  # why past views were not asked, or by names alone
+    views_note: str = ""  # why past views were not searched, or only by class names
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
@@ -151,20 +152,20 @@ class Event:
 
     @property
     def ends_task(self) -> bool:
-        """It tells that a task has ended."""
+        """True if the event reports the end of a task."""
         return self.type == "task" and self.data.get("state") in ENDED
 
 
 class GoalPoint(TypedDict):
-    """Where the robot was sent, in the world."""
+    """Goal point of a task, in the world frame."""
 
     x_m: float
     y_m: float
-    yaw_rad: float | None  # None: whichever way it comes
+    yaw_rad: float | None  # None: any heading
 
 
 class ServiceAnswer(TypedDict):
-    """How one service is."""
+    """Health of one service."""
 
     name: str
     state: str  # starting, waiting, ready, degraded, stopping, down
@@ -174,16 +175,16 @@ class ServiceAnswer(TypedDict):
 
 
 class Status(TypedDict):
-    """How all services are, and whether a task submitted now would start."""
+    """Health of all services, and readiness for a new task."""
 
     ready: bool
-    stopped: bool | None  # until clear-stop; None: only the gateway knows, and it is away
-    stop_reason: str  # what was said then; empty while it is not stopped
+    stopped: bool | None  # until clear-stop; None: unknown, as the gateway is down
+    stop_reason: str  # reason given with the stop; empty while not stopped
     services: list[ServiceAnswer]
 
 
 class DriveAnswer(TypedDict):
-    """What came of one short move, as the robot measured it."""
+    """Result of one short move, as the robot measured it."""
 
     succeeded: bool
     reason: str  # one sentence when it failed
@@ -194,31 +195,31 @@ class DriveAnswer(TypedDict):
 
 
 class Vocabulary(TypedDict):
-    """What can be asked for."""
+    """Names that a task may use."""
 
-    open: bool  # any name; else those in `names` alone
+    open: bool  # True: any name; False: only those in `names`
     names: list[str]
     detector: str
     scorer: str
 
 
 class SeenName(TypedDict):
-    """A name of which something is believed to be in this home."""
+    """Class name with at least one instance in the object map."""
 
     name: str
-    score: float  # Ψ of the surest one, eq. 7
-    objects: int  # how many
+    score: float  # highest Ψ among its instances, eq. 7
+    objects: int  # number of its instances
 
 
 class Suggestions(TypedDict):
-    """What to ask for in this home."""
+    """Names seen in this home, and tasks to try."""
 
     tasks: list[str]  # instructions that this robot can do
-    seen: list[SeenName] | None  # the surest first; None: the object map does not answer
+    seen: list[SeenName] | None  # highest score first; None: the object map does not answer
 
 
 class Pose(TypedDict):
-    """On the floor of the world."""
+    """Pose on the floor, in the world frame."""
 
     x_m: float
     y_m: float
@@ -226,17 +227,17 @@ class Pose(TypedDict):
 
 
 class RobotState(TypedDict):
-    """How the robot is now."""
+    """Current state of the robot."""
 
     pose: Pose | None
-    held: str  # class of what is held; empty: nothing
+    held: str  # class of the held object; empty: none
     moving: bool
     stopped: bool  # until clear-stop
     message: str
 
 
 class RobotAnswer(TypedDict):
-    """The robot; `state` is None until it was heard."""
+    """Connection, state and description of the robot; `state` is None before its first message."""
 
     connected: bool
     state: RobotState | None
@@ -244,7 +245,7 @@ class RobotAnswer(TypedDict):
 
 
 class Frontier(TypedDict):
-    """A border of what was seen since the search began."""
+    """Frontier between floor explored in this search and unexplored floor."""
 
     id: int
     center_m: list[float]
@@ -254,7 +255,7 @@ class Frontier(TypedDict):
 
 
 class LoadedMaps(TypedDict):
-    """What came out of a file of maps."""
+    """Contents of a loaded map file."""
 
     known_m2: float
     occupied_m2: float
@@ -264,20 +265,20 @@ class LoadedMaps(TypedDict):
 
 
 class ResetMaps(TypedDict):
-    """Which maps were forgotten: `objects`, `occupancy`."""
+    """Maps that were reset: `objects`, `occupancy`."""
 
     reset: list[str]
 
 
 class MapLayer(TypedDict):
-    """A value layer and its largest value."""
+    """Value layer and its largest value."""
 
     name: str
     max_value: float
 
 
 class MapInfo(TypedDict):
-    """The 2D map without its arrays."""
+    """2D map without its arrays."""
 
     version: int
     map_id: str  # changes when a new map begins (new world, reset, load) or map2d restarts

@@ -1,4 +1,4 @@
-"""The command `helios`. Each command imports what it needs only when it runs.
+"""Command line `helios`. Each command imports its dependencies only when it runs.
 
 Exit status: 0 success, 1 failure, 2 wrong use, 129 hung up, 130 interrupted.
 """
@@ -65,9 +65,10 @@ def _options(
 
 
 def main() -> int:
-    """Run with the arguments and the signals of this process.
+    """Run the command line of this process and return its exit status.
 
-    A shell script starts what runs in its background with SIGINT ignored; here it interrupts.
+    SIGINT interrupts even if a shell script started this process in the background, with SIGINT
+    ignored.
     """
     bursts = Bursts()
     for number in NUMBERS:
@@ -79,17 +80,17 @@ def main() -> int:
 
 
 def run(args: Sequence[str]) -> int:
-    """Run a command; the exit status: 0 only on success, 2 on wrong use."""
+    """Run a command and return its exit status: 0 only on success, 2 on wrong use."""
     command = typer.main.get_command(app)
     try:
         code = command.main(args=_placed(command, args), prog_name="helios", standalone_mode=False)
-        if code == INTERRUPTED:  # what the parser makes of Ctrl-C
+        if code == INTERRUPTED:  # the parser's exit status for Ctrl-C
             return _interrupted()
         return code if isinstance(code, int) else 0
     except KeyboardInterrupt:
         return _interrupted()
     except HungUp as hung_up:
-        with contextlib.suppress(OSError):  # nobody may read it any more
+        with contextlib.suppress(OSError):  # the terminal may be closed
             say(f"helios: hung up; {hung_up}", stderr=True)
         return 129
     except BrokenPipeError:
@@ -101,7 +102,7 @@ def run(args: Sequence[str]) -> int:
 
 
 def _placed(command: Any, args: Sequence[str]) -> list[str]:
-    """The arguments with the options that stand before a command moved behind it."""
+    """Arguments with the options before a command moved behind it."""
     before, rest = leading(args)
     words = 0
     while words < len(rest) and (inner := getattr(command, "commands", {}).get(rest[words])):
@@ -110,9 +111,12 @@ def _placed(command: Any, args: Sequence[str]) -> list[str]:
 
 
 def _tell(error: Exception) -> int:
-    """One sentence on stderr; faults of ours keep their traceback."""
+    """Print an error as one sentence on stderr and return the exit status.
+
+    Raises it again if it is neither a HeliosError nor an error of the command-line parser.
+    """
     format_message = getattr(error, "format_message", None)
-    if format_message is not None:  # of the command-line parser, whichever it is built on
+    if format_message is not None:  # an error of the command-line parser
         sentence = format_message().rstrip(".")
         if sentence.startswith("Usage:"):  # a group without a command
             print(sentence, file=sys.stderr)
@@ -125,7 +129,7 @@ def _tell(error: Exception) -> int:
                 )
             say(f"helios: {sentence}; see {command} --help", stderr=True)
         return 2
-    if type(error).__name__ == "Abort":  # and of the end of the input, asked for a word
+    if type(error).__name__ == "Abort":  # Ctrl-C or end of input at a prompt
         return _interrupted()
     from helios_core.errors import HeliosError
 

@@ -1,8 +1,8 @@
-"""SIGINT and SIGTERM of a command that has processes, threads and files to end in order.
+"""SIGINT and SIGTERM in commands that must end processes, threads and files in order.
 
-A second Ctrl-C that raises while a session is being closed leaves its threads running, and the end
+A second Ctrl-C that raises while a session is being closed leaves its threads running, and the exit
 of the interpreter then aborts the process. So signals are noted here, and raised only where nothing
-is open. Imports the standard library alone.
+is open. Imports only the standard library.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
-TOGETHER_S = 0.3  # signals that follow one another so fast are one
+TOGETHER_S = 0.3  # signals closer together than this count as one
 
 
 class Bursts:
-    """A signal handler that raises KeyboardInterrupt once for a burst of signals."""
+    """Signal handler that raises KeyboardInterrupt once per burst of signals."""
 
     def __init__(self) -> None:
         self._last_s = -TOGETHER_S
@@ -30,30 +30,31 @@ class Bursts:
 
 
 class Interrupts:
-    """What has come since `noted_interrupts` was entered."""
+    """Record of the signals received since `noted_interrupts` was entered."""
 
     def __init__(self) -> None:
         self.came = False
         self._raises = False
 
     def check(self) -> None:
-        """Raises KeyboardInterrupt when a signal has come."""
+        """Raise KeyboardInterrupt if a signal has come."""
         if self.came:
             raise KeyboardInterrupt
 
     @contextmanager
     def raised(self) -> Iterator[None]:
-        """The first signal raises KeyboardInterrupt at once: for a long computation."""
+        """Context in which the first signal raises KeyboardInterrupt at once: for a long
+        computation."""
         self._raises = True
         try:
             self.check()
             yield
         finally:
             self._raises = False
-        self.check()  # a finalizer may have swallowed it
+        self.check()  # a finalizer may have swallowed the exception
 
     def note(self, *_: object) -> None:
-        """The signal handler."""
+        """Signal handler: note the signal, and raise if it is the first inside `raised`."""
         first, self.came = not self.came, True
         if first and self._raises:
             raise KeyboardInterrupt
@@ -61,8 +62,8 @@ class Interrupts:
 
 @contextmanager
 def noted_interrupts() -> Iterator[Interrupts]:
-    """Note SIGINT and SIGTERM. Once one has come, further ones do nothing, after the block too: the
-    command is ending. In the main thread."""
+    """Context that notes SIGINT and SIGTERM, in the main thread. After the first one, further ones
+    have no effect, even after the block: the command is ending."""
     interrupts = Interrupts()
     before = {number: signal.signal(number, interrupts.note) for number in NUMBERS}
     try:
@@ -74,6 +75,6 @@ def noted_interrupts() -> Iterator[Interrupts]:
 
 
 def ignore_interrupts() -> None:
-    """Ctrl-C does nothing while the interpreter ends; SIGTERM ends it."""
+    """Ignore Ctrl-C while the interpreter exits; SIGTERM ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

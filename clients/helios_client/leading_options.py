@@ -1,14 +1,14 @@
-"""Options before the command. Imports the standard library alone."""
+"""Options before the command. Imports only the standard library."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-EVERYWHERE = ("--port", "--url", "--key", "--robot")  # each is followed by its value
+EVERYWHERE = ("--port", "--url", "--key", "--robot")  # each takes a value
 
 
 def leading(args: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The options that stand before the command, of those in EVERYWHERE, and the rest."""
+    """Leading options of EVERYWHERE with their values, and the remaining arguments."""
     at = 0
     while at < len(args):
         if args[at] in EVERYWHERE and at + 1 < len(args):

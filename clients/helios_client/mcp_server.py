@@ -1,7 +1,7 @@
-"""The robot for language agents: an MCP server over the SDK, started by `helios mcp`.
+"""MCP server over the SDK for language agents, started by `helios mcp`.
 
-The tools are in `mcp_tools`, a class for each subject. Each answers with what the HTTP interface
-answers; errors are its sentences.
+`mcp_tools` holds the tools, one class per subject. Each tool returns the response of the HTTP
+interface; its errors are the sentences of that interface.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ INSTRUCTIONS = (
 
 
 def build(helios: AsyncHelios) -> MCPServer:
-    """The server, without a transport. Raises Unavailable where the `mcp` library is missing."""
+    """MCP server without a transport. Raises Unavailable if the `mcp` library cannot be loaded."""
     try:
         from helios_client.mcp_tools.maps import MapTools
         from helios_client.mcp_tools.robot import RobotTools

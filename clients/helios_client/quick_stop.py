@@ -1,8 +1,8 @@
-"""`helios stop` before anything is imported that takes long. Imports the standard library alone.
+"""`helios stop` without slow imports. Imports only the standard library.
 
-It does what the command in `commands.robot` does where all goes well. For anything else (help,
-wrong use, nobody there, a refusal) it returns None, and that command stops the robot and says what
-is wrong: stopping twice does no harm.
+It does the same as the command in `commands.robot` if all goes well. In any other case (help, wrong
+use, no gateway, a refusal) it returns None; that command then stops the robot and reports the
+error. A second stop does no harm.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ VARIABLES = {"--key": "HELIOS_API_KEY"}
 
 
 def quick_stop(args: Sequence[str]) -> int | None:
-    """Stop the robot if `args`, those of the command line after `helios`, are `stop` and its
-    options; the exit status. None: the full command must run."""
+    """Stop the robot if `args`, the command line after `helios`, is `stop` with its options.
+    Returns the exit status, or None if the full command must run."""
     before, rest = leading(args)
     if rest[:1] != ["stop"]:
         return None
@@ -47,8 +47,8 @@ def quick_stop(args: Sequence[str]) -> int | None:
 
 
 def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, str] | None:
-    """The options by name, an API key of the environment too; a flag is "". None: not
-    understood."""
+    """Options by name, with the API key of the environment; a flag has the value "". None if an
+    argument is not understood."""
     out = {name: value for name, key in VARIABLES.items() if (value := environment.get(key))}
     left = iter(args)
     for arg in left:
@@ -68,8 +68,8 @@ def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, st
 
 
 def _ask(given: Mapping[str, str], environment: Mapping[str, str]) -> str:
-    """Send the stop; what is to be printed. Raises OSError, ValueError and HTTPException for
-    everything but success."""
+    """Send the stop request and return the text to print. Raises OSError, ValueError or
+    HTTPException on any failure."""
     import json
     from urllib.parse import quote
 
@@ -107,14 +107,14 @@ def _connection(url: SplitResult) -> HTTPConnection:
         return HTTPConnection(url.hostname, url.port, timeout=CONNECT_S)
     import ssl
 
-    import certifi  # the authorities that the SDK trusts
+    import certifi  # certificate authorities that the SDK trusts
 
     context = ssl.create_default_context(cafile=certifi.where())
     return HTTPSConnection(url.hostname, url.port, timeout=CONNECT_S, context=context)
 
 
 def main() -> int | None:
-    """The exit status, or None where the full command must run."""
+    """Exit status, or None if the full command must run."""
     try:
         return quick_stop(sys.argv[1:])
     except KeyboardInterrupt:

@@ -52,7 +52,7 @@ T = TypeVar("T")
 
 
 class AsyncHelios:
-    """A running HELIOS. For use in one event loop."""
+    """Client of a running HELIOS. For use in one event loop."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class AsyncHelios:
         key: str | None = None,
         robot: str | None = None,
     ) -> None:
-        """`key`: an API key, where the gateway wants one. `robot`: one of several, by name."""
+        """`key`: API key, if the gateway requires one. `robot`: name of one of its robots."""
         self._to = Connection(base_url, timeout_s, key, robot)
         self._http = httpx.AsyncClient(**self._to.options(), transport=transport)
 
@@ -76,21 +76,21 @@ class AsyncHelios:
         priority: int = 0,
         settings: Mapping[str, str | float] | None = None,
     ) -> Task:
-        """Queue a task, with a budget of steps and seconds. Of the queued ones a higher priority
-        (-100 to 100) is begun first. `settings`: of the planner, for this task alone, such as
-        alpha_d. Raises InvalidInput when the instruction cannot be understood."""
+        """Queue a task, with a limit on steps and on seconds. Queued tasks with a higher priority
+        (-100 to 100) start first. `settings`: planner settings for this task alone, such as
+        alpha_d. Raises InvalidInput if the instruction cannot be understood."""
         return await self._do(requests.submit(
             instruction, max_steps, agent, time_limit_s, priority, settings
         ))  # fmt: skip
 
     async def go(self, x_m: float, y_m: float, yaw_rad: float | None = None) -> Task:
-        """Queue a task that drives to a point (world frame, metres) and faces that way there
-        (radians, counter-clockwise from the x axis; None: whichever way it comes)."""
+        """Queue a task that drives to a point (world frame, metres) and turns to `yaw_rad` there
+        (radians, counter-clockwise from the x axis; None: any heading)."""
         return await self._do(requests.go(x_m, y_m, yaw_rad))
 
     async def explore(self, time_limit_s: float | None = None) -> Task:
-        """Queue a task that explores until nothing that can be reached is unknown, or its time is
-        up: it succeeds either way."""
+        """Queue a task that explores until all reachable floor is known, or its time is up. It
+        succeeds in both cases."""
         return await self._do(requests.explore(time_limit_s))
 
     async def home(self) -> Task:
@@ -98,32 +98,32 @@ class AsyncHelios:
         return await self._do(requests.home())
 
     async def task(self, id: str) -> Task:
-        """How a task is."""
+        """One task by its id."""
         return await self._do(requests.task(id))
 
     async def tasks(self, state: str | None = None, limit: int | None = None) -> tuple[Task, ...]:
-        """Tasks, newest first: all, or those in a state."""
+        """Tasks, newest first: all, or those in one state."""
         return await self._do(requests.tasks(state, limit))
 
     async def cancel(self, id: str) -> Task:
-        """Ask a task to end."""
+        """Request the end of a task."""
         return await self._do(requests.cancel(id))
 
     async def pause(self, id: str) -> Task:
-        """Begin no further action of a task until `resume`."""
+        """Pause a task: start no further action until `resume`."""
         return await self._do(requests.pause(id))
 
     async def resume(self, id: str) -> Task:
-        """Go on with a paused task."""
+        """Resume a paused task."""
         return await self._do(requests.resume(id))
 
     async def wait(
         self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
     ) -> Task:
-        """The task once it has ended; `on_update` is told whenever it changed.
+        """Wait until a task has ended and return it; `on_update` is called after each change.
 
-        A gateway that is being restarted is waited for, up to `SILENCE_S`. Raises DeadlineExceeded,
-        and Unavailable when nobody answers any more.
+        While the gateway restarts, the call retries for up to `SILENCE_S`. Raises DeadlineExceeded,
+        and Unavailable if the gateway no longer answers.
         """
         waiting = WaitedServices(id, timeout_s, SILENCE_S)
         while True:
@@ -141,97 +141,98 @@ class AsyncHelios:
             await asyncio.sleep(POLL_S)
 
     async def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
-        """Why the task went as it did, oldest first; with changes such as "alpha_d=0.01" also what
-        it would have been under these settings, as `recomputed`."""
+        """Decisions of a task with their reasons, oldest first. With `changes` such as
+        "alpha_d=0.01", `recomputed` holds each decision under these settings."""
         return await self._do(requests.decisions(id, changes))
 
     async def vocabulary(self) -> Vocabulary:
-        """What can be asked for: any name, or those of the detector."""
+        """Names that a task may use: any name, or those of the detector."""
         return await self._do(requests.vocabulary())
 
     async def suggestions(self, limit: int = 3) -> Suggestions:
-        """What was seen in this home, and at most `limit` tasks to try there."""
+        """Names seen in this home, and at most `limit` tasks to try there."""
         return await self._do(requests.suggestions(limit))
 
     # --- maps and robot -----------------------------------------------------------------------
     async def objects(
         self, class_name: str | None = None, min_score: float | None = None
     ) -> tuple[FoundObject, ...]:
-        """The instances of the object map: all, or of a class, or from a score Ψ on."""
+        """Instances of the object map: all, those of a class, or those with a score Ψ from
+        `min_score` on."""
         return await self._do(requests.objects(class_name, min_score))
 
     async def object(self, id: int) -> FoundObject:
-        """One instance of the object map."""
+        """One instance of the object map, by its id."""
         return await self._do(requests.found_object(id))
 
     async def seen(self, prompt: str, limit: int = 5) -> Seen:
-        """Where something was seen: believed objects of that name, and at most `limit` past views
-        that fit the words, with pictures."""
+        """Places where something was seen: objects of that name, and at most `limit` past views
+        that fit the prompt, with images."""
         return await self._do(requests.seen(prompt, limit))
 
     async def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
-        """Pictures that an object is in, from different sides, best first."""
+        """Past views that show an object, from different directions, best first, with images."""
         return await self._do(requests.object_views(id, limit))
 
     async def save_map(self) -> bytes:
-        """Both maps as one file (ZIP): all that they need to go on."""
+        """Both maps as one ZIP file, complete enough to continue mapping from."""
         return await self._do(requests.save_map())
 
     async def load_map(self, data: bytes) -> LoadedMaps:
-        """Both maps from `save_map`, in the place of the present ones: both, or neither. Raises
-        InvalidInput for another file, Conflict while a task is under way."""
+        """Replace both maps by those of `save_map`: both, or neither. Raises InvalidInput for
+        another file, Conflict while a task is under way."""
         return await self._do(requests.load_map(data))
 
     async def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
-        """Forget both maps, or one; what is kept on the disk, too. A new one begins with the next
-        action. Raises Conflict while a task is under way."""
+        """Discard both maps, or one, with its copy on disk. The next action begins a new map.
+        Raises Conflict while a task is under way."""
         return await self._do(requests.reset_map(only))
 
     async def map_info(self) -> MapInfo:
-        """The 2D map's size, place and layers."""
+        """Size, origin and layers of the 2D map."""
         return await self._do(requests.map_info())
 
     async def occupancy(self) -> dict[str, NDArray]:
-        """The arrays of `/v1/map/occupancy.npz`, by name. Of a shape [rows, columns], row 0 the
-        smallest y, column 0 the smallest x: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
-        `explored` uint8 (1: seen since the search began), `top_m` float32 (m, highest obstacle,
-        0: none). `origin_m` [2] is the corner of the cell [0, 0] and `cell_m` its size, in metres
-        of the world; `trajectory_m` [n, 2]; `robot_pose` [3] x (m), y (m), yaw (rad); `version`;
-        of each frontier `frontier_id`, `_center_m` [n, 2], `_size_m`, `_reachable`."""
+        """Arrays of `/v1/map/occupancy.npz`, by name. With shape [rows, columns], row 0 at the
+        smallest y, column 0 at the smallest x: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
+        `explored` uint8 (1: seen since the search began), `top_m` float32 (m, highest obstacle, 0:
+        none). `origin_m` [2] is the corner of the cell [0, 0] and `cell_m` its size, in metres in
+        the world frame; `trajectory_m` [n, 2]; `robot_pose` [3] x (m), y (m), yaw (rad); `version`;
+        per frontier `frontier_id`, `_center_m` [n, 2], `_size_m`, `_reachable`."""
         return await self._do(requests.arrays("occupancy"))
 
     async def value_layer(self, layer: str) -> dict[str, NDArray]:
-        """The arrays of one value layer, `pick` or `place`: `value` float32, which has no
-        unit, and `explored`, cell by cell as those of `occupancy`; `origin_m`, `cell_m`,
+        """Arrays of one value layer, `pick` or `place`: `value` float32 (no unit) and
+        `explored`, with the same cells as those of `occupancy`; `origin_m`, `cell_m`,
         `robot_pose`, `version`."""
         return await self._do(requests.arrays(f"value/{layer}"))
 
     async def picture(self, what: str = "occupancy") -> bytes:
-        """PNG of the map: `occupancy` or `value/<layer>`."""
+        """PNG image of the map: `occupancy` or `value/<layer>`."""
         return await self._do(requests.map_file(what, "png"))
 
     async def map_file(self, what: str, ending: str) -> bytes:
-        """The map as it travels: `occupancy` or `value/<layer>`, as `png` or `npz`."""
+        """Map file of the HTTP interface: `occupancy` or `value/<layer>`, as `png` or `npz`."""
         return await self._do(requests.map_file(what, ending))
 
     async def ros_map(self) -> dict[str, bytes]:
-        """`map.pgm` and `map.yaml`, as ROS's map_server reads them."""
+        """Files `map.pgm` and `map.yaml` for ROS's map_server."""
         return await self._do(requests.ros_map())
 
     async def frontiers(self) -> list[Frontier]:
-        """The borders of what was seen since the search began."""
+        """Frontiers between floor explored in this search and unexplored floor."""
         return await self._do(requests.frontiers())
 
     async def camera(self) -> bytes:
-        """JPEG of what the robot sees now."""
+        """Current camera image as JPEG."""
         return await self._do(requests.camera())
 
     async def robot(self) -> RobotAnswer:
-        """How the robot is, and what it is."""
+        """Connection, state and description of the robot."""
         return await self._do(requests.robot())
 
     async def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
-        """Stop now; the robot stays stopped until `clear_stop`."""
+        """Stop the robot at once; it stays stopped until `clear_stop`."""
         return await self._do(requests.stop_robot(reason))
 
     async def clear_stop(self) -> RobotAnswer:
@@ -239,26 +240,27 @@ class AsyncHelios:
         return await self._do(requests.clear_stop())
 
     async def drive(self, forward_m: float = 0.0, turn_rad: float = 0.0) -> DriveAnswer:
-        """One short move: at most 0.5 m ahead (below 0: back), or 0.6 rad on the spot (above 0:
-        left). Raises Conflict while a task or somebody else has the robot, or it is stopped."""
+        """Make one short move: at most 0.5 m ahead (negative: back), or 0.6 rad on the spot
+        (positive: left). Raises Conflict if a task or another client has the robot, or if it is
+        stopped."""
         return await self._do(requests.drive(forward_m, turn_rad))
 
     def teleop(self) -> AsyncTeleop:
-        """Drive by hand: `with helios.teleop() as drive: drive(forward=0.5, for_s=2)`. Raises
-        Conflict, on entering, as `drive` does."""
+        """Drive by hand: `async with helios.teleop() as drive: await drive(forward=0.5, for_s=2)`.
+        Raises Conflict, on entering, as `drive` does."""
         return AsyncTeleop(self._to)
 
-    # --- the whole ----------------------------------------------------------------------------
+    # --- services and events ------------------------------------------------------------------
     async def status(self) -> Status:
-        """How every service is."""
+        """Health of every service, and readiness for a new task."""
         return await self._do(requests.status())
 
     async def settings(self, service: str) -> dict[str, Any]:
-        """The settings that a running service has, by name."""
+        """Settings of a running service, by name."""
         return await self._do(requests.service_settings(service))
 
     async def ready(self) -> bool:
-        """Whether a task submitted now would start; False where nobody answers."""
+        """True if a task submitted now would start; False if the gateway does not answer."""
         try:
             status = await self.status()
             return status["ready"]
@@ -272,10 +274,11 @@ class AsyncHelios:
         last_id: str = "",
         silence_s: float = SILENCE_S,
     ) -> AsyncIterator[Event]:
-        """What happens, as it happens: all of it, or these types, or of one task until it ended.
+        """Events as they happen: all, those of some types, or those of one task until it has ended.
 
-        A connection that is lost is taken up again where it broke off. Raises Unavailable or
-        DeadlineExceeded after so long a silence (the gateway sends signs of life).
+        A lost connection is resumed after the last event received. Raises Unavailable or
+        DeadlineExceeded after `silence_s` without a line from the gateway, which sends keep-alive
+        lines.
         """
         heard_s = time.monotonic()
         asked = tuple(types)
@@ -296,7 +299,7 @@ class AsyncHelios:
             await asyncio.sleep(EVENT_RETRY_S)
 
     async def close(self) -> None:
-        """Let go of the connections."""
+        """Close the connections."""
         await self._http.aclose()
 
     async def __aenter__(self) -> Self:
@@ -321,7 +324,7 @@ class AsyncHelios:
     async def _stream(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
     ) -> AsyncIterator[Event | None]:
-        """One for each line that comes: the event that it completes, or None."""
+        """Yield, for each line received, the event that it completes, or None."""
         request = self._to.event_request(types, task_id, last_id, silence_s)
         parser = EventParser()
         try:

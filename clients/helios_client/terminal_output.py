@@ -1,4 +1,4 @@
-"""What people read on a terminal or in a pipe."""
+"""Console and table for a terminal or a pipe."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.table import Column, Table
 
-PIPE_COLUMNS = 100_000  # what reads a pipe wants whole lines
+PIPE_COLUMNS = 100_000  # programs that read a pipe need whole lines
 
 
 class Screen(Console):
-    """A console for texts of any origin: no control character of theirs reaches the terminal, and
-    where there is no terminal a line is as long as it has to be."""
+    """Console for text of any origin: it keeps control characters from the terminal. Without a
+    terminal it does not wrap lines."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -25,7 +25,7 @@ class Screen(Console):
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
-        """As the console does, with the text of each segment made safe."""
+        """Segments as rich renders them, with control characters made printable."""
         for segment in super().render(renderable, options):
             text = segment.text
             if segment.control or text.isprintable() or text == "\n":
@@ -36,6 +36,6 @@ class Screen(Console):
 
 
 def plain_table(*titles: str) -> Table:
-    """A table without lines. A word that is wider than its column goes on below; none is cut."""
+    """Table without lines. A word wider than its column continues on the next line; none is cut."""
     columns = (Column(title, overflow="fold") for title in titles)
     return Table(*columns, box=None, pad_edge=False, header_style="dim")

@@ -1,7 +1,7 @@
-"""The one error of the command line's own."""
+"""Error type of wrong use of the command line."""
 
 from helios_core.errors import HeliosError
 
 
 class UsageError(HeliosError):
-    """The command was called wrongly: exit status 2."""
+    """Wrong use of a command: exit status 2."""

@@ -1,4 +1,4 @@
-"""The version of the installed package."""
+"""Version of the installed package."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ PACKAGE = "helios-ovmm"
 
 
 def helios_version() -> str:
-    """As `pip` knows it; "not installed" where it runs from a folder alone."""
+    """Version as `pip` reports it; "not installed" if HELIOS runs from a folder only."""
     try:
         return version(PACKAGE)
     except PackageNotFoundError:

@@ -1,1 +1,1 @@
-"""The sub-commands of `helios`, and how they print."""
+"""Sub-commands of `helios`, and their output."""

@@ -1,4 +1,5 @@
-"""API keys of the gateway: made here, kept as hashes in a TOML file that only its owner reads."""
+"""API keys of the gateway: generated here, stored as hashes in a TOML file that only its owner
+reads."""
 
 from __future__ import annotations
 
@@ -21,16 +22,16 @@ BYTES = 32
 
 
 def add_key(file: Path, name: str, scope: str) -> str:
-    """A new key, its hash added to the file; nobody can read the key from there.
+    """Generate a key and add its hash to the file, from which the key cannot be recovered.
 
-    Raises UsageError for a name that cannot be read or a folder that is not there, Conflict where
-    the file has a key of that name, InvalidInput where it cannot be used.
+    Raises UsageError for an unprintable name or a missing folder, Conflict if the file has a key of
+    that name, InvalidInput if the file cannot be used.
     """
     if not (name.strip() and name.isprintable()):
         raise UsageError(f"the name of a key is {name!r}; wanted letters that can be read: tablet")
     key = secrets.token_urlsafe(BYTES)
     digest = hashlib.sha256(key.encode()).hexdigest()
-    quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is a TOML string, too
+    quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is also a TOML string
     entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
     if why := refusal(file):
         raise UsageError(why)
@@ -43,12 +44,13 @@ def add_key(file: Path, name: str, scope: str) -> str:
 
 
 def _add(file: Path, name: str, entry: str) -> None:
-    """Raises as `add_key`, and OSError where the file cannot be written: then it is as it was."""
+    """Add the entry to the file. Raises as `add_key`, and OSError if the file cannot be written; it
+    is then unchanged."""
     try:
         text = file.read_text(encoding="utf-8") if file.exists() else ""
         names = [entry.get("name") for entry in tomllib.loads(text).get("key", [])]
         added = ("\n" if text else "") + entry
-        tomllib.loads(text + added)  # as `key = []` takes no more entries
+        tomllib.loads(text + added)  # fails for `key = []`, which takes no more entries
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InvalidInput(
             f"{file} is no file of keys: {error}; mend it, or name another with --file"
@@ -60,7 +62,7 @@ def _add(file: Path, name: str, entry: str) -> None:
 
 @contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """One process at a time: of two that add a key at once neither is lost. Raises OSError."""
+    """Hold a lock on the folder, so that two processes can add keys at once. Raises OSError."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)

@@ -31,7 +31,8 @@ def bake(
     ] = None,
     cache: Cache = None,
 ) -> None:
-    """Turn the furniture package into small models. In the cache; some minutes, once."""
+    """Convert the furniture package to small models. Takes some minutes, once; the cache keeps
+    them."""
     from helios_sim.assets.asset_baking import bake as run_bake
     from rich.progress import Progress
 
@@ -52,7 +53,7 @@ def show(
     cache: Cache = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON only")] = False,
 ) -> None:
-    """List what is baked: class, model, size, author and licence."""
+    """List the baked furniture: class, model, size, author and licence."""
     from helios_sim.assets import asset_pack as packs
     from helios_sim.assets.asset_report import rows_of
     from rich.table import Table

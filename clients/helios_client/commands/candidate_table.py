@@ -1,4 +1,4 @@
-"""The candidates of a decision with the terms that decided, as wide as the terminal allows."""
+"""Table of a decision's candidates and their terms, as wide as the terminal allows."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from rich.text import Text
 
 from helios_client.answer_types import Decision
 
-INDENT = 15  # of what belongs to a sentence
-_ORDER = (  # what a term is made of stands before it
+INDENT = 15  # indent of the details below a sentence
+_ORDER = (  # a term follows those that it is computed from
     "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "size_m",
     "distance_m", "way_m", "unknown_m", "views", "in_place", "place", "score", "score_after_view",
     "total",
 )  # fmt: skip
-_ALL_OF_TOTAL = ("score", "score_after_view")  # where a total is one of these, it is said once
-_LAYOUTS = ((False, INDENT), (True, INDENT), (True, 2))  # a word a line in the head?, indent
+_ALL_OF_TOTAL = ("score", "score_after_view")  # a total equal to one of these is not shown
+_LAYOUTS = ((False, INDENT), (True, INDENT), (True, 2))  # one word per line in the heading?, indent
 
 
 class Candidates:
-    """The best ones and the one that was chosen, a column for each term; where that is too wide, a
-    row for each term. Names and numbers are never cut."""
+    """Table of the best candidates and the chosen one, with a column per term; if too wide, with a
+    row per term. Names and numbers are never cut."""
 
     def __init__(self, decision: Decision, top: int) -> None:
         by_total = sorted(decision.candidates, key=lambda c: -(c["terms"].get("total") or 0.0))

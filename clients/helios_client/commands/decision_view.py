@@ -1,4 +1,4 @@
-"""Decisions for people: one sentence each, and the candidates with the terms that decided."""
+"""Decisions as text for a person: one sentence each, and the candidates with their terms."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from helios_client.commands.tables import TASK_COLORS
 
 
 def flips(decisions: Iterable[Decision]) -> list[Decision]:
-    """Those that would have been another under the settings that were asked for."""
+    """Decisions that would change under the requested settings."""
     return [d for d in decisions if d.recomputed and d.recomputed["flips"]]
 
 
 def report(
     task: Task, decisions: Sequence[Decision], changes: Sequence[str], top: int, everything: bool
 ) -> Group:
-    """The whole answer; `top` candidates of each decision; with changes those that would flip and
-    those that nobody can tell, or everything."""
+    """All decisions with `top` candidates each. With changes only those that would flip or are
+    uncertain, unless `everything` is set."""
     parts: list[RenderableType] = [_head(task, decisions)]
     shown = list(decisions)
     if changes:
@@ -90,7 +90,7 @@ def _line(decision: Decision, started_s: float) -> Table:
 
 
 def _sentence(why: str) -> Text:
-    """What is done stands out, the reason follows."""
+    """Sentence of a decision, with its action highlighted."""
     what, colon, reason = why.partition(": ")
     return Text(what, style="bold cyan").append(colon + reason, style="default")
 

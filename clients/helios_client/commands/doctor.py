@@ -1,4 +1,4 @@
-"""`helios doctor`: what this machine lacks, and how to mend it."""
+"""`helios doctor`: checks of this machine, with remedies."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from helios_client.version import helios_version
 
 MIN_PYTHON = (3, 11)
 FREE_BYTES = 500_000_000
-# what each part of `helios up` imports -> the extra that brings it
+# package that a part of `helios up` imports -> extra that installs it
 PACKAGES = {
     "zenoh": "",
     "foxglove_schemas_protobuf": "",
@@ -36,7 +36,7 @@ PACKAGES = {
     "httpx": "client",
     "rich": "client",
 }
-# what else there is: package -> the extra that brings it, and what it is for
+# optional package -> extra that installs it, and its purpose
 FURTHER = {
     "viser": ("viewer", "the dashboard's 3D view"),
     "mcp": ("mcp", "helios mcp"),
@@ -48,17 +48,17 @@ FURTHER = {
     "rosbags": ("ros", "ROS bags"),
     "bosdyn": ("spot", "helios up --robot spot"),
 }
-# what the simulator draws with -> Debian's package
+# rendering library of the simulator -> Debian package
 LIBRARIES = {"EGL": "libegl1", "GL": "libgl1", "OSMesa": "libosmesa6"}
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at."""
+    """Result of one check."""
 
     what: str
     ok: bool
-    mend: str  # what to do when it is not ok
+    mend: str  # remedy if it is not ok
     optional: bool = False
 
 
@@ -67,7 +67,7 @@ def examine(
     has_package: Callable[[str], bool] = lambda name: importlib.util.find_spec(name) is not None,
     find_library: Callable[[str], str | None] = ctypes.util.find_library,
 ) -> list[Finding]:
-    """Everything that `helios up` with the simulator needs, then what else may be of use."""
+    """Checks of all that `helios up` with the simulator needs, then of optional parts."""
     version = ".".join(map(str, sys.version_info[:3]))
     out = [
         Finding(f"HELIOS {helios_version()}", True, ""),
@@ -96,7 +96,7 @@ def examine(
 
 
 def _plugins() -> list[Finding]:
-    """What installed packages offer by entry points; nothing of it is imported."""
+    """Checks of the entry points of installed packages, without importing them."""
     out = []
     for kind in plugins.KINDS:
         for name in kind.entry_names():
@@ -110,7 +110,7 @@ def _plugins() -> list[Finding]:
 
 
 def _libraries(find_library: Callable[[str], str | None]) -> list[Finding]:
-    """The simulator draws with EGL, or with OSMesa where MUJOCO_GL says so."""
+    """Checks of the rendering libraries: EGL, or OSMesa if MUJOCO_GL selects it."""
     wanted = ("OSMesa",) if os.environ.get("MUJOCO_GL") == "osmesa" else ("EGL", "GL")
     return [
         Finding(

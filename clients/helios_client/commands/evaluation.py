@@ -1,4 +1,4 @@
-"""`helios bench`, `eval`, `doctor`: what measures, judges and examines."""
+"""Commands that measure and check: `helios bench`, `eval`, `doctor`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def bench(
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )
 def evaluate(context: typer.Context) -> None:
-    """Play episodes in simulated homes, judge them by the truth. See helios eval --help."""
+    """Run episodes in simulated homes, judged by ground truth. See helios eval --help."""
     try:
         from helios_eval.eval_command import app as eval_app
     except ImportError as error:
@@ -56,8 +56,8 @@ def evaluate(context: typer.Context) -> None:
 
 @app.command()
 def doctor(port: Port = 8080, as_json: Json = False) -> None:
-    """What is missing on this machine, and how to mend it. Exit status 1 if something is that the
-    simulator needs; notes name what else there is."""
+    """Check this machine for missing parts and print the remedies. Exit status 1 if the simulator
+    lacks something; notes name optional parts."""
     from dataclasses import asdict
 
     from helios_client.commands.doctor import examine

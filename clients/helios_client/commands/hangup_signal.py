@@ -1,4 +1,5 @@
-"""SIGHUP: the terminal of a command was closed, as when an SSH connection ends."""
+"""SIGHUP as an exception: the terminal of a command has closed, for example with its SSH
+connection."""
 
 from __future__ import annotations
 
@@ -9,12 +10,12 @@ from contextlib import contextmanager
 
 
 class HungUp(BaseException):
-    """The terminal was closed. The message says what goes on."""
+    """The terminal was closed. The message names the work that goes on."""
 
 
 @contextmanager
 def hangup_raises(sentence: str) -> Iterator[None]:
-    """Raise HungUp with the sentence when SIGHUP comes: once, in the main thread, and not where
+    """Context that raises HungUp with the sentence on SIGHUP: once, in the main thread, and not if
     SIGHUP is ignored (`nohup`)."""
     number = getattr(signal, "SIGHUP", None)  # not on every system
     in_main = threading.current_thread() is threading.main_thread()

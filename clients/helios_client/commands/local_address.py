@@ -1,4 +1,4 @@
-"""Whether an address is of this machine."""
+"""Check that an address belongs to this machine."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from helios_client.usage_errors import UsageError
 
 
 def port_here(url: str, elsewhere: str) -> int:
-    """The port of a URL of this machine; the scheme may be missing.
+    """Port of a URL of this machine; the scheme may be missing.
 
-    elsewhere: what follows from another machine, and what to do; HOST in it stands for that one.
-    Raises UsageError with it for a URL of another machine, and for one that is none.
+    elsewhere: end of the error sentence for another machine, with the remedy; HOST in it stands for
+    that machine. Raises UsageError for a URL of another machine and for an invalid URL.
     """
     try:
         parts = split_url(url)
@@ -26,7 +26,7 @@ def port_here(url: str, elsewhere: str) -> int:
 
 
 def _is_here(host: str) -> bool:
-    """Whether the host is this machine: a socket can be bound to one of its addresses."""
+    """True if the host is this machine: a socket can be bound to one of its addresses."""
     try:
         found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
     except OSError:

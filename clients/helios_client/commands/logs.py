@@ -1,4 +1,4 @@
-"""`helios logs`: what the services wrote, also after `helios up` has ended."""
+"""`helios logs`: logs of the services, also after `helios up` has ended."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ ENDING = ".log"
 
 
 def log_folder(port: int | None, url: str | None, state: Path | None) -> Path:
-    """`STATE/logs` of the `helios up` of this port: the running one, or the last one there.
+    """Folder `STATE/logs` of the `helios up` of this port: the running one, or the last one there.
 
-    port, url: as typed; HELIOS_URL counts where neither is. state: goes before both. Raises
-    UsageError where a URL names another machine.
+    port, url: as typed; if neither is, HELIOS_URL applies. state: wins over both. Raises UsageError
+    if a URL names another machine.
     """
     if state is None:
         here, address = chosen_address(port, url)
@@ -43,7 +43,7 @@ def _known_folder(default: Path) -> Path:
 
 
 def services_in(folder: Path) -> list[str]:
-    """The services that have a log there. Raises Unavailable where none has."""
+    """Names of the services that have a log there. Raises Unavailable if there are none."""
     names = sorted(path.stem for path in folder.glob(f"*{ENDING}"))
     if not names:
         raise Unavailable(
@@ -53,8 +53,8 @@ def services_in(folder: Path) -> list[str]:
 
 
 def log_file(folder: Path, service: str) -> Path:
-    """The newest log of a service, whose name may be in any case. Raises UsageError with the names
-    that there are, and Unavailable where there are none."""
+    """Newest log of a service, whose name may be in any case. Raises UsageError with the known
+    names for an unknown service, and Unavailable if there are no logs."""
     names = services_in(folder)
     found = same_name(service, names)
     if found is None:
@@ -65,8 +65,9 @@ def log_file(folder: Path, service: str) -> Path:
 
 
 def newest_lines(file: Path, count: int) -> tuple[list[str], BinaryIO]:
-    """The newest lines, oldest first, and the file, opened and read up to there. Of the log before
-    it (`.log.1`), too, where the file has fewer. Raises InvalidInput where it cannot be read."""
+    """Newest `count` lines, oldest first, and the open file, read to its end. If the file has fewer
+    lines, the previous log (`.log.1`) supplies the rest. Raises InvalidInput if a file cannot be
+    read."""
     lines: deque[bytes] = deque(maxlen=count)
     try:
         with contextlib.suppress(FileNotFoundError), _older(file).open("rb") as older:
@@ -79,11 +80,11 @@ def newest_lines(file: Path, count: int) -> tuple[list[str], BinaryIO]:
 
 
 def new_lines(file: Path, opened: BinaryIO) -> Iterator[str]:
-    """Each line that is written from here on, for ever; a log that is put aside is read to its end,
-    then the new one from its beginning."""
+    """Yield each further line, without end. A log that is renamed is read to its end, then the new
+    one from its beginning."""
     half = b""
     while True:
-        replaced = _is_replaced(file, opened)  # asked first: what is read then is all of it
+        replaced = _is_replaced(file, opened)  # checked first, so that the read below is complete
         *lines, half = (half + opened.read()).split(b"\n")
         for line in lines:
             yield _text(line)
@@ -105,5 +106,5 @@ def _older(file: Path) -> Path:
 def _is_replaced(file: Path, opened: BinaryIO) -> bool:
     try:
         return not os.path.samestat(file.stat(), os.fstat(opened.fileno()))
-    except FileNotFoundError:  # between the two names
+    except FileNotFoundError:  # renamed, and the new file is not there yet
         return False

@@ -1,4 +1,4 @@
-"""`helios objects`, `seen` and `map`: what the robot believes about the home, and has seen."""
+"""Commands for the maps of a running robot: `helios objects`, `seen` and `map`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def objects(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what is believed to be where, the surest first."""
+    """List the objects of the object map, highest score first."""
     from helios_client.commands.tables import object_table
 
     with at.connect() as helios:
@@ -50,7 +50,8 @@ def seen(
     out: Annotated[Path | None, typer.Option(help="folder for the views' pictures")] = None,
     as_json: Json = False,
 ) -> None:
-    """Where something was seen, with pictures. Believed objects of that name, and past views."""
+    """Find where something was seen, with images. Objects of that name, and past views that fit the
+    prompt."""
     from helios_client.commands.map_files import write_views
     from helios_client.commands.tables import seen_tables
 
@@ -74,7 +75,7 @@ def save(
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("map.zip"),
     as_json: Json = False,
 ) -> None:
-    """Save both maps, ground and objects, in one file."""
+    """Save both maps, occupancy and objects, in one file."""
     from helios_client.commands.map_files import check_folder_of, write_file
 
     check_folder_of(file)
@@ -94,9 +95,10 @@ def load(
     file: Annotated[Path, typer.Argument(help="that helios map save wrote")] = Path("map.zip"),
     as_json: Json = False,
 ) -> None:
-    """Load both maps in the place of the present ones.
+    """Load both maps and replace the present ones.
 
-    The robot must stand in the world of that map, with the same origin. Refused while a task runs.
+    The robot must stand in the world of the saved maps, with the same origin. Refused while a task
+    runs.
     """
     from helios_client.commands.map_files import read_file
 
@@ -123,7 +125,7 @@ def reset(
     yes: Annotated[bool, typer.Option("--yes", help="do not ask")] = False,
     as_json: Json = False,
 ) -> None:
-    """Forget both maps, or one. For a home that was rebuilt. Refused while a task runs."""
+    """Discard both maps, or one. For a home that was rebuilt. Refused while a task runs."""
     from helios_client.commands.map_files import confirm_reset
 
     if not yes:
@@ -149,7 +151,7 @@ def export(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Write the 2D map as pictures (PNG) and arrays (NPZ), or for ROS."""
+    """Write the 2D map as images (PNG) and arrays (NPZ), or for ROS."""
     from helios_client.commands.map_files import export_map, export_ros
     from helios_client.usage_errors import UsageError
 

@@ -1,4 +1,4 @@
-"""What a running robot knows as files."""
+"""Files of the map commands: exports, saved maps, images of past views."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ OCCUPANCY = "occupancy"
 
 
 def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
-    """`occupancy.png`, `.npz`, and the same for `value-<layer>`; the paths written.
+    """Write `occupancy.png` and `.npz`, and both for each `value-<layer>`; return the paths.
 
-    Raises UsageError for a layer that is not there, InvalidInput where nothing can be written.
+    Raises UsageError for an unknown layer, InvalidInput if a file cannot be written.
     """
     kinds = (OCCUPANCY, *(layer["name"] for layer in helios.map_info()["layers"]))
     wanted = kinds if only is None else [kind for kind in kinds if plain(only) == plain(kind)]
@@ -39,8 +39,8 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
 
 
 def export_ros(helios: Helios, out: Path) -> list[Path]:
-    """`map.pgm` and `map.yaml` for ROS's map_server; the paths written. Raises InvalidInput where
-    nothing can be written."""
+    """Write `map.pgm` and `map.yaml` for ROS's map_server; return the paths. Raises InvalidInput if
+    a file cannot be written."""
     make_folder(out)
     written = []
     for name, data in helios.ros_map().items():
@@ -51,8 +51,8 @@ def export_ros(helios: Helios, out: Path) -> list[Path]:
 
 
 def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
-    """The pictures of past views, best first; the paths written. Raises InvalidInput where nothing
-    can be written."""
+    """Write the images of past views, best first; return the paths. Raises InvalidInput if a file
+    cannot be written."""
     make_folder(out)
     pictured = [view for view in views if view.jpeg]
     paths = [out / f"view-{k}.jpg" for k in range(1, len(pictured) + 1)]
@@ -62,8 +62,8 @@ def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Whole or not at all. Raises UsageError where its folder is not there, and InvalidInput where
-    it cannot be written; a file that was there is as it was."""
+    """Write a file atomically. Raises UsageError if its folder does not exist, and InvalidInput if
+    it cannot be written; an existing file is then unchanged."""
     check_folder_of(path)
     try:
         atomic_file.write_file(path, data)
@@ -74,7 +74,7 @@ def write_file(path: Path, data: bytes) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """With those above it. Raises InvalidInput where that cannot be."""
+    """Create a folder and its parents. Raises InvalidInput if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -84,14 +84,14 @@ def make_folder(folder: Path) -> None:
 
 
 def check_folder_of(file: Path) -> None:
-    """Raises UsageError where the folder of a file to be written is not there, or the file is a
+    """Raise UsageError if the folder of a file to be written does not exist, or if the file is a
     folder."""
     if why := atomic_file.refusal(file):
         raise UsageError(why)
 
 
 def confirm_reset(address: str, only: str | None) -> None:
-    """Ask at a terminal; a script is not asked. Raises Conflict for a no."""
+    """Ask for confirmation on a terminal; do nothing in a script. Raises Conflict for a no."""
     if not sys.stdin.isatty():
         return
     what = "both maps, objects and occupancy" if only is None else f"the map of {only}"
@@ -101,7 +101,7 @@ def confirm_reset(address: str, only: str | None) -> None:
 
 
 def read_file(path: Path) -> bytes:
-    """Raises UsageError where it cannot be read."""
+    """Content of a saved map. Raises UsageError if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

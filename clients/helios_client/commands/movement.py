@@ -1,4 +1,4 @@
-"""`helios go`, `explore`, `home`: the robot moves, and nothing else."""
+"""Commands that only move the robot: `helios go`, `explore`, `home`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from helios_client.commands.tasks import NoWait, Timeout, submit_and_watch
 
 app = typer.Typer()
 
-# A negative number is no option.
+# Makes the parser take a negative number for an argument, not an option.
 NUMBERS = {"ignore_unknown_options": True}
 
 
@@ -33,10 +33,10 @@ def go(
     timeout_s: Timeout = 3600.0,
     no_wait: NoWait = False,
 ) -> None:
-    """Go to a point, such as helios go 3.2 -4.1 90; exit status 0 if it got there.
+    """Go to a point; exit status 0 on arrival.
 
-    The yaw is in degrees here, in radians over HTTP. Where the point is out of reach it says why,
-    and names the nearest place that is not.
+    For example helios go 3.2 -4.1 90. The yaw is in degrees here, in radians over HTTP. If the
+    point is out of reach, the command prints the reason and the nearest place that is in reach.
     """
     from helios_client.usage_errors import UsageError
 
@@ -59,7 +59,7 @@ def explore(
     timeout_s: Timeout = 3600.0,
     no_wait: NoWait = False,
 ) -> None:
-    """Explore until nothing that can be reached is unknown, or the time is up."""
+    """Explore until all reachable floor is known, or the time is up."""
     submit_and_watch(at, lambda helios: helios.explore(time_limit_s), as_json, timeout_s, no_wait)
 
 

@@ -1,4 +1,4 @@
-"""`helios record`: the recorder alone, beside services that run already."""
+"""`helios record`: the recorder alone, beside services that already run."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from helios_core.errors import Unavailable
 from helios_client.commands.local_address import port_here
 from helios_client.supervision import state_file
 
-ROUTER_PORT = 7447  # Zenoh's own, which the containers use
+ROUTER_PORT = 7447  # Zenoh's default, which the containers use
 
 
 def record(
     out: Path, port: int, state: Path | None, router: str | None, name: str | None,
     url: str | None = None,
 ) -> NoReturn:  # fmt: skip
-    """Become the recorder; signals reach it as they are. url: goes before port, as for all
-    commands. Raises Unavailable when no router is named and none is known, UsageError when the URL
-    names another machine, whose router cannot be known."""
+    """Replace this process by the recorder, which then receives its signals. url: wins over port,
+    as for all commands. Raises Unavailable if no router is named or known, UsageError if the URL
+    names another machine, whose router is not known."""
     if url and router is None and state is None:
         port = port_here(
             url, "its router is not known; name it with --router "

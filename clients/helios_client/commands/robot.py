@@ -26,7 +26,8 @@ app = typer.Typer()
 @app.command()
 @flat
 def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> None:
-    """How every service is, and whether the robot is stopped. Works while the gateway is down."""
+    """Show the services' health, and whether the robot is stopped. Works while the gateway is
+    down."""
     from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
@@ -56,7 +57,7 @@ def logs(
     url: Url = None,
     state: State = None,
 ) -> None:
-    """What a service of this machine wrote. Also after helios up has ended."""
+    """Print the log of a service of this machine. Works after helios up has ended, too."""
 
     from helios_client.commands import logs as files
 
@@ -80,7 +81,7 @@ def camera(
     at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("camera.jpg"),
 ) -> None:
-    """Write what the robot sees now as a JPEG. With boxes around what it detects."""
+    """Write the current camera image to a JPEG file. With boxes around the detections."""
     from helios_client.commands.map_files import check_folder_of, write_file
     from helios_client.usage_errors import UsageError
 
@@ -99,7 +100,7 @@ def stop(
     reason: Annotated[str, typer.Option(help="shown wherever the stop is shown")] = REASON,
     as_json: Json = False,
 ) -> None:
-    """Stop the robot now; it will not move until helios clear-stop."""
+    """Stop the robot now; it does not move until helios clear-stop."""
     with at.connect() as helios:
         answer = helios.stop_robot(reason)
     if as_json:
@@ -111,7 +112,7 @@ def stop(
 @app.command(name="clear-stop")
 @flat
 def clear_stop(at: GatewayAddress, as_json: Json = False) -> None:
-    """Lift stop-now: the robot may move again."""
+    """Lift stop-now; the robot may move again."""
     with at.connect() as helios:
         answer = helios.clear_stop()
     if as_json:
@@ -129,7 +130,7 @@ def key(
     ] = "operate",
     file: Annotated[Path, typer.Option(help="of the keys' hashes")] = Path("keys.toml"),
 ) -> None:
-    """Make an API key, shown once. HELIOS_GATEWAY_KEYS=FILE helios up asks for keys."""
+    """Create an API key, shown once. Start HELIOS_GATEWAY_KEYS=FILE helios up to require keys."""
     from helios_client.commands.api_keys import add_key
 
     print(add_key(file, name, scope))
@@ -138,11 +139,11 @@ def key(
 @app.command()
 @flat
 def mcp(at: GatewayAddress) -> None:
-    """Serve the robot to a language agent over MCP. On standard input and output."""
+    """Serve the robot to a language agent over MCP. Uses standard input and output."""
     import logging
 
     from helios_client.mcp_server import build
     from helios_client.sdk_async import AsyncHelios
 
-    logging.getLogger("httpx").setLevel(logging.WARNING)  # else a line for every request
+    logging.getLogger("httpx").setLevel(logging.WARNING)  # INFO logs each request
     build(AsyncHelios(at.base_url, key=at.key, robot=at.robot)).run("stdio")

@@ -1,4 +1,4 @@
-"""What several commands take, and how they print."""
+"""Options that commands share, and functions for their output."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Url = Annotated[
 
 
 def chosen_address(port: int | None, url: str | None) -> tuple[int | None, str]:
-    """What `http.address.chosen` makes of the typed options. Raises UsageError."""
+    """Result of `http.address.chosen` for the typed options. Raises UsageError."""
     from helios_client.http.address import chosen
     from helios_client.usage_errors import UsageError
 
@@ -53,7 +53,7 @@ def chosen_address(port: int | None, url: str | None) -> tuple[int | None, str]:
 
 @dataclass(frozen=True)
 class GatewayAddress:
-    """The running robot that a command speaks to."""
+    """Options that select the gateway and robot of a command."""
 
     port: TypedPort = None
     url: Url = None
@@ -67,12 +67,12 @@ class GatewayAddress:
 
     @property
     def port_here(self) -> int | None:
-        """The port of this machine; None where a URL names the robot. Raises UsageError."""
+        """Port on this machine; None if a URL selects the robot. Raises UsageError."""
         return chosen_address(self.port, self.url)[0]
 
     @property
     def _port_on_this_machine(self) -> int | None:
-        """As `port_here`, also where a URL names this machine."""
+        """`port_here`, or the port of a URL of this machine (0: no port in it); None elsewhere."""
         from helios_client.http.address import split_url
 
         port, url = chosen_address(self.port, self.url)
@@ -81,15 +81,15 @@ class GatewayAddress:
 
     @property
     def base_url(self) -> str:
-        """Raises UsageError for an address that is none."""
+        """URL of the gateway. Raises UsageError for an invalid address."""
         from helios_client.http.address import base_url
 
         return base_url(chosen_address(self.port, self.url)[1])
 
     @contextmanager
     def connect(self, timeout_s: float = 10.0) -> Iterator[Helios]:
-        """The HTTP interface that the options name. Where nobody is there, the error that leaves
-        it says on which ports of this machine somebody is."""
+        """Client of the gateway that the options select. If nothing answers there, the NoGateway
+        error also names the ports of stacks on this machine."""
         from helios_client.http.errors import NoGateway
         from helios_client.sdk import Helios
         from helios_client.supervision.state_file import running_ports
@@ -107,10 +107,10 @@ class GatewayAddress:
 
 
 def flat(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with each dataclass among its parameters given as one option a field."""
+    """Command with one option per field in the place of each dataclass parameter."""
     hints = get_type_hints(command, include_extras=True)
     own: list[inspect.Parameter] = []
-    spread: list[inspect.Parameter] = []  # after its own, in the help
+    spread: list[inspect.Parameter] = []  # listed after its own options in the help
     groups: dict[str, type] = {}
     for parameter in inspect.signature(command).parameters.values():
         kind = hints[parameter.name]
@@ -128,14 +128,14 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
         command(**given)
 
     flattened = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in (*own, *spread)]
-    parsed: Any = run  # the parser asks what it takes
+    parsed: Any = run  # the parser reads the signature
     parsed.__signature__ = inspect.Signature(flattened)
     run.__annotations__ = {p.name: p.annotation for p in flattened}
     return run
 
 
 def named_values(texts: Sequence[str]) -> dict[str, str]:
-    """`["alpha_d=0.01"]` as a mapping. Raises UsageError."""
+    """Mapping of names to values from texts such as `["alpha_d=0.01"]`. Raises UsageError."""
     from helios_client.usage_errors import UsageError
 
     out = {}
@@ -154,7 +154,7 @@ def console(stderr: bool = False) -> Screen:
 
 
 def say(text: str, stderr: bool = False, flush: bool = False) -> None:
-    """One line for people, without the control characters that others put into their text."""
+    """Print one line, with control characters made printable."""
     from helios_core.printable_text import printable
 
     print(printable(text), file=sys.stderr if stderr else sys.stdout, flush=flush)

@@ -1,4 +1,4 @@
-"""`helios up`, `record`, `replay`: what starts services."""
+"""Commands that start services: `helios up`, `record`, `replay`."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def up(
     router_port: RouterPort = None,
     name: BusName = "robot",
 ) -> None:
-    """Start every service on this machine, until Ctrl-C."""
+    """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
     from helios_client.supervision.service_specs import ServiceSpecs, free_port
@@ -121,7 +121,7 @@ def record(
     ] = None,
     url: Url = None,
 ) -> None:
-    """Record every topic of a running robot into MCAP. Until Ctrl-C."""
+    """Record every topic of a running robot into MCAP, until Ctrl-C."""
     from helios_client.commands.record import record as run_record
     from helios_client.commands.shared_options import chosen_address
     from helios_client.http.address import PORT
@@ -169,7 +169,8 @@ def replay(
         str, typer.Option(help="whose settings the object map has: that of helios up then")
     ] = "helios",
 ) -> None:
-    """Play a recording or data set, and write what was found. Through the same services."""
+    """Play a recording or data set and write the results. Runs the same services as helios up, but
+    no planner and gateway."""
     from helios_client.interrupt_signals import noted_interrupts
 
     with noted_interrupts() as interrupts:
@@ -185,7 +186,7 @@ def replay(
         pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
         job = ReplayJob(dataset, context, detector, out, pace, agent)
         results = run_replay(job, interrupts, screen)
-        screen.print(results.table())  # first, for a full disk must not take it along
+        screen.print(results.table())  # first, as writing may fail on a full disk
         results.write(out)
         so_far = "interrupted: what was found so far is " if results.summary["interrupted"] else ""
         screen.print(f"{so_far}written to {out}", highlight=False)

@@ -1,4 +1,4 @@
-"""`helios status`: from the supervisor's file where there is one, else from the gateway."""
+"""`helios status`: from the supervisor's file if there is one, else from the gateway."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _COLORS = {"ready": "green", "starting": "cyan", "waiting": "yellow", "restartin
 def find_status(
     helios: Helios, port: int | None, state_dir: Path | None, robot: str | None = None
 ) -> Status:
-    """`{ready, stopped, stop_reason, services: [{name, state, reason, restarts, pid}]}`.
+    """Status `{ready, stopped, stop_reason, services: [{name, state, reason, restarts, pid}]}`.
 
-    The supervisor's file of `port` knows the services while the gateway is down; whether the
-    robot is stopped only the gateway can say. `robot`: the one that is asked for by name; of
-    another than the supervisor's only the gateway knows. Raises NobodyThere when neither is there.
+    While the gateway is down, the services come from the supervisor's file of `port`; only the
+    gateway reports a stop. `robot`: name of the requested robot; only the gateway knows robots
+    other than the supervisor's. Raises HeliosError if there is neither a file nor a gateway.
     """
     found = None
     if port is not None:
@@ -50,7 +50,7 @@ def find_status(
 
 
 def status_table(found: Status) -> Table:
-    """One row a service."""
+    """Table with one row per service."""
     out = plain_table("service", "state", "pid", "restarts", "reason")
     for s in found["services"]:
         color = _COLORS.get(s["state"], "red")

@@ -1,4 +1,4 @@
-"""Tables of tasks and objects for people."""
+"""Tables of tasks, objects and past views for the terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "ru
 
 
 def task_table(tasks: Sequence[Task]) -> Table:
-    """One row a task; priorities where any is set."""
+    """Table with one row per task, with priorities if any is set."""
     ranked = any(task.priority for task in tasks)
     columns = ["id", "state", *(["priority"] if ranked else []), "took", "steps", "instruction"]
     out = plain_table(*columns, "message")
@@ -32,7 +32,7 @@ def task_table(tasks: Sequence[Task]) -> Table:
 
 
 def object_table(objects: Sequence[FoundObject]) -> Table:
-    """One row an instance: score Ψ, class score S and uncertainty U of eq. 7."""
+    """Table with one row per instance: score Ψ, class score S and uncertainty U of eq. 7."""
     out = plain_table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)")
     for found in objects:
         out.add_row(
@@ -44,7 +44,7 @@ def object_table(objects: Sequence[FoundObject]) -> Table:
 
 
 def seen_name_table(seen: Sequence[SeenName]) -> Table:
-    """One row a name, with the score Ψ of the surest object."""
+    """Table with one row per class name: highest score Ψ and number of objects."""
     out = plain_table("seen here", "Ψ", "objects")
     for one in seen:
         out.add_row(escape(one["name"]), f"{one['score']:.2f}", str(one["objects"]))
@@ -52,7 +52,7 @@ def seen_name_table(seen: Sequence[SeenName]) -> Table:
 
 
 def seen_tables(found: Seen) -> list[Table | str]:
-    """Objects and past views, or a sentence where there are none."""
+    """Tables of objects and past views, or a sentence in the place of an empty one."""
     out: list[Table | str] = []
     if found.objects:
         out.append(object_table(found.objects))
@@ -76,8 +76,8 @@ def seen_tables(found: Seen) -> list[Table | str]:
 
 
 def task_by_name(helios: Helios, id: str) -> Task:
-    """The newest task for `last`, else the one whose id begins so. Raises UsageError when there is
-    none, or more than one."""
+    """Newest task for `last`, else the task whose id starts with `id`. Raises UsageError if none or
+    more than one matches."""
     if id.casefold() == "last":
         newest = helios.tasks(limit=1)
         if not newest:
@@ -87,8 +87,8 @@ def task_by_name(helios: Helios, id: str) -> Task:
 
 
 def task_by_prefix(helios: Helios, id: str) -> Task:
-    """The task whose id begins so. Raises UsageError when there is none, or more than one."""
-    id = id.casefold()  # ids are hexadecimal, in small letters
+    """Task whose id starts with `id`. Raises UsageError if none or more than one matches."""
+    id = id.casefold()  # ids are lower-case hexadecimal
     fitting = [task for task in helios.tasks() if task.id.startswith(id)]
     exact = [task for task in fitting if task.id == id]
     if exact or len(fitting) == 1:

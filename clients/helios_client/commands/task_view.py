@@ -1,4 +1,4 @@
-"""`helios task` and `watch`: submit, watch live, tell how it ended."""
+"""Live view of a task, for `helios task` and `watch`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from helios_client.sdk import Helios
 from helios_client.supervision import state_file
 
 STARTING_S = 60.0
-CANCEL_S = 30.0  # longest time until a cancel is heard, and longest wait for the task to end
+CANCEL_S = 30.0  # longest retry of a cancel, and longest wait for the task to end after it
 
 
 def panel(task: Task, why: str) -> Table:
-    """What a person wants to know about a running task, one line each."""
+    """Summary of a task for the terminal, one line per property."""
     out = Table.grid(padding=(0, 2))
     out.add_column(style="dim")
     out.add_column()
@@ -47,7 +47,7 @@ def panel(task: Task, why: str) -> Table:
 
 
 def time_left(task: Task) -> str:
-    """`about 2 to 5 min left`; empty for a task that has ended, or where nobody can tell."""
+    """Text such as `about 2 to 5 min left`; empty for an ended task or an unknown time."""
     if task.ended or not _is_range(task.eta_s):
         return ""
     low_s, high_s = sorted(max(0.0, s) for s in task.eta_s or ())
@@ -62,14 +62,14 @@ def time_left(task: Task) -> str:
 
 
 def _is_range(eta_s: object) -> bool:
-    """Two numbers; a newer gateway may say it otherwise."""
+    """True for two finite numbers; a newer gateway may use another form."""
     if not isinstance(eta_s, Sequence) or len(eta_s) != 2:
         return False
     return all(isinstance(s, int | float) and math.isfinite(s) for s in eta_s)
 
 
 def wait_while_starting(helios: Helios, port: int, console: Console, most_s: float) -> None:
-    """Where a `helios up` on this port is still starting, wait until it has, or for `most_s`."""
+    """Wait while a `helios up` on this port is starting, at most `most_s` or `STARTING_S`."""
     if _started(helios) or state_file.read(state_file.default_state_dir(port)) is None:
         return
     console.print("waiting until all services are ready", style="dim")
@@ -79,7 +79,7 @@ def wait_while_starting(helios: Helios, port: int, console: Console, most_s: flo
 
 
 def _started(helios: Helios) -> bool:
-    """Ready, or held back by stop-now, which waiting does not end."""
+    """True if all services are ready, or held back by stop-now, which waiting does not end."""
     status = _status(helios)
     return status is not None and bool(status["ready"] or status["stopped"])
 
@@ -92,7 +92,7 @@ def _status(helios: Helios) -> Status | None:
 
 
 def say_stopped(helios: Helios, console: Console) -> None:
-    """That a task which was submitted now waits for a person, where it does."""
+    """Print that the task waits for `helios clear-stop`, if the robot is stopped."""
     status = _status(helios)
     if status is not None and status["stopped"]:
         reason = status["stop_reason"]
@@ -104,7 +104,7 @@ def say_stopped(helios: Helios, console: Console) -> None:
 
 
 def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
-    """Submit and watch."""
+    """Submit a task and watch it."""
     return watch_task(helios, helios.submit(instruction), timeout_s, console)
 
 
@@ -116,11 +116,12 @@ def watch_task(
     notes: Console | None = None,
     cancels: bool = True,
 ) -> Task:
-    """The task once it has ended. Without a terminal each change of phase or message is a line.
+    """Show a task until it has ended, and return it. Without a terminal each change of state, phase
+    or message is a line.
 
-    Interrupting cancels it first, and waits until the robot stands; with `cancels` False the task
-    goes on. `notes`: where it is told that the task waits for a person. Raises HeliosError, and
-    HungUp where the terminal was closed: the task goes on.
+    Ctrl-C first cancels the task and waits for its end; with `cancels` False the task goes on.
+    `notes`: console for the note that the robot is stopped. Raises KeyboardInterrupt after Ctrl-C,
+    HeliosError, and HungUp if the terminal was closed; the task then goes on.
     """
     try:
         with hangup_raises(f"the task goes on; see it again with: helios watch {task.id}"):
@@ -154,13 +155,13 @@ def watch_task(
 
 
 def _cancel(helios: Helios, task: Task) -> None:
-    """Ask until somebody hears it: a gateway starts again within seconds. Raises HeliosError."""
+    """Cancel a task; retry for `CANCEL_S` while the gateway does not answer. Raises HeliosError."""
     deadline_s = time.monotonic() + CANCEL_S
     while True:
         try:
             helios.cancel(task.id)
             return
-        except Conflict:  # it has ended by itself
+        except Conflict:  # it has already ended
             return
         except (Unavailable, DeadlineExceeded):
             if time.monotonic() >= deadline_s:
@@ -192,7 +193,7 @@ def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console)
 
 
 def newest_why(helios: Helios, task: Task) -> str:
-    """The reason of the newest decision; empty where it cannot be had now."""
+    """Reason of the newest decision; empty if it is not available."""
     try:
         decisions = helios.decisions(task.id)
     except HeliosError:

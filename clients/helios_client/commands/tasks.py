@@ -72,7 +72,8 @@ def task(
 ) -> None:
     """Submit a task and watch it; exit status 0 if it succeeded.
 
-    Ctrl-C cancels the task. On a stopped robot it waits until helios clear-stop, and says so.
+    Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits until helios
+    clear-stop.
     """
     settings = named_values(own or ())
     submit_and_watch(
@@ -92,7 +93,7 @@ def submit_and_watch(
     no_wait: bool,
 ) -> None:
     """Submit a task and show it until it has ended, or with no_wait print its id. Raises typer.Exit
-    where it did not succeed."""
+    if the task did not succeed."""
     from helios_client.commands.task_view import say_stopped, wait_while_starting, watch_task
 
     deadline_s = time.monotonic() + timeout_s
@@ -103,7 +104,7 @@ def submit_and_watch(
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
             say(f"helios: not used: {said}", stderr=True)
-        # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
+        # With --json the live view goes to stderr, so that stdout holds only JSON.
         notes = console(stderr=True)
         if no_wait:
             say_stopped(helios, notes)
@@ -122,9 +123,9 @@ def watch(
     timeout_s: Timeout = 3600.0,
     as_json: Json = False,
 ) -> None:
-    """Watch a task that was submitted before; exit status 0 if it succeeded.
+    """Watch a submitted task; exit status 0 if it succeeded.
 
-    Ctrl-C ends the watching, not the task.
+    Ctrl-C ends this command; the task goes on.
     """
     from helios_client.commands.tables import task_by_name
     from helios_client.commands.task_view import watch_task
@@ -137,7 +138,7 @@ def watch(
 
 
 def _tell_end(ended: Task, as_json: bool) -> None:
-    """Status 1 for a task that did not succeed."""
+    """Report the end of a task. Raises typer.Exit with status 1 if it did not succeed."""
     if as_json:
         print_json(ended.raw)
     if not ended.succeeded:
@@ -178,7 +179,7 @@ def names(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """What can be asked for: the names that the detector knows, of things and furniture."""
+    """List the object and furniture names that a task may use."""
     with at.connect() as helios:
         if here:
             _print_here(helios.suggestions(TASKS_TO_TRY), as_json)
@@ -205,7 +206,7 @@ def cancel(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Ask a task to end, or all of them; the robot comes to rest."""
+    """Cancel a task, or all of them; the robot comes to rest."""
     from helios_client.commands.tables import task_by_name
     from helios_client.usage_errors import UsageError
 
@@ -225,7 +226,8 @@ def cancel(
 
 
 def _cancel_all(helios: Helios) -> list[Task]:
-    """The queued ones first, so that none of them begins. Raises HeliosError."""
+    """Cancel all tasks, the queued ones first, so that none of them starts. Returns the cancelled
+    tasks. Raises HeliosError."""
     from helios_core.errors import Conflict
 
     open_tasks = [task for task in helios.tasks() if not task.ended]
@@ -233,7 +235,7 @@ def _cancel_all(helios: Helios) -> list[Task]:
     for task in sorted(open_tasks, key=lambda task: task.state != "queued"):
         try:
             cancelled.append(helios.cancel(task.id))
-        except Conflict:  # it ended by itself
+        except Conflict:  # it has already ended
             continue
     return cancelled
 
@@ -241,7 +243,7 @@ def _cancel_all(helios: Helios) -> list[Task]:
 @app.command()
 @flat
 def pause(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
-    """Let a task wait, a running one where it is, until helios resume."""
+    """Pause a task, queued or running, until helios resume."""
     from helios_client.commands.tables import task_by_name
 
     with at.connect() as helios:
@@ -252,7 +254,7 @@ def pause(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
 @app.command()
 @flat
 def resume(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
-    """Go on with a paused task."""
+    """Resume a paused task."""
     from helios_client.commands.tables import task_by_name
 
     with at.connect() as helios:
@@ -286,7 +288,7 @@ def _print_here(found: Suggestions, as_json: bool) -> None:
 
 
 def _print_names(names: list[str]) -> None:
-    """In columns on a terminal; a name a line for a program."""
+    """Print names, in columns on a terminal, else one per line."""
     from rich.columns import Columns
     from rich.text import Text
 

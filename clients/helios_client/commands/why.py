@@ -1,4 +1,4 @@
-"""`helios why`: what a task decided, among what, and why; and what it would have decided else."""
+"""`helios why`: decisions of a task with their reasons, also under other settings."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def why(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Why a task did what it did. Every decision, its candidates, and one sentence."""
+    """Explain a task by its decisions. Shows the candidates and one sentence for each."""
     from helios_client.commands.decision_view import flips, report
     from helios_client.commands.tables import task_by_name
 
-    named_values(changes or ())  # refused before anybody is asked
+    named_values(changes or ())  # checked before the gateway is queried
     with at.connect() as helios:
         found = task_by_name(helios, task)
         decisions = helios.decisions(found.id, changes or ())

@@ -1,1 +1,1 @@
-"""The HTTP interface as both SDKs ask it: calls, answers, errors, events."""
+"""Client side of the HTTP interface, for both SDKs: requests, responses, errors, events."""

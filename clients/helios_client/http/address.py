@@ -1,4 +1,4 @@
-"""The address of a HELIOS, as people write it. Imports the standard library alone."""
+"""Address of a gateway, as users write it. Imports only the standard library."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ STANDARD_PORTS = {"http": 80, "https": 443}
 def chosen(
     port: int | None, url: str | None, environment: Mapping[str, str]
 ) -> tuple[int | None, str]:
-    """The port of this machine and the address that a command asks.
+    """Port on this machine and base URL that a command uses.
 
-    port, url: as typed; None: not typed. What is typed wins over HELIOS_URL, which wins over port
-    8080. The port is None where a URL was chosen. Raises ValueError with a sentence, also for a
-    typed port that is not the one in the typed URL.
+    port, url: as typed; None: not typed. A typed value wins over HELIOS_URL, which wins over port
+    8080. The port is None if a URL was chosen. Raises ValueError with a sentence, also for a typed
+    port other than that of the typed URL.
     """
     source = "--url"
     if port is None and url is None:
@@ -36,13 +36,13 @@ def chosen(
 
 
 def base_url(text: str) -> str:
-    """The address with its scheme and without a slash at its end; `localhost:8080` is
+    """Address with its scheme and without a slash at its end; `localhost:8080` becomes
     `http://localhost:8080`. Raises ValueError with a sentence."""
     return split_url(text).geturl().rstrip("/")
 
 
 def split_url(text: str) -> SplitResult:
-    """The parts of an address, which may lack its scheme. Raises ValueError with a sentence."""
+    """Parts of an address, which may lack its scheme. Raises ValueError with a sentence."""
     wanted = f"the address is {text!r}; wanted http://HOST:PORT or HOST:PORT"
     said = text.strip()
     try:

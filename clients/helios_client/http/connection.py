@@ -1,4 +1,5 @@
-"""Where a HELIOS is and how it is asked: what the synchronous and the asynchronous client share."""
+"""Address, headers and deadlines of a gateway, shared by the blocking and the asynchronous
+client."""
 
 from __future__ import annotations
 
@@ -19,10 +20,10 @@ CONNECT_S = 3.0
 
 
 class Connection:
-    """Addresses, deadlines and headers; no I/O."""
+    """Address, deadlines and headers of a gateway; no I/O."""
 
     def __init__(self, base_url: str, timeout_s: float, key: str | None, robot: str | None) -> None:
-        """Raises InvalidInput for an address or a key that can be none."""
+        """Raises InvalidInput for an invalid address or key."""
         try:
             self.url = full_url(base_url)
         except ValueError as error:
@@ -36,16 +37,17 @@ class Connection:
         self._headers = {"authorization": f"Bearer {key}"} if key else {}
 
     def options(self) -> dict[str, Any]:
-        """Of `httpx.Client` and `httpx.AsyncClient`."""
+        """Arguments of `httpx.Client` and `httpx.AsyncClient`."""
         return {
             "base_url": self.url,
             "headers": self._headers,
             "timeout": httpx.Timeout(self._timeout_s, connect=min(CONNECT_S, self._timeout_s)),
-            "trust_env": False,  # a proxy of the environment is no way to a robot on loopback
+            "trust_env": False,  # a proxy from the environment cannot reach loopback
         }
 
     def request(self, call: Call[Any]) -> dict[str, Any]:
-        """Of their `request`. Raises InvalidInput for a number that JSON has none for."""
+        """Arguments of the client's `request`. Raises InvalidInput for a number that is not
+        finite."""
         for name, value in (call.body or {}).items():
             if isinstance(value, float) and not math.isfinite(value):
                 raise InvalidInput(f"{name} is {value}; wanted a finite number")
@@ -65,7 +67,7 @@ class Connection:
         return self._timeout_s
 
     def socket_request(self, path: str) -> dict[str, Any]:
-        """Of `connect` of websockets."""
+        """Arguments of `connect` of websockets."""
         scheme, _, rest = self.url.partition("://")
         secure = "s" if scheme == "https" else ""
         return {
@@ -76,7 +78,7 @@ class Connection:
     def event_request(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
     ) -> dict[str, Any]:
-        """Of their `stream`."""
+        """Arguments of the client's `stream`, for events."""
         return {
             "method": "GET", "url": f"{self._prefix}/events",
             "params": event_query(types, task_id),

@@ -1,4 +1,4 @@
-"""What goes wrong over HTTP, as the typed errors of `helios_core.errors`."""
+"""HTTP errors as the typed errors of `helios_core.errors`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from helios_core.errors import (
 
 
 class WrongRequest(InvalidInput):
-    """HELIOS read the request: it makes no sense, or names what there is not."""
+    """Request that HELIOS read and refused: it is invalid, or names something that does not
+    exist."""
 
 
 class NoGateway(Unavailable):
@@ -29,18 +30,18 @@ _KINDS: dict[int, type[HeliosError]] = {
 
 
 def refused(response: httpx.Response) -> HeliosError:
-    """The typed error that a problem+json answer stands for."""
+    """Typed error for a problem+json response."""
     kind = _KINDS.get(response.status_code, Internal)
     try:
         detail = response.json()["detail"]
     except (ValueError, KeyError, TypeError):
         detail = f"{response.request.url} answered {response.status_code}; is HELIOS there?"
-        kind = InvalidInput if kind is WrongRequest else kind  # perhaps nobody of ours
+        kind = InvalidInput if kind is WrongRequest else kind  # perhaps the server is not HELIOS
     return kind(str(detail))
 
 
 def lost(error: httpx.TransportError, url: str) -> HeliosError:
-    """The typed error for an answer that never came from `url`."""
+    """Typed error for a response that never came from `url`."""
     if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
         return NoGateway(f"nobody answers at {url}; start HELIOS with `helios up`")
     if isinstance(error, httpx.TimeoutException):

@@ -1,6 +1,6 @@
-"""Each call of the HTTP interface as a value: what is asked, and how the answer is read.
+"""Calls of the HTTP interface as values: the request, and the reader of its response.
 
-The synchronous and the asynchronous client send the same calls; nothing here does I/O.
+The blocking and the asynchronous client send the same calls; nothing here does I/O.
 """
 
 from __future__ import annotations
@@ -39,30 +39,31 @@ T = TypeVar("T")
 
 MAP_S = 180.0  # longest wait for both maps of a large home
 DRIVE_S = 30.0  # one short move of a slow robot
-SEEN_S = 20.0  # the text model may have to wake up
+SEEN_S = 20.0  # the text model may have to be loaded
 
 
 @dataclass(frozen=True)
 class Call(Generic[T]):
-    """One request. `path` is below `/v1`, or below a robot's part of it."""
+    """One request. `path` is relative to `/v1`, or to `/v1/robots/<robot>`."""
 
     verb: str
     path: str
     read: Callable[[httpx.Response], T]
     body: dict[str, Any] | None = None
     query: Mapping[str, str | int | float | tuple[str, ...]] = field(default_factory=dict)
-    content: bytes | None = None  # a body that is no JSON
-    timeout_s: float | None = None  # None: as long as any call
+    content: bytes | None = None  # a body that is not JSON
+    timeout_s: float | None = None  # None: the client's timeout
 
     def answer(self, response: httpx.Response) -> T:
-        """What the response says. Raises the HeliosError that it stands for."""
+        """Value read from the response. Raises the HeliosError that an error response stands
+        for."""
         if response.is_error:
             raise refused(response)
         return self.read(response)
 
 
 def event_query(types: Iterable[str], task_id: str | None) -> dict[str, str]:
-    """Of `/v1/events`: which events are wanted."""
+    """Query of `/v1/events` that selects events."""
     out = {"types": ",".join(types), "task_id": task_id or ""}
     return {name: value for name, value in out.items() if value}
 
@@ -150,7 +151,7 @@ def arrays(what: str) -> Call[dict[str, NDArray]]:
 
 
 def map_file(what: str, ending: str) -> Call[bytes]:
-    """`what` as above, `ending` png or npz."""
+    """`what`: as for `arrays`; `ending`: png or npz."""
     return Call("GET", f"/map/{quote(what)}.{ending}", _content)
 
 

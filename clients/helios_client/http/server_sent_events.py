@@ -1,4 +1,4 @@
-"""Server-sent events from the lines of a stream."""
+"""Parser of server-sent events."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from helios_client.answer_types import Event
 
 
 class EventParser:
-    """Fed line by line; comments and data that is no JSON object are skipped."""
+    """Parser that is fed line by line. It skips comments and data that is not a JSON object."""
 
     def __init__(self) -> None:
         self._fields: dict[str, str] = {}
 
     def feed(self, line: str) -> Event | None:
-        """The event that this line completes."""
+        """Event that this line completes, or None."""
         if line:
             name, _, value = line.partition(":")
             if name:

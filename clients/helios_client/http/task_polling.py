@@ -1,4 +1,4 @@
-"""When to go on waiting for a task, and when to give up."""
+"""Time limits of a client that polls a task."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from helios_client.answer_types import Task
 
 
 class WaitedServices:
-    """Keeps the time from its making on."""
+    """Timer of one wait for a task, started at construction: deadline and silence of the
+    gateway."""
 
     def __init__(self, id: str, timeout_s: float, silence_s: float) -> None:
         self._id, self._timeout_s, self._silence_s = id, timeout_s, silence_s
@@ -19,17 +20,17 @@ class WaitedServices:
         self._last: Task | None = None
 
     def is_new(self, task: Task) -> bool:
-        """Whether the task differs from what it was when it was last heard of."""
+        """True if the task has changed since its last response. Restarts the silence timer."""
         self._heard_s = time.monotonic()
         changed, self._last = task != self._last, task
         return changed
 
     def gives_up(self) -> bool:
-        """Nobody answered: for too long, or past the deadline?"""
+        """True if the gateway has been silent for too long, or the deadline has passed."""
         return time.monotonic() > min(self._heard_s + self._silence_s, self._deadline_s)
 
     def check(self, task: Task) -> None:
-        """Raises DeadlineExceeded when the task has been given all its time."""
+        """Raise DeadlineExceeded if the deadline has passed."""
         if time.monotonic() > self._deadline_s:
             raise DeadlineExceeded(
                 f"task {self._id} is still {task.state} after {self._timeout_s:g} s; wait longer, "

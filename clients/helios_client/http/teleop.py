@@ -1,7 +1,7 @@
-"""Driving by hand over the WebSocket: what is sent, and how the answers are read.
+"""Driving by hand over the WebSocket: commands and their responses.
 
-A command counts for 0.3 s: the robot stands when no newer one comes. So nothing here repeats a
-command by itself: a program that hangs leaves the robot standing.
+A command expires after 0.3 s: the robot stops if no newer one comes. Commands are repeated only
+inside a call with `for_s`, so a program that hangs leaves the robot at rest.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection as AsyncSocket
     from websockets.sync.client import ClientConnection as Socket
 
-REPEAT_S = 0.1  # of a command that is held for a while
+REPEAT_S = 0.1  # period at which a held command is sent again
 NOT_ALLOWED = 1008
 _REFUSALS: dict[str, type[HeliosError]] = {
     "invalid": InvalidInput, "unavailable": Unavailable, "timeout": DeadlineExceeded,
@@ -33,7 +33,7 @@ _REFUSALS: dict[str, type[HeliosError]] = {
 
 @dataclass(frozen=True)
 class TeleopState:
-    """How the driving goes."""
+    """State of the drive, as the gateway reports it."""
 
     state: str  # standing, driving, blocked
     reason: str  # why it is blocked
@@ -41,8 +41,8 @@ class TeleopState:
 
     @classmethod
     def from_json(cls, text: str | bytes) -> TeleopState:
-        """Raises Conflict where the robot is not to be driven now, or the error that a refusal is
-        of."""
+        """State from a message. Raises Conflict if the robot may not be driven now, or the error
+        type that a refusal names."""
         raw = json.loads(text)
         if raw["state"] == "refused":
             raise _REFUSALS.get(raw.get("kind", ""), Conflict)(raw["reason"])
@@ -50,7 +50,8 @@ class TeleopState:
 
 
 class Teleop:
-    """A connection to drive by, as a context; called with what is held. Used by one thread."""
+    """Connection for driving by hand: a context manager, called with each command. For use in one
+    thread."""
 
     def __init__(self, to: Connection) -> None:
         self._to = to
@@ -58,13 +59,13 @@ class Teleop:
         self._state = TeleopState("standing", "", None)
 
     def __call__(self, forward: float = 0.0, turn: float = 0.0, for_s: float = 0.0) -> TeleopState:
-        """Hold a command: shares of the speed limits, -1 to 1; a positive turn goes left. It
-        counts for 0.3 s: call again while the robot shall move. With `for_s` it is held for so
-        many seconds, and let go then. The newest state.
+        """Send a command and return the newest state. The command is a share of each speed limit,
+        -1 to 1; a positive turn goes left. It expires after 0.3 s: call again while the robot is to
+        move. With `for_s` it is held for that many seconds and then released.
 
-        Raises InvalidInput, before anything is sent, for what is no share; Conflict where the robot
-        is not to be driven (a task, stop-now, somebody else); and Unavailable when the connection
-        ended; then the robot stands.
+        Raises InvalidInput, before anything is sent, for a value that is not such a share; Conflict
+        if the robot may not be driven (a task, stop-now, another client); and Unavailable if the
+        connection has ended; the robot then stops.
         """
         _check(forward, turn, for_s)
         ends_s = time.monotonic() + for_s
@@ -117,7 +118,7 @@ class Teleop:
 
 
 class AsyncTeleop:
-    """As `Teleop`, with `async with` and `await drive(…)`. Used by one task."""
+    """`Teleop` with `async with` and `await drive(…)`. For use in one asyncio task."""
 
     def __init__(self, to: Connection) -> None:
         self._to = to
@@ -127,7 +128,7 @@ class AsyncTeleop:
     async def __call__(
         self, forward: float = 0.0, turn: float = 0.0, for_s: float = 0.0
     ) -> TeleopState:
-        """See `Teleop`."""
+        """See `Teleop.__call__`."""
         _check(forward, turn, for_s)
         ends_s = time.monotonic() + for_s
         try:
@@ -181,7 +182,7 @@ class AsyncTeleop:
 
 
 def _check(forward: float, turn: float, for_s: float) -> None:
-    """Raises InvalidInput: before anything is sent, as the gateway would tell it later."""
+    """Raise InvalidInput for a command that the gateway would refuse."""
     for name, share in (("forward", forward), ("turn", turn)):
         if isinstance(share, bool) or not isinstance(share, int | float) or not abs(share) <= 1:
             raise InvalidInput(f"{name} is {share!r}; wanted a share of the limit, -1 to 1")
@@ -194,7 +195,7 @@ def _command(forward: float, turn: float) -> str:
 
 
 def _error_for(error: BaseException, url: str) -> BaseException:
-    """The typed error for what went wrong; what is none of ours as it is."""
+    """Typed error for a connection failure; any other error unchanged."""
     from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
     if isinstance(error, HeliosError):

@@ -1,1 +1,1 @@
-"""The tools of the MCP server, a file for each subject."""
+"""Tools of the MCP server, one module per subject."""

@@ -1,6 +1,6 @@
-"""What the tools answer: the objects of the HTTP interface.
+"""Results of the tools: the objects of the HTTP interface.
 
-Each model names the fields that an agent uses, for its schema; every other field goes with it.
+The schema of each model names the fields that an agent uses; all other fields are passed on.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Answer(BaseModel):
-    """An object of the HTTP interface, whole."""
+    """Complete object of the HTTP interface."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -22,7 +22,7 @@ Metres = Annotated[list[float | None] | None, Field(default=None, description="m
 
 
 class Task(Answer):
-    """A task and how far it is. Times are seconds since 1970."""
+    """A task and its progress. Times are seconds since 1970."""
 
     id: str
     instruction: str
@@ -40,7 +40,7 @@ class Task(Answer):
 
 
 class Decision(Answer):
-    """What was decided, by which rule and why."""
+    """A decision with its rule, reason and candidates."""
 
     index: int | None = None
     phase: Text
@@ -52,7 +52,7 @@ class Decision(Answer):
 
 
 class FoundObject(Answer):
-    """One instance of the object map; world z up."""
+    """One object instance of the object map; world frame, z up."""
 
     id: int
     class_name: str | None = Field(default=None, alias="class")
@@ -63,7 +63,7 @@ class FoundObject(Answer):
 
 
 class Seen(Answer):
-    """Where something was seen; the pictures of the views follow as images, in their order."""
+    """Places where something was seen. The images of the views follow, in the same order."""
 
     prompt: Text
     objects: list[FoundObject] = Field(description="believed, of that name, the surest first")
@@ -72,7 +72,7 @@ class Seen(Answer):
 
 
 class Vocabulary(Answer):
-    """What can be asked for."""
+    """Names that a task may use."""
 
     open: bool = Field(description="any name; else those in `names` alone")
     names: list[str]
@@ -80,7 +80,7 @@ class Vocabulary(Answer):
 
 
 class Suggestions(Answer):
-    """What to ask for in this home."""
+    """Names seen in this home, and tasks to try."""
 
     tasks: list[str] = Field(description="instructions that this robot can do")
     seen: list[dict[str, Any]] | None = Field(
@@ -89,7 +89,7 @@ class Suggestions(Answer):
 
 
 class Map(Answer):
-    """The 2D map without its cells."""
+    """2D map without its cells."""
 
     cell_m: Number
     origin_m: Metres
@@ -101,7 +101,7 @@ class Map(Answer):
 
 
 class Robot(Answer):
-    """The robot."""
+    """Connection, state and description of the robot."""
 
     connected: bool
     state: dict[str, Any] | None = Field(
@@ -111,7 +111,7 @@ class Robot(Answer):
 
 
 class Moved(Answer):
-    """What came of one short move, as the robot measured it."""
+    """Result of one short move, as the robot measured it."""
 
     succeeded: bool
     reason: str | None = Field(default=None, description="one sentence when it failed")
@@ -121,7 +121,7 @@ class Moved(Answer):
 
 
 class Service(Answer):
-    """How one service is."""
+    """Health of one service."""
 
     name: str
     state: str = Field(description="starting, waiting, ready, degraded, stopping or down")
@@ -130,7 +130,7 @@ class Service(Answer):
 
 
 class Status(Answer):
-    """Whether a task submitted now would start, and how every service is."""
+    """Readiness for a new task, and the health of every service."""
 
     ready: bool
     stopped: bool | None = Field(default=None, description="the robot is stopped until clear_stop")

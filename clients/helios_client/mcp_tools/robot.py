@@ -1,39 +1,39 @@
-"""Tools for the robot itself: how it is, stop-now."""
+"""Tools for the robot itself: state, short moves, stop-now."""
 
 from __future__ import annotations
 
 from helios_client.mcp_tools.answer_models import Moved, Robot, Status
 from helios_client.mcp_tools.tool_decorator import ACTS, READS, SETS, Effect, Tools, tool
 
-LIFTS = Effect(destroys=True, repeatable=True)  # a stop that somebody wanted is gone
+LIFTS = Effect(destroys=True, repeatable=True)  # it ends a stop that somebody requested
 
 
 class RobotTools(Tools):
-    """State of the robot and of the services."""
+    """Tools for the robot and its services."""
 
     @tool("The robot", READS)
     async def robot(self) -> Robot:
-        """Where the robot is, what it holds, what it can do, and whether it is stopped."""
+        """Get the robot's pose, the object it holds, its abilities, and whether it is stopped."""
         return Robot.model_validate(await self.helios.robot())
 
     @tool("Status", READS)
     async def status(self) -> Status:
-        """Whether a task would start now, and how every service is, with reasons."""
+        """Check whether a task would start now, and the health of every service, with reasons."""
         return Status.model_validate(await self.helios.status())
 
     @tool("Make one short move", ACTS)
     async def drive(self, forward_m: float = 0.0, turn_rad: float = 0.0) -> Moved:
-        """Make one short move: either forward_m (-0.5 to 0.5; below 0: back) or turn_rad (-0.6 to
-        0.6; above 0: left). Look at camera and map first: nothing plans a way around what is
-        there. Refused while a task has the robot."""
+        """Make one short move: either forward_m (-0.5 to 0.5; negative: back) or turn_rad (-0.6 to
+        0.6; positive: left). Look at the camera image and the map first: no path is planned around
+        obstacles. Refused while a task has the robot."""
         return Moved.model_validate(await self.helios.drive(forward_m, turn_rad))
 
     @tool("Stop the robot", SETS)
     async def stop_robot(self, reason: str) -> Robot:
-        """Stop the robot at once; it will not move until clear_stop."""
+        """Stop the robot at once; it does not move until clear_stop."""
         return Robot.model_validate(await self.helios.stop_robot(reason))
 
     @tool("Lift the stop", LIFTS)
     async def clear_stop(self) -> Robot:
-        """Lift stop_robot: the robot may move again. Ask a person first."""
+        """Lift stop_robot; the robot may move again. Ask a person first."""
         return Robot.model_validate(await self.helios.clear_stop())

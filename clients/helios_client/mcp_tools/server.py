@@ -1,4 +1,4 @@
-"""The server itself: wrong arguments of a call are told as sentences."""
+"""MCP server that reports wrong arguments of a call as sentences."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import ValidationError
 
 MOST_ERRORS = 5
-MOST_CHARACTERS = 80  # of what came
+MOST_CHARACTERS = 80  # shown of a given name or value
 
 
 class Server(MCPServer):
-    """Says what came, what was wanted and what to do; unknown arguments and tools are refused."""
+    """MCP server whose errors give the received value, the expected one and a remedy. Refuses
+    unknown arguments and tools."""
 
     async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:
-        """Raises ToolError with a sentence for an unknown tool and for wrong arguments."""
+        """Call a tool. Raises ToolError with a sentence for an unknown tool and for wrong
+        arguments."""
         tools = {tool.name: tool.input_schema for tool in await self.list_tools()}
         if name not in tools:
             raise ToolError(_no_tool(name, list(tools)))
@@ -45,7 +47,7 @@ def _unknown(tool: str, argument: str, known: Sequence[str]) -> str:
 
 
 def _message(tool: str, errors: Sequence[Mapping[str, Any]], known: Mapping[str, Any]) -> str:
-    """Each argument once: of a union there is an error for every member."""
+    """Sentence that names each argument once: pydantic reports one error per member of a union."""
     said: dict[str, str] = {}
     for error in errors:
         name = str(error["loc"][0]) if error["loc"] else "the arguments"
@@ -68,7 +70,7 @@ _TYPES = {
 
 
 def _wanted(schema: Mapping[str, Any]) -> str:
-    """A JSON schema in words."""
+    """JSON schema in words."""
     if "enum" in schema:
         return f"one of {', '.join(map(str, schema['enum']))}"
     if "anyOf" in schema:

@@ -1,4 +1,4 @@
-"""Tools for tasks: submit, watch, steer, explain."""
+"""Tools for tasks: submit, watch, control, explain."""
 
 from __future__ import annotations
 
@@ -14,40 +14,42 @@ LONGEST_WAIT_S = 600.0
 
 
 class TaskTools(Tools):
-    """What the robot shall do."""
+    """Tools for the tasks of the robot."""
 
     @tool("Submit a task", ACTS)
     async def submit_task(
         self, instruction: str, priority: int = 0, time_limit_s: float | None = None
     ) -> Task:
         """Give the robot a task, such as "Move the mug from the coffee table to the kitchen
-        counter", "Find the apple" or "Go to the sofa". It queues; of the queued tasks one of a
-        higher priority (-100 to 100) begins first. Watch it with wait_for_task."""
+        counter", "Find the apple" or "Go to the sofa". The task is queued; queued tasks with a
+        higher priority (-100 to 100) start first. Watch it with wait_for_task."""
         task = await self.helios.submit(instruction, time_limit_s=time_limit_s, priority=priority)
         return Task(**task.raw)
 
     @tool("Go to a point", ACTS)
     async def go_to_point(self, x_m: float, y_m: float, yaw_deg: float | None = None) -> Task:
-        """Send the robot to a point on the floor: metres in the world frame, the one that robot,
-        objects and map_info answer in. yaw_deg: which way to face there, in degrees
-        counter-clockwise from the x axis. It queues; watch it with wait_for_task."""
+        """Send the robot to a point on the floor, in metres in the world frame, which robot,
+        objects and map_info also use. yaw_deg: final heading, in degrees counter-clockwise from the
+        x axis. The task is queued; watch it with wait_for_task."""
         yaw_rad = None if yaw_deg is None else math.radians(yaw_deg)
         return Task(**(await self.helios.go(x_m, y_m, yaw_rad)).raw)
 
     @tool("Explore", ACTS)
     async def explore(self, time_limit_s: float | None = None) -> Task:
-        """Let the robot explore until nothing that it can reach is unknown, or for so many seconds.
-        It queues; watch it with wait_for_task."""
+        """Let the robot explore until all reachable floor is known, or for time_limit_s seconds.
+        The task is queued; watch it with wait_for_task."""
         return Task(**(await self.helios.explore(time_limit_s)).raw)
 
     @tool("Go home", ACTS)
     async def go_home(self) -> Task:
-        """Send the robot back to where it started. It queues; watch it with wait_for_task."""
+        """Send the robot back to where it started. The task is queued; watch it with
+        wait_for_task."""
         return Task(**(await self.helios.home()).raw)
 
     @tool("Wait for a task", READS)
     async def wait_for_task(self, id: str, timeout_s: float = 60.0) -> Task:
-        """Wait until a task has ended, or for so many seconds (at most 600), and tell how it is."""
+        """Wait until a task has ended, or for timeout_s seconds (at most 600), and return the
+        task."""
         try:
             task = await self.helios.wait(id, min(max(timeout_s, 0.0), LONGEST_WAIT_S))
         except (DeadlineExceeded, Unavailable):
@@ -56,39 +58,40 @@ class TaskTools(Tools):
 
     @tool("List tasks", READS)
     async def list_tasks(self, state: TaskState | None = None) -> list[Task]:
-        """Tasks, newest first: all, or those in a state."""
+        """List tasks, newest first: all, or those in one state."""
         return [Task(**task.raw) for task in await self.helios.tasks(state)]
 
     @tool("Cancel a task", ENDS)
     async def cancel_task(self, id: str) -> Task:
-        """Ask a task to end; the robot comes to rest. A cancelled task cannot be resumed."""
+        """Request the end of a task; the robot comes to rest. A cancelled task cannot be
+        resumed."""
         return Task(**(await self.helios.cancel(id)).raw)
 
     @tool("Pause a task", SETS)
     async def pause_task(self, id: str) -> Task:
-        """Let a task wait: the action that runs is finished, and no further one begins until
+        """Pause a task: the current action is finished, and no further action starts until
         resume_task."""
         return Task(**(await self.helios.pause(id)).raw)
 
     @tool("Resume a task", SETS)
     async def resume_task(self, id: str) -> Task:
-        """Go on with a paused task; the robot moves again."""
+        """Resume a paused task; the robot moves again."""
         return Task(**(await self.helios.resume(id)).raw)
 
     @tool("Explain a task", READS)
     async def why(self, id: str, newest: int = 3) -> list[Decision]:
-        """Why a task went as it did: its newest decisions, each with the candidates it chose from,
-        their terms, the rule and one sentence."""
+        """Explain a task by its newest decisions, each with its candidates, their terms, the rule
+        and one sentence."""
         decisions = await self.helios.decisions(id)
         return [Decision(**decision.raw) for decision in decisions[-max(newest, 1) :]]
 
     @tool("Names that can be asked for", READS)
     async def vocabulary(self) -> Vocabulary:
-        """The names of things and furniture that a task may use: those that the detector knows,
+        """List the object and furniture names that a task may use: those that the detector knows,
         or any name (open)."""
         return Vocabulary.model_validate(await self.helios.vocabulary())
 
     @tool("Suggest tasks", READS)
     async def suggest_tasks(self, limit: int = 3) -> Suggestions:
-        """What was seen in this home, and tasks to try there."""
+        """List the names seen in this home, and at most limit tasks to try there."""
         return Suggestions.model_validate(await self.helios.suggestions(limit))

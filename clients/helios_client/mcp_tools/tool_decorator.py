@@ -1,4 +1,4 @@
-"""What makes a method a tool: its title, what it may do, and how its errors are told."""
+"""Decorator that makes a method a tool with a title, an effect and error conversion."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _MARK = "_helios_tool"
 
 @dataclass(frozen=True)
 class Effect:
-    """What a call does to the robot, as hints for whoever allows it."""
+    """Effect of a tool call on the robot, as hints for the client that permits it."""
 
     reads_only: bool = False
-    destroys: bool = False  # what it ends or lifts does not come back by itself
+    destroys: bool = False  # the call ends something that cannot be resumed
     repeatable: bool = False  # a second call changes nothing more
 
     def hints(self, title: str) -> ToolAnnotations:
-        """As MCP says it. What moves the robot acts on the open world."""
+        """MCP annotations. Every tool that does more than read acts on the open world."""
         if self.reads_only:
             return ToolAnnotations(title=title, read_only_hint=True, open_world_hint=False)
         return ToolAnnotations(
@@ -46,7 +46,7 @@ ENDS = Effect(destroys=True, repeatable=True)
 
 
 class Tools:
-    """A group of tools over one SDK client: its methods with `@tool`."""
+    """Group of tools over one SDK client: its methods with `@tool`."""
 
     def __init__(self, helios: AsyncHelios) -> None:
         self.helios = helios
@@ -60,7 +60,7 @@ class Tools:
 
 @dataclass(frozen=True)
 class Tool:
-    """A method that an agent may call."""
+    """Method that an agent may call."""
 
     call: Callable[..., Any]
     title: str
@@ -68,7 +68,7 @@ class Tool:
 
     @property
     def description(self) -> str:
-        """Its docstring on one line."""
+        """Docstring of the method, on one line."""
         return " ".join((self.call.__doc__ or "").split())
 
 
@@ -77,7 +77,8 @@ def tool(
 ) -> Callable[
     [Callable[Concatenate[S, P], Awaitable[R]]], Callable[Concatenate[S, P], Awaitable[R]]
 ]:
-    """Marks a method of `Tools`; a HeliosError becomes an error of the tool with its sentence."""
+    """Mark a method of `Tools` as a tool. Its HeliosError becomes a ToolError with the same
+    sentence."""
 
     def mark(
         method: Callable[Concatenate[S, P], Awaitable[R]],

@@ -1,1 +1,1 @@
-"""`helios replay`: a recording or data set through the services, and what they made of it."""
+"""`helios replay`: play a recording or data set through the services, and collect the results."""

@@ -1,4 +1,4 @@
-"""What `helios replay` looks for, from the words of its flags."""
+"""Search context of `helios replay`, from its flags."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ DEFAULT_THRESHOLD = 0.25
 
 
 def watch_list(classes: str, thresholds: str) -> SearchContext:
-    """`"cup,dining table"` and `"cup=0.25"` as a search context. Raises UsageError."""
+    """Search context from flags such as `"cup,dining table"` and `"cup=0.25"`. Raises
+    UsageError."""
     names = [plain(name) for name in classes.split(",")]
     if not all(names):
         raise UsageError(f"--classes is {classes!r}; wanted names with commas between them")

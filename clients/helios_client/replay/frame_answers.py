@@ -1,4 +1,4 @@
-"""What the services answered to each frame of a replay."""
+"""Acknowledgements of the services for each frame of a replay."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from helios_core.topics import DETECTOR_ACK, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STA
 
 
 class FrameAnswers:
-    """Thread-safe. Fed by the bus."""
+    """Acknowledgements per frame, received from the bus, and their statistics. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -28,28 +28,28 @@ class FrameAnswers:
         self._finished = False
 
     def listen(self, bus: Bus) -> None:
-        """Hear the detector, the maps and the bridge."""
+        """Subscribe to the detector, the maps and the bridge."""
         bus.subscribe(DETECTOR_ACK, self.note_detector)
         bus.subscribe(MAP2D_ACK, self.note_ack)
         bus.subscribe(OBJECTMAP_ACK, self.note_ack)
         bus.subscribe(ROBOT_STATE, self.note_state)
 
     def note_ack(self, ack: pb.Ack) -> None:
-        """A map's answer."""
+        """Note the acknowledgement of a map."""
         with self._lock:
             if ack.accepted:
                 self._update_ms.setdefault(ack.part, []).append(ack.update_ms)
             self._note(ack, [ack.part])
 
     def note_detector(self, ack: pb.Ack) -> None:
-        """A keyframe that the detector has ended with; where it found nothing to send, no map can
-        answer that."""
+        """Note the detector's acknowledgement. If it sends no observation, the maps that need one
+        cannot answer, and the frame counts as answered for them."""
         with self._lock:
             if not ack.accepted:
                 self._note(ack, FROM_DETECTIONS)
 
     def _note(self, ack: pb.Ack, answered: Iterable[str]) -> None:
-        """The lock is held."""
+        """The caller holds the lock."""
         frame = (ack.id.robot_boot_id, ack.id.world_epoch, ack.id.seq)
         parts = self._parts.setdefault(frame, set())
         whole_before = len(parts) == len(MapPart)
@@ -60,45 +60,45 @@ class FrameAnswers:
             self._done_s.append(time.monotonic())
 
     def note_state(self, state: pb.RobotState) -> None:
-        """The bridge's word."""
+        """Note the robot state from the bridge."""
         with self._lock:
             self._finished = state.finished
             self._state_came.notify_all()
 
     @property
     def finished(self) -> bool:
-        """The recording has come to its end."""
+        """True once the recording has ended."""
         with self._lock:
             return self._finished
 
     def wait_finished(self, timeout_s: float) -> bool:
-        """Wait so long for the end of the recording; whether it came."""
+        """Wait for the end of the recording; True if it came within the timeout."""
         with self._state_came:
             return self._state_came.wait_for(lambda: self._finished, timeout_s)
 
     @property
     def frames(self) -> int:
-        """Frames that all maps have answered."""
+        """Number of frames that all maps have answered."""
         with self._lock:
             return len(self._done_s)
 
     @property
     def mapped(self) -> int:
-        """Frames that the occupancy map has answered: all that were played in the end."""
+        """Number of frames that the occupancy map has answered: at the end, all frames played."""
         with self._lock:
             return sum(MapPart.OCCUPANCY in parts for parts in self._parts.values())
 
     @property
     def over(self) -> int:
-        """Frames that nobody works on any more, as far as it is heard: all maps have answered, or
-        a later frame was begun."""
+        """Number of frames that are finished: all maps have answered, or a later frame has
+        begun."""
         with self._lock:
             *earlier, last = self._parts.values() or [set()]
             return len(earlier) + (len(last) == len(MapPart))
 
     @property
     def pace_ms(self) -> float:
-        """Median time from one frame to the next."""
+        """Median time (ms) from one finished frame to the next."""
         with self._lock:
             times_s = list(self._done_s)
         steps_ms = [(b - a) * 1e3 for a, b in itertools.pairwise(times_s)]
@@ -106,11 +106,11 @@ class FrameAnswers:
 
     @property
     def refusals(self) -> dict[str, int]:
-        """Reasons why maps refused a frame, and how often."""
+        """Reason for refusing a frame -> number of times."""
         with self._lock:
             return dict(self._refusals)
 
     def median_ms(self) -> dict[str, float]:
-        """Part -> median time of its update."""
+        """Map part -> median time (ms) of its update."""
         with self._lock:
             return {part: statistics.median(ms) for part, ms in self._update_ms.items() if ms}

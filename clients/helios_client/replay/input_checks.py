@@ -1,4 +1,4 @@
-"""What a replay will play, looked at before any process is started."""
+"""Examination of the input of a replay, before any process starts."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CheckedInput:
-    """What is known of it."""
+    """Properties of the input of a replay."""
 
     frames: int
-    longest_wait_s: float  # between two of them, at the speed asked for
-    searches: tuple[frozenset[str], ...]  # the class names of each
+    longest_wait_s: float  # between two frames, at the requested speed
+    searches: tuple[frozenset[str], ...]  # class names of each search
     lost: dict[str, Any]  # damage: chunks, bytes, seconds
 
 
 def examine(job: ReplayJob, console: Console) -> CheckedInput:
-    """Open it and tell what of it is not played. Raises InvalidInput where nothing can be, or where
-    it is damaged and `strict` is asked for."""
-    from helios_replay.format_detection import open_source  # late: OpenCV
+    """Open the input and print which parts are not played. Raises InvalidInput if nothing can be
+    played, or if the input is damaged and `strict` is set."""
+    from helios_replay.format_detection import open_source  # late import: loads OpenCV
     from helios_replay.replay_source import Part
 
     pace = job.pace
@@ -59,7 +59,8 @@ def examine(job: ReplayJob, console: Console) -> CheckedInput:
 
 
 def _damage(job: ReplayJob, lost: Any, console: Console) -> dict[str, Any]:
-    """Of `helios_replay.mcap_damage.Lost`: summed up and told."""
+    """Sums over `lost` (`helios_replay.mcap_damage.Lost`), also printed. Raises InvalidInput if
+    `strict` is set."""
     out = {
         "chunks": sum(one.chunks for one in lost),
         "bytes": sum(one.size for one in lost),

@@ -1,4 +1,4 @@
-"""What a replay seeks and finds with, from the words of its flags."""
+"""Source, searches and detector of a replay, from its flags."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from helios_client.usage_errors import UsageError
 
 
 def check_source(source: Path) -> None:
-    """Whether there is something to play; what it is is looked at later. Raises UsageError."""
+    """Raise UsageError if the source does not exist. Its format is checked later."""
     if not source.exists():
         raise UsageError(
             f"there is no data set at {source}; name a recording (.mcap), a data set or a ROS bag"
@@ -20,7 +20,7 @@ def check_source(source: Path) -> None:
 
 
 def default_detector(robot: str, source: Path | None) -> str:
-    """Of `helios up` where none is named. Raises UsageError where one must be."""
+    """Default detector of `helios up`. Raises UsageError if the user must name one."""
     if robot == "sim":
         return "simulated"
     if robot == "replay" and source is not None and _is_recording(source):
@@ -31,9 +31,9 @@ def default_detector(robot: str, source: Path | None) -> str:
 def what_to_seek(
     source: Path, classes: str | None, thresholds: str, detector: str | None
 ) -> tuple[SearchContext | None, str]:
-    """(search context, detector) of `helios replay`; None: the searches of the recording.
+    """(search context, detector) of `helios replay`; context None: the searches of the recording.
 
-    Raises UsageError where a recording would be needed for what is left out.
+    Raises UsageError if an omitted flag would need a recording.
     """
     recorded = _is_recording(source)
     if classes is None:

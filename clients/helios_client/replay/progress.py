@@ -1,4 +1,4 @@
-"""What the services of a replay say while it runs: for whom it waits, and what cannot go on."""
+"""Progress of a running replay: the service that it waits for, and failures that end it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from helios_client.replay.run import ReplayJob
 
 
-SAY_WAITING_S = 5.0  # whoever is not ready then is named on the screen
-TROUBLE_S = 3.0  # a service that is degraded so long while nothing moves has said the last word
+SAY_WAITING_S = 5.0  # after this, services that are not ready are named on the screen
+TROUBLE_S = 3.0  # a service degraded this long without progress ends the replay
 
 
 class Watch:
-    """Looks at a replay while it runs; see `look`."""
+    """Monitor of a running replay; see `look`."""
 
     def __init__(
         self, job: ReplayJob, known: CheckedInput, board: ServiceTable, console: Console
@@ -34,12 +34,13 @@ class Watch:
         self._job, self.known, self._board, self._console = job, known, board, console
         self.classes = Classes(job.detector, known.searches)
         self._began_s = self._moved_s = time.monotonic()
-        self._heard = (0, 0)  # frames over, frames mapped
+        self._heard = (0, 0)  # numbers of finished and of mapped frames
         self._started = False
         self._trouble_since_s: float | None = None
 
     def look(self, table: Sequence[ProcessInfo], tally: FrameAnswers) -> str:
-        """What goes on, in a few words for the screen. Raises when it cannot go on."""
+        """Current activity in a few words, for the screen. Raises HeliosError if the replay cannot
+        go on."""
         now_s, rows = time.monotonic(), self._board.rows(table)
         heard = (tally.over, tally.mapped)
         if heard != self._heard:
@@ -72,9 +73,9 @@ class Watch:
 
 
 def trouble_of(rows: Sequence[ServiceRow], board: ServiceTable) -> str:
-    """What a service says that cannot go on; empty when all is well."""
+    """Status reason of a service that cannot go on; empty if there is none."""
     for row in rows:
-        # A detector waits for nothing but its model; what others wait for is still to come.
+        # A detector waits only for its model; other services wait for input that is still to come.
         missing = row.name == "detector" and row.state == "waiting"
         degraded = row.state == "degraded" and not (row.name == "detector" and _goes_on(board))
         if degraded or (missing and not row.reason.startswith("loading")):
@@ -83,7 +84,7 @@ def trouble_of(rows: Sequence[ServiceRow], board: ServiceTable) -> str:
 
 
 def waits_for(rows: Sequence[ServiceRow], rate: float = 0.0) -> str:
-    """Who keeps it waiting, in the services' own words. rate: of the replay, as `--rate`."""
+    """Cause of the wait, as the services report it. rate: speed of the replay, as `--rate`."""
     if said := [f"{r.name}: {r.reason}" for r in rows if r.reason]:
         return "; ".join(said)
     if rate:
@@ -92,16 +93,16 @@ def waits_for(rows: Sequence[ServiceRow], rate: float = 0.0) -> str:
 
 
 class Classes:
-    """Tells which of the classes that are looked for the detector does not know."""
+    """Reports the sought classes that the detector does not know."""
 
     def __init__(self, detector: str, searches: Sequence[frozenset[str]]) -> None:
-        """searches: the class names of each search that is to come."""
+        """searches: class names of each search of the replay."""
         self._detector, self._kinds = detector, frozenset(searches)
         self._printed: set[str] = set()
 
     def check(self, board: ServiceTable, over: bool, console: Console) -> None:
-        """Tell what is new. over: no search is still to come. Raises UsageError when none of the
-        classes of any search is known."""
+        """Print new findings. over: no further search will come. Raises UsageError if the detector
+        knows no class of any search."""
         status = board.status("detector")
         if status is None or status.state != "degraded":
             return
@@ -119,13 +120,13 @@ class Classes:
 
 
 def _goes_on(board: ServiceTable) -> bool:
-    """Whether the detector is only degraded because it does not know some class."""
+    """True if the detector is degraded only because it does not know some class."""
     failed = figure(board, "detector", "keyframes_failed")
     return bool(figure(board, "detector", "classes_refused")) and not failed
 
 
 def _not_started(job: ReplayJob, late: Sequence[ServiceRow]) -> str:
-    """Of each that is not ready: what it says, and where its log is."""
+    """Sentence with state, reason and log of each service that is not ready."""
     each = [
         f"{r.name} is {r.state} ({r.reason or 'it has said nothing yet'}; log "
         f"{job.log_dir / f'{r.name}.log'})"

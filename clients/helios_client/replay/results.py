@@ -1,4 +1,4 @@
-"""What a replay leaves: `objects.json`, `occupancy.png`, `occupancy.npz`, `summary.json`."""
+"""Results of a replay: `objects.json`, `occupancy.png`, `occupancy.npz`, `summary.json`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PICTURE_PX = 1024
 
 @dataclass(frozen=True)
 class Results:
-    """All that is written or shown."""
+    """Results of a replay, to be written or shown."""
 
     objects: list[dict[str, Any]]  # as in objects.json
     picture_png: bytes
@@ -36,9 +36,10 @@ class Results:
     summary: dict[str, Any]
 
     def write(self, out: Path) -> None:
-        """Into a folder that exists, each file as a whole. A number that is not finite is null.
+        """Write each file atomically into an existing folder. A number that is not finite becomes
+        null.
 
-        Raises InvalidInput where one cannot be written.
+        Raises InvalidInput if a file cannot be written.
         """
         _replace(out / "objects.json", _json(self.objects))
         _replace(out / "summary.json", _json(self.summary))
@@ -56,7 +57,7 @@ class Results:
         _replace(out / "occupancy.npz", arrays.getvalue())
 
     def table(self) -> Table:
-        """The objects, best first: what fits a terminal."""
+        """Table of the objects for a terminal, best first."""
         out = Table("id", "class")
         for heading in ("centre m", "size m", "Ψ", "U", "views"):
             out.add_column(heading, justify="right", no_wrap=True)
@@ -71,9 +72,9 @@ class Results:
 def collect(
     bus: Bus, tally: FrameAnswers, board: ServiceTable, frames: int, wall_s: float
 ) -> Results:
-    """Ask the maps; `wall_s` is how long all of it took.
+    """Query the maps for the results; `wall_s`: duration of the replay.
 
-    Raises HeliosError when one does not answer.
+    Raises HeliosError if a map does not answer.
     """
     reply = bus.call(OBJECTS, pb.ObjectsRequest(), ASK_WITHIN_S)
     objects = [_object_json(o) for o in sorted(reply.objects, key=lambda o: -o.score)]
@@ -104,18 +105,19 @@ def collect(
 
 
 def unreadable_frames(board: ServiceTable) -> int:
-    """Frames that the bridge has left out, for they could not be read."""
+    """Number of frames that the bridge skipped because they are unreadable."""
     return figure(board, "bridge", "unreadable_frames")
 
 
 def figure(board: ServiceTable, service: str, name: str) -> int:
-    """A count that a service reports; 0 where it reports none."""
+    """Count that a service reports; 0 if it reports none."""
     status = board.status(service)
     return int(status.metrics.get(name, 0)) if status else 0
 
 
 def stage_medians_ms(tally: FrameAnswers, board: ServiceTable) -> dict[str, float]:
-    """Stage -> median milliseconds: the maps' by their answers, others by what they report."""
+    """Stage -> median milliseconds: maps from their acknowledgements, others from their
+    statuses."""
     out = {"total": tally.pace_ms} | tally.median_ms()
     for service in ("bridge", "detector"):
         status = board.status(service)
@@ -145,7 +147,7 @@ def _json(value: Any) -> bytes:
 
 
 def _finite(value: Any) -> Any:
-    """The same, with None for each number that JSON does not have."""
+    """Value with None for each number that is not finite."""
     if isinstance(value, dict):
         return {name: _finite(one) for name, one in value.items()}
     if isinstance(value, list):

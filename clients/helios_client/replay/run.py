@@ -1,4 +1,5 @@
-"""`helios replay`: a data set through the services, once, in lockstep, and what they made of it."""
+"""`helios replay`: play a data set once through the services, in lockstep, and collect the
+results."""
 
 from __future__ import annotations
 
@@ -29,33 +30,33 @@ from helios_client.supervision.supervisor import Supervisor
 from helios_client.usage_errors import UsageError
 
 CHECK_PERIOD_S = 0.05
-FLUSH_S = 1.5  # services report every second: their figures of the last frame
+FLUSH_S = 1.5  # services report every second: wait for their counts of the last frame
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Which part to play, and how."""
+    """Part of the source to play, and its speed."""
 
-    limit: int = 0  # frames; 0: all
-    from_s: float = 0.0  # seconds into it
+    limit: int = 0  # number of frames; 0: all
+    from_s: float = 0.0  # seconds into the recording
     to_s: float | None = None  # None: its end
-    rate: float = 0.0  # 1: as it was recorded; 0: without waiting
+    rate: float = 0.0  # speed; 1: as recorded; 0: without waiting
     free_running: bool = False
-    topics: str = ""  # of a ROS bag
-    strict: bool = False  # end at a frame that cannot be read
+    topics: str = ""  # topic names in a ROS bag
+    strict: bool = False  # end at an unreadable frame
 
 
 @dataclass(frozen=True)
 class ReplayJob:
-    """What to play and what to look for."""
+    """Input, searches, detector and output of one replay."""
 
     source: Path
     context: SearchContext | None  # None: the searches of the recording
     detector: str
     out: Path
     pace: Pace = Pace()
-    agent: str = DEFAULT_AGENT  # whose settings the object map has
-    start_s: float = 300.0  # longest time until every service is ready; models are loaded in it
+    agent: str = DEFAULT_AGENT  # agent whose settings the object map uses
+    start_s: float = 300.0  # longest time until every service is ready, model loading included
     patience_s: float = 180.0  # longest time without a new frame
 
     @property
@@ -64,11 +65,11 @@ class ReplayJob:
 
 
 def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
-    """Play it to its end, or until an interrupt (`interrupted` of the summary); with processes of
-    its own on a free port, none of which is left.
+    """Play the source to its end or to an interrupt (`interrupted` in the summary). Starts
+    processes of its own on a free port, and ends them all.
 
-    Raises HeliosError: the data set, the detector or a class is not there, or nothing moves.
-    KeyboardInterrupt: interrupted before any frame was mapped.
+    Raises HeliosError if the data set, the detector or a class does not exist, or if there is no
+    progress; KeyboardInterrupt if interrupted before any frame was mapped.
     """
     began_s = time.monotonic()
     with interrupts.raised():
@@ -142,8 +143,9 @@ def _play(
     interrupts: Interrupts,
     console: Console,
 ) -> None:
-    """Until the recording is over or an interrupt comes. Raises when a process ends or nothing
-    moves any more, and KeyboardInterrupt where it came before any frame was mapped."""
+    """Show progress until the recording ends or an interrupt comes. Raises HeliosError if a process
+    ends or there is no progress, and KeyboardInterrupt for an interrupt before any frame was
+    mapped."""
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("{task.fields[pace]}"),
@@ -178,7 +180,7 @@ def _settle(supervisor: Supervisor, interrupts: Interrupts) -> None:
 
 
 def _say_unreadable(unreadable: int, total: int, job: ReplayJob, console: Console) -> None:
-    """Raises InvalidInput when there was nothing else."""
+    """Report unreadable frames, if any. Raises InvalidInput if no frame is readable."""
     where = f"{job.log_dir / 'bridge.log'} names each"
     if unreadable >= total:
         raise InvalidInput(f"none of the {total} frames of {job.source} can be read; {where}")

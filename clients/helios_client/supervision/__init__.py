@@ -1,1 +1,1 @@
-"""`helios up`: which processes there are, and how they are kept running."""
+"""`helios up`: the processes of a stack, and the supervisor that keeps them running."""

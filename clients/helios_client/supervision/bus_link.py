@@ -1,4 +1,4 @@
-"""The supervisor's link to the bus: hears the services, tells the table of processes."""
+"""Bus connection of the supervisor: receives service statuses, publishes the process table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ RETRY_S = 0.2
 
 
 class BusLink:
-    """Connects in a thread of its own as soon as there is a router, and stays."""
+    """Bus connection in a thread of its own. It connects as soon as there is a router, and
+    publishes the process table every `TELL_PERIOD_S`."""
 
     def __init__(self, router: str, robot: str, board: ServiceTable, names: Sequence[str]) -> None:
         self._router, self._robot, self._board, self._names = router, robot, board, names
@@ -32,7 +33,7 @@ class BusLink:
         self._thread.start()
 
     def tell(self, table: Sequence[ProcessInfo]) -> None:
-        """Publish this table from now on; at once when it is another one."""
+        """Publish this table from now on, and at once if it has changed."""
         message = supervisor_status(table)
         with self._lock:
             changed, self._message = message != self._message, message
@@ -40,12 +41,12 @@ class BusLink:
             self._wake.set()
 
     def end(self) -> None:
-        """Leave the bus soon."""
+        """Start to leave the bus, without waiting."""
         self._ending.set()
         self._wake.set()
 
     def close(self) -> None:
-        """Leave the bus, and wait until that is done."""
+        """Leave the bus, and wait for up to 1 s until that is done."""
         self.end()
         self._thread.join(1.0)
 
@@ -79,7 +80,7 @@ class BusLink:
 
 
 def supervisor_status(table: Sequence[ProcessInfo]) -> pb.SupervisorStatus:
-    """The table as it goes over the bus."""
+    """Process table as a protobuf message."""
     return pb.SupervisorStatus(
         processes=[
             pb.ProcessStatus(

@@ -1,4 +1,4 @@
-"""One child process: started with a log file of its own, watched, ended with all it started."""
+"""One child process with a log file of its own: started, watched, ended with its process group."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from pathlib import Path
 from helios_client.supervision import parent_watch
 
 TAIL_BYTES = 4096
-KEEP_LOG_BYTES = 8_000_000  # a larger log is put aside at the next start
-USAGE_ERROR = 2  # exit status of wrong use: starting again will not help
+KEEP_LOG_BYTES = 8_000_000  # a larger log is renamed at the next start
+USAGE_ERROR = 2  # exit status of wrong use: a restart does not help
 
 
 @dataclass(frozen=True)
 class ProcessSpec:
-    """What to run under which name."""
+    """Name and command line of a process."""
 
     name: str
     argv: tuple[str, ...]
-    ends_last: bool = False  # others need it while they end: the router
+    ends_last: bool = False  # other processes need it while they end: the router
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a process ended."""
+    """Exit status and last output line of an ended process."""
 
-    status: int | None  # as subprocess has it: negative is a signal; None: it never started
-    said: str  # the last line of its output
+    status: int | None  # as in `subprocess`: negative for a signal; None: never started
+    said: str  # last line of its output
 
     @property
     def usage_error(self) -> bool:
@@ -40,8 +40,8 @@ class Ending:
 
     @property
     def reason(self) -> str:
-        """One clause: the signal or the exit status, and the last log line where there is one. Of
-        wrong use the sentence alone, which says what to do."""
+        """One clause: the signal or the exit status, and the last log line if there is one. After
+        wrong use only the log line, which says what to do."""
         if self.status is None or (self.usage_error and self.said):
             return self.said
         how = (
@@ -53,10 +53,11 @@ class Ending:
 
 
 class Child:
-    """A running process in a session of its own, so that a terminal's Ctrl-C does not reach it."""
+    """Running process in a session of its own, which a terminal's Ctrl-C does not reach."""
 
     def __init__(self, spec: ProcessSpec, log_path: Path) -> None:
-        """Raises OSError when it cannot be started. Call it from a thread that stays."""
+        """Start the process. Raises OSError if that fails. Call it from a thread that outlives the
+        process."""
         program = shutil.which(spec.argv[0])
         if program is None:
             raise FileNotFoundError(f"there is no program {spec.argv[0]}")
@@ -78,7 +79,8 @@ class Child:
         self.pid = self._process.pid
 
     def ended(self) -> Ending | None:
-        """How it ended, None while it runs. What it had started ends with it."""
+        """Ending of the process, None while it runs. After the end it kills the rest of the process
+        group."""
         status = self._process.poll()
         if status is None:
             return None
@@ -86,17 +88,17 @@ class Child:
         return Ending(status, last_line(self._log_path, self._log_start))
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Send SIGTERM."""
         if self._process.poll() is None:
             self._process.terminate()
 
     def kill(self) -> None:
-        """End it, and what it started, at once."""
+        """Kill the process and its process group at once."""
         self._kill_group()
         self._process.wait()
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether it ended in time."""
+        """True if the process ends within the timeout. Then kills the rest of its process group."""
         try:
             self._process.wait(max(0.0, timeout_s))
         except subprocess.TimeoutExpired:
@@ -110,8 +112,8 @@ class Child:
 
 
 def last_line(path: Path, start: int) -> str:
-    """Why a process ended: the last line after byte `start` of its log that a person was meant to
-    read ("helios-name: sentence"), or else the last one with words in it."""
+    """Last line after byte `start` of a log that is meant for a person ("helios-name: sentence"),
+    or else the last line that is not blank."""
     try:
         with path.open("rb") as file:
             end = file.seek(0, os.SEEK_END)

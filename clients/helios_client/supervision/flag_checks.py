@@ -1,6 +1,6 @@
-"""What the flags of `helios up` and `helios replay` name, looked at before anything is started.
+"""Checks of the flags of `helios up` and `helios replay`, before any process starts.
 
-No model is loaded and nothing of a plug-in is run: that does the service, which says the rest.
+They load no model and run no plug-in code. The service does that, and reports further errors.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ DEFAULT_PRESET = "demo-v1"
 
 
 def check_robot(robot: str) -> str:
-    """The robot as the services know it. Raises UsageError."""
+    """Robot as the services spell it. Raises UsageError."""
     return _check(plugins.ROBOTS, robot, ROBOTS, "")
 
 
 def check_name(name: str) -> None:
-    """Raises UsageError for a name that no robot can have on the bus."""
+    """Raise UsageError for a name that no robot can have on the bus."""
     try:
         robot_name(name)
     except InvalidInput as error:
@@ -37,7 +37,7 @@ def check_name(name: str) -> None:
 
 
 def check_together(robot: str, spot_host: str | None, source: Path | None) -> None:
-    """Raises UsageError for flags that do not belong to this robot, or one that it lacks."""
+    """Raise UsageError for a flag that does not belong to this robot, or that it lacks."""
     if spot_host is not None and robot != "spot":
         raise UsageError("--spot-host goes with --robot spot, and only with it")
     if robot == "replay" and source is None:
@@ -47,9 +47,8 @@ def check_together(robot: str, spot_host: str | None, source: Path | None) -> No
 
 
 def check_detector(detector: str) -> str:
-    """The detector as the services know it: whether there can be such a one, and where it is a
-    file, whether that is there. Raises UsageError.
-    """
+    """Detector as the services spell it. Checks that the name can exist, and that a model file
+    does. Raises UsageError."""
     kind, _, model = detector.partition(":")
     if kind == "onnx":
         _check_model(model)
@@ -59,7 +58,7 @@ def check_detector(detector: str) -> str:
 
 
 def check_scorer(scorer: str) -> str:
-    """The scorer as the services know it. Raises UsageError."""
+    """Scorer as the services spell it. Raises UsageError."""
     kind, _, model = scorer.partition(":")
     if kind == "transformers" and model:
         return scorer
@@ -67,14 +66,14 @@ def check_scorer(scorer: str) -> str:
 
 
 def check_agent(agent: str) -> str:
-    """The agent as the services know it. Raises UsageError."""
+    """Agent as the services spell it. Raises UsageError."""
     return _check(plugins.AGENTS, agent, AGENT_NAMES, "")
 
 
 def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str | None]:
-    """Preset and furniture as the simulator knows them; realistic furniture must have been baked.
+    """Preset and furniture as the simulator spells them.
 
-    Raises UsageError.
+    Raises UsageError, also for realistic furniture that has not been baked.
     """
     if furniture is not None:
         known = same_name(furniture, FURNITURE)
@@ -85,7 +84,7 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
     if robot != "sim":
         return preset, furniture
     if preset != DEFAULT_PRESET:
-        from helios_sim.home.presets import PRESETS  # late: the simulator takes half a second
+        from helios_sim.home.presets import PRESETS  # late import: it takes half a second
 
         known = same_name(preset, PRESETS)
         if known is None:
@@ -121,7 +120,8 @@ def _beside(path: Path) -> list[Path]:
 
 
 def _check(kind: plugins.Kind, given: str, ours: tuple[str, ...], more: str) -> str:
-    """The name as it is known: one of ours, or of a package that is there. Raises UsageError."""
+    """Name as the services spell it: one of `ours`, or of an installed package. Raises
+    UsageError."""
     offered = (*ours, *kind.entry_names())
     if (name := same_name(given, offered)) in ours:
         return name

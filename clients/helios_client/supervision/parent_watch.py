@@ -1,10 +1,10 @@
-"""Becomes another program that ends when its parent does.
+"""Become another program that ends when its parent ends.
 
 Called as `parent_watch.py PARENT_PID PROGRAM ARG …`.
 
-Services watch their parent by themselves, but only once they run: one that is still importing when
-its supervisor is killed would take init for its parent and live for ever. On Linux the kernel
-watches from the first instruction on; elsewhere this only becomes the program.
+Services watch their parent themselves, but only once they run. If the supervisor is killed while a
+service is still importing, the service would take init for its parent and run forever. On Linux the
+kernel watches from the first instruction on; elsewhere this script only becomes the program.
 """
 
 import os
@@ -15,12 +15,12 @@ PR_SET_PDEATHSIG = 1
 
 
 def main(parent_pid: int, argv: list[str]) -> None:
-    """Does not return."""
+    """Replace this process by the program; does not return."""
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent_pid:  # it ended before the kernel was told
+        if os.getppid() != parent_pid:  # the parent ended before the call
             sys.exit("the supervisor is gone")
     os.execv(argv[0], argv)
 

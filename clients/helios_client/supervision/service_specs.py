@@ -1,4 +1,4 @@
-"""Which processes make up HELIOS on one machine, and how each is called."""
+"""Processes of HELIOS on one machine, and their command lines."""
 
 from __future__ import annotations
 
@@ -10,38 +10,36 @@ from pathlib import Path
 from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
-RECORDED = "recorded"  # the detector that finds what was found when it was recorded
+RECORDED = "recorded"  # detector that repeats the recorded detections
 
 
 @dataclass(frozen=True)
 class ServiceSpecs:
-    """What `helios up` and `helios replay` start."""
+    """Options of the stack that `helios up` or `helios replay` starts."""
 
     robot: str  # sim, replay, spot, bus, push or package:Class
     router_port: int
     state_dir: Path
-    name: str = "robot"  # first part of every key on the bus
-    port: int | None = None  # of the gateway; None: neither gateway nor planner
+    name: str = "robot"  # name of the robot in every bus key
+    port: int | None = None  # port of the gateway; None: neither gateway nor planner
     seed: int = 0
     preset: str = "demo-v1"
-    furniture: str | None = None  # of the simulated home; None: its setting
+    furniture: str | None = None  # kind of furniture in the home; None: the simulator's setting
     detector: str = "simulated"
-    scorer: str | None = None  # None: its setting
-    agent: str | None = (
-        None  # who decides, with the settings its house runs with; None: its setting
-    )
-    robot_host: str | None = None  # of a robot on the network; None: its own settings
-    source: Path | None = None  # what a replay plays
-    limit: int = 0  # frames of a replay; 0: all
-    from_s: float | None = None  # where a replay begins, seconds into it; None: its start
-    to_s: float | None = None  # where it ends; None: its end
-    rate: float | None = None  # of a replay: 1 as it was recorded; None: without waiting
-    topics: str | None = None  # of a ROS bag
-    contexts: bool = False  # a replay begins the recorded searches by itself
-    strict: bool = False  # a replay ends at a frame that cannot be read
-    record: Path | None = None  # folder of recordings; None: no recorder
+    scorer: str | None = None  # None: the detector's setting
+    agent: str | None = None  # of planner and object map; None: their settings
+    robot_host: str | None = None  # address of a robot on the network; None: its driver's setting
+    source: Path | None = None  # recording or data set that a replay plays
+    limit: int = 0  # number of frames to replay; 0: all
+    from_s: float | None = None  # start of a replay, seconds into the recording; None: its start
+    to_s: float | None = None  # end of a replay, seconds into the recording; None: its end
+    rate: float | None = None  # speed of a replay; 1: as recorded; None: without waiting
+    topics: str | None = None  # topic names in a ROS bag
+    contexts: bool = False  # a replay starts the recorded searches itself
+    strict: bool = False  # a replay ends at an unreadable frame
+    record: Path | None = None  # folder for recordings; None: no recorder
     lockstep: bool = False
-    ack_timeout_s: float | None = None  # of the bridge in lockstep; None: its setting
+    ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
 
     @property
     def router(self) -> str:
@@ -50,7 +48,7 @@ class ServiceSpecs:
 
     @property
     def address(self) -> str:
-        """Of the dashboard and the HTTP interface."""
+        """URL of the dashboard and the HTTP interface."""
         return f"http://{LOOPBACK}:{self.port}"
 
     @property
@@ -58,7 +56,7 @@ class ServiceSpecs:
         return self.state_dir / "logs"
 
     def specs(self) -> tuple[ProcessSpec, ...]:
-        """The processes; the order is that of the table, starting needs none."""
+        """Processes, in the order of the process table; they may start in any order."""
         out = [
             ProcessSpec(
                 "router", _python("helios_core.router", "--listen", self.router), ends_last=True
@@ -89,7 +87,7 @@ class ServiceSpecs:
                     "detector", "helios_detector", detector=self.detector, scorer=self.scorer
                 )
             )
-        kept = self.state_dir if self.port is not None else None  # a replay starts from nothing
+        kept = self.state_dir if self.port is not None else None  # a replay starts with empty maps
         out.append(
             self._service(
                 "objectmap",
@@ -114,12 +112,12 @@ class ServiceSpecs:
         return tuple(out)
 
     def _tasks_dir(self) -> Path:
-        """Of the planner: each simulated home has one, for what was asked in another means nothing
-        in it."""
+        """State folder of the planner. Each simulated home has its own, as the tasks of one home
+        mean nothing in another."""
         tasks = self.state_dir / "planner"
         if self.robot != "sim":
             return tasks
-        return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # the world refuses it
+        return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name]
@@ -136,14 +134,14 @@ def _python(module: str, *args: str) -> tuple[str, ...]:
 
 
 def free_port() -> int:
-    """A TCP port on loopback that was free a moment ago."""
+    """TCP port on loopback that was free at the time of the call."""
     with socket.socket() as s:
         s.bind((LOOPBACK, 0))
         return int(s.getsockname()[1])
 
 
 def port_trouble(port: int) -> OSError | None:
-    """Why nothing can listen there, such as another program that does; None where it can."""
+    """Error of listening on a loopback port, for example a port in use; None if it is free."""
     with socket.socket() as s:
         s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do
         try:

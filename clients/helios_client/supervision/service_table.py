@@ -1,4 +1,4 @@
-"""How each service is: the supervisor's table joined with the services' own words."""
+"""State of each service: the supervisor's process table joined with the services' statuses."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from helios_core.topics import status_topic
 
 from helios_client.supervision.supervisor import ProcessInfo, State
 
-SILENT_S = 8.0  # services report every second; compiling kernels may hold one up
+SILENT_S = 8.0  # services report every second; compiling kernels may delay a report
 NOT_NEEDED = frozenset({"recorder"})  # a full disk stops the recording, not the robot
-REPORTLESS = "router"  # a bare Zenoh router: it runs or it does not
+REPORTLESS = "router"  # plain Zenoh router: it publishes no status
 
 
 @dataclass(frozen=True)
 class ServiceRow:
-    """One service as `helios status` shows it."""
+    """Row of `helios status` for one service."""
 
     name: str
     state: str  # starting, waiting, ready, degraded, stopping; restarting, stopped
@@ -31,7 +31,7 @@ class ServiceRow:
 
 
 class ServiceTable:
-    """Thread-safe. Fed by the bus, read with the table of processes."""
+    """Newest status of each service, received from the bus. Thread-safe."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -39,24 +39,24 @@ class ServiceTable:
         self._statuses: dict[str, tuple[float, pb.ServiceStatus]] = {}
 
     def listen(self, bus: Bus, names: Sequence[str]) -> None:
-        """Hear what the named services say of themselves."""
+        """Subscribe to the statuses of the named services."""
         for name in names:
             if name != REPORTLESS:
                 bus.subscribe(status_topic(name), self.note)
 
     def note(self, status: pb.ServiceStatus) -> None:
-        """A service's word."""
+        """Store the status of a service."""
         with self._lock:
             self._statuses[status.service] = (self._clock(), status)
 
     def status(self, name: str) -> pb.ServiceStatus | None:
-        """The last word of a service."""
+        """Newest status of a service; None before the first."""
         with self._lock:
             heard = self._statuses.get(name)
         return heard[1] if heard else None
 
     def rows(self, table: Sequence[ProcessInfo]) -> tuple[ServiceRow, ...]:
-        """One row a process, in the table's order."""
+        """One row per process, in the order of the table."""
         with self._lock:
             statuses = dict(self._statuses)
         now_s = self._clock()
@@ -64,7 +64,7 @@ class ServiceTable:
 
 
 def is_ready(rows: Sequence[ServiceRow]) -> bool:
-    """Whether all services are that a robot needs."""
+    """True if all services that a robot needs are ready."""
     needed = [row for row in rows if row.name not in NOT_NEEDED]
     return bool(needed) and all(row.state == "ready" for row in needed)
 

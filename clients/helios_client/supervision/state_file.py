@@ -1,4 +1,4 @@
-"""`supervisor.json`: what the supervisor knows, for whoever asks while the gateway is down.
+"""`supervisor.json`: state of the services on disk, readable while the gateway is down.
 
 {"ready": bool, "services": [{"name", "state", "reason", "restarts", "pid"}], "address": str,
  "router": str, "robot": str, "supervisor_pid": int, "updated_s": float, "state_dir": str}
@@ -19,16 +19,16 @@ from helios_core.atomic_file import write_file
 
 FILE_NAME = "supervisor.json"
 LOCK_NAME = "supervisor.lock"
-STALE_S = 15.0  # the supervisor writes every two seconds
+STALE_S = 15.0  # the supervisor writes at least every two seconds
 
 
 def default_state_dir(port: int) -> Path:
-    """`$XDG_STATE_HOME/helios/<port>`, or under `~/.local/state`."""
+    """Folder `$XDG_STATE_HOME/helios/<port>`, or under `~/.local/state`."""
     return _root() / str(port)
 
 
 def running_ports() -> list[int]:
-    """Ports of those that run on this machine, of this user."""
+    """Ports of the stacks of this user that run on this machine."""
     try:
         found = [folder for folder in _root().iterdir() if folder.name.isdecimal()]
     except OSError:
@@ -43,11 +43,12 @@ def _root() -> Path:
 
 
 class InUse(Exception):
-    """Another supervisor has the directory."""
+    """Another supervisor has locked the directory."""
 
 
 def lock(directory: Path) -> ExitStack:
-    """Hold the directory until closed or this process ends. Raises InUse, and OSError."""
+    """Lock the directory until the result is closed or this process ends. Raises InUse, and
+    OSError."""
     directory.mkdir(parents=True, exist_ok=True)
     held = ExitStack()
     file = held.enter_context((directory / LOCK_NAME).open("a"))
@@ -60,15 +61,15 @@ def lock(directory: Path) -> ExitStack:
 
 
 def write(directories: Sequence[Path], status: dict[str, Any]) -> None:
-    """Replace the file in each directory; a reader sees the old or the new one, never half."""
+    """Replace the file in each directory; a reader never sees a partial file."""
     text = json.dumps(status | {"supervisor_pid": os.getpid(), "updated_s": time.time()}, indent=1)
     for directory in directories:
         directory.mkdir(parents=True, exist_ok=True)
-        write_file(directory / FILE_NAME, text, sync=False)  # every second; no crash outlives it
+        write_file(directory / FILE_NAME, text, sync=False)  # short-lived: need not survive a crash
 
 
 def read(directory: Path) -> dict[str, Any] | None:
-    """The file of a supervisor that is alive; None when there is none."""
+    """Content of the file of a living supervisor; None if there is none."""
     try:
         status = json.loads((directory / FILE_NAME).read_text())
         fresh = time.time() - status["updated_s"] < STALE_S
@@ -78,7 +79,7 @@ def read(directory: Path) -> dict[str, Any] | None:
 
 
 def remove(directories: Sequence[Path]) -> None:
-    """The supervisor ends: there is nothing to tell any more."""
+    """Remove the files at the end of the supervisor."""
     for directory in directories:
         (directory / FILE_NAME).unlink(missing_ok=True)
 

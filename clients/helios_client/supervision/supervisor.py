@@ -1,9 +1,9 @@
-"""A table of processes that are kept running: whichever ends is started again.
+"""Supervisor of a table of processes: it restarts each one that ends.
 
-The first restart comes at once, further ones wait longer and longer, up to five seconds; a process
-that has run steadily for a while is forgiven. Wrong use (exit status 2) is reported and not
-repeated, unless the process has run steadily before: then somebody has spoilt a file under way, and
-it is tried every five seconds until that is mended. One thread calls `start`, `check` and `stop`.
+The first restart is immediate; further ones wait longer, up to five seconds. After a steady run of
+`STEADY_S` the delays start anew. Wrong use (exit status 2) is reported and not retried, unless the
+process has run steadily before: then a file has been damaged under way, and the process is retried
+every five seconds until that is repaired. One thread calls `start`, `check` and `stop`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pathlib import Path
 from helios_client.supervision.child_process import Child, Ending, ProcessSpec
 
 RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 5.0)
-STEADY_S = 20.0  # after running this long, the next restart comes at once again
-TERMINATE_WITHIN_S = 2.3  # services promise two seconds
+STEADY_S = 20.0  # after this run time, the next restart is immediate again
+TERMINATE_WITHIN_S = 2.3  # services promise to end within two seconds
 LAST_WITHIN_S = 0.5
 
 
 class State(StrEnum):
-    """Of a process; the values are those of `ProcessStatus.state`."""
+    """State of a process, with the values of `ProcessStatus.state`."""
 
     RUNNING = "running"
     RESTARTING = "restarting"  # waits for its next start
@@ -32,17 +32,17 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class ProcessInfo:
-    """One row of the table."""
+    """Row of the process table."""
 
     name: str
     pid: int  # 0 while it does not run
     restarts: int
     state: State
-    reason: str  # why it was started again, waits or is stopped; empty at first
+    reason: str  # why it was restarted, waits or is stopped; empty at first
 
 
 def restart_delay_s(failures: int) -> float:
-    """How long to wait after so many failures in a row, 1 or more."""
+    """Delay of the restart after this number of failures in a row, 1 or more."""
     return RESTART_DELAYS_S[min(failures, len(RESTART_DELAYS_S)) - 1]
 
 
@@ -54,14 +54,15 @@ class _Row:
     started_s: float = 0.0
     restarts: int = 0
     failures: int = 0  # in a row
-    proven: bool = False  # has run steadily, so what it was told can be right
-    due_s: float | None = None  # when it is to be started again
+    proven: bool = False  # has run steadily, so its command line can be valid
+    due_s: float | None = None  # time of the next start
     reason: str = ""
     state: State = field(default=State.STOPPED)
 
 
 class Supervisor:
-    """See the module. Logs go to `log_dir/<name>.log`."""
+    """Processes that are started, watched and restarted; see the module. Logs go to
+    `log_dir/<name>.log`."""
 
     def __init__(
         self,
@@ -75,7 +76,8 @@ class Supervisor:
         self._clock = clock
 
     def start(self) -> None:
-        """Start all. Raises OSError, with nothing left running, if a program is not there."""
+        """Start all processes. Raises OSError, with none left running, if a program does not
+        exist."""
         try:
             for row in self._rows:
                 self._start(row)
@@ -84,7 +86,8 @@ class Supervisor:
             raise
 
     def check(self) -> tuple[tuple[str, Ending], ...]:
-        """Start again what is due; the processes that ended since the last check, and how."""
+        """Restart the processes that are due. Returns name and ending of those that ended since the
+        last check."""
         ended: list[tuple[str, Ending]] = []
         now_s = self._clock()
         for row in self._rows:
@@ -101,14 +104,14 @@ class Supervisor:
         return tuple(ended)
 
     def table(self) -> tuple[ProcessInfo, ...]:
-        """All processes, in the order they were named."""
+        """All processes, in the order of `specs`."""
         return tuple(
             ProcessInfo(r.spec.name, r.child.pid if r.child else 0, r.restarts, r.state, r.reason)
             for r in self._rows
         )
 
     def stop(self) -> None:
-        """End all within about three seconds: asked first, then killed."""
+        """End all processes within about three seconds: SIGTERM first, then SIGKILL."""
         for last, within_s in ((False, TERMINATE_WITHIN_S), (True, LAST_WITHIN_S)):
             self._end([r for r in self._rows if r.spec.ends_last is last], within_s)
 

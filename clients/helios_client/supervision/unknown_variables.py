@@ -1,5 +1,8 @@
-"""Variables `HELIOS_…` that nothing of HELIOS reads: said, not refused, for other programs may use
-such names. What is wrong with one of a service, the service says itself."""
+"""Environment variables `HELIOS_…` that no part of HELIOS reads.
+
+They are reported, not refused, as other programs may use such names. A service itself reports
+errors in its own variables.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,14 @@ from difflib import SequenceMatcher
 
 from helios_core.settings_spelling import PREFIX, SERVICES, variable
 
-OTHERS = ("HELIOS_CONFIG", "HELIOS_URL", "HELIOS_API_KEY", "HELIOS_RECORD")  # of no single service
+OTHERS = ("HELIOS_CONFIG", "HELIOS_URL", "HELIOS_API_KEY", "HELIOS_RECORD")  # not of one service
 OF_TESTS = "HELIOS_TEST_"
-ALIKE = 0.7  # from this likeness on (0 to 1) one name may have been meant for another
+ALIKE = 0.7  # similarity (0 to 1) from which on a name is suggested
 
 
 def unread(variables: Iterable[str]) -> str:
-    """One sentence with the near names, never a value; empty where all are read."""
+    """Sentence with the unread names and similar known ones, never a value; empty if all are
+    read."""
     names = sorted(name for name in variables if name.startswith(PREFIX) and not _is_read(name))
     if not names:
         return ""
@@ -28,7 +32,8 @@ def _is_read(name: str) -> bool:
 
 
 def _near(name: str) -> str | None:
-    """A service may have been written in two words, as HELIOS_OBJECT_MAP_STRIDE_PX."""
+    """Known name most similar to `name`. A service may be written as two words, as in
+    HELIOS_OBJECT_MAP_STRIDE_PX."""
     words = name.removeprefix(PREFIX).split("_")
     meant = [(_likeness(name.removeprefix(PREFIX), o.removeprefix(PREFIX)), o) for o in OTHERS]
     for count in (1, 2):

@@ -1,4 +1,4 @@
-"""`helios up`: all services of one machine as child processes, kept running until told to stop."""
+"""`helios up`: all services of one machine as child processes, kept running until stopped."""
 
 from __future__ import annotations
 
@@ -33,18 +33,19 @@ SAY_DEGRADED_S = 10.0
 
 
 class Screen(TextScreen):
-    """A screen whose reader may end, as in `helios up | tee log`: the robot goes on unseen."""
+    """Console that outlives its reader, as in `helios up | tee log`."""
 
     def on_broken_pipe(self) -> None:
-        """Be quiet from now on. Rich would end the program, too."""
+        """Print nothing from now on. Rich would also end the program."""
         with contextlib.suppress(SystemExit):
             super().on_broken_pipe()
 
 
 def up(stack: ServiceSpecs, screen: Screen) -> None:
-    """Run until SIGINT, SIGTERM or SIGHUP.
+    """Run the stack until SIGINT, SIGTERM or SIGHUP.
 
-    Raises HeliosError, with nothing left running: a port or state directory in use, wrong flags.
+    Raises HeliosError, with nothing left running, for a port or state directory in use and for
+    wrong flags.
     """
     assert stack.port is not None
     for port, flag in ((stack.port, "--port"), (stack.router_port, "--router-port")):
@@ -68,7 +69,8 @@ def up(stack: ServiceSpecs, screen: Screen) -> None:
 
 
 def check_port(port: int, flag: str) -> None:
-    """Raises Conflict where nothing can listen there. `flag` names another one."""
+    """Raise Conflict if nothing can listen on the port. `flag`: the option that sets another
+    one."""
     error = port_trouble(port)
     if error is None:
         return
@@ -94,7 +96,7 @@ class _Run:
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
             self._state_dirs.append(default)  # where `helios status` looks
         self._was_ready: set[str] = set()
-        self._degraded: dict[str, float] = {}  # when it was said last, by service
+        self._degraded: dict[str, float] = {}  # time of the last report, by service
         self._all_ready = self._ever_ready = False
         self._written: tuple[ServiceRow, ...] = ()
         self._written_s = 0.0
@@ -164,12 +166,12 @@ class _Run:
         self._all_ready = ready
 
     def _say_degraded(self, rows: Sequence[ServiceRow]) -> None:
-        """At once, and of one service not more often than every `SAY_DEGRADED_S`."""
+        """Report degraded services at once, each at most once per `SAY_DEGRADED_S`."""
         for row in rows:
             if row.state != "degraded":
                 continue
             if row.name not in self._was_ready and row.name in self._degraded:
-                continue  # it was said, and it has not been ready since
+                continue  # reported, and not ready since
             self._was_ready.discard(row.name)
             if self._age_s() - self._degraded.get(row.name, -SAY_DEGRADED_S) >= SAY_DEGRADED_S:
                 self._degraded[row.name] = self._age_s()
@@ -195,6 +197,6 @@ class _Run:
     def _say(self, text: str) -> None:
         line = f"[dim]{self._age_s():6.1f} s[/]  {text}"
         encoding = self._screen.encoding
-        line = line.encode(encoding, "replace").decode(encoding)  # a path in letters it has not
-        with contextlib.suppress(OSError):  # a full disk, say; that must not stop the robot
+        line = line.encode(encoding, "replace").decode(encoding)  # a path may not fit the encoding
+        with contextlib.suppress(OSError):  # such as a full disk, which must not stop the robot
             self._screen.print(line, highlight=False, soft_wrap=True)
