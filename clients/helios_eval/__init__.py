@@ -1,1 +1,1 @@
-"""Benchmarks of speed and of tasks. May host services in its own process; reads the truth."""
+"""Benchmarks of speed and of tasks. May host services in its own process; reads ground truth."""

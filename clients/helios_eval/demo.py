@@ -1,9 +1,9 @@
-"""`make demo`: one language task in a simulated home, through all services, judged by the truth.
+"""`make demo`: run one language task in a simulated home and judge it by ground truth.
 
     python -m helios_eval.demo --seed 3 --out runs/demo
 
-Starts `helios up` (router, world and every service as processes of their own), submits the task
-that the home's seed gives over HTTP, shows how it goes, and leaves `result.json` and pictures.
+Starts `helios up` (router, world and every service as separate processes), submits the task of the
+home's seed over HTTP, prints its progress, and writes `result.json` and pictures.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ OTHER_PORT = "--port (make demo PORT=…)"
 
 @contextmanager
 def running(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """`helios up` with these arguments, ended at the end."""
+    """Run `helios up` with these arguments; terminate it at the end of the block."""
     command = [sys.executable, "-m", "helios_client", "up", *arguments]
     with log.open("wb") as file:
         process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
@@ -57,11 +57,15 @@ def running(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]
 
 
 def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path, console: Console) -> None:
-    """Until a task would start; says what has become ready. Raises Unavailable with the rest."""
+    """Wait until a task can start, and print each service that gets ready.
+
+    Raises Unavailable after a time-out, with the reasons of the services that are not ready, and
+    when `helios up` ends.
+    """
     began_s = time.monotonic()
     deadline_s = began_s + READY_WITHIN_S
     said: set[str] = set()
-    while up.poll() is not None or not helios.ready():  # what is ready may be another's
+    while up.poll() is not None or not helios.ready():  # another stack may answer on this port
         if up.poll() is not None:
             raise Unavailable(f"helios up ended: {log.read_text(errors='replace').strip()[-500:]}")
         for name in sorted(_ready_services(helios) - said):
@@ -87,7 +91,7 @@ def _ready_services(helios: Helios) -> set[str]:
 
 
 def result_of(task: Task, truth: pb.TruthEpisode, metrics: pb.TruthMetrics, wall_s: float) -> dict:
-    """`result.json`: success is the word of the simulator's truth, not the planner's."""
+    """Content of `result.json`; `success` comes from the simulator, not from the planner."""
     return {
         "success": metrics.success,
         "collision": metrics.collision,
@@ -122,7 +126,7 @@ def show(result: dict, out: Path, console: Console) -> None:
 
 
 def next_steps(result: dict, port: int) -> str:
-    """How to go on in the same home, as commands for a shell."""
+    """Message with the shell commands for further tasks in the same home."""
     seed, preset = result["seed"], result["preset"]
     up, task = f"helios up --robot sim --seed {seed}", f'helios task "{result["instruction"]}"'
     if preset != "demo-v1":
@@ -137,7 +141,7 @@ def next_steps(result: dict, port: int) -> str:
 
 
 def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
-    """One demo; returns what `result.json` holds. Raises HeliosError."""
+    """Run one demo; return the content of `result.json`. Raises HeliosError."""
     check_port(port, OTHER_PORT)
     out.mkdir(parents=True, exist_ok=True)
     log, router_port = out / "up.log", free_port()

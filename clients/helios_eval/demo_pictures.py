@@ -1,4 +1,4 @@
-"""Pictures of a run for people."""
+"""Picture of the object map, for `make demo`."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ LEAST_CLASS_SCORE, SURE_SCORE = 0.3, 0.5
 
 
 def object_picture(bus: Bus, occupancy: Mapping[str, NDArray]) -> bytes:
-    """PNG of the object map from above: every Gaussian in its colour, instances with their Ψ.
+    """PNG of the object map from above: Gaussians in their colours, instances with their Ψ.
 
-    `occupancy` holds the arrays of `/v1/map/occupancy.npz`.
+    At most `MOST_POINTS` Gaussians are drawn. `occupancy`: the arrays of `/v1/map/occupancy.npz`.
     """
     from matplotlib import pyplot as plt
 
@@ -44,7 +44,7 @@ def object_picture(bus: Bus, occupancy: Mapping[str, NDArray]) -> bytes:
     _draw_ground(axes, occupancy)
     if len(means):
         shown = np.random.default_rng(0).permutation(len(means))[:MOST_POINTS]
-        shown = shown[np.argsort(means[shown, 2])]  # higher ones on top
+        shown = shown[np.argsort(means[shown, 2])]  # draw higher points last
         axes.scatter(means[shown, 0], means[shown, 1], s=1.5, c=colors[shown], linewidths=0)
     figure.text(0.5, 0.955, "Object map", ha="center", color=INK, fontsize=15, weight="bold")
     figure.text(
@@ -74,11 +74,11 @@ def _draw_ground(axes: Axes, occupancy: Mapping[str, NDArray]) -> None:
 
 
 def _draw_instances(axes: Axes, objects: Sequence[ObjectInstance]) -> None:
-    """The box of each, and a label beside it that hides no other; the surest first."""
+    """Draw the box of each object, and a label that overlaps no other; earlier objects first."""
     from matplotlib.patches import Rectangle
 
     figure = axes.figure
-    figure.canvas.draw()  # places are known in pixels from here on
+    figure.canvas.draw()  # fixes the transform from data to pixels
     to_px, to_data = axes.transData.transform, axes.transData.inverted().transform
     width_px, height_px = (round(v) for v in figure.bbox.size)
     texts, wanted = [], []

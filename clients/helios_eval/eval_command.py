@@ -1,4 +1,4 @@
-"""`helios eval`: a sub-command of `helios`."""
+"""The command `helios eval` and its sub-commands."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from helios_eval.runs import merge_runs, results
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.video.video_command import video
 
-FIRST_KEPT_BACK = 100_000  # seeds from here on are for others
+FIRST_KEPT_BACK = 100_000  # first seed of the homes that are held out for independent checks
 
 app = typer.Typer(
     name="eval",
@@ -113,7 +113,7 @@ def report(
 ) -> None:
     """Write results.json, report.md and report.html of a folder anew, of a killed run too.
 
-    With --out, of several folders together; that folder can be reported anew as well.
+    With --out, write one report on several folders; that folder can be reported again.
     """
     if out is None and len(folders) > 1:
         raise UsageError("of several folders one report is written elsewhere: give --out FOLDER")
@@ -122,7 +122,7 @@ def report(
     with run_folder.writing(into):
         if out is not None and records:
             merge_runs.pack(out, records, description)
-            records = read(out)  # what is reported is what can be reported anew
+            records = read(out)  # report exactly the records that the packed file holds
         write_report_of(into, records, description)
         results.write(into, records, results.picks_in(description))
     elsewhere = "" if out else "; with --out FOLDER it is written elsewhere"
@@ -178,13 +178,13 @@ def _run(
         where = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
         print(f"helios: interrupted; {where}the same command goes on from here", file=sys.stderr)
         number = interrupt.args[0] if interrupt.args else signal.SIGINT
-        raise SystemExit(128 + number) from None  # all is said
+        raise SystemExit(128 + number) from None  # the message is already printed
     console.print(f"written to {out}", highlight=False)
 
 
 @contextmanager
 def _ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM ends it as Ctrl-C does."""
+    """Raise KeyboardInterrupt on SIGTERM within the block, as Ctrl-C does."""
 
     def interrupt(number: int, _: object) -> None:
         raise KeyboardInterrupt(number)

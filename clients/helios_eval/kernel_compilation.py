@@ -1,10 +1,11 @@
-"""Compiles every kernel once, before anything waits: `python -m helios_eval.kernel_compilation`.
+"""Compiles every numba kernel ahead of time: `python -m helios_eval.kernel_compilation`.
 
-A process finds what another one has compiled, and compiles only what is missing: beside the module
-in `__pycache__`; where that cannot be written, in the user's cache folder; `NUMBA_CACHE_DIR` names
-another. Processes that miss the same kernel at the same time all compile it, so tests and houses
-side by side want this done before. numba does not see that a kernel has changed which another file
-calls: `make install` throws away all that is compiled when a kernel's file has changed.
+A process reuses the kernels that another process compiled and compiles only the missing ones. The
+cache lies in `__pycache__` beside the module, or in the user's cache folder where that is not
+writable; `NUMBA_CACHE_DIR` sets another folder. Processes that miss the same kernel at the same
+time all compile it, so run this before parallel tests or stacks. numba does not notice a change in
+a kernel that another file calls: `make install` deletes all compiled kernels when the file of a
+kernel has changed.
 """
 
 from __future__ import annotations
@@ -22,23 +23,24 @@ from helios_planner.warm_up import warm_up as warm_up_paths
 
 
 def objects() -> None:
-    """Those of the object map, whatever counts as evidence: hindsight goes by sides."""
+    """Compile the object map's kernels, for evidence by views and by sectors (`hindsight`)."""
     warm_up_objects(ObjectMapSettings())
     warm_up_objects(ObjectMapSettings(evidence="hindsight"))
 
 
-PARTS = {"objectmap": objects, "map2d": warm_up_maps, "planner": warm_up_paths}  # longest first
+# longest compilation first
+PARTS = {"objectmap": objects, "map2d": warm_up_maps, "planner": warm_up_paths}
 
 
 @cache
 def warm_up() -> None:
-    """Have them all in this process, once, so that no step has to wait for one."""
+    """Load or compile all kernels in this process, once, so that no step waits for one."""
     for part in PARTS.values():
         part()
 
 
 def main() -> None:
-    """Compile what is missing, a service on each core."""
+    """Compile the missing kernels, each service in its own process."""
     began_s = time.monotonic()
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(len(PARTS), os.cpu_count() or 1), spawn) as pool:

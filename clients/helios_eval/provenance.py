@@ -1,4 +1,4 @@
-"""Where a figure comes from: the machine, and the commit of this source."""
+"""Provenance of a measurement: the machine and the source commit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def machine() -> str:
-    """Processor, cores, system."""
+    """Processor, number of cores and operating system."""
     name = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -21,7 +21,7 @@ def machine() -> str:
 
 
 def commit() -> str:
-    """The commit that this source is at, or "unknown" outside a checkout."""
+    """Git description of this source, or "unknown" outside a checkout."""
     done = subprocess.run(
         ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"],
         capture_output=True, text=True, check=False,

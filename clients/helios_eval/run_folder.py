@@ -1,4 +1,4 @@
-"""The folder that a run writes into: one run at a time, and what is wrong with it in a sentence."""
+"""Access to the output folder of a run: exclusive lock, and clear errors where writing fails."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ LOCK = "run.lock"
 
 @contextmanager
 def held(folder: Path) -> Iterator[None]:
-    """Make the folder if need be, and hold it until left; a process that is killed lets go of it.
+    """Create the folder if necessary and lock it for the duration of the block.
 
-    Two runs at once would play the same episodes. Raises Conflict while another one has the folder,
-    UsageError where a file is, and Unavailable where nothing can be written.
+    The lock ends with the process, even if it is killed. Two runs at once would play the same
+    episodes. Raises Conflict while another run holds the folder, UsageError if the path is a file,
+    and Unavailable if the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -40,7 +41,7 @@ def held(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """What is written within fails with a sentence. Raises Unavailable."""
+    """Convert an OSError within the block to Unavailable with a clear message."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""A router and services as processes of their own, on a free port, for checks of one of them."""
+"""A router and single services as separate processes on a free port, for tests of one service."""
 
 from __future__ import annotations
 
@@ -15,14 +15,18 @@ from helios_core.topics import status_topic
 from helios_core.zenoh_bus import ZenohBus
 
 START_WITHIN_S = 120.0
-ON_ITS_WAY = ("loading", "opening", "compiling", "starting", "warming")  # a reason to wait
+# reasons of a service that is still starting
+ON_ITS_WAY = ("loading", "opening", "compiling", "starting", "warming")
 
 
 class ServiceProcess:
-    """`python -m helios_<name>` beside a router, and others that are added. Ended by `close`."""
+    """`python -m helios_<name>` and a router as child processes, plus services started by `add`.
+
+    `close` ends them all.
+    """
 
     def __init__(self, name: str, arguments: tuple[str, ...], folder: Path) -> None:
-        """arguments: of the service, besides the router's address. folder: for the logs."""
+        """arguments: for the service, besides the router's address. folder: for the logs."""
         self.name = name
         self.router = f"tcp/127.0.0.1:{free_port()}"
         self._folder = folder
@@ -32,12 +36,12 @@ class ServiceProcess:
         self.add(name, arguments)
 
     def add(self, name: str, arguments: tuple[str, ...] = ()) -> None:
-        """One more service beside it."""
+        """Start one more service on the same router."""
         module = f"helios_{name}"
         self._children[name] = self._start(name, module, "--router", self.router, *arguments)
 
     def bus(self) -> Bus:
-        """Raises Unavailable when the router does not come up."""
+        """A bus on the router. Raises Unavailable if the router does not start in time."""
         deadline = time.monotonic() + START_WITHIN_S
         while True:
             try:
@@ -48,8 +52,10 @@ class ServiceProcess:
                 time.sleep(0.2)
 
     def ready(self, bus: Bus, name: str = "") -> int:
-        """Wait for the service, or for one that was added; its process id. Raises Unavailable with
-        its own words."""
+        """Wait until the service (or the added service `name`) is ready; return its process id.
+
+        Raises Unavailable with the service's own reason.
+        """
         name = name or self.name
         said: list[pb.ServiceStatus] = []
         bus.subscribe(status_topic(name), said.append)
@@ -76,6 +82,6 @@ class ServiceProcess:
 
 
 def _is_last_word(status: pb.ServiceStatus) -> bool:
-    """Whether it will not get ready by itself within the minute: a model is not there, or wrong."""
+    """True if the service cannot get ready by itself, as when its model is missing or wrong."""
     begins = status.reason.startswith(ON_ITS_WAY)
     return status.state == "degraded" or (status.state == "waiting" and not begins)

@@ -1,4 +1,4 @@
-"""`helios bench`: our kernels beside the same work done with common libraries, in one run."""
+"""`helios bench`: times our kernels against common libraries that do the same work, in one run."""
 
 from helios_eval.bench.benchmark_run import main
 

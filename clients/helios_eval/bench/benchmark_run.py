@@ -1,4 +1,4 @@
-"""Runs the rows and writes them down."""
+"""Runs the benchmarks, prints their table and writes it as JSON."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROWS = {
 
 
 def main(only: str | None = None, json_path: Path | None = None) -> None:
-    """Measure all rows, or the one named `only`; print a table; write JSON where asked to."""
+    """Measure all rows, or the one named `only`; print a table; write JSON to `json_path`."""
     if only is not None and only not in ROWS:
         raise InvalidInput(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
     console = Screen()

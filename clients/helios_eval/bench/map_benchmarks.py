@@ -1,4 +1,4 @@
-"""2D maps against the same work on whole arrays with OpenCV and numpy."""
+"""Benchmarks of the 2D maps, against OpenCV and numpy on whole arrays."""
 
 from __future__ import annotations
 
@@ -26,17 +26,18 @@ BAND_M = (0.10, 1.50)
 
 
 def grid() -> GridSpec:
-    """The square of `CELLS` by `CELLS` cells of `CELL_M` metres round the world's origin."""
+    """Square grid of `CELLS` by `CELLS` cells of `CELL_M` metres around the world's origin."""
     return GridSpec.centred_on(0.0, 0.0, CELL_M, CELLS)
 
 
 def lay(frame: Frame, on: GridSpec) -> View:
-    """What a frame shows between `MIN_M` and `MAX_M` metres, on the cells of a grid."""
+    """Projection of a frame's depth between `MIN_M` and `MAX_M` metres onto the cells of a grid."""
     return view_of(frame.depth_m, frame.camera, frame.T_world_cam, on, MIN_M, MAX_M)
 
 
 def cell_polygon(frame: Frame) -> NDArray[np.int32]:
-    """Corners of what one frame saw, in cells: the camera and the farthest point per column."""
+    """Corners (cells) of the floor that a frame shows: the camera, and the farthest point of every
+    eighth image column."""
     depth = np.where((frame.depth_m > MIN_M) & (frame.depth_m < MAX_M), frame.depth_m, 0)
     reach = depth.max(axis=0)
     u = np.arange(0, frame.camera.width, 8)
@@ -47,7 +48,7 @@ def cell_polygon(frame: Frame) -> NDArray[np.int32]:
 
 
 class PlainMaps:
-    """The readable way: project all pixels, count per cell, close, fill the field of view."""
+    """Simple peer: projects all pixels, counts hits per cell, and fills the field of view."""
 
     def __init__(self) -> None:
         shape = (CELLS, CELLS)
@@ -100,7 +101,7 @@ class PlainMaps:
 
 
 class OurMaps:
-    """Occupancy, searched area and frontiers as the service folds them, without publishing."""
+    """Occupancy, explored area and frontiers as the service updates them, without publishing."""
 
     def __init__(self, cells: int = CELLS) -> None:
         self.grid = GridSpec.centred_on(0.0, 0.0, CELL_M, cells)
@@ -111,7 +112,7 @@ class OurMaps:
         self.finder = FrontierFinder(self.grid, rules)
 
     def occupancy(self, frame: Frame) -> TileMask:
-        """Fold a frame in; the tiles where frontiers may run differently."""
+        """Integrate a frame; return the tiles in which frontiers may have changed."""
         view = lay(frame, self.grid)
         box = self.grid.to_local(self.grid.to_world(view.window).tiled)
         at = box.slices
@@ -124,7 +125,7 @@ class OurMaps:
 
 
 def occupancy_update() -> Row:
-    """Milliseconds to fold one depth picture into occupancy, searched area and frontiers."""
+    """Milliseconds to integrate one depth image into occupancy, explored area and frontiers."""
     ours, plain = OurMaps(), PlainMaps()
     return compare(
         "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells",
@@ -134,7 +135,7 @@ def occupancy_update() -> Row:
 
 
 def value_fusion() -> Row:
-    """Milliseconds to fold the scores of one frame into both value layers."""
+    """Milliseconds to integrate the scores of one frame into both value layers."""
     layers, plain, on = ValueLayers(grid(), ValueRules()), PlainMaps(), grid()
     layers.reset(("pick", "place"))
     scores = {"pick": 0.3, "place": 0.6}
@@ -147,8 +148,11 @@ def value_fusion() -> Row:
 
 
 def frontiers() -> Row:
-    """What each frame of the first walk makes of them: it shows new ground, so none are as before.
-    The peer looks at the map of the whole walk."""
+    """Milliseconds to update and find the frontiers after each frame of the first walk.
+
+    Every frame shows new floor, so no frontier can be reused. The peer searches the map of the
+    whole walk.
+    """
     ours, plain, walk = OurMaps(), PlainMaps(), []
     for frame in frames():
         tiles = ours.occupancy(frame)

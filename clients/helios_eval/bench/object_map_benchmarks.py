@@ -1,4 +1,5 @@
-"""The object map: rendering against a plain torch tile rasteriser, the rest against rendering."""
+"""Benchmarks of the object map: rendering against a plain torch tile rasteriser, updates and scores
+against rendering."""
 
 from __future__ import annotations
 
@@ -28,13 +29,13 @@ OWN = "our render of 50000, 12 channels, 640x480"
 
 
 def view_of(T_world_cam: NDArray[np.float64]) -> View:
-    """What the benchmark's camera sees from a pose [4, 4] in the world, metres."""
+    """View of the benchmark's camera from a pose [4, 4] in the world, metres."""
     c = CAMERA
     return View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T_world_cam)
 
 
 def gaussians_in_view(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """n surface points of the first frame, and their radii, metres."""
+    """n surface points [n, 3] of the first frame and their radii [n], metres."""
     frame, rng = frames()[0], np.random.default_rng(0)
     points = lift_pixels(frame.depth_m, CAMERA, frame.T_world_cam).reshape(-1, 3)
     chosen = rng.choice(np.flatnonzero(np.isfinite(points[:, 0])), n, replace=n > 200_000)
@@ -45,7 +46,7 @@ def gaussians_in_view(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 def render() -> list[Row]:
-    """12 channels of 10, 50 and 200 thousand Gaussians in view. Peer: the same in plain torch."""
+    """Milliseconds to render 12 channels of 10, 50, 200 thousand Gaussians. Peer: plain torch."""
     return [_render(n) for n in SIZES]
 
 
@@ -74,15 +75,15 @@ def _render(n: int) -> Row:
                 points, radii, opacities, everything, T, c.fx, c.cx, c.cy, c.width, c.height
             )
 
-    # near-equal depths may be ordered differently in float32: a few pixels of 300 thousand
+    # Near-equal depths may sort differently in float32, which changes a few of 300 thousand pixels.
     difference = np.abs(ours(0) - peer(0)[1:].numpy())
     if difference.mean() > 1e-4 or (difference > 0.02).mean() > 1e-3:
         raise AssertionError("the two rasterisers draw different pictures: not the same work")
     return compare("render", f"{CHANNELS} channels, 640x480, {n} Gaussians", ours, PEER, peer, 3)
 
 
-FIRST, RUNS = 3, 9  # updates before the measured ones, and those
-COLUMNS = 340  # of the table that updates see: about 50 thousand Gaussians in view
+FIRST, RUNS = 3, 9  # updates before the measured ones; measured updates
+COLUMNS = 340  # image columns of the table in updates: about 50 thousand Gaussians in view
 
 CONTEXT = SearchContext(
     "bench",
@@ -91,7 +92,7 @@ CONTEXT = SearchContext(
 
 
 def observation(frame: Frame, columns: int = CAMERA.width) -> Observation:
-    """Everything in the first columns is a table; a strip of it is a mug."""
+    """Observation whose first `columns` image columns show a table, and a strip of it a mug."""
     table = frame.depth_m > 0
     table[:, columns:] = False
     mug = table.copy()
@@ -102,7 +103,7 @@ def observation(frame: Frame, columns: int = CAMERA.width) -> Observation:
 
 
 def side_step(i: int, columns: int) -> Observation:
-    """The first frame of the walk, seen from 2 cm beside the one before: always a new viewpoint."""
+    """Observation of the first frame from 2 cm beside viewpoint i - 1: always a new viewpoint."""
     frame = frames()[0]
     T = frame.T_world_cam.copy()
     T[:3, 3] += T[:3, 0] * 0.02 * i
@@ -112,7 +113,10 @@ def side_step(i: int, columns: int) -> Observation:
 def built(
     updates: int, columns: int = 430, evidence: Literal["views", "sides"] = "views"
 ) -> ObjectMap:
-    """A map after so many updates by one side step (2 cm) after another; columns: of the table."""
+    """Map after a number of updates, each from 2 cm beside the last viewpoint.
+
+    columns: image columns of the table.
+    """
     objects = ObjectMap(ObjectMapSettings(evidence=evidence))
     for i in range(updates):
         objects.update(side_step(i, columns), CONTEXT)
@@ -120,7 +124,7 @@ def built(
 
 
 def spread(objects: ObjectMap, copies: int) -> ObjectMap:
-    """A map with the same scene again and again, each 15 m beside the last: out of view."""
+    """Map that holds the scene `copies` times, each copy 15 m beside the last, out of view."""
     arrays = persistence.arrays_of(objects.memory(), None)
     header = json.loads(arrays["header"].tobytes())
     most, records = header["next_label"], header["records"]
@@ -144,7 +148,7 @@ def spread(objects: ObjectMap, copies: int) -> ObjectMap:
 
 
 def our_render(n: int = 50_000) -> Callable[[int], object]:
-    """The render that updates and scores are measured by: 12 channels at 640x480."""
+    """Render of 12 channels at 640x480, the peer of updates and scores."""
     means, radius = gaussians_in_view(n)
     opacity = np.full(n, 0.9, np.float32)
     features = np.random.default_rng(2).random((n, CHANNELS - 1), np.float32)
@@ -158,10 +162,13 @@ def our_render(n: int = 50_000) -> Callable[[int], object]:
 
 
 def object_update() -> list[Row]:
-    """A whole update: render, carve, create, accumulate, cluster; and what is then known is asked.
+    """Milliseconds for a whole update and a query of all objects.
 
-    Peers: our own render of 50 thousand; for ten times the map, the update of the small one; and
-    for evidence by sides, that by views. Every update is from a new viewpoint.
+    An update renders, carves, creates, accumulates and clusters.
+
+    Peers: our own render of 50 thousand Gaussians; for a map ten times as large, the update of the
+    small map; for evidence by viewing sectors ("sides"), the update with evidence by views. Every
+    update is from a new viewpoint.
     """
     small, alone, again = built(FIRST, COLUMNS), Counted(), Counted()
     copy, large = spread(small, 1), spread(small, 10)
@@ -184,7 +191,7 @@ def object_update() -> list[Row]:
 
 
 class Counted:
-    """Updates of a map by one side step after another, and how much was in view."""
+    """Updates of a map from successive viewpoints, and the number of Gaussians in view of each."""
 
     def __init__(self) -> None:
         self._in_view: list[int] = []
@@ -204,7 +211,10 @@ class Counted:
 
 
 def view_scores(poses: int = 16) -> Row:
-    """What-if scores of candidate views of one object of about 5000 Gaussians, in one call."""
+    """Milliseconds for the what-if scores of candidate views of one object, in one call.
+
+    The object has about 5000 Gaussians.
+    """
     objects = built(3)
     target = min(objects.objects(), key=lambda o: abs(o.gaussians - 5000))
     views = []

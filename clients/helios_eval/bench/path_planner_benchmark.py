@@ -1,4 +1,4 @@
-"""Arrival times by FM², against scikit-fmm's first-order scheme on the same speed field."""
+"""Benchmark of FM² arrival times against scikit-fmm (first order) on the same speed field."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from helios_eval.bench.timing import Row, compare
 
 CELLS, CELL_M = 2000, 0.025
-RADIUS_M, SATURATION_M = 0.3, 0.6  # of the robot; clearance beyond it for full speed
+RADIUS_M, SATURATION_M = 0.3, 0.6  # radius of the robot; clearance beyond it for full speed
 ROOM_M, WALL_M, DOOR_M, AISLE_M = 4.1, 0.15, 1.0, 0.65
-HOMES = ((4, 4), (12, 12))  # rooms: a flat in the middle of the map, a building that fills it
+HOMES = ((4, 4), (12, 12))  # rows, columns of rooms: a flat mid-map; a building that fills the map
 
 
 def building(rooms: tuple[int, int], seed: int = 0) -> NDArray[np.bool_]:
-    """Obstacles [CELLS, CELLS] of so many rooms in rows and columns, in the middle of the map. A
-    door leads to each neighbour; four pieces of furniture stand about in each room."""
+    """Obstacles [CELLS, CELLS] of a building with these rows and columns of rooms, mid-map.
+
+    Each room has a door to every neighbour and four pieces of furniture.
+    """
     rng = np.random.default_rng(seed)
     n, wall, door = (round(length / CELL_M) for length in (ROOM_M, WALL_M, DOOR_M))
     aisle = round(AISLE_M / CELL_M)
@@ -41,7 +43,7 @@ def building(rooms: tuple[int, int], seed: int = 0) -> NDArray[np.bool_]:
 
 
 def plan_fm2() -> list[Row]:
-    """One row for each home."""
+    """One row per home."""
     return [_row(rooms) for rooms in HOMES]
 
 
@@ -50,7 +52,7 @@ def _row(rooms: tuple[int, int]) -> Row:
     clearance = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
     speed = speed_field(clearance.astype(np.float32), RADIUS_M, RADIUS_M, SATURATION_M)
     goal = np.argwhere(speed == speed.max())[:1]
-    speed[~np.isfinite(arrival_time(speed, goal))] = 0  # corners behind furniture
+    speed[~np.isfinite(arrival_time(speed, goal))] = 0  # unreachable corners behind furniture
     phi = np.ones(speed.shape)
     phi[tuple(goal[0])] = -1
     phi = np.ma.MaskedArray(phi, speed == 0)

@@ -1,4 +1,4 @@
-"""A furnished flat of boxes and depth images of it, by ray casting in numpy."""
+"""A furnished flat made of boxes, and its depth images by ray casting in numpy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def boxes(seed: int = 0) -> NDArray[np.float32]:
 
 
 def cast(T_world_cam: Matrix, scene: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth along the optical axis [h, w] of the boxes and the floor, metres."""
+    """Depth image [h, w] of the boxes and the floor, along the optical axis, metres."""
     v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width].astype(np.float32)
     rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], -1)
     direction = (rays @ T_world_cam[:3, :3].T.astype(np.float32)).reshape(-1, 3)
@@ -50,7 +50,7 @@ def cast(T_world_cam: Matrix, scene: NDArray[np.float32]) -> NDArray[np.float32]
 
 @functools.cache
 def frames(noise_m_per_m2: float = 0.002) -> tuple[Frame, ...]:
-    """A walk on a circle through the flat, with depth noise that grows with depth squared."""
+    """Frames of a walk on a circle through the flat; depth noise grows with depth squared."""
     rng, scene = np.random.default_rng(1), boxes()
     out = []
     for i in range(FRAMES):

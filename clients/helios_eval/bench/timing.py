@@ -1,4 +1,4 @@
-"""Medians of two pieces of work, measured in turn so that a drifting machine hits both alike."""
+"""Median times of two workloads, measured alternately so that machine drift affects both alike."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the benchmark. `ratio` is peer_ms / ours_ms: how many times faster ours is."""
+    """One line of the benchmark. `ratio` is peer_ms / ours_ms, the speed-up of our code."""
 
     name: str
     size: str

@@ -1,4 +1,4 @@
-"""The plain way to rasterise Gaussians: torch, tile by tile. The peer, and easy to check."""
+"""Plain torch rasteriser of Gaussians, tile by tile: the peer of our renderer."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def render(
     width: int,
     height: int,
 ) -> Tensor:
-    """Blended features [c, h, w] (eq. 1): alpha by EWA splat, near to far."""
+    """Blended features [c, h, w] (eq. 1): alpha by EWA splatting, composited near to far."""
     p = means @ T_cam_world[:3, :3].T + T_cam_world[:3, 3]
     z = p[:, 2]
     front = z > 0.05
     p, z, radius = p[front], z[front], radius[front]
     opacity, features = opacity[front], features[front]
     u, v = f * p[:, 0] / z + cx, f * p[:, 1] / z + cy
-    # J J^T r^2 with J the projection's Jacobian; plus a low pass
+    # J J^T r^2 with J the Jacobian of the projection, plus a low-pass filter
     a, b = -f * p[:, 0] / z**2, -f * p[:, 1] / z**2
     s2 = radius**2
     cxx = s2 * ((f / z) ** 2 + a * a) + LOW_PASS_PX2

@@ -1,4 +1,4 @@
-"""A raw 640x480 RGB-D frame from one process to another and an echo back."""
+"""Benchmark that sends a raw 640x480 RGB-D frame to another process and awaits its reply."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does the uncertainty mean anything? The map's scores of its instances against the truth."""
+"""Calibration of the object map: scores and uncertainty of its instances against ground truth."""
 
 from helios_eval.calibration.report_figures import Figure, figures
 

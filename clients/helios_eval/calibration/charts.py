@@ -1,4 +1,4 @@
-"""The pictures of the calibration report. Rows and samples in, PNG out."""
+"""Charts of the calibration report: rows and samples in, PNG out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ mpl.use("Agg")
 
 DPI = 120
 INK, FAINT, GRID = "#22262e", "#7b8494", "#e4e7ec"
-# Okabe and Ito: told apart with any colour vision.
+# Palette of Okabe and Ito, safe for colour-blind readers.
 COLOR = {"S": "#0072B2", "Ψ": "#D55E00", "−U": "#009E73", "true": INK}
 MARKER = {"S": "o", "Ψ": "s", "−U": "^", "true": "D"}
 NAME = {"S": "class score S", "Ψ": "score Ψ", "−U": "−U", "true": "share that is right"}
@@ -43,7 +43,7 @@ STYLE: Any = {
 
 
 def reliability_png(samples: Samples, rows: Sequence[Row]) -> bytes:
-    """Reliability diagrams of S and Ψ, for objects and for receptacles, of one setting."""
+    """Reliability diagrams of S and Ψ for objects and receptacles, under one setting."""
     with mpl.rc_context(STYLE):
         canvas = plt.figure(figsize=(10.4, 13.4))
         grid = canvas.add_gridspec(
@@ -70,7 +70,7 @@ def reliability_png(samples: Samples, rows: Sequence[Row]) -> bytes:
 
 
 def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
-    """What more views bring, of one setting: what is claimed and true, ECE, AUROC."""
+    """Claimed and true shares, ECE and AUROC by number of views, under one setting."""
     names = [name for name, _, _ in VIEWS]
     with mpl.rc_context(STYLE):
         canvas, panels = plt.subplots(2, 3, figsize=(14.2, 8.4), squeeze=False)
@@ -118,7 +118,7 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
 
 
 def settings_png(rows: Sequence[Row]) -> bytes:
-    """ECE and AUROC of every setting, one below the other."""
+    """ECE and AUROC of every setting, one row per setting."""
     settings = list(dict.fromkeys(row.setting for row in rows))
     with mpl.rc_context(STYLE):
         height = 2.6 + 0.62 * len(settings)
@@ -218,7 +218,7 @@ def _points(
     axes: Axes, places: Sequence[str], known: dict[tuple[str, str], Row], name: str,
     shift: float, figure: str, upright: bool = True,
 ) -> None:  # fmt: skip
-    """A figure of a score with its interval at each place that has one."""
+    """Plot one statistic of a score with its interval, at each place that has a value."""
     at, values, low, high = [], [], [], []
     for k, place in enumerate(places):
         row = known.get((place, name))

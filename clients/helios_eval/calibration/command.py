@@ -1,4 +1,4 @@
-"""`helios eval calibration`"""
+"""The command `helios eval calibration`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The calibration report: `calibration.md`, `calibration.json` and the pictures."""
+"""Writer of the calibration report: `calibration.md`, `calibration.json` and the charts."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _EVERY = "every recorded belief: instances that stay long in the map weigh more"
 
 
 def read_all(folders: Sequence[Path]) -> list[EpisodeRecord]:
-    """The episodes of all folders. Raises InvalidInput for a folder without, or one told twice."""
+    """Episodes of all folders. Raises InvalidInput for an empty folder or a repeated episode."""
     where: dict[str, Path] = {}
     out: list[EpisodeRecord] = []
     for folder in folders:
@@ -65,7 +65,10 @@ def read_all(folders: Sequence[Path]) -> list[EpisodeRecord]:
 
 
 def write(folders: Sequence[Path], out: Path, every_step: bool) -> Path:
-    """The report about the episodes of some folders. Raises InvalidInput where none tells much."""
+    """Write the report on the episodes of these folders; return the path of its Markdown file.
+
+    Raises InvalidInput if no group has enough beliefs.
+    """
     records = [record for record in read_all(folders) if record.beliefs]
     made = figures(records, every_step)
     if not made:
@@ -102,7 +105,7 @@ def _section(figure: Figure, picture: str) -> str:
 
 
 def markdown_table(rows: Iterable[Mapping[str, object]]) -> str:
-    """The columns of the first row; a dash for what has no value."""
+    """Markdown table with the columns of the first row; a dash for a missing value."""
     rows = list(rows)
     names = list(rows[0])
     lines = [" | ".join(names), " | ".join("---" for _ in names)]

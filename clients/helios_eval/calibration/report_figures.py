@@ -1,4 +1,4 @@
-"""From records to the figures of a report."""
+"""Figures of the calibration report, made from episode records."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SHORT = (
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture for a report, with the numbers behind it."""
+    """Chart for a report, with its numbers."""
 
     title: str
     caption: str
@@ -34,9 +34,9 @@ class Figure:
 
 
 def figures(records: Sequence[EpisodeRecord], every_step: bool = False) -> list[Figure]:
-    """All figures, most important first; none where no setting has enough beliefs.
+    """All figures, most important first; an empty list if no setting has enough beliefs.
 
-    Episodes are grouped by the noise of their detector and whatever else differs.
+    Episodes are grouped by the noise of their detector and by every other setting that differs.
     """
     groups = {
         name: samples_of(episodes, every_step) for name, episodes in by_setting(records).items()

@@ -1,8 +1,8 @@
-"""From episodes to samples: which beliefs count, and under which setting they were formed.
+"""Samples of the calibration: beliefs selected from episodes, grouped by setting.
 
-A sample is the last recorded belief about one instance in one episode: what the map had come to
-believe when the episode ended, or when the instance was picked up or given up. With `every_step`
-each recorded belief is a sample; instances that stay long in the map then weigh more.
+A sample is the last recorded belief about one instance in one episode: its state when the episode
+ended, or when the instance was picked up or given up. With `every_step` each recorded belief is a
+sample; instances that stay long in the map then weigh more.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord
 
-# What a view count is grouped by: name, fewest views, most views.
+# Groups of view counts: name, fewest views, most views.
 VIEWS: tuple[tuple[str, int, float], ...] = (
     ("1", 0, 1),
     ("2–3", 2, 3),
@@ -27,7 +27,7 @@ ROLES = ("object", "receptacle")
 
 @dataclass(frozen=True)
 class Samples:
-    """Beliefs as columns, each [n]."""
+    """Beliefs of the object map as columns, each [n]."""
 
     class_score: NDArray[np.float64]  # S, section 3.1.3
     score: NDArray[np.float64]  # Ψ, eq. 7
@@ -51,17 +51,17 @@ class Samples:
         )  # fmt: skip
 
     def of_role(self, role: str) -> Samples:
-        """role: one of ROLES."""
+        """Samples of one role of ROLES."""
         return self.where(self.receptacle if role == "receptacle" else ~self.receptacle)
 
     def of_views(self, name: str) -> Samples:
-        """name: one of VIEWS."""
+        """Samples with a view count in the group `name` of VIEWS."""
         low, high = next((low, high) for n, low, high in VIEWS if n == name)
         return self.where((self.views >= low) & (self.views <= high))
 
 
 def samples_of(records: Sequence[EpisodeRecord], every_step: bool = False) -> Samples:
-    """All samples of some episodes."""
+    """Samples of all the episodes."""
     rows: list[tuple[int, Belief]] = []
     for k, record in enumerate(records):
         beliefs = record.beliefs if every_step else last_beliefs(record.beliefs)
@@ -79,7 +79,7 @@ def samples_of(records: Sequence[EpisodeRecord], every_step: bool = False) -> Sa
 
 
 def last_beliefs(beliefs: Iterable[Belief]) -> list[Belief]:
-    """The belief with the highest step of each instance; of equal steps the later one."""
+    """Belief about each instance with the highest step; of equal steps the later one."""
     last: dict[int, Belief] = {}
     for belief in beliefs:
         known = last.get(belief.instance)
@@ -91,8 +91,8 @@ def last_beliefs(beliefs: Iterable[Belief]) -> list[Belief]:
 def by_setting(records: Iterable[EpisodeRecord]) -> dict[str, list[EpisodeRecord]]:
     """Episodes with beliefs, by a short name of their setting.
 
-    The name always tells the noise; agent, preset and other settings only where they differ.
-    Sorted: ground truth, then by level and correlation.
+    The name always states the noise; agent, preset and other settings only where they differ.
+    Sorted: ground truth first, then by level and correlation.
     """
     with_beliefs = [(_facts(r), r) for r in records if r.beliefs]
     names = dict.fromkeys(name for facts, _ in with_beliefs for name in facts)
@@ -123,7 +123,8 @@ def _order(record: EpisodeRecord) -> tuple[float, float, str, str]:
     noise = record.noise
     if noise is None:
         return -1.0, -1.0, "", record.agent
-    correlation = 0.5 if noise.correlation is None else noise.correlation  # between none and all
+    # None sorts between 0 and 1
+    correlation = 0.5 if noise.correlation is None else noise.correlation
     return noise.level, correlation, noise.table, record.agent
 
 
@@ -135,7 +136,7 @@ def _facts(record: EpisodeRecord) -> dict[str, str]:
 
 
 def _default(name: str) -> str:
-    """What stands for a fact that a record does not have; empty: nothing."""
+    """Text for a fact that a record does not have; empty if it needs none."""
     return "" if name == _TABLE else f"{name}=default"
 
 

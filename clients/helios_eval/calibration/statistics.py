@@ -1,8 +1,8 @@
-"""How well a score tells right from wrong. Arrays in, numbers out.
+"""Statistics of how well a score separates right from wrong: arrays in, numbers out.
 
-`score` float [n], `truth` bool [n]; `weight` float [b, n] counts how often each sample is taken in
-each of b resamples, so that a whole bootstrap is a few array operations. A score outside 0 to 1
-(Ψ may be below 0) falls into the first or the last bin; its own value enters every mean.
+`score` float [n], `truth` bool [n]; `weight` float [b, n] counts how often each of b resamples
+takes each sample, so that a whole bootstrap is a few array operations. A score outside 0 to 1 (Ψ
+may be below 0) falls into the first or the last bin; its own value enters every mean.
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ Truths = NDArray[np.bool_]
 Weights = NDArray[np.float64]
 
 Z_95 = 1.959963984540054
-MOST_WEIGHTS = 4_000_000  # of one block of resamples
+MOST_WEIGHTS = 4_000_000  # weights in one block of resamples
 
 
 @dataclass(frozen=True)
 class Bins:
-    """A reliability diagram: [k] for each bin, empty ones left out."""
+    """Reliability diagram: arrays [k], one value per bin; empty bins are left out."""
 
     low: Scores  # edges of the bin
     high: Scores
     count: NDArray[np.int64]
-    score: Scores  # mean of the scores in it
-    true: Scores  # share that is true
+    score: Scores  # mean score in the bin
+    true: Scores  # share of true samples
     true_low: Scores  # Wilson's 95 % interval of that share
     true_high: Scores
 
     @property
     def gap(self) -> Scores:
-        """How far the mean score is from the share that is true [k]."""
+        """Distance between mean score and true share [k]."""
         return np.abs(self.score - self.true)
 
 
 @dataclass(frozen=True)
 class Brier:
-    """Mean squared error of a score as a probability, and what it is made of.
+    """Brier score (mean squared error of a score as a probability) and its decomposition.
 
-    total = reliability - resolution + uncertainty + within (Murphy 1973; the last is what scores
-    vary within their bins, Stephenson et al. 2008).
+    total = reliability - resolution + uncertainty + within (Murphy 1973; `within` is the variation
+    of scores within their bins, Stephenson et al. 2008).
     """
 
     total: float
-    reliability: float  # how wrong the bins' mean scores are; 0 is best
-    resolution: float  # how far the bins' shares are from the mean share; more is better
-    uncertainty: float  # of the mean share itself; nothing to be done about it
+    reliability: float  # error of the bins' mean scores; 0 is best
+    resolution: float  # distance of the bins' shares from the mean share; more is better
+    uncertainty: float  # variance of the truth itself, whatever the score
     within: float
 
 
 def equal_width_edges(count: int = 10) -> Scores:
-    """[count + 1] from 0 to 1."""
+    """Bin edges [count + 1] from 0 to 1."""
     return np.linspace(0.0, 1.0, count + 1)
 
 
@@ -66,13 +66,13 @@ def equal_count_edges(score: Scores, count: int = 10) -> Scores:
 
 
 def bin_of(score: Scores, edges: Scores) -> NDArray[np.int64]:
-    """Index [n] of each score's bin: low <= score < high; the outer bins take what is beyond."""
+    """Index [n] of each score's bin: low <= score < high; the outer bins take scores beyond."""
     inner = np.searchsorted(edges, score, side="right") - 1
     return np.clip(inner, 0, len(edges) - 2)
 
 
 def reliability(score: Scores, truth: Truths, edges: Scores) -> Bins:
-    """The diagram over bins with these edges [k + 1]."""
+    """Reliability diagram over bins with these edges [k + 1]."""
     at = bin_of(score, edges)
     size = len(edges) - 1
     count = np.bincount(at, minlength=size)
@@ -85,7 +85,7 @@ def reliability(score: Scores, truth: Truths, edges: Scores) -> Bins:
 
 
 def wilson(right: NDArray, count: NDArray) -> tuple[Scores, Scores]:
-    """95 % score interval of a share of `right` among `count`, arrays of one shape.
+    """95 % score interval of the share `right` / `count`, arrays of one shape.
 
     Wilson, J. Am. Stat. Assoc. 22, 1927.
     """
@@ -97,7 +97,7 @@ def wilson(right: NDArray, count: NDArray) -> tuple[Scores, Scores]:
 
 
 def ece(score: Scores, truth: Truths, edges: Scores, weight: Weights | None = None) -> Scores:
-    """Expected calibration error [b]: mean gap of the bins, each as heavy as what is in it."""
+    """Expected calibration error [b]: mean gap of the bins, weighted by their samples."""
     weight = _ones(score) if weight is None else weight
     inside = np.zeros((len(score), len(edges) - 1))
     inside[np.arange(len(score)), bin_of(score, edges)] = 1.0
@@ -113,8 +113,8 @@ def mce(bins: Bins) -> float:
 def auroc(score: Scores, truth: Truths, weight: Weights | None = None) -> Scores:
     """Area under the receiver operating characteristic [b]; ties count half.
 
-    It is the chance that a true sample has a higher score than a false one. NaN where a resample
-    holds only true or only false ones.
+    It is the probability that a true sample scores higher than a false one. NaN where a resample
+    holds only true or only false samples.
     """
     weight = _ones(score) if weight is None else weight
     order = np.argsort(score, kind="stable")
@@ -128,7 +128,7 @@ def auroc(score: Scores, truth: Truths, weight: Weights | None = None) -> Scores
 
 
 def brier(score: Scores, truth: Truths, edges: Scores) -> Brier:
-    """Brier score with its decomposition over bins with these edges."""
+    """Brier score and its decomposition over bins with these edges."""
     bins = reliability(score, truth, edges)
     share = bins.count / bins.count.sum()
     base = float(truth.mean())
@@ -142,10 +142,10 @@ def brier(score: Scores, truth: Truths, edges: Scores) -> Brier:
 def ece_if_calibrated(
     score: Scores, edges: Scores, resamples: int, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """ECE that the same scores would show by chance alone: (mean, 95th percentile).
+    """ECE that these scores would show by chance if they were calibrated: (mean, 95th percentile).
 
-    The truth is drawn anew with the scores as probabilities, sample by sample: an ECE below the
-    second figure cannot be told from 0. Samples that depend on one another would show more.
+    The truth of each sample is drawn with its score as the probability. An ECE below the 95th
+    percentile cannot be told from 0. Samples that depend on one another would show more.
     """
     chance = np.clip(score, 0.0, 1.0)
     at = bin_of(score, edges)
@@ -162,10 +162,10 @@ def bootstrap(
     resamples: int,
     rng: np.random.Generator,
 ) -> Scores:
-    """A statistic [resamples] of samples whose episodes are drawn with replacement.
+    """Values [resamples] of a statistic under a bootstrap over episodes.
 
-    episode: [n] of each sample. Beliefs of one episode depend on one another, so whole episodes
-    are drawn, not single beliefs.
+    episode: [n], the episode of each sample. Beliefs of one episode depend on one another, so whole
+    episodes are drawn with replacement, not single beliefs.
     """
     names, at = np.unique(episode, return_inverse=True)
     chance = np.full(len(names), 1 / len(names))
@@ -180,11 +180,11 @@ def bootstrap(
 
 
 def percentile_interval(drawn: Scores) -> tuple[float, float]:
-    """Middle 95 % of what a bootstrap gave; NaN if it gave nothing.
+    """Middle 95 % of bootstrap values; NaN if none is finite.
 
-    ECE is never below 0 and chance can only raise it: its interval holds well away from 0 (92 to
-    94 % of simulated runs at a true ECE of 0.1) but never reaches a true 0. Whether an ECE can be
-    told from 0 is therefore read from `ece_if_calibrated`.
+    ECE is never below 0, and sampling noise can only raise it. Its interval is right well away from
+    0 (it holds in 92 to 94 % of simulated runs at a true ECE of 0.1) but never reaches a true 0.
+    Use `ece_if_calibrated` to tell an ECE from 0.
     """
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):

@@ -1,4 +1,4 @@
-"""The figures of every group: setting, role, number of views, score."""
+"""Calibration statistics of every group: setting, role, number of views, score."""
 
 from __future__ import annotations
 
@@ -12,32 +12,34 @@ from helios_eval.calibration import statistics as st
 from helios_eval.calibration.samples import ROLES, VIEWS, Samples
 
 ALL = "all"
-FEWEST = 20  # samples; below that a group is left out
-FEWEST_EPISODES = 6  # below that a bootstrap over episodes has too little to shuffle
+FEWEST = 20  # samples; smaller groups are left out
+FEWEST_EPISODES = 6  # fewer are too few for a bootstrap over episodes
 RESAMPLES = 1000
-SEED = 20250101  # of the resampling: the same records give the same report
+SEED = 20250101  # resampling seed: equal records give an equal report
 EDGES = st.equal_width_edges(10)
 SCORES = ("S", "Ψ", "−U")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One score of one group. NaN where a figure has no meaning: −U is no probability, a group
-    without right or without wrong beliefs has no AUROC, and one of fewer than `FEWEST_EPISODES`
-    has no interval."""
+    """Statistics of one score in one group.
+
+    NaN where a statistic is undefined: −U is no probability, AUROC needs right and wrong beliefs,
+    and an interval needs `FEWEST_EPISODES` episodes.
+    """
 
     setting: str
-    role: str  # of samples.ROLES
-    views: str  # of samples.VIEWS, or ALL
-    score: str  # of SCORES
+    role: str  # one of samples.ROLES
+    views: str  # a name in samples.VIEWS, or ALL
+    score: str  # one of SCORES
     samples: int
     episodes: int
-    true: float  # share
-    mean: float  # of the score
+    true: float  # share of correct beliefs
+    mean: float  # mean score
     ece: float
-    ece_low: float  # 95 %, over episodes
+    ece_low: float  # 95 % interval by bootstrap over episodes
     ece_high: float
-    ece_by_chance: float  # 95th percentile, had the score been calibrated
+    ece_by_chance: float  # 95th percentile if the score were calibrated
     ece_adaptive: float
     mce: float
     brier: float
@@ -50,12 +52,12 @@ class Row:
     auroc_high: float
 
     def cells(self) -> dict[str, object]:
-        """Rounded to four digits, None for NaN: for tables and JSON."""
+        """Columns for tables and JSON: rounded to four digits, None for NaN."""
         return {name: _cell(value) for name, value in asdict(self).items()}
 
 
 def rows_of(groups: Mapping[str, Samples]) -> list[Row]:
-    """All rows of all settings; groups with fewer than `FEWEST` samples are left out."""
+    """Rows of all settings; groups with fewer than `FEWEST` samples are left out."""
     out = []
     for setting, samples in groups.items():
         for role in ROLES:
@@ -68,12 +70,12 @@ def rows_of(groups: Mapping[str, Samples]) -> list[Row]:
 
 
 def score_of(samples: Samples, name: str) -> st.Scores:
-    """The score of that name, one of SCORES [n]."""
+    """Values [n] of a score by its name in SCORES."""
     return {"S": samples.class_score, "Ψ": samples.score, "−U": -samples.uncertainty}[name]
 
 
 def adaptive_edges(score: st.Scores) -> st.Scores:
-    """Edges of at most ten bins of equal counts, each of 25 samples or more where there are 50."""
+    """Edges of at most ten bins of equal counts, with at least 25 samples each if there are 50."""
     return st.equal_count_edges(score, int(np.clip(len(score) // 25, 2, 10)))
 
 

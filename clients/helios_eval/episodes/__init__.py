@@ -1,1 +1,1 @@
-"""One episode: what it depends on, the house it is played in, and what is kept of it."""
+"""One episode: its specification, the stack that plays it, and its record."""

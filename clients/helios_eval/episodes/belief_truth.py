@@ -1,16 +1,16 @@
-"""Was it true? What the object map believes of an instance, held against the home's truth.
+"""Judgement of the object map's instances against the home's ground truth.
 
-The rule. An instance is right when a true thing of its class is where it says that one is:
+An instance is correct if a true object or receptacle of its class is at its centre:
 
-- a thing to be carried (role "object"): the instance's centre lies in the thing's box, turned by
-  the thing's yaw and grown by 0.10 m on every side;
-- a receptacle (roles "start" and "goal"): the centre lies over the receptacle's footprint, turned
+- object to carry (role "object"): the instance's centre lies in the object's box, turned by the
+  object's yaw and grown by 0.10 m on every side;
+- receptacle (roles "start" and "goal"): the centre lies over the receptacle's footprint, turned
   and grown by 0.15 m on every side, and not more than 0.15 m below or above its box. Surfaces,
-  fronts and legs all count, because a receptacle's instance is often only the part that was seen.
+  fronts and legs all count, because a receptacle's instance often covers only the visible part.
 
-Class names are compared as the detector compares them: letter case, underscores and hyphens do not
-matter, synonyms and kinds do ("table" is not right on a coffee table, as in the metrics). Each
-instance is judged alone: two instances on one thing are both right.
+Class names are compared as in the detector: letter case, underscores and hyphens do not matter,
+synonyms and kinds do ("table" is not correct for a coffee table, as in the metrics). Each instance
+is judged alone: two instances on one object are both correct.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ RECEPTACLE_MARGIN_M = 0.15
 
 
 class TrueThing(Protocol):
-    """A thing or a receptacle as it stands now, from the simulator."""
+    """Object or receptacle at its current pose, from the simulator."""
 
     @property
     def class_name(self) -> str: ...
 
     @property
     def center_m(self) -> Sequence[float]:
-        """Middle of its box [3], world."""
+        """Centre of its box [3], world frame, metres."""
         ...
 
     @property
     def size_m(self) -> Sequence[float]:
-        """Of its box [3], before it is turned by `yaw_rad`."""
+        """Size of its box [3] before the turn by `yaw_rad`, metres."""
         ...
 
     @property
@@ -56,9 +56,9 @@ def judged(
     roles: Mapping[str, Role],
     step: int,
 ) -> list[Belief]:
-    """Beliefs about the instances whose class has a role; the order of `objects` is kept.
+    """Beliefs about the instances whose class has a role, in the order of `objects`.
 
-    roles: class name -> what it is to the task. Instances of other classes are left out.
+    roles: class name -> role in the task. Instances of other classes are left out.
     """
     role_of: dict[str, Role] = {normalised(name): role for name, role in roles.items()}
     by_class: dict[str, list[TrueThing]] = {}
@@ -89,7 +89,7 @@ def judged(
 
 
 def is_at(instance: ObjectInstance, thing: TrueThing, role: Role) -> bool:
-    """Whether the instance's centre is within the thing's grown box, whatever the classes."""
+    """True if the instance's centre lies in the grown box of `thing`; classes are not compared."""
     margin_m = OBJECT_MARGIN_M if role == "object" else RECEPTACLE_MARGIN_M
     dx, dy, dz = (float(a) - b for a, b in zip(instance.center_m, thing.center_m, strict=True))
     c, s = math.cos(thing.yaw_rad), math.sin(thing.yaw_rad)

@@ -1,4 +1,4 @@
-"""Each benchmark's task in a home, and what the truth says of it in the end."""
+"""Task of a home and ground-truth verdict on an episode, for each benchmark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from helios_eval.episodes.episode_record import Benchmark
 
 @dataclass(frozen=True)
 class Verdict:
-    """What of an episode's record differs by benchmark."""
+    """Fields of an episode's record that each benchmark determines in its own way."""
 
     find_object: bool
     pick: bool
@@ -27,14 +27,14 @@ class Verdict:
 
 
 def episode_for(benchmark: Benchmark, home: Home, seed: int) -> Episode:
-    """The task of a seed. Raises InvalidInput for a home in which there is none."""
+    """Task of a seed. Raises InvalidInput for a home without a possible task."""
     if benchmark == "ovmm":
         return episode_of(home, seed)
     return objectnav_episode_of(home, seed, description().footprint_radius_m)
 
 
 def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: int) -> Verdict:
-    """On the world's thread, when the agent has ended."""
+    """Verdict after the agent has ended; call it on the world's thread."""
     done = world.progress
     if benchmark == "objectnav":
         success = said.state == "succeeded" and world.arrived()

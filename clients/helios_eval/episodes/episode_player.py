@@ -1,4 +1,4 @@
-"""Plays one episode in this process and says what came of it."""
+"""Plays one episode in this process and returns its record."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from helios_eval.episodes.in_process_stack import InProcessStack
 from helios_eval.episodes.timed_world import TimedWorld
 
 BELIEFS_EVERY = 20  # steps
-LONGEST_S = 7200.0  # an episode that is stuck ends as a system error
-SHOWN_CLASS_SCORE = 0.3  # of beliefs in a failure snapshot
+LONGEST_S = 7200.0  # after this a stuck episode ends as a system error
+SHOWN_CLASS_SCORE = 0.3  # least class score of beliefs in a failure snapshot
 _PLAN_CELL_M = 0.05
 
 
 @dataclass(frozen=True)
 class Played:
-    """The record, and what a picture needs where it failed."""
+    """Record of an episode, and after a failure the snapshot for its picture."""
 
     record: EpisodeRecord
     snapshot: FailureSnapshot | None = None
@@ -44,7 +44,7 @@ class Played:
 
 @dataclass(frozen=True)
 class _Floor:
-    """A 2D map as a failure snapshot has it."""
+    """2D map as a failure snapshot stores it."""
 
     occupancy: NDArray[np.int8]
     origin_m: tuple[float, float]
@@ -53,7 +53,7 @@ class _Floor:
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What the agent made of its task, in its own eyes."""
+    """Result of the task as the agent reports it."""
 
     state: str
     message: str
@@ -67,7 +67,7 @@ class _Outcome:
 
 
 def play(spec: EpisodeSpec, commit: str) -> Played:
-    """Raises HeliosError where the episode could not be played at all."""
+    """Play an episode. Raises HeliosError if it cannot be played."""
     home = home_presets.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
@@ -83,14 +83,14 @@ def play(spec: EpisodeSpec, commit: str) -> Played:
 
 
 def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
-    """The world of an episode; on the thread that will use it."""
+    """World of an episode; call it on the thread that will use the world."""
     episode = episode_for(spec.benchmark, home, spec.seed)
     return TimedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
 
 
 @contextmanager
 def running_stack(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessStack]]:
-    """The world of an episode and the house of its agent, until the block ends.
+    """World of an episode and stack of its agent, for the duration of the block.
 
     Raises HeliosError.
     """
@@ -110,7 +110,7 @@ def _watched(world: object) -> TimedWorld:
 
 # --- agents -------------------------------------------------------------------------------------
 def _walk(world: TimedWorld, max_steps: int) -> _Outcome:
-    """The walker that knows the truth; on the world's thread."""
+    """Run the walker that knows ground truth; call it on the world's thread."""
     began = time.perf_counter()
     done = GroundTruthSolver(world, max_steps).run()
     wall_s = time.perf_counter() - began
@@ -131,7 +131,7 @@ def _walk(world: TimedWorld, max_steps: int) -> _Outcome:
 
 
 def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
-    """An agent of the planner, with every service."""
+    """Run an agent of the planner, with every service."""
     world = thread.run(_watched)
     episode = world.episode
     roles: dict[str, Role] = {episode.goal_receptacle_class: "goal"}
@@ -179,7 +179,7 @@ def _stages(world: TimedWorld) -> dict[str, float]:
     }
 
 
-# --- what came of it ----------------------------------------------------------------------------
+# --- record ---------------------------------------------------------------------------------------
 def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -> Played:
     done, episode = world.progress, world.episode
     report = AgentReport(said.state, said.cause, said.message)

@@ -1,7 +1,7 @@
-"""What is kept of one episode: one line of `episodes.jsonl`, complete enough for every report.
+"""Record of one episode: one line of `episodes.jsonl`, complete enough for every report.
 
-An episode is the same when `key` is the same: a killed run goes on where it was, and two folders
-can be compared episode by episode.
+`key` identifies an episode: a killed run continues where it stopped, and two folders can be
+compared episode by episode.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from helios_sim.objectnav_metrics import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 EPISODES = "episodes.jsonl"
-PACKED = f"{EPISODES}.gz"  # see `gather`
+PACKED = f"{EPISODES}.gz"  # written by `merge_runs.pack`
 
 Benchmark = Literal["ovmm", "objectnav"]
 Semantics = Literal["noisy", "ground-truth"]
@@ -31,7 +31,7 @@ class _Frozen(BaseModel):
 
 
 class Noise(_Frozen):
-    """The noise of the simulated detector."""
+    """Noise of the simulated detector."""
 
     table: str
     digest: str = Field(description="of the table's file")
@@ -40,7 +40,7 @@ class Noise(_Frozen):
 
 
 class Belief(_Frozen):
-    """What the object map said of one instance at one time, and whether that was true."""
+    """State of one instance of the object map at one step, and its correctness by ground truth."""
 
     step: int
     instance: int = Field(description="id in the object map, never used again in an episode")
@@ -63,16 +63,16 @@ def key_of(
     noise: Noise | None,
     settings: Mapping[str, Setting],
 ) -> str:
-    """What names an episode, before and after it is played."""
+    """Key that identifies an episode, before and after it is played."""
     noise_json = noise.model_dump_json() if noise else ""
     parts = (benchmark, agent, semantics, preset, seed, noise_json)
     return "|".join(map(str, (*parts, json.dumps(dict(settings), sort_keys=True))))
 
 
 class EpisodeRecord(_Frozen):
-    """One episode. Metrics as in `helios_sim.ovmm_metrics`, by the simulator's truth."""
+    """One episode. Metrics as in `helios_sim.ovmm_metrics`, from the simulator's ground truth."""
 
-    # --- which one ---
+    # --- identity ---
     benchmark: Benchmark
     agent: str
     semantics: Semantics
@@ -89,7 +89,7 @@ class EpisodeRecord(_Frozen):
     start_receptacle_class: str = ""
     goal_receptacle_class: str = ""
 
-    # --- the truth ---
+    # --- ground truth ---
     find_object: bool
     pick: bool
     find_receptacle: bool
@@ -103,11 +103,11 @@ class EpisodeRecord(_Frozen):
     picks: int = Field(description="picks that were tried, right or wrong")
     cause: str = Field(description="of failure, closed list; empty on success")
 
-    # --- what the agent said ---
+    # --- report of the agent ---
     state: str = Field(description="succeeded, failed or cancelled")
     message: str
 
-    # --- how it went ---
+    # --- timing and beliefs ---
     wall_s: float
     step_ms: float = Field(description="median over the steps")
     stage_ms: dict[str, float] = Field(
@@ -115,14 +115,14 @@ class EpisodeRecord(_Frozen):
     )
     beliefs: tuple[Belief, ...] = ()
 
-    # --- where it comes from ---
+    # --- provenance ---
     commit: str
     preset_hash: str = Field(description="of the preset's settings")
     structure_hash: str = Field(description="of the home")
 
     @property
     def key(self) -> str:
-        """Same key, same episode, same result."""
+        """Identifier of the episode: same key, same episode, same result."""
         return key_of(
             self.benchmark,
             self.agent,
@@ -147,7 +147,7 @@ class EpisodeRecord(_Frozen):
 
 
 def append(folder: Path, record: EpisodeRecord) -> None:
-    """Add one line, on the disk when this returns. A torn last line is ended first."""
+    """Append one line and sync it to disk. A torn last line is ended first."""
     line = record.model_dump_json() + "\n"
     with (folder / EPISODES).open("ab+") as file:
         if file.seek(0, os.SEEK_END) > 0:
@@ -160,10 +160,10 @@ def append(folder: Path, record: EpisodeRecord) -> None:
 
 
 def read(folder: Path) -> list[EpisodeRecord]:
-    """All episodes of a folder, the last of each key: those in the small form, then those of a run
-    that went on from it. Torn lines are left out: they run again.
+    """Episodes of a folder; of several records with one key the last.
 
-    Raises InvalidInput for a line that is not an episode.
+    Packed episodes come first, then those of a run that continued from them. Torn lines are left
+    out, so these episodes run again. Raises InvalidInput for a line that is not an episode.
     """
     path, packed = folder / EPISODES, folder / PACKED
     found: dict[str, EpisodeRecord] = {}
@@ -197,7 +197,7 @@ def _parsed(path: Path, lines: Iterable[bytes]) -> Iterator[EpisodeRecord]:
 
 
 def _torn(line: bytes) -> bool:
-    """Whether a line is the beginning of a record whose writing was cut short."""
+    """True if a line is the beginning of a record whose writing was cut short."""
     begins = line.startswith(_FIRST) or _FIRST.startswith(line)
     if not begins:
         return False
@@ -208,4 +208,4 @@ def _torn(line: bytes) -> bool:
     return False
 
 
-_FIRST = b'{"benchmark":'  # what every record begins with
+_FIRST = b'{"benchmark":'  # beginning of every record

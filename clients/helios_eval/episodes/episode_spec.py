@@ -1,4 +1,4 @@
-"""Which episode is to be played: everything that its result depends on."""
+"""Specification of an episode: everything that its result depends on."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from helios_detector.simulation.frame_noise import load_noise
 
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
 
-WALKER = "ground-truth-walker"  # knows the map: what can be reached at all
+WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximum
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
-MAX_STEPS, SENSOR = "max_steps", "sensor"  # names among the settings of a record
+MAX_STEPS, SENSOR = "max_steps", "sensor"  # keys in the settings of a record
 
 
 @dataclass(frozen=True)
 class EpisodeSpec:
-    """One episode. Same key, same result, on any core of one machine."""
+    """Specification of one episode. Same key, same result, on any core of one machine."""
 
     benchmark: Benchmark
     agent: str
@@ -28,7 +28,7 @@ class EpisodeSpec:
     preset: str
     seed: int
     noise: Noise | None
-    settings: dict[str, Setting] = field(default_factory=dict)  # as in the record
+    settings: dict[str, Setting] = field(default_factory=dict)  # as in EpisodeRecord
 
     @property
     def key(self) -> str:
@@ -44,28 +44,30 @@ class EpisodeSpec:
 
     @property
     def max_steps(self) -> int:
-        """Actions that the episode may take."""
+        """Number of actions that the episode may take."""
         return int(self.settings.get(MAX_STEPS, DEFAULT_STEPS[self.benchmark]))
 
     @property
     def sensor(self) -> str:
-        """How pictures and poses err, by name."""
+        """Name of the error model of images and poses."""
         return str(self.settings.get(SENSOR, "none"))
 
 
 def planner_agents() -> tuple[str, ...]:
-    """The planner's own agents, by name."""
+    """Names of the planner's own agents."""
     return AGENT_NAMES
 
 
 def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
-    """All agents that can play a benchmark."""
+    """Names of all agents that can play a benchmark."""
     return (*planner_agents(), WALKER) if benchmark == "ovmm" else planner_agents()
 
 
 def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
-    """The agents as they are known, each once; their names may be in any case. Raises UsageError
-    for an agent that is not known, and for one of another package that cannot be loaded."""
+    """Canonical names of the agents, each once; letter case does not matter.
+
+    Raises UsageError for an unknown agent, and for one of another package that cannot be loaded.
+    """
     known, offered = known_agents(benchmark), AGENTS.entry_names()
     out = [same_name(agent, (*known, *offered)) or agent for agent in agents]
     for agent in out:
@@ -86,6 +88,6 @@ def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
 
 
 def noise_of(table: str, level: float, correlation: float | None) -> Noise:
-    """The noise as it goes into the record. Raises InvalidInput for a table that is not there."""
+    """Noise as the record stores it. Raises InvalidInput for an unknown table."""
     loaded = load_noise(table).scaled(level, correlation)
     return Noise(table=table, digest=loaded.digest, level=level, correlation=correlation)

@@ -1,7 +1,7 @@
-"""What is kept of a failed episode, so that a picture of it can be drawn later.
+"""Snapshot of a failed episode, from which a picture can be drawn later.
 
-One small NPZ for each: `<folder>/failed/<agent>-<semantics>-<seed>-<digest>.npz`, with a digest of
-the episode's key, so that what was played under other noise or settings lies beside it.
+One small NPZ each: `<folder>/failed/<agent>-<semantics>-<seed>-<digest>.npz`. The digest is that of
+the episode's key, so episodes under other noise or settings have files of their own.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 FAILED = "failed"
-MOST_KEPT = 12  # failures of one agent
+MOST_KEPT = 12  # per agent
 _NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth)-\d+-[0-9a-f]{12}\.npz")
 
 
 @dataclass(frozen=True)
 class Marked:
-    """A thing of the world or an instance of the object map; world frame, metres."""
+    """Object or receptacle of the home, or instance of the object map; world frame, metres."""
 
     label: str
     center_m: tuple[float, float, float]
     size_m: tuple[float, float, float]
-    score: float = 1.0  # Psi of a belief; 1 for the truth
-    class_score: float = 1.0  # S of a belief; 1 for the truth
+    score: float = 1.0  # Psi of a belief; 1 for ground truth
+    class_score: float = 1.0  # S of a belief; 1 for ground truth
 
 
 @dataclass(frozen=True)
@@ -41,36 +41,36 @@ class FailureSnapshot:
     """One failed episode.
 
     `occupancy` int8 [rows, columns] is -1 unknown, 0 free, 100 occupied; rows along y, columns
-    along x; cell (0, 0) begins at `origin_m` (x, y). An agent without a map has the floor plan of
-    the truth there. `trajectory_m` float64 [n, 2] is where the base truly was.
+    along x; cell (0, 0) begins at `origin_m` (x, y). For an agent without a map it is the true
+    floor plan. `trajectory_m` float64 [n, 2] holds the true positions of the base.
     """
 
-    key: str  # of the record
+    key: str  # as in the record
     agent: str
     semantics: str
     seed: int
     instruction: str
     cause: str
-    message: str  # of the agent
+    message: str  # last message of the agent
     occupancy: NDArray[np.int8]
     origin_m: tuple[float, float]
     cell_m: float
     trajectory_m: NDArray[np.float64]
     start_pose: tuple[float, float, float]  # x, y (m), yaw (rad)
-    candidates: tuple[Marked, ...]  # the truth: objects that count, where they are at the end
-    goals: tuple[Marked, ...]  # the truth: receptacles that count
+    candidates: tuple[Marked, ...]  # ground truth: matching objects, where they are at the end
+    goals: tuple[Marked, ...]  # ground truth: matching receptacles
     beliefs: tuple[Marked, ...]  # the object map at the end, class score at least 0.3
-    camera_jpeg: bytes  # the last picture of the robot; empty where there is none
+    camera_jpeg: bytes  # last camera image; may be empty
 
 
 def path_of(folder: Path, kept: FailureSnapshot) -> Path:
-    """Where a failure snapshot lies."""
+    """Path of a failure snapshot."""
     digest = hashlib.sha256(kept.key.encode()).hexdigest()[:12]
     return folder / FAILED / f"{kept.agent}-{kept.semantics}-{kept.seed}-{digest}.npz"
 
 
 def save(folder: Path, kept: FailureSnapshot) -> Path:
-    """Write it, whole or not at all; returns the file."""
+    """Write the snapshot atomically; return its path."""
     path = path_of(folder, kept)
     path.parent.mkdir(parents=True, exist_ok=True)
     words = {name: value for name, value in asdict(kept).items() if name not in _ARRAYS}
@@ -87,7 +87,7 @@ def save(folder: Path, kept: FailureSnapshot) -> Path:
 
 
 def load(path: Path) -> FailureSnapshot:
-    """Read one. Raises InvalidInput for a file that is none."""
+    """Read a snapshot. Raises InvalidInput for a file that is not a snapshot."""
     try:
         with np.load(path, allow_pickle=False) as file:
             words = json.loads(str(file["words"]))
@@ -109,7 +109,7 @@ def load(path: Path) -> FailureSnapshot:
 
 
 def all_of(folder: Path, agent: str | None = None) -> list[Path]:
-    """The failure snapshots of a run, of one agent or all, by name."""
+    """Paths of a run's failure snapshots, of one agent or of all, sorted by name."""
     found = ((path, _NAME.fullmatch(path.name)) for path in (folder / FAILED).glob("*.npz"))
     return sorted(path for path, named in found if named and agent in (None, named["agent"]))
 
@@ -119,7 +119,7 @@ def _marked(raw: dict[str, Any]) -> Marked:
     return Marked(raw["label"], center_m, size_m, raw["score"], raw["class_score"])
 
 
-_UNREADABLE = (  # what numpy and zipfile raise of a damaged file
+_UNREADABLE = (  # raised by numpy and zipfile for a damaged file
     OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile,
     zlib.error,
 )  # fmt: skip

@@ -1,7 +1,7 @@
-"""Homes by the name of their kind: a preset, or a preset in realistic furniture.
+"""Homes by the name of their kind: a preset, or a preset with realistic furniture.
 
-`ovmm-v1+sweethome3d` is preset `ovmm-v1` with the furniture that `helios assets bake` made. Names
-differ, so that results of one can never be taken for results of the other.
+`ovmm-v1+sweethome3d` is preset `ovmm-v1` with the furniture that `helios assets bake` made. The
+names differ, so that results of the two are never mixed.
 """
 
 from __future__ import annotations
@@ -21,28 +21,30 @@ KINDS = tuple(name + end for name in sorted(PRESETS) for end in ("", f"{_JOINT}{
 
 @lru_cache(maxsize=2)
 def home_of(kind: str, seed: int) -> Home:
-    """The home of a seed; the last two are kept, as agents play one after the other in the same.
+    """Home of a seed. The last two are cached, since agents play in the same home in turn.
 
-    Raises HeliosError where there is none, or no furniture was baked.
+    Raises HeliosError if there is no such home, or if no furniture is baked.
     """
     preset, dressing = _parts(kind)
     return generate_home(seed, preset, dressing)
 
 
 def digest_of(kind: str) -> str:
-    """Of everything that a kind of homes is made from."""
+    """Digest of everything that determines the homes of a kind."""
     preset, dressing = _parts(kind)
     return preset.digest() + (f"{_JOINT}{dressing.pack.digest}" if dressing else "")
 
 
 def noise_of(kind: str) -> str:
-    """The noise table that belongs to a kind of homes."""
+    """Name of the noise table of a kind of homes."""
     return kind.split(_JOINT)[0]
 
 
 def check_kind(kind: str) -> str:
-    """The kind as it is known; its name may be in any case. Raises UsageError for one that is not
-    known, or whose furniture is not there."""
+    """Canonical name of a kind of homes; letter case does not matter.
+
+    Raises UsageError for an unknown kind, and for missing furniture.
+    """
     known = same_name(kind, KINDS)
     if known is None:
         raise UsageError(f"no preset is called {kind!r}; wanted one of {', '.join(KINDS)}")

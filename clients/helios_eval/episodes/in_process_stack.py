@@ -1,7 +1,7 @@
-"""Every service of the house in one process, in lockstep: one action, then every map is fed.
+"""A stack in one process, in lockstep: each action waits until every map holds the last keyframe.
 
-The services are the same as those of `helios up`, on a `MemoryBus`; nothing streams, no watchdog
-runs, and no time-out ends anything, so that a loaded machine gives the same result as an idle one.
+It runs the services of `helios up` on a `MemoryBus`. Nothing streams, no watchdog runs, and no
+time-out ends anything, so that a loaded machine gives the same result as an idle one.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from helios_eval.episodes.episode_record import Noise, Setting
 from helios_eval.episodes.service_settings import of_service, of_stack
 
 NEVER_S = 86_400.0
-LONGEST_ACTION_S = 600.0  # the bridge allows no more
+LONGEST_ACTION_S = 600.0  # maximum of the bridge
 CALL_S = 60.0
 
 
 class DirectTruth:
-    """The truth of a world in this process; a `TruthSource` of the detector."""
+    """Ground truth of a world in this process; a `TruthSource` of the detector."""
 
     def __init__(self, world: WorldThread) -> None:
         self._world = world
@@ -58,11 +58,11 @@ class DirectTruth:
         return truth_of(self._world.run(lambda world: world.segmentation(stamp_ns)))
 
     def check(self) -> None:
-        """It is here."""
+        """Ground truth is always available."""
 
 
 def truth_of(shown: Segmentation) -> Truth:
-    """As the detector wants it."""
+    """Conversion of a segmentation to the detector's `Truth`."""
     instances = {
         i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable, i.name)
         for i in shown.instances
@@ -71,7 +71,10 @@ def truth_of(shown: Segmentation) -> Truth:
 
 
 class InProcessStack:
-    """See the module. A context manager: nothing is left, neither threads nor files."""
+    """Stack for one episode; see the module.
+
+    A context manager that leaves neither threads nor files.
+    """
 
     def __init__(
         self,
@@ -82,10 +85,10 @@ class InProcessStack:
         settings: Mapping[str, Setting],
         on_step: Callable[[], None] = lambda: None,
     ) -> None:
-        """seed: of the detector's errors, and of an agent that draws. noise: None for ground-truth
-        semantics. settings: those that differ from what the agent's house runs with anyway.
-        on_step: called after each action, when every map holds what was seen; it may ask the
-        house."""
+        """seed: for the detector's errors, and for an agent that draws. noise: None for
+        ground-truth semantics. settings: those that differ from the agent's own. on_step: called
+        after each action, when every map holds the keyframe; it may query the stack.
+        """
         settings = of_stack(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
@@ -99,7 +102,7 @@ class InProcessStack:
             return MemoryBus(self._hub)
 
         kernel_compilation.warm_up()
-        # In this order the maps take up a keyframe: 2D map, then detector and what follows it.
+        # The services receive a keyframe in this order: 2D map, then detector and its subscribers.
         map2d = Map2DSettings(**of_service("map2d", settings))
         self._map2d = Map2DService(bus(), map2d, self.healths["map2d"])
         objects = ObjectMapSettings(**of_service("objectmap", settings))
@@ -114,14 +117,17 @@ class InProcessStack:
             bus(), _planner_settings(Path(self._folder.name), agent, seed, settings),
             self.healths["planner"],
         )  # fmt: skip
-        self.camera_jpeg = b""  # of the newest keyframe
+        self.camera_jpeg = b""  # from the newest keyframe
         self._bus.subscribe(PREVIEW, self._on_preview)
         self._bus.subscribe(TASK, self._on_task)
         self._on_step, self._last_seq = on_step, 0
         self._bus.subscribe(ROBOT_STATE, self._on_state)
 
     def run(self, instruction: str, max_steps: int, within_s: float) -> pb.Task:
-        """The task when it has ended. Raises what the planner raises, DeadlineExceeded."""
+        """Run a task to its end and return it.
+
+        Raises the planner's errors, and DeadlineExceeded.
+        """
         request = pb.SubmitRequest(instruction=instruction, max_steps=max_steps)
         task = self._bus.call(SUBMIT, request, CALL_S)
         if not self._ended.wait(within_s):
@@ -129,20 +135,20 @@ class InProcessStack:
         return self._bus.call(GET_TASK, pb.TaskRequest(id=task.id), CALL_S)
 
     def objects(self) -> list[ObjectInstance]:
-        """What the object map believes now."""
+        """Current instances of the object map."""
         reply = self._bus.call(OBJECTS, pb.ObjectsRequest(), CALL_S)
         return [object_from_proto(o) for o in reply.objects]
 
     def map(self) -> MapView:
-        """The 2D map as it is now."""
+        """Current 2D map."""
         return decode_snapshot(self._bus.call(SNAPSHOT, pb.SnapshotRequest(layers=False), CALL_S))
 
     def bus(self) -> MemoryBus:
-        """A bus into this house, for somebody who listens."""
+        """New bus of this stack, for a subscriber."""
         return MemoryBus(self._hub)
 
     def stage_ms(self) -> dict[str, float]:
-        """Median per stage of the services, milliseconds."""
+        """Median time per stage of the services, milliseconds."""
         return {
             f"{service}_{name.removesuffix('_ms_median')}": round(value, 3)
             for service, health in self.healths.items()
@@ -151,7 +157,7 @@ class InProcessStack:
         }
 
     def close(self) -> None:
-        """The services end; the world stays."""
+        """End the services; the world stays open."""
         self._planner.close()
         self._detector.close()
         self._bus.close()
@@ -173,7 +179,10 @@ class InProcessStack:
             self._ended.set()
 
     def _on_state(self, state: pb.RobotState) -> None:
-        """One comes before the keyframe of an action too, with the number of the last one."""
+        """Call `on_step` once per action.
+
+        A robot state also comes before the keyframe of an action, still with the last number.
+        """
         if state.last_seq != self._last_seq:
             self._last_seq = state.last_seq
             self._on_step()

@@ -1,4 +1,4 @@
-"""What was asked for on a command line, checked before anything is played."""
+"""Conditions of a run as given on the command line, checked before any episode is played."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Set
 
 @dataclass(frozen=True)
 class Condition:
-    """What all episodes of a command share. `settings` are those that were given, for any agent."""
+    """Conditions of all episodes of a command. `settings` are the given ones, for every agent."""
 
     agents: tuple[str, ...]
     benchmark: Benchmark
@@ -40,7 +40,7 @@ def checked(
     assignments: Iterable[str],
     max_steps: int | None,
 ) -> Condition:
-    """From the flags of `helios eval`; a table of None is the preset's. Raises UsageError."""
+    """Condition from the flags of `helios eval`; table None: the preset's. Raises UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)

@@ -1,6 +1,7 @@
-"""Settings of the services that an episode is played with.
+"""Settings of the services for an episode.
 
-`--set alpha_d=0.01` names a setting of one service; `--set planner.max_steps=5` says whose.
+`--set alpha_d=0.01` names a setting of one service; `--set planner.max_steps=5` names the service
+too.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SERVICES: dict[str, type[ServiceSettings]] = {
     "map2d": Map2DSettings,
     "detector": DetectorSettings,
 }
-# What the evaluation sets itself, or what means nothing within one process.
+# Set by the evaluation itself, or without effect within one process.
 _OURS = frozenset(ServiceSettings.model_fields) | {
     "state_dir", "agent", "agent_seed", "detector", "noise", "noise_seed", "noise_level",
     "noise_correlation", "max_steps", "max_picks", "ack_timeout_s", "action_timeout_s",
@@ -48,16 +49,16 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
 
 
 def of_stack(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
-    """What an agent's house runs with: the given settings, else the agent's own."""
+    """Settings of an agent's stack: the given ones, else the agent's own."""
     return {**settings_for(agent), **settings}
 
 
 def that_change(
     agent: str, settings: Mapping[str, Setting], ran: Mapping[str, str] | None = None
 ) -> dict[str, Setting]:
-    """Those that differ from what the agent's house runs with anyway; they name an episode.
+    """Given settings that differ from the values of the agent's stack; they identify an episode.
 
-    ran: what `ran_with` told when the episodes were played; where it says nothing, today's holds.
+    ran: result of `ran_with` when the episodes were played; the current value for a missing name.
     """
     ran = ran or {}
     return {n: value for n, value in settings.items() if not _holds_anyway(agent, n, value, ran)}
@@ -65,14 +66,14 @@ def that_change(
 
 def _holds_anyway(agent: str, name: str, value: Setting, ran: Mapping[str, str]) -> bool:
     service, _, field = name.partition(".")
-    if service not in SERVICES:  # one of the evaluation's own
+    if service not in SERVICES:  # a setting of the evaluation itself
         return False
     info = SERVICES[service].model_fields.get(field)
-    if info is None:  # of another version
+    if info is None:  # exists in another version only
         return False
     try:
         given = _value(service, field, str(value))
-    except UsageError:  # allowed in another version
+    except UsageError:  # valid in another version only
         return False
     if name in ran:
         return str(given) == ran[name]
@@ -80,8 +81,7 @@ def _holds_anyway(agent: str, name: str, value: Setting, ran: Mapping[str, str])
 
 
 def ran_with(agent: str) -> dict[str, str]:
-    """Every setting of every service that an agent's house runs with, where no `--set` says
-    otherwise, by "service.setting"."""
+    """Values of all service settings in an agent's stack without `--set`, by "service.setting"."""
     out = {
         f"{service}.{name}": str(info.get_default(call_default_factory=True))
         for service, settings in SERVICES.items()
@@ -92,7 +92,7 @@ def ran_with(agent: str) -> dict[str, str]:
 
 
 def of_service(service: str, settings: Mapping[str, Setting]) -> dict[str, Any]:
-    """The settings of one service, by its own names and of its own types."""
+    """Settings of one service, by its own names and in its own types."""
     prefix = f"{service}."
     return {
         name.removeprefix(prefix): _value(service, name.removeprefix(prefix), str(value))
@@ -117,7 +117,7 @@ def _found(name: str) -> tuple[str, str]:
 
 
 def _hint(field: str) -> str:
-    """The settings most like a misspelt one; where none is, how to see them all."""
+    """Hint that names the settings most like a misspelt one, or the command that lists all."""
     whose: dict[str, list[str]] = {}
     for service, settings in SERVICES.items():
         for name in settings.model_fields.keys() - _OURS:
@@ -130,7 +130,7 @@ def _hint(field: str) -> str:
 
 
 def _value(service: str, field: str, text: str) -> object:
-    """The text as the setting's type; a tuple as "0.1,0.2"."""
+    """Text converted to the type of the setting; a tuple as "0.1,0.2"."""
     info = SERVICES[service].model_fields[field]
     adapter: TypeAdapter[object] = TypeAdapter(cast(Any, info.annotation))
     given: object = text

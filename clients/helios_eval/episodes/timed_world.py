@@ -1,4 +1,4 @@
-"""A world that notes how long things take."""
+"""A world that measures its own run time."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from helios_sim.world import World
 
 
 class TimedWorld(World):
-    """Changes nothing of the world. `health` has `world_act_ms`, `world_capture_ms` and
-    `world_segmentation_ms`; `step_ms` holds the wall time from each action to the next."""
+    """World with time measurements and no other change.
+
+    `health` has `world_act_ms`, `world_capture_ms` and `world_segmentation_ms`; `step_ms` holds the
+    wall time from each action to the next.
+    """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

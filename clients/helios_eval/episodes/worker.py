@@ -1,6 +1,6 @@
-"""A process that plays one episode after the other on one core.
+"""Worker process that plays one episode after the other on one core.
 
-`prepare` must run before anything heavy is imported: libraries read these variables once.
+Call `prepare` before any heavy import: libraries read these environment variables once.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from helios_eval.episodes.episode_player import Played
     from helios_eval.episodes.episode_spec import EpisodeSpec
 
-# One thread each: as many episodes run side by side as there are cores.
+# One thread per library, since as many episodes run in parallel as there are cores.
 _COUNTS = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS", "LP_NUM_THREADS",
@@ -27,7 +27,7 @@ ONE_THREAD: dict[str, str] = dict.fromkeys(_COUNTS, "1")
 
 
 def prepare() -> None:
-    """One thread per library; no service reads its settings from the environment."""
+    """Limit libraries to one thread, and remove service settings from the environment."""
     for name in [name for name in os.environ if name.startswith("HELIOS_")]:
         del os.environ[name]
     os.environ.update(ONE_THREAD)
@@ -40,7 +40,10 @@ def prepare() -> None:
 
 
 def play_safely(spec: EpisodeSpec, commit: str) -> Played | str:
-    """What was played, or why it could not be. Raises Unavailable where nothing can be played."""
+    """Result of an episode, or the reason why it could not be played.
+
+    Raises Unavailable if no episode can be played.
+    """
     from helios_core.errors import HeliosError, Unavailable
 
     from helios_eval.episodes.episode_player import play
@@ -57,11 +60,11 @@ def play_safely(spec: EpisodeSpec, commit: str) -> Played | str:
 
 
 def serve(connection: Connection, commit: str, folder: str) -> None:
-    """Play what comes over the connection until it ends, or the process that made this one does.
+    """Play the episodes received over the connection, until it closes or the parent process ends.
 
-    folder: for temporary files; whoever made it takes it away.
+    folder: for temporary files; the parent process deletes it.
 
-    Answers are `Played`, a sentence why it could not be played, or an `Unavailable`.
+    Each reply is `Played`, the reason why the episode could not be played, or an `Unavailable`.
     """
     threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
     prepare()

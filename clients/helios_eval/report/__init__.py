@@ -1,5 +1,7 @@
-"""The report of a folder of episodes: `report.md` with its drawings, and one self-contained
-`report.html`."""
+"""Report on a folder of episodes: `report.md` with drawings, and one `report.html`.
+
+The HTML file is self-contained.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ MARKDOWN, HTML = "report.md", "report.html"
 
 
 def write_report(folder: Path) -> None:
-    """Read the episodes of `folder` and leave both files, and the drawings, beside them.
+    """Write both files and the drawings for the episodes of `folder`, into that folder.
 
     Raises InvalidInput for a folder without episodes.
     """
@@ -30,9 +32,9 @@ def write_report(folder: Path) -> None:
 
 
 def write_report_of(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> None:
-    """Leave both files and the drawings in `folder`, of these episodes.
+    """Write both files and the drawings for these episodes into `folder`.
 
-    Raises InvalidInput where there are none.
+    Raises InvalidInput if there are none.
     """
     if not records:
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""Arms: the episodes of a folder, grouped by agent and by what it was run under."""
+"""Arms: the episodes of a folder, grouped by agent and by the conditions of the run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
 from helios_eval.report.requested_episodes import Identity
 
-# The order in which agents are shown; others stand between, by name.
+# Order in which agents are shown; others stand between FIRST and LAST, by name.
 FIRST = (
     "ground-truth-walker",
     "helios",
@@ -23,15 +23,15 @@ FIRST = (
     "vlfm-unfiltered",
 )
 LAST = ("random-frontier",)
-# Agents of the paper, and those that show what can be had at most and at least; all others are
-# ideas beyond the paper.
+# Agents of the paper, and those that show the upper and lower limit; all others are ideas beyond
+# the paper.
 KNOWN = frozenset((*FIRST, *LAST)) - {"helios"}
-REFERENCES = {  # of a benchmark: the first that was run
+REFERENCES = {  # reference agent of a benchmark: the first that was run
     "ovmm": ("helios-paper", "trusting"),
     "objectnav": ("vlfm-helios-stop", "helios-paper", "vlfm"),
 }
 
-MOST_NAMED = 2  # settings of an arm, in its label
+MOST_NAMED = 2  # settings that an arm's label names
 
 
 @dataclass(frozen=True)
@@ -46,27 +46,27 @@ class Arm:
     settings: tuple[tuple[str, Setting], ...]
     records: tuple[EpisodeRecord, ...]
     label: str = ""
-    asked: int = 0  # episodes that commands asked for; 0 where none is known
+    asked: int = 0  # episodes that commands requested; 0 if unknown
 
     @property
     def identity(self) -> Identity:
-        """What names an arm."""
+        """Fields that identify an arm."""
         return (
             self.benchmark, self.agent, self.semantics, self.preset, self.noise, self.settings
         )  # fmt: skip
 
     @property
     def whole(self) -> bool:
-        """Whether all was played that was asked for."""
+        """True if all requested episodes were played."""
         return len(self.records) >= self.asked
 
     @property
     def condition(self) -> tuple[object, ...]:
-        """All but the agent and its settings: arms of one condition saw the same episodes."""
+        """Conditions without agent and settings: arms of one condition play the same episodes."""
         return (self.benchmark, self.preset, self.semantics, self.noise)
 
     def plainness(self) -> tuple[object, ...]:
-        """Sorts the arm that stands for its agent first."""
+        """Sort key that puts the arm that represents its agent first."""
         level = abs(self.noise.level - 1) if self.noise else 0.0
         drawn = self.noise is not None and self.noise.correlation is not None
         return (len(self.settings), level, drawn, -len(self.records), self.preset)
@@ -75,8 +75,10 @@ class Arm:
 def arms_of(
     records: Iterable[EpisodeRecord], asked: Mapping[Identity, set[int]] | None = None
 ) -> list[Arm]:
-    """The arms of a folder, labelled apart, in the order in which they are shown. asked: seeds
-    that were asked for, played or not."""
+    """Arms of a folder with distinct labels, in display order.
+
+    asked: requested seeds of each arm, played or not.
+    """
     groups: dict[tuple[object, ...], list[EpisodeRecord]] = defaultdict(list)
     for r in records:
         settings = tuple(sorted(r.settings.items()))
@@ -112,8 +114,10 @@ def _order(arm: Arm) -> tuple[object, ...]:
 
 
 def _label(arm: Arm, arms: Sequence[Arm], most: int) -> str:
-    """The agent, and of its condition what tells it from the other arms; at most so many of its
-    settings by name (the header of a report has all)."""
+    """Label: the agent, and the conditions that distinguish it from the other arms.
+
+    At most `most` of its settings are named; the header of a report has all.
+    """
     same = [a for a in arms if a.benchmark == arm.benchmark]
     parts = [arm.agent]
     if len({a.preset for a in same}) > 1:
@@ -141,25 +145,27 @@ _MISSING = object()
 
 
 def noise_parts(noise: Noise) -> list[str]:
-    """What differs from the noise table as it is."""
+    """Differences from the unscaled noise table, as text."""
     parts = [] if noise.level == 1 else [f"noise ×{noise.level:g}"]
     return parts + ([] if noise.correlation is None else [f"correlation {noise.correlation:g}"])
 
 
 def drawn(arms: Sequence[Arm], most: int) -> list[Arm]:
-    """As many as a drawing can hold, in their order: first those that stand for an agent."""
+    """The `most` plainest arms, in the given order, for a drawing."""
     plain = sorted(arms, key=lambda a: a.plainness()[:3])[:most]
     return [arm for arm in arms if arm in plain]
 
 
 def correlation_name(noise: Noise) -> str:
-    """How the detector's errors hang together."""
+    """Correlation of the detector's errors, as text."""
     return "as in the table" if noise.correlation is None else f"{noise.correlation:g}"
 
 
 def plain_arm(arms: Sequence[Arm], benchmark: str, agent: str, semantics: str) -> Arm | None:
-    """The arm that stands for an agent: fewest settings, under the main condition of the folder
-    (noise nearest to that of the preset, then most episodes), so that all of a table agree in it.
+    """Arm that represents an agent under the main condition of the folder, or None.
+
+    The main condition has the noise nearest to the preset's, then the most episodes, so that all
+    rows of a table share it. Of several arms the one with the fewest settings is taken.
     """
     same = [a for a in arms if (a.benchmark, a.semantics) == (benchmark, semantics)]
     if not same:
@@ -173,7 +179,7 @@ def plain_arm(arms: Sequence[Arm], benchmark: str, agent: str, semantics: str) -
 
 
 def swept_arm(arms: Iterable[Arm], base: Arm, key: str, setting: float) -> Arm | None:
-    """The arm that is `base` but for one setting, whatever service the setting belongs to."""
+    """Arm equal to `base` but for one setting, whichever service has it, or None."""
     want = {k: v for k, v in base.settings if _bare(k) != key}
     for arm in arms:
         if (arm.agent, *arm.condition) != (base.agent, *base.condition):
@@ -186,8 +192,11 @@ def swept_arm(arms: Iterable[Arm], base: Arm, key: str, setting: float) -> Arm |
 
 
 def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
-    """Which arms are compared: within a condition every other with the reference agent, and each
-    agent's further conditions with its plain one."""
+    """Pairs of arms to compare.
+
+    Within a condition the reference agent is paired with every other agent; each further condition
+    of an agent is paired with its plainest arm.
+    """
     out: list[tuple[Arm, Arm]] = []
     conditions = list(dict.fromkeys(a.condition for a in arms))
     for condition in conditions:
@@ -200,7 +209,7 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
         for agent, other in plain.items():
             if agent == name:
                 continue
-            new = agent not in KNOWN  # comes first: above 0 means that it helps
+            new = agent not in KNOWN  # first in its pair: above 0 means better
             out.append((other, plain[name]) if new else (plain[name], other))
     for arm in arms:
         same = [a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)]
@@ -212,8 +221,11 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
 
 
 def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[EpisodeRecord]]:
-    """The episodes of both, by seed. A seed whose homes are known to differ is left out; an
-    episode that never began knows no home and stays: it is a failure."""
+    """Records of both arms for the seeds that both played, by seed.
+
+    Seeds with homes known to differ are left out. An episode that never began has no home hash and
+    stays, as a failure.
+    """
     mine = {r.seed: r for r in first.records}
     theirs = {r.seed: r for r in second.records}
     seeds = [
@@ -229,5 +241,5 @@ def _bare(key: str) -> str:
 
 
 def most_common(items: Iterable[str]) -> list[str]:
-    """Without repetition, the most frequent first."""
+    """Unique items, the most frequent first."""
     return [item for item, _ in Counter(items).most_common()]

@@ -1,7 +1,7 @@
 """Colours of the report, safe for colour-blind readers (Okabe and Ito; Tol's "muted").
 
-Drawings are made in the light colours; in the page each becomes a CSS variable, so that the same
-drawing is right in the dark and on paper.
+Drawings use the light colours. In the page each colour becomes a CSS variable, so that one drawing
+suits light mode, dark mode and print.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ CAUSES = (
     "step budget",
     "system error",
     "goal unreachable",
-)  # the closed list; `helios_planner.task.Cause`
+)  # closed list; same as `helios_planner.task.Cause`
 SUCCESS = "success"
 
 
 @dataclass(frozen=True)
 class Colour:
-    name: str  # of the CSS variable
+    name: str  # name of the CSS variable
     light: str
     dark: str
 
@@ -73,23 +73,23 @@ ALL = (INK, MUTED, LINE, PAPER, *_CAUSE_COLOURS.values(), _OTHER, *SERIES)
 
 
 def of_cause(cause: str) -> Colour:
-    """The colour of a cause; "" is success."""
+    """Colour of a cause; "" is success."""
     return _CAUSE_COLOURS.get(cause or SUCCESS, _OTHER)
 
 
 def is_dark(colour: Colour) -> bool:
-    """Whether white text is read better on it than black."""
+    """True if white text is more legible than black text on the colour."""
     r, g, b = (int(colour.light[i : i + 2], 16) for i in (1, 3, 5))
     return 0.299 * r + 0.587 * g + 0.114 * b < 128
 
 
 def with_variables(svg: str) -> str:
-    """The drawing with each known colour as a CSS variable."""
+    """The drawing with each known colour replaced by its CSS variable."""
     for colour in ALL:
         svg = svg.replace(colour.light, f"var(--{colour.name})")
     return svg
 
 
 def css_variables(dark: bool) -> str:
-    """Their declarations."""
+    """Declarations of the CSS variables."""
     return "".join(f"--{c.name}:{c.dark if dark else c.light};" for c in ALL)

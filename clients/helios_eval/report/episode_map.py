@@ -1,4 +1,4 @@
-"""A small map of one episode, as PNG."""
+"""Small map of one episode, as PNG."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
 
 SIZE_IN, DPI = 4.0, 110
-COLOURS = 64  # of the PNG: a map has few
+COLOURS = 64  # size of the PNG's palette
 MARGIN_M = 0.6
-EDGE_PX = 3  # between what is written and the rim
+EDGE_PX = 3  # between labels and the picture's edge
 UNKNOWN, FREE, OCCUPIED = (0.80, 0.82, 0.85), (1.0, 1.0, 1.0), (0.30, 0.34, 0.40)
 PATH, TRUTH, BELIEF = "#0072b2", "#00795a", "#d55e00"
 MOST_BELIEFS = 8
 
 
 def draw(kept: FailureSnapshot) -> bytes:
-    """What the robot knew, where it drove, what was asked for and what it believed."""
+    """PNG of the robot's map with its path, the true targets and the beliefs about objects."""
     with mpl.rc_context({"text.parse_math": False, "font.family": "sans-serif", "font.size": 9.5}):
         figure = Figure(figsize=(SIZE_IN, SIZE_IN), dpi=DPI)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -63,7 +63,7 @@ def _occupancy(axes: Axes, kept: FailureSnapshot) -> None:
 
 
 def _trajectory(axes: Axes, kept: FailureSnapshot) -> None:
-    """The path, lighter at its beginning; a ring where it began, an arrow's head at the end."""
+    """Draw the path, lighter at its beginning; a ring at the start pose, a dot at the end."""
     path = kept.trajectory_m
     if len(path) > 1:
         ends = np.stack([path[:-1], path[1:]], axis=1)
@@ -80,7 +80,7 @@ def _trajectory(axes: Axes, kept: FailureSnapshot) -> None:
 
 
 def _box(axes: Axes, thing: Marked, colour: str, line: str, label: str, above: bool) -> None:
-    """The footprint around its middle; boxes of the world may be turned, so it is a bound."""
+    """Draw the footprint around its centre, axis-aligned whatever the yaw."""
     (x, y, _), (w, d, _) = thing.center_m, thing.size_m
     w, d = max(w, 0.12), max(d, 0.12)
     axes.add_patch(Rectangle((x - w / 2, y - d / 2), w, d, fill=False, ec=colour, lw=1.7, ls=line))
@@ -102,7 +102,7 @@ def _write(axes: Axes, x: float, y: float, words: str, colour: str, above: bool)
 
 
 def _settle_labels(figure: Figure, axes: Axes) -> None:
-    """Move what was written into the picture, and off what was written before it."""
+    """Move each label into the picture, and off the labels before it."""
     renderer = FigureCanvasAgg(figure).get_renderer()
     px_per_pt, side_px = DPI / 72, SIZE_IN * DPI
     taken: list[Bbox] = []
@@ -126,7 +126,7 @@ def _settle_labels(figure: Figure, axes: Axes) -> None:
 
 
 def _frame(axes: Axes, kept: FailureSnapshot, believed: Sequence[Marked]) -> None:
-    """A square around all that is known or marked, with a bar of one metre."""
+    """Set the view to a square around all that is known or marked; draw a bar of one metre."""
     rows, columns = np.nonzero(kept.occupancy >= 0)
     points = [kept.trajectory_m, np.array([kept.start_pose[:2]])]
     marks = [m.center_m[:2] for m in (*kept.candidates, *kept.goals, *believed)]
@@ -155,7 +155,7 @@ def _bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def _smaller(png: bytes) -> bytes:
-    """With a palette: a third of the bytes."""
+    """PNG with a colour palette: a third of the bytes."""
     from PIL import Image
 
     out = io.BytesIO()

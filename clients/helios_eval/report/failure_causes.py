@@ -1,4 +1,4 @@
-"""Why episodes failed: counts of the closed list, collisions, and pictures."""
+"""Report sections on failures: their causes, collisions, and pictures."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from helios_eval.report.report_model import (
     Table,
 )
 
-MOST_PICTURES = 12  # per agent
+MOST_PICTURES = 12  # maps per agent
 MOST_BODIES = 3
 
 
 def causes_section(arms: Sequence[Arm]) -> Section:
-    """Stacked bars and the table of causes."""
+    """Section with the causes of failure, and with steps and collisions."""
     blocks: list[Block] = []
     for benchmark in benchmarks_of(arms):
         mine = [a for a in arms if a.benchmark == benchmark]
@@ -103,7 +103,7 @@ def _table_of_collisions(arms: Sequence[Arm]) -> Table:
 
 
 def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
-    """A map of each failed episode that was kept, at most 12 per agent, spread over the causes."""
+    """Section with maps of failed episodes, at most 12 per agent, spread over the causes."""
     by_key, damaged = _kept(folder)
     galleries: list[Block] = []
     for arm in arms:
@@ -130,7 +130,7 @@ def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
 
 
 def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.FailureSnapshot], list[Notice]]:
-    """What was kept, by the key of its episode; and which files cannot be read."""
+    """Snapshots of a folder by episode key, and a notice that lists unreadable files."""
     by_key: dict[str, failure_snapshot.FailureSnapshot] = {}
     damaged: list[str] = []
     for path in failure_snapshot.all_of(folder):
@@ -151,7 +151,7 @@ Kept = tuple[EpisodeRecord, failure_snapshot.FailureSnapshot]
 
 
 def _spread(pairs: Sequence[Kept]) -> list[Kept]:
-    """One of each cause in turn, until there are enough; then by cause and seed."""
+    """At most `MOST_PICTURES` of the pairs, one of each cause in turn; sorted by cause and seed."""
     by_cause: dict[str, list[Kept]] = {}
     for pair in pairs:
         by_cause.setdefault(pair[0].cause, []).append(pair)
@@ -173,14 +173,14 @@ def _picture(record: EpisodeRecord, kept: failure_snapshot.FailureSnapshot) -> P
 
 
 def replay(record: EpisodeRecord) -> str:
-    """The command that plays one episode again."""
+    """Command that plays one episode again."""
     words = ["helios", "eval", record.benchmark, "--agents", record.agent]
     words += ["--episodes", "1", "--seed0", str(record.seed), *_condition(record)]
     return shlex.join([*words, "--out", "runs/again"])
 
 
 def film(record: EpisodeRecord) -> str:
-    """The command that films it; empty for an agent that cannot be filmed."""
+    """Command that films the episode; empty for an agent that cannot be filmed."""
     if record.agent == WALKER:
         return ""
     words = ["helios", "eval", "video", "--seed", str(record.seed), "--agent", record.agent]
@@ -190,7 +190,7 @@ def film(record: EpisodeRecord) -> str:
 
 
 def _condition(record: EpisodeRecord) -> list[str]:
-    """The flags of what an episode was run under; of noise and settings those that differ."""
+    """Flags for the conditions of an episode; noise and settings only where they differ."""
     settings = dict(record.settings)
     words = ["--preset", record.preset, "--semantics", record.semantics]
     if record.noise is not None and record.noise.table != home_presets.noise_of(record.preset):

@@ -1,11 +1,11 @@
-"""The statistics of the report: numbers in, intervals out. Pure; random draws come from a seed.
+"""Statistics of the report: numbers in, intervals out. Pure; random draws use a fixed seed.
 
 Pairs are the same seeds run by two agents, so that easy and hard homes cancel out.
 
 No interval, and so no verdict, is drawn from fewer than `FEWEST` pairs that differ. A bootstrap
-only shuffles what it was given: from one home, or from homes that are all alike, it makes an
-interval without width. And with n pairs that differ no exact two-sided test can say at 5 % that
-one is ahead unless 2 / 2^n <= 0.05, so n >= 6.
+only resamples its input: from one home, or from homes that are all alike, it gives an interval of
+zero width. An exact two-sided test of n pairs that differ can be significant at 5 % only if 2 / 2^n
+<= 0.05, so n >= 6.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Mean:
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its interval of 95 %; a bound without meaning is NaN."""
+    """A value with its 95 % interval; an undefined bound is NaN."""
 
     value: float
     low: float
@@ -45,17 +45,17 @@ class Interval:
 
     @property
     def has_bounds(self) -> bool:
-        """Whether there are bounds."""
+        """True if the bounds are defined."""
         return not math.isnan(self.low)
 
     @property
     def sure(self) -> bool:
-        """Whether there are bounds, and 0 lies outside."""
+        """True if the bounds are defined and exclude 0."""
         return self.low > 0 or self.high < 0
 
 
 def mean_sem(values: Values) -> Mean:
-    """Mean of [n] values with its standard error (ddof 1). Raises InvalidInput without values."""
+    """Mean of [n] values with its standard error (ddof 1). Raises InvalidInput for no values."""
     x = np.asarray(values, dtype=np.float64)
     if x.size == 0:
         raise InvalidInput("no values came; a mean wants at least one")
@@ -64,13 +64,13 @@ def mean_sem(values: Values) -> Mean:
 
 
 def wilson(successes: int, n: int) -> Interval:
-    """Wilson's interval of a proportion; exact where all or none succeeded."""
+    """Wilson's interval of a proportion; the outer bound is exact if all or none succeeded."""
     if not 0 <= successes <= n or n == 0:
         raise InvalidInput(f"{successes} successes of {n} came; wanted 0 <= successes <= n, n > 0")
     low, high = statistics.wilson(np.array(successes), np.array(n))
     return Interval(
         successes / n,
-        0.0 if successes == 0 else float(low),  # not a rounding error beside it
+        0.0 if successes == 0 else float(low),  # without rounding error
         1.0 if successes == n else float(high),
     )
 
@@ -80,7 +80,7 @@ def _resampled_sums(columns: Values, draws: int, seed: int) -> Values:
     n = len(columns)
     rng = np.random.default_rng(seed)
     out = np.empty((draws, columns.shape[1]))
-    step = max(1, 2_000_000 // n)  # bounded memory
+    step = max(1, 2_000_000 // n)  # limits memory
     for begin in range(0, draws, step):
         rows = rng.integers(0, n, size=(min(step, draws - begin), n))
         out[begin : begin + len(rows)] = columns[rows].sum(axis=1)
@@ -92,7 +92,7 @@ def paired_difference(
 ) -> Interval:
     """Mean of first - second over the same episodes [n]; percentile bootstrap over episodes.
 
-    Without bounds where they would mean nothing; see the module.
+    The bounds are NaN where they would mean nothing; see the module.
     """
     a, b = _pair(first, second)
     difference = (a - b)[:, None]
@@ -106,9 +106,9 @@ def paired_difference(
 def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = SEED) -> Interval:
     """Mean of first over mean of second, the same episodes [n]; percentile bootstrap.
 
-    A draw that divides by zero counts as infinite, so that a bound may be infinite; 0/0 is left
-    out. All NaN where the ratio itself is 0/0. Without bounds where they would mean nothing; see
-    the module.
+    A draw that divides by zero counts as infinite, so a bound may be infinite; draws of 0/0 are
+    left out. All NaN if the ratio itself is 0/0. The bounds are NaN where they would mean nothing;
+    see the module.
     """
     a, b = _pair(first, second)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -125,7 +125,7 @@ def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = 
 def sign_test(first: Values, second: Values) -> float:
     """Two-sided exact p that neither of two paired samples [n] tends to be larger.
 
-    Pairs that are equal say nothing. For binary values this is McNemar's exact test.
+    Equal pairs are ignored. For binary values this is McNemar's exact test.
     """
     a, b = _pair(first, second)
     more, less = int((a > b).sum()), int((a < b).sum())
@@ -135,7 +135,7 @@ def sign_test(first: Values, second: Values) -> float:
 
 
 def why_unbounded(first: Values, second: Values) -> str:
-    """Why no interval is drawn from two paired samples [n]; empty where one is."""
+    """Reason why two paired samples [n] have no interval; empty if they have one."""
     a, b = _pair(first, second)
     differ = sum(discordant(a, b))
     if differ >= FEWEST:
@@ -146,7 +146,7 @@ def why_unbounded(first: Values, second: Values) -> str:
 
 
 def discordant(first: Values, second: Values) -> tuple[int, int]:
-    """Number of episodes in which the first, and in which the second, is larger."""
+    """Number of episodes in which the first value is larger, and in which the second is."""
     a, b = _pair(first, second)
     return int((a > b).sum()), int((a < b).sum())
 

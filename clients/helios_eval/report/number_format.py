@@ -1,4 +1,4 @@
-"""Numbers as text."""
+"""Conversion of numbers to text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RULE = (
 
 
 def number(x: float, digits: int) -> str:
-    """A number with a true minus sign; "–" where there is none."""
+    """Number with a true minus sign; "–" for NaN."""
     if math.isnan(x):
         return NONE
     if math.isinf(x):
@@ -26,13 +26,13 @@ def number(x: float, digits: int) -> str:
 
 
 def signed(x: float, digits: int) -> str:
-    """With its sign, also above 0."""
+    """Number with its sign, also above 0."""
     text = number(x, digits)
     return f"+{text}" if x > 0 and float(text) != 0 else text
 
 
 def scale(name: str) -> float:
-    """100 for a metric that is shown in percent."""
+    """Display factor of a metric: 100 if it is shown in percent, else 1."""
     return 100.0 if METRICS[name].share else 1.0
 
 
@@ -44,25 +44,25 @@ def mean(name: str, m: Mean) -> str:
 
 
 def bounds(low: float, high: float, digits: int, plus: bool = False) -> str:
-    """[low, high]"""
+    """Bounds as "[low, high]"."""
     show = signed if plus else number
     return f"[{show(low, digits)}, {show(high, digits)}]"
 
 
 def interval(i: Interval, digits: int) -> str:
-    """value [low, high]"""
+    """Value and bounds as "value [low, high]"; "–" for NaN."""
     if math.isnan(i.value):
         return NONE
     return f"{number(i.value, digits)} {bounds(i.low, i.high, digits)}"
 
 
 def p_value(p: float) -> str:
-    """A probability, never a plain zero."""
+    """P value, never shown as plain zero."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def duration(seconds: float) -> str:
-    """1 h 05 min, 3 min 20 s, 12.3 s"""
+    """Duration such as 1 h 05 min, 3 min 20 s or 12.3 s."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
@@ -72,12 +72,12 @@ def duration(seconds: float) -> str:
 
 
 def plural(n: int, what: str) -> str:
-    """1 episode, 2 episodes"""
+    """Count with its noun: 1 episode, 2 episodes."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def ranges(numbers: list[int]) -> str:
-    """0–9, 12, 20–22"""
+    """Sorted numbers as ranges: 0–9, 12, 20–22."""
     parts: list[list[int]] = []
     for x in sorted(set(numbers)):
         if parts and x == parts[-1][1] + 1:

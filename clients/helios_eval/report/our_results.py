@@ -1,4 +1,4 @@
-"""Our own figures: every metric with its intervals, and what separates the agents."""
+"""Report sections on our own results: metrics with intervals, and differences between agents."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from helios_eval.report.paper_figures import PICKS, picks_name
 from helios_eval.report.record_metrics import METRICS, NAMES, TITLES, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
-Found = tuple[Arm, Arm, list[EpisodeRecord], list[EpisodeRecord]]  # two arms, homes in common
+Found = tuple[Arm, Arm, list[EpisodeRecord], list[EpisodeRecord]]  # two arms, their common homes
 
 
 def benchmarks_of(arms: Sequence[Arm]) -> list[str]:
-    """The benchmarks of a folder, in the order in which they are shown."""
+    """Benchmarks of the arms, in display order."""
     return [b for b in NAMES if any(a.benchmark == b for a in arms)]
 
 
@@ -45,7 +45,7 @@ def overview(arms: Sequence[Arm]) -> list[Block]:
 
 
 def metrics_section(arms: Sequence[Arm]) -> Section:
-    """Mean ± standard error and interval of every metric; shares for each limit of picks."""
+    """Section with every metric: mean ± standard error, interval, and shares per limit of picks."""
     blocks: list[Block] = []
     for benchmark in benchmarks_of(arms):
         mine = [a for a in arms if a.benchmark == benchmark]
@@ -75,21 +75,19 @@ def metrics_section(arms: Sequence[Arm]) -> Section:
 
 
 def count(arm: Arm) -> Cell:
-    """How many episodes there are, and where some are not played yet, of how many."""
+    """Number of episodes, with the requested number if some are not played yet."""
     n = str(len(arm.records))
     return Cell(n) if arm.whole else Cell(n, f"of {arm.asked}", "bad")
 
 
 def homes_of(a: Arm, b: Arm, homes: int) -> str:
-    """Of two arms with so many homes in common: "37 homes", or "37 of 200 homes" where more were
-    asked for of both."""
+    """Homes in common: "37 homes", or "37 of 200 homes" if more were requested of both arms."""
     of = asked_of(a, b, homes)
     return f"{homes} {of}" if of else number_format.plural(homes, "home")
 
 
 def asked_of(a: Arm, b: Arm, homes: int) -> str:
-    """ "of 200 homes" where two arms have not yet all homes in common that were asked for of both;
-    else empty."""
+    """Text "of 200 homes" if two arms lack common homes that were requested of both; else empty."""
     wanted = min(max(arm.asked, len(arm.records)) for arm in (a, b))
     return f"of {wanted} homes" if homes < wanted and not (a.whole and b.whole) else ""
 
@@ -108,7 +106,7 @@ def _figure(arm: Arm, name: str, picks: int | None) -> Cell:
 
 
 def paired_section(arms: Sequence[Arm]) -> Section:
-    """Differences and ratios over the same homes."""
+    """Section with differences and ratios over the same homes."""
     found = [(a, b, *in_common(a, b)) for a, b in pairs(arms)]
     found = [p for p in found if p[2]]
     if not found:
@@ -152,7 +150,7 @@ def _pair_table(found: Sequence[Found]) -> Table:
 
 
 def tone_of(name: str, d: Interval) -> str:
-    """Whether the first of two is better or worse; empty where it is not settled."""
+    """Tone "good" or "bad" of the first of two; empty if the difference is not significant."""
     if not d.sure:
         return ""
     return "good" if (d.value > 0) == (METRICS[name].better > 0) else "bad"

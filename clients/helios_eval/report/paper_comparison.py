@@ -1,4 +1,4 @@
-"""The paper's tables with our figures beside the published ones, and the relations of both."""
+"""The paper's tables with our results beside the published ones, and ratios of both."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TAG = "another simulator"
 
 
 def relations(arms: Sequence[Arm]) -> Table | None:
-    """Ratios that the paper claims, with ours. None where none of the agents was run."""
+    """Table of the ratios that the paper claims, with ours; None if no pair of agents was run."""
     rows = Rows()
     for r in paper_figures.RELATIONS:
         top, bottom = (plain_arm(arms, r.benchmark, *who) for who in (r.top, r.bottom))
@@ -53,7 +53,7 @@ def relations(arms: Sequence[Arm]) -> Table | None:
 
 
 def verdict_of(ratio: Interval, published: float) -> str:
-    """What our ratio says of the paper's; empty where it says nothing."""
+    """Comparison of our ratio with the paper's; empty if ours has no bounds."""
     if not ratio.has_bounds:
         return ""
     if ratio.low > published:
@@ -62,7 +62,7 @@ def verdict_of(ratio: Interval, published: float) -> str:
 
 
 def section(arms: Sequence[Arm]) -> Section:
-    """All of the paper's tables that the folder says something about, and which are missing."""
+    """Section with the paper's tables that have results, and the numbers of the others."""
     benchmarks = {a.benchmark for a in arms}
     blocks: list[Block] = [
         Paragraph(
@@ -130,7 +130,7 @@ def _table(table: paper_figures.Table, found: dict[int, Arm | None]) -> Table:
 def _cell(table: paper_figures.Table, row: paper_figures.Row, metric: str, arm: Arm | None) -> Cell:
     figure = row.figures.get(metric)
     note = f"paper {figure}" if figure else f"paper {number_format.NONE}"
-    if not row.agent:  # not ours to run
+    if not row.agent:  # not an agent of this project
         return Cell(note if figure else number_format.NONE, "", "muted")
     if arm is None:
         return Cell(number_format.NOT_RUN, note, "muted")
@@ -139,7 +139,7 @@ def _cell(table: paper_figures.Table, row: paper_figures.Row, metric: str, arm: 
 
 
 def _under(arms: Iterable[Arm]) -> str:
-    """Which noise our figures stand under, where it is not the preset's own."""
+    """Caption with the noise of our results where it is not the preset's own; else empty."""
     noises = list(dict.fromkeys(a.noise for a in arms if a.noise is not None))
     odd = [n for n in noises if n.level != 1 or n.correlation is not None]
     if not odd:

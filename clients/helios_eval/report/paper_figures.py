@@ -1,7 +1,7 @@
-"""The published figures, table by table and row by row (percent, ± standard error of the mean).
+"""Published results of the paper, by table and row (percent, ± standard error of the mean).
 
-Numbers are copied from the paper's tables; the paper's simulator is Habitat with HSSD homes (1199
-episodes of OVMM) and HM3D (2000 episodes of object navigation), its detector is DETIC.
+Numbers are copied from the paper's tables. The paper's simulator is Habitat with HSSD homes (1199
+episodes of OVMM) and HM3D (2000 episodes of object navigation); its detector is DETIC.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ PICKS: tuple[int | None, ...] = (1, 5, None)  # None: unlimited
 
 @dataclass(frozen=True)
 class Figure:
-    """A published figure in percent; `sem` where the paper gives one."""
+    """Published value in percent; `sem` where the paper gives one."""
 
     mean: float
     sem: float | None = None
@@ -27,12 +27,12 @@ class Figure:
 
 @dataclass(frozen=True)
 class Row:
-    """One row: what the paper calls it, which runs of ours stand beside it, and its figures."""
+    """Row of a table: its name in the paper, our runs that match it, and its published values."""
 
     name: str
     figures: Mapping[str, Figure]
     group: str = ""
-    agent: str = ""  # ours; empty: not an agent of this project
+    agent: str = ""  # our agent; empty if this project has none
     semantics: str = "noisy"
     picks: int | None = None
     setting: tuple[str, float] | None = None  # the one setting that differs from Table 3
@@ -48,12 +48,12 @@ class Table:
 
 
 def picks_name(picks: int | None) -> str:
-    """As the paper writes it."""
+    """Limit of picks in the paper's words."""
     return "unlimited picks" if picks is None else f"{picks} pick{'s' if picks > 1 else ''}"
 
 
 def _figures(text: str, metrics: tuple[str, ...] = OVMM) -> dict[str, Figure]:
-    """ "23.8±1.2 … - …": one figure per metric, "-" where the paper has none."""
+    """Published values by metric from a text like "23.8±1.2 … -"; "-" where the paper has none."""
     out = {}
     for metric, part in zip(metrics, text.split(), strict=True):
         if part != "-":
@@ -185,7 +185,7 @@ _SWEEPS: dict[int | None, dict[tuple[str, float], str]] = {
 
 
 def _sweep(number: int, picks: int | None) -> Table:
-    """Tables 6 to 8: one setting of Table 3 changed at a time; its default is HELIOS itself."""
+    """Tables 6 to 8: one setting of Table 3 changed at a time; the default is HELIOS itself."""
     rows = []
     for key, name in _SWEEP_NAMES.items():
         figures = {k[1]: _figures(v) for k, v in _SWEEPS[picks].items() if k[0] == key}
@@ -203,7 +203,7 @@ SWEEPS = (_sweep(6, 1), _sweep(7, 5), _sweep(8, None))
 
 @dataclass(frozen=True)
 class Relation:
-    """A ratio of two published figures, which may be compared where the figures may not."""
+    """Ratio of two published values. Ratios may be compared with ours, the values may not."""
 
     claim: str
     where: str

@@ -1,4 +1,4 @@
-"""Drawings of the report as SVG. Text stays text; colours follow the page."""
+"""Drawings of the report as SVG. Text stays text; colours are CSS variables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from helios_eval.report.interval_statistics import Interval
 from helios_eval.report.report_model import Graphic
 
 WIDTH_IN = 9.6
-MOST_ARMS = len(colors.SERIES)  # in one drawing; the tables have all
+MOST_ARMS = len(colors.SERIES)  # per drawing; the tables have all
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def _svg(figure: Figure) -> str:
 def dots(
     agents: Sequence[str], metrics: Sequence[str], points: Sequence[Sequence[Interval]], title: str
 ) -> Graphic:
-    """Shares with intervals: `points[agent][metric]`, 0 to 1. A panel for each metric."""
+    """Drawing of shares with intervals, `points[agent][metric]`, 0 to 1: one panel per metric."""
     with _look():
         n = len(agents)
         figure = Figure(figsize=(WIDTH_IN, 0.85 + 0.42 * n), layout="constrained")
@@ -83,7 +83,7 @@ def dots(
 
 
 def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
-    """Differences in percent points with their intervals: (metric, who, interval)."""
+    """Drawing of differences in percent points with their intervals: (metric, pair, interval)."""
     with _look():
         figure, axes = _axes(0.7 + 0.34 * len(rows))
         for y, (_, _, d) in enumerate(rows):
@@ -108,7 +108,7 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
 
 
 def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphic:
-    """How the episodes ended: one stacked bar per agent, success first."""
+    """Drawing of the outcomes of the episodes: one stacked bar per agent, success first."""
     order = ["", *colors.CAUSES]
     order += sorted({c for row in counts for c in row} - set(order))
     with _look():
@@ -146,7 +146,7 @@ def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphi
 def effort(
     agents: Sequence[str], steps: Sequence[Sequence[float]], hits: Sequence[Interval]
 ) -> Graphic:
-    """Per agent: the steps of its episodes, and the share of episodes with a collision."""
+    """Drawing of the steps per episode and the share of episodes with a collision, by agent."""
     n = len(agents)
     colours = [colors.SERIES[i % len(colors.SERIES)].light for i in range(n)]
     with _look():
@@ -192,8 +192,10 @@ def effort(
 
 
 def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[float]]) -> Graphic:
-    """Milliseconds a step: a row for each stage, a dot for each agent, `ms[agent][stage]`; NaN
-    where an agent has no such stage."""
+    """Drawing of the milliseconds per step: a row per stage, a dot per agent.
+
+    ms: `ms[agent][stage]`; NaN if an agent has no such stage.
+    """
     with _look():
         figure, axes = _axes(0.9 + 0.34 * len(names))
         table = np.array(ms, dtype=np.float64)
@@ -222,5 +224,5 @@ def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[fl
 
 
 def _on(colour: colors.Colour) -> str:
-    """What is read best on it; not quite white and black, which follow the page."""
+    """Text colour with the better contrast; differs from white and black, which follow the page."""
     return "#fffffe" if colors.is_dark(colour) else "#000001"

@@ -1,4 +1,4 @@
-"""The metrics of a record by name, with a limit of picks, in percent where they are shares."""
+"""Metrics of an episode record by name, with a limit of picks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from helios_eval.episodes.episode_record import EpisodeRecord
 
 @dataclass(frozen=True)
 class Metric:
-    """One metric: its name, what it is, and how to read it off a record."""
+    """Metric: its name, its meaning, and the function that reads it from a record."""
 
     name: str
     meaning: str
@@ -55,8 +55,11 @@ TITLES = {"ovmm": "Pick and place (OVMM)", "objectnav": "Object navigation"}
 
 
 def value(record: EpisodeRecord, name: str, picks: int | None = None) -> float:
-    """A metric of one episode. With a limit of picks, an episode that exceeds it scores 0 in every
-    metric of what was reached; collisions, steps and time stay what they were."""
+    """Metric of one episode.
+
+    With a limit of picks, an episode that exceeds it scores 0 in every share; collisions, steps and
+    time stay unchanged.
+    """
     metric = METRICS[name]
     if metric.share and picks is not None and record.picks > picks:
         return 0.0
@@ -66,12 +69,12 @@ def value(record: EpisodeRecord, name: str, picks: int | None = None) -> float:
 def values(
     records: Iterable[EpisodeRecord], name: str, picks: int | None = None
 ) -> NDArray[np.float64]:
-    """A metric of many episodes, in their order."""
+    """Metric of many episodes, in their order."""
     return np.array([value(r, name, picks) for r in records], dtype=np.float64)
 
 
 def counts_of_causes(records: Iterable[EpisodeRecord]) -> dict[str, int]:
-    """How often each cause ended an episode; "" for success."""
+    """Number of episodes per cause; "" for success."""
     counts: dict[str, int] = {}
     for record in records:
         counts[record.cause] = counts.get(record.cause, 0) + 1

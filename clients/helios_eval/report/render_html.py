@@ -1,4 +1,4 @@
-"""The report as one HTML file that asks no other host for anything."""
+"""Renderer of the report as one HTML file without external resources."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from helios_eval.report.report_model import Report
 
 
 def html_of(report: Report) -> str:
-    """The page; everything that came from outside is escaped by the template."""
+    """HTML page; the template escapes all external text."""
     environment = Environment(
         loader=PackageLoader("helios_eval.report", "page"),
         autoescape=True,

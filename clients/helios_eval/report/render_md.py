@@ -1,4 +1,4 @@
-"""The report as Markdown. It shows the drawings beside it; pictures are in the HTML alone."""
+"""Renderer of the report as Markdown. It links the drawings; pictures are in the HTML alone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~!$&])")
 
 
 def markdown_of(report: Report) -> str:
-    """GitHub's Markdown; what came from outside is escaped."""
+    """GitHub Markdown; external text is escaped."""
     lines = [f"# {escape(report.title)}", "", escape(report.lead), ""]
     for section in report.sections:
         lines += [f"## {escape(section.title)}", ""]
@@ -34,12 +34,12 @@ def markdown_of(report: Report) -> str:
 
 
 def escape(text: str) -> str:
-    """On one line, without meaning for Markdown or HTML."""
+    """Text on one line, escaped for Markdown and HTML."""
     return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
 
 
 def _code(text: str) -> str:
-    """Inline code that no backtick ends."""
+    """Inline code that no backtick in the text ends."""
     flat = " ".join(text.split())
     fence = "`" * (max((len(m) for m in re.findall("`+", flat)), default=0) + 1)
     return f"{fence} {flat} {fence}" if "`" in flat else f"`{flat}`"

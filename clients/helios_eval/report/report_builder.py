@@ -1,4 +1,4 @@
-"""From records to the report's data structure."""
+"""Builder of the report's data structure from episode records."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from helios_eval.report.report_model import (
 )
 from helios_eval.report.requested_episodes import seeds_asked
 
-MOST_ROWS = 8  # of a table of calibration, before it is folded
+MOST_ROWS = 8  # longer calibration tables are folded
 
 
 def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Report:
-    """The report of a folder's episodes; `run` is what the runner wrote down."""
+    """Report on a folder's episodes; `run` is the content of `run.json`."""
     arms = arms_of(records, seeds_asked(run))
     title, lead = run_description.title(records, arms)
     sections = [
@@ -76,7 +76,7 @@ def _glance(arms: Sequence[Arm]) -> Section:
 
 
 def _calibration(records: Sequence[EpisodeRecord]) -> Section:
-    """Whether the scores of the object map mean what they say."""
+    """Section on the calibration of the object map's scores."""
     with_beliefs = [r for r in records if r.beliefs]
     blocks: list[Block] = []
     for figure in calibration.figures(with_beliefs) if with_beliefs else []:

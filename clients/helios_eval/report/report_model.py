@@ -1,4 +1,4 @@
-"""What a report is made of. Built once, rendered as Markdown and as HTML."""
+"""Data structure of a report, rendered as Markdown and as HTML."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: what it says, and below it, smaller, what it is compared with."""
+    """Table cell: a text, and below it a smaller note, such as an interval or a published value."""
 
     text: str
     note: str = ""
@@ -24,7 +24,7 @@ class Column:
 @dataclass(frozen=True)
 class Row:
     cells: tuple[Cell, ...]
-    group: str = ""  # a line above the first row of each group
+    group: str = ""  # heading above the first row of each group
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something that the reader must not miss."""
+    """Highlighted paragraph."""
 
     text: str
 
@@ -52,13 +52,13 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     caption: str = ""
-    tag: str = ""  # a mark beside the title
-    folded: bool = False  # shown on demand, where that is possible
+    tag: str = ""  # label beside the title
+    folded: bool = False  # collapsed where the format allows it
 
 
 @dataclass(frozen=True)
 class Graphic:
-    """A drawing as SVG, whose colours follow the page, or a picture as PNG."""
+    """Drawing as SVG, whose colours follow the page, or picture as PNG."""
 
     caption: str
     svg: str = ""
@@ -68,15 +68,15 @@ class Graphic:
 
 @dataclass(frozen=True)
 class Picture:
-    """One failed episode."""
+    """Pictures and texts of one failed episode."""
 
     title: str
     cause: str
     instruction: str
     message: str
     png: bytes
-    jpeg: bytes  # of the robot's camera; may be empty
-    commands: tuple[str, ...]  # that play it again
+    jpeg: bytes  # camera image; may be empty
+    commands: tuple[str, ...]  # to play and film it again
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Gallery:
 
 @dataclass(frozen=True)
 class Episodes:
-    """Every episode; `filters` are the numbers of the columns that can be filtered by."""
+    """Table of every episode; `filters`: indices of the columns that can be filtered."""
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -97,7 +97,7 @@ class Episodes:
 
 @dataclass(frozen=True)
 class Command:
-    """Something to type."""
+    """Shell command."""
 
     text: str
 
@@ -121,17 +121,17 @@ class Report:
 
 @dataclass
 class Rows:
-    """Collects the rows of a table."""
+    """Builder of a table's rows."""
 
     rows: list[Row] = field(default_factory=list)
 
     def add(self, cells: Sequence[Cell | str], group: str = "") -> None:
-        """One more row; a plain string is a cell without note."""
+        """Add a row; a plain string becomes a cell without note."""
         self.rows.append(Row(tuple(c if isinstance(c, Cell) else Cell(c) for c in cells), group))
 
     def table(self, title: str, columns: Sequence[str], caption: str = "", tag: str = "",
               words: Sequence[str] = ()) -> Table:  # fmt: skip
-        """The table; the first column and those in `words` are read, the others are numbers."""
+        """Table of the rows; the first column and those in `words` hold text, others numbers."""
         heads = tuple(
             Column(name, numeric=i > 0 and name not in words) for i, name in enumerate(columns)
         )

@@ -1,4 +1,4 @@
-"""What the commands of a folder asked for, so that a part of it is never taken for the whole."""
+"""Episodes that the commands of a folder requested, so that a report can show missing ones."""
 
 from __future__ import annotations
 
@@ -10,26 +10,31 @@ from helios_eval.episodes.service_settings import that_change
 
 KEYS = ("benchmark", "agents", "semantics", "preset", "noise", "settings", "seed0", "episodes")
 
-# benchmark, agent, semantics, preset, noise, settings: of an arm
+# identity of an arm: benchmark, agent, semantics, preset, noise, settings
 Identity = tuple[str, str, str, str, Noise | None, tuple[tuple[str, Setting], ...]]
 
 
 def commands_of(run: Mapping[str, Any]) -> list[list[str] | str]:
-    """What was given in a folder, oldest first; of another program's `run.json` as it is there."""
+    """Commands of a folder, oldest first.
+
+    A `run.json` of another program has a single `command`, which is returned as it is.
+    """
     return run.get("commands") or [c for c in [run.get("command")] if c]
 
 
 def orders_of(run: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What was asked for in a folder, oldest first: of every command the values of `KEYS`; of
-    another program's `run.json` nothing."""
+    """Requests of a folder's commands, oldest first, each with the values of `KEYS`.
+
+    A `run.json` without these keys gives none.
+    """
     orders = run.get("asked") or [{k: run[k] for k in KEYS if k in run}]
     return [order for order in orders if all(key in order for key in KEYS)]
 
 
 def seeds_asked(run: Mapping[str, Any]) -> dict[Identity, set[int]]:
-    """Seeds by what they were to be played by; of several commands all of them.
+    """Requested seeds of all commands, by the identity of the arm.
 
-    As in a record, a setting that the agent's house ran with anyway is none.
+    As in a record, a setting that equals that of the agent's stack is left out.
     """
     ran = run.get("ran_with", {})
     out: dict[Identity, set[int]] = {}

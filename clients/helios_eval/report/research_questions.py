@@ -1,7 +1,7 @@
-"""The questions that the runs were made for, each with its answer: what a reader wants first.
+"""Report section with the research questions of the runs and their answers.
 
 Every difference is between the same homes, with unlimited picks. A question whose agents were not
-run is named as such; one that a part of the homes has answered says of how many.
+run is listed as such; one answered by only some of the homes states their number.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ IDEA_METRICS = ("FindObj", "Pick", "SR", "partial", "collisions", "steps")
 
 @dataclass(frozen=True)
 class Question:
-    """Whether the first agent is ahead of the second, each with its semantics."""
+    """Claim that the first agent is ahead of the second, each with its semantics."""
 
     asks: str
     first: tuple[str, str]
@@ -55,14 +55,14 @@ QUESTIONS = (
     Question("VLFM with the stop decision of HELIOS above VLFM (Table 2)",
              ("vlfm-helios-stop", NOISY), ("vlfm", NOISY), ("SR", "SPL"), "objectnav"),
 )  # fmt: skip
-LEVELS = (  # of SR: what the project wants of its own method
+LEVELS = (  # success rates that the project requires of its own method
     ("HELIOS with ground-truth semantics", ("helios-paper", TRUE), 0.6),
     ("HELIOS with the noise of the preset", ("helios-paper", NOISY), 0.35),
 )
 
 
 def section(arms: Sequence[Arm]) -> Section | None:
-    """None where the arms answer nothing."""
+    """Section with the answers; None if the arms answer nothing."""
     rows, bars, unanswered, unlike = Rows(), [], [], []
     for question in QUESTIONS:
         top, bottom = (
@@ -117,7 +117,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
 def _row(
     rows: Rows, question: Question, metric: str, top: Arm, bottom: Arm, group: str, under: str
 ) -> tuple[str, str, Interval]:
-    """Adds a row; what a drawing needs of it. under: which semantics or noise."""
+    """Add a row; return its entry for the drawing. under: its semantics or noise."""
     mine, theirs = in_common(top, bottom)
     x, y = values(mine, metric), values(theirs, metric)
     d, ratio, k = paired_difference(x, y), paired_ratio(x, y), scale(metric)
@@ -140,7 +140,7 @@ def _row(
 
 
 def _so(d: Interval) -> str:
-    """What an interval settles; empty where there is none."""
+    """Verdict of an interval; empty if it has no bounds."""
     if not d.has_bounds:
         return ""
     return "not settled: holds 0" if not d.sure else ("ahead" if d.low > 0 else "behind")
@@ -152,7 +152,7 @@ def _level(i: Interval, wanted: float) -> str:
 
 
 def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
-    """The agents of the primary claim under every other noise that both were run under."""
+    """Arms of the primary claim under every other noise that both were run under, with its name."""
     (one, semantics), (other, _) = QUESTIONS[0].first, QUESTIONS[0].second
     main = plain_arm(arms, "ovmm", one, semantics)
     for top in arms:
@@ -168,7 +168,7 @@ def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
 
 
 def _noise_of(arm: Arm) -> list[str]:
-    """What differs from the noise of the preset."""
+    """Differences from the preset's noise, as text."""
     return [] if arm.noise is None else noise_parts(arm.noise)
 
 
@@ -193,7 +193,7 @@ def _levels(arms: Sequence[Arm]) -> Table | None:
 
 
 def _ideas(arms: Sequence[Arm]) -> Table | None:
-    """What is not the paper's, against the paper's method under the same noise."""
+    """Table of ideas beyond the paper against the paper's method under the same noise."""
     base = plain_arm(arms, "ovmm", "helios-paper", NOISY)
     if base is None or _own_settings(base):
         return None
@@ -231,12 +231,12 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
 
 
 def _own_settings(arm: Arm) -> dict[str, Setting]:
-    """Settings of the method; those of the homes and the camera are conditions for all."""
+    """Settings of the method, without those of homes and camera, which all agents share."""
     return {k: v for k, v in arm.settings if k not in (MAX_STEPS, SENSOR)}
 
 
 def _is_idea(arm: Arm, base: Arm) -> bool:
-    """An agent beyond the paper, or settings that the paper did not sweep."""
+    """True for an agent beyond the paper, or for settings that the paper did not sweep."""
     changed = {k: v for k, v in _own_settings(arm).items() if (k, v) not in base.settings}
     if arm.agent not in KNOWN:
         return True

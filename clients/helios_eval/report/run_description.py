@@ -1,4 +1,4 @@
-"""What was run: from the records, and from `run.json` where the runner left one."""
+"""Report section on the run itself, from the records and from `run.json` if there is one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from helios_eval.report.report_model import Block, Command, Facts, Notice, Rows,
 from helios_eval.report.requested_episodes import Identity, commands_of, seeds_asked
 
 RUN = "run.json"
-MOST_NAMED = 6  # rows of tables in a sentence
+MOST_NAMED = 6  # rows that a sentence names
 NO_NOISE = "ground truth: no noise"
 
 NOTICE = (
@@ -34,7 +34,7 @@ NOTICE = (
 
 
 def run_of(folder: Path) -> dict[str, Any]:
-    """What the runner wrote down; empty without `run.json`. Raises InvalidInput for a torn one."""
+    """Content of `run.json`; empty without the file. Raises InvalidInput for a damaged one."""
     path = folder / RUN
     if not path.exists():
         return {}
@@ -50,7 +50,7 @@ def run_of(folder: Path) -> dict[str, Any]:
 def section(
     records: Sequence[EpisodeRecord], arms: Sequence[Arm], run: Mapping[str, Any]
 ) -> Section:
-    """The plain sentence, and the facts."""
+    """Section with the notices, facts and commands of the run."""
     blocks: list[Block] = [Notice(NOTICE)]
     commits = most_common(r.commit for r in records)
     warnings = [f"Commit {c} had changes that were not committed." for c in commits if _dirty(c)]
@@ -80,7 +80,7 @@ def section(
 
 
 def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
-    """That the rows of a benchmark's tables are not over the same homes; empty where they are."""
+    """Notice that a benchmark's rows are not over the same homes; empty if they are."""
     homes = {a.label: {r.seed for r in a.records} for a in arms if a.benchmark == benchmark}
     if all(seeds == next(iter(homes.values())) for seeds in homes.values()):
         return ""
@@ -97,7 +97,7 @@ def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
 
 
 def missing(arms: Sequence[Arm], asked: Mapping[Identity, set[int]]) -> dict[Identity, int]:
-    """How many episodes are still to be played of each of those that were asked for."""
+    """Number of requested episodes that are not played yet, by the identity of their arm."""
     played = {arm.identity: {r.seed for r in arm.records} for arm in arms}
     found = {i: len(seeds - played.get(i, set())) for i, seeds in asked.items()}
     return {identity: n for identity, n in found.items() if n}
@@ -116,7 +116,7 @@ def _not_complete(lacking: Mapping[Identity, int], asked: Mapping[Identity, set[
 def _progress(
     arms: Sequence[Arm], asked: Mapping[Identity, set[int]], lacking: Mapping[Identity, int]
 ) -> Table:
-    """What was played of what was asked for, where it is not all."""
+    """Table of played and requested episodes, for arms that lack some."""
     labels = {arm.identity: arm.label for arm in arms}
     rows = Rows()
     for identity, absent in lacking.items():
@@ -132,8 +132,10 @@ def _progress(
 
 
 def _versions(arms: Sequence[Arm]) -> str:
-    """Which commit played what. Agents of one commit may be compared; those of several may
-    differ by what changed between them."""
+    """Notice with the number of episodes per commit.
+
+    Agents of one commit may be compared; those of several may differ by the changes between them.
+    """
     parts = [(arm.label, arm.records) for arm in arms]
     if len(parts) > MOST_NAMED:
         parts = [("all rows", [r for arm in arms for r in arm.records])]
@@ -225,7 +227,7 @@ def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
 
 
 def _settings(arms: Sequence[Arm]) -> str:
-    """Those of all arms, then those of single agents."""
+    """Settings of all arms, then those of single agents, as text."""
     every = [dict(a.settings) for a in arms]
     shared = {k: v for k, v in every[0].items() if all(s.get(k) == v for s in every)}
     parts = [f"{k}={v}" for k, v in shared.items()]
@@ -237,7 +239,7 @@ def _settings(arms: Sequence[Arm]) -> str:
 
 
 def title(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> tuple[str, str]:
-    """The headline, and the line below it."""
+    """Title of the report, and the line below it."""
     benchmarks = " and ".join(TITLES[b] for b in benchmarks_of(arms))
     agents = list(dict.fromkeys(a.agent for a in arms))
     causes = counts_of_causes(records)

@@ -1,4 +1,4 @@
-"""How long a step takes, and where the time goes."""
+"""Report section on the time of a step and of its stages."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Sectio
 
 
 def section(arms: Sequence[Arm]) -> Section:
-    """Median time of a step, in whole and by stage."""
+    """Section with the median time of a step, in total and by stage."""
     arms = [replace(a, records=tuple(r for r in a.records if r.steps > 0)) for a in arms]
-    arms = [a for a in arms if a.records]  # an episode that never began took no step
+    arms = [a for a in arms if a.records]  # episodes that never began have no step
     if not arms:
         return Section("time", "Time of a step", (Paragraph("No episode took a step."),))
     named = most_common(name for a in arms for r in a.records for name in r.stage_ms)
@@ -40,13 +40,13 @@ def section(arms: Sequence[Arm]) -> Section:
 
 
 def _stage(arm: Arm, name: str) -> float:
-    """Median over the episodes that have the stage, in ms; NaN without one."""
+    """Median (ms) over the episodes that have the stage; NaN if none has."""
     found = [r.stage_ms[name] for r in arm.records if name in r.stage_ms]
     return float(np.median(found)) if found else math.nan
 
 
 def _table(arms: Sequence[Arm], names: Sequence[str], medians: Sequence[Sequence[float]]) -> Table:
-    """Agents beside one another, stages below one another: stages are the many."""
+    """Table with agents as columns and stages as rows."""
     rows = Rows()
     steps = [np.array([r.step_ms for r in a.records]) for a in arms]
     rows.add([

@@ -1,7 +1,7 @@
-"""The report's drawings as SVG files of their own, for Markdown and for a README.
+"""The report's drawings as separate SVG files, for Markdown and for a README.
 
-They have their colours with them, light and dark, and a ground of their own: where they are shown,
-as on GitHub, no page gives them any.
+Each file has its own light and dark colours and its own background, since a page that shows it,
+such as GitHub, provides none.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from helios_eval.report import colors
 from helios_eval.report.report_model import Block, Graphic, Report, Section
 
 FOLDER = "drawings"  # beside the report
-MARGIN = 10.0  # around a drawing, in its own units
+MARGIN = 10.0  # around a drawing, in SVG units
 _SANS = "system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif"
 _VIEW_BOX = re.compile(r'<svg[^>]*?viewBox="([\d.]+) ([\d.]+) ([\d.]+) ([\d.]+)"[^>]*?>')
 
 
 def named(section: Section) -> Iterator[tuple[str, Block]]:
-    """Its blocks in order, each drawing with the name of its file, everything else with none."""
+    """Blocks of a section in order, each drawing with its file name, others with an empty name."""
     count = 0
     for block in section.blocks:
         drawn = isinstance(block, Graphic) and bool(block.svg)
@@ -32,7 +32,7 @@ def named(section: Section) -> Iterator[tuple[str, Block]]:
 
 
 def write_drawings(folder: Path, report: Report) -> None:
-    """Leave them in `folder`/drawings, which belongs to the report: other SVG files there go."""
+    """Write the drawings into `folder`/drawings; delete all other SVG files there."""
     into = folder / FOLDER
     into.mkdir(exist_ok=True)
     kept = set[Path]()
@@ -46,9 +46,9 @@ def write_drawings(folder: Path, report: Report) -> None:
 
 
 def standing_alone(svg: str) -> str:
-    """A drawing of `plots` with size, colours and ground, as a file of its own.
+    """Drawing of `plots` with size, colours and background, as a separate file.
 
-    Raises ValueError for one without a viewBox.
+    Raises ValueError for a drawing without a viewBox.
     """
     head = _VIEW_BOX.search(svg)
     if head is None:

@@ -1,1 +1,1 @@
-"""Many episodes: which are wanted, on how many cores, and what they make together."""
+"""Runs of many episodes: selection, parallel execution and common results."""

@@ -1,4 +1,4 @@
-"""A run: which episodes are wanted, which are there already, and what is left behind."""
+"""Evaluation run: plays the missing episodes of a folder, and writes results and report."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
 
-_KEPT = ("relabelled",)  # of the file before: what scripts/relabel_agents.py noted
+_KEPT = ("relabelled",)  # keys kept from the former file; written by scripts/relabel_agents.py
 _LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
 
 
 @dataclass(frozen=True)
 class Run:
-    """What `helios eval` was asked for."""
+    """Request of one `helios eval` command."""
 
     benchmark: Benchmark
     agents: tuple[str, ...]
@@ -55,7 +55,7 @@ class Run:
     ray: str | None = None
 
     def specs(self) -> list[EpisodeSpec]:
-        """Home by home, so that a run that is cut short has compared its agents."""
+        """Episodes ordered by home, so that an interrupted run has compared its agents."""
         return [
             EpisodeSpec(
                 self.benchmark,
@@ -72,12 +72,12 @@ class Run:
 
 
 def run(asked: Run, console: Console) -> list[EpisodeRecord]:
-    """Play what is missing, then write results and report; the records of this run's episodes.
+    """Play the missing episodes, then write results and report; return the records of this run.
 
-    Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
-    where nothing can be played or written, UsageError for a file, InvalidInput for a folder that
-    holds something else or episodes that cannot be gone on with, Conflict for one into which
-    another run plays, and KeyboardInterrupt when it was interrupted.
+    Results and report are written however the run ends. Raises Unavailable if nothing can be played
+    or written, UsageError if the path is a file, InvalidInput for a folder with other content or
+    with episodes that this run cannot continue, Conflict while another run plays into it, and
+    KeyboardInterrupt after an interruption.
     """
     with run_folder.held(asked.out):
         return _run(asked, console)
@@ -116,9 +116,12 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
 
 
 def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[str, Any]) -> None:
-    """Raises InvalidInput where what is there was played in homes, or under noise, that have the
-    same name and other contents, or by an agent that ran with other settings. Another commit is no
-    hindrance: every episode knows its own. Nor is a setting that is new since then."""
+    """Check that a run can continue the episodes of a folder.
+
+    Raises InvalidInput if these were played in homes or under noise of the same name but other
+    content, or by an agent with other settings. Another commit is allowed, since every record names
+    its own; so is a setting added since then.
+    """
     for agent in {r.agent for r in there} & set(asked.agents):
         now, before = service_settings.ran_with(agent), former.get("ran_with", {}).get(agent, {})
         for name in sorted(now.keys() & before.keys()):
@@ -160,7 +163,7 @@ def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
 
 
 def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
-    """`run.json`: what was asked, of which program, on what."""
+    """Write `run.json`: the request, the commands, the program's version and the machine."""
     command = ["helios", *sys.argv[1:]]
     former = run_of(asked.out)
     before = [c for c in commands_of(former) if c != command]
@@ -202,6 +205,6 @@ def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generato
 
 
 def _keep(out: Path, kept: failure_snapshot.FailureSnapshot) -> None:
-    """For the first failures of each agent."""
+    """Save the snapshots of the first failures of each agent."""
     if len(failure_snapshot.all_of(out, kept.agent)) < failure_snapshot.MOST_KEPT:
         failure_snapshot.save(out, kept)

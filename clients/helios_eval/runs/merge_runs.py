@@ -1,8 +1,8 @@
-"""Several runs as one: their episodes, what was asked for, and the small form that is committed.
+"""Several runs as one: their episodes, their requests, and the packed form for committing.
 
-A committed episode is a line without beliefs and times by stage: those are nine tenths of it, and
-none of the paper's tables needs them. A folder of such lines is reported anew as any other, and a
-run into a copy of it goes on from there.
+A packed episode is a line without beliefs and stage times: those are nine tenths of it, and no
+table of the paper needs them. A folder of packed episodes can be reported like any other, and a run
+into a copy of it continues from there.
 """
 
 from __future__ import annotations
@@ -21,13 +21,16 @@ from helios_eval.episodes.episode_record import EPISODES, PACKED, EpisodeRecord,
 from helios_eval.report.requested_episodes import commands_of, orders_of
 from helios_eval.report.run_description import RUN, run_of
 
-# What may differ between two times that an episode was played.
+# Fields that may differ between two plays of an episode.
 _PASSING = {"wall_s", "step_ms", "stage_ms", "beliefs", "commit"}
 
 
 def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
-    """Of all folders, each once. Raises UsageError for one of several that holds none, and
-    InvalidInput where two say different things of one episode."""
+    """Episodes of all folders, each once.
+
+    Raises UsageError if one of several folders holds none, and InvalidInput if two folders differ
+    on an episode.
+    """
     found: dict[str, tuple[EpisodeRecord, Path]] = {}
     for folder in folders:
         there = read(folder)
@@ -47,7 +50,7 @@ def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
 
 
 def run(folders: Sequence[Path]) -> dict[str, Any]:
-    """`run.json` of all: of one folder its own; of several their commands, and what they share."""
+    """Common `run.json`: of one folder its own; of several their commands and shared facts."""
     runs = [run_of(folder) for folder in folders]
     if len(runs) == 1:
         return runs[0]
@@ -69,8 +72,10 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
 
 
 def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:
-    """Write the small form; the same episodes give the same bytes. Raises UsageError for the folder
-    of a run, whose own episodes would hide these."""
+    """Write the packed form; equal episodes give equal bytes.
+
+    Raises UsageError for the folder of a run, whose own episodes would hide these.
+    """
     if (folder / EPISODES).exists():
         raise UsageError(f"{folder} holds a run; give another folder with --out")
     folder.mkdir(parents=True, exist_ok=True)

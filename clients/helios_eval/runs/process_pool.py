@@ -1,7 +1,7 @@
-"""Episodes on many cores: one process each, and what one of them breaks stays with it.
+"""Pool of processes that play episodes; a crash of one affects its own episode only.
 
-Processes are spawned, not forked: a fork would carry OpenGL and threads along. Each has a pipe of
-its own, so that one that is killed while it writes leaves the others in peace.
+Processes are spawned, since a fork would copy OpenGL state and threads. Each has its own pipe, so
+that a process killed while writing does not disturb the others.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from helios_eval.episodes.worker import serve
 
 _PREFIX = "helios-eval-"
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # for temporary files
-ATTEMPTS = 2  # at an episode of which the process died
+ATTEMPTS = 2  # per episode whose process dies
 
-Outcome = tuple[EpisodeSpec, "Played | str"]  # a sentence where it could not be played
+Outcome = tuple[EpisodeSpec, "Played | str"]  # or the reason why it could not be played
 
 
 @dataclass(eq=False)
@@ -46,7 +46,7 @@ class _Worker:
         try:
             self.connection.send(spec)
         except OSError:
-            return  # it is dead: noticed when it is waited for
+            return  # `play_all` notices the dead process when it waits
 
     def kill(self) -> None:
         self.process.kill()
@@ -60,9 +60,9 @@ def play_all(
     commit: str,
     serve: Callable[[Connection, str, str], None] = serve,
 ) -> Generator[Outcome]:
-    """The outcome of every episode, in the order in which they end. serve: what a process does.
+    """Outcomes of all episodes, in the order in which they end. serve: main function of a process.
 
-    Closing the iterator kills what still runs. Raises Unavailable where nothing can be played.
+    Closing the iterator kills running processes. Raises Unavailable if nothing can be played.
     """
     _tidy_up()
     folder = tempfile.TemporaryDirectory(prefix=f"{_PREFIX}{os.getpid()}-", dir=_MEMORY)
@@ -115,16 +115,18 @@ def play_all(
 
 @contextmanager
 def _interrupts_put_off() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait; processes that are started meanwhile never get the former: this one
-    ends them."""
+    """Defer Ctrl-C and SIGTERM to the end of the block.
+
+    Processes started in the block inherit a blocked SIGINT: this process ends them.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[int] = []
-    resource_tracker.ensure_running()  # else the first start does it, and unblocks SIGINT after it
+    resource_tracker.ensure_running()  # otherwise the first start runs it, which unblocks SIGINT
     held = (signal.SIGINT, signal.SIGTERM)
     former = {number: signal.signal(number, lambda n, _: came.append(n)) for number in held}
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by processes
     try:
         yield
     finally:
@@ -136,7 +138,7 @@ def _interrupts_put_off() -> Iterator[None]:
 
 
 def _tidy_up() -> None:
-    """Take away what runs left that were killed."""
+    """Delete the temporary folders of runs that were killed."""
     for folder in Path(_MEMORY or tempfile.gettempdir()).glob(f"{_PREFIX}*-*"):
         pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
         if pid.isdecimal() and not psutil.pid_exists(int(pid)):

@@ -1,4 +1,4 @@
-"""How a run goes: a progress bar with running figures per agent, or plain lines."""
+"""Progress of a run: a bar with running statistics per agent, or plain lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from helios_eval.episodes.episode_spec import EpisodeSpec
 
 
 class Board:
-    """Fed with every record. A context manager while episodes are played."""
+    """Progress display that receives every record; a context manager while episodes are played."""
 
     def __init__(
         self,
@@ -27,7 +27,7 @@ class Board:
         specs: Sequence[EpisodeSpec],
         where: str,
     ) -> None:
-        """known: episodes of this run that are there already. where: as "2 at a time"."""
+        """known: episodes of this run that exist already. where: text such as "2 at a time"."""
         self._console, self._where, self._total = console, where, len(specs)
         self._known = len(known)
         self._records = {spec.agent: [] for spec in specs}
@@ -79,7 +79,7 @@ class Board:
         return f"SR {success:.0%}{picked} of {len(records)}"
 
     def _left(self) -> str:
-        """The time that is left, by the rate of this run."""
+        """Remaining time as text, from the rate of this run."""
         fresh = self.done - self._known
         if not fresh:
             return "time left unknown"
@@ -112,5 +112,5 @@ class Board:
 
 
 def _picks(records: Sequence[EpisodeRecord]) -> bool:
-    """Whether anything is to be picked in these episodes."""
+    """True if these episodes include picks."""
     return any(r.benchmark == "ovmm" for r in records)

@@ -1,4 +1,4 @@
-"""Episodes spread over a Ray cluster; every machine of it needs HELIOS installed."""
+"""Plays episodes on a Ray cluster; every machine of it needs HELIOS installed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOCAL = "local"
 
 
 def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> Generator[Outcome]:
-    """As `pool.play_all`. address: of a cluster, or "local" for one on this machine.
+    """Outcomes as from `process_pool.play_all`. address: a cluster, or "local" for this machine.
 
     Raises Unavailable without Ray, or without a cluster at the address.
     """
@@ -31,7 +31,7 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
         )
     except ImportError as error:
         raise Unavailable(f"Ray is missing ({error}); pip install 'helios-ovmm[ray]'") from error
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is told to others
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # sends no usage statistics
     try:
         with _sigterm_kept():
             ray.init(
@@ -41,9 +41,9 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
                 log_to_driver=False,
                 logging_level=logging.ERROR,
             )
-    except Exception as error:  # Ray has no error of its own for it
+    except Exception as error:  # Ray raises no specific exception here
         raise Unavailable(f"no Ray cluster at {address} ({error}); see `ray status`") from error
-    # A process that dies loses its episode alone, and Ray starts it again as often as the pool.
+    # A dead process loses only its own episode; Ray retries as often as `process_pool`.
     remote = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_played)
     try:
         running = {remote.remote(spec, commit): spec for spec in specs}
@@ -54,7 +54,7 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
                 came = ray.get(ended)
             except RayTaskError as error:
                 raise error.as_instanceof_cause() from error
-            except RayError as error:  # it crashed, took too much memory, its machine went away
+            except RayError as error:  # crash, out of memory, or lost machine
                 came = f"the process that played it died, {ATTEMPTS} times ({type(error).__name__})"
             yield spec, came
     finally:
@@ -63,7 +63,7 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
 
 @contextmanager
 def _sigterm_kept() -> Iterator[None]:
-    """Ray takes SIGTERM for itself, prints a stack and exits; whoever had it has it again."""
+    """Restore the SIGTERM handler that Ray replaces with one that prints a stack and exits."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,8 +1,7 @@
-"""From records to `results.json`: means with standard errors, by agent and limit of picks.
+"""Writer of `results.json`: means with standard errors, by agent and limit of picks.
 
-An episode in which more than N things were picked scores 0 in every score of the row for N picks;
-what it took (collisions, steps, seconds) is left as it was. So one run without a limit gives the
-rows for every limit.
+An episode with more than N picks scores 0 in every score of the row for N picks; collisions, steps
+and seconds stay unchanged. So one run without a limit gives the rows for every limit.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ Picks = int | str  # a limit, or UNLIMITED
 
 
 def picks_of(text: str) -> Picks:
-    """ "5" or "unlimited". Raises InvalidInput."""
+    """Limit from "5" or "unlimited". Raises InvalidInput."""
     if text == UNLIMITED:
         return UNLIMITED
     if text.isdecimal() and int(text) > 0:
@@ -38,13 +37,16 @@ def picks_of(text: str) -> Picks:
 
 
 def picks_in(run: Mapping[str, Any]) -> list[Picks]:
-    """The limits of what `run.json` tells; no limit alone where it tells none."""
+    """Limits in `run.json`; "unlimited" alone if it has none."""
     return [picks_of(str(p)) for p in run.get("picks") or [UNLIMITED]]
 
 
 def rows(records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> list[dict[str, Any]]:
-    """The entries of `results.json`, one per benchmark, agent, semantics, preset, noise, settings
-    and limit of picks; object navigation picks nothing and has one row."""
+    """Entries of `results.json`, one per arm and limit of picks.
+
+    An arm is a benchmark, agent, semantics, preset, noise and settings. Object navigation picks
+    nothing and has one row.
+    """
     groups: dict[str, list[EpisodeRecord]] = {}
     for record in records:
         groups.setdefault(_group(record), []).append(record)
@@ -69,7 +71,7 @@ def rows(records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> list[dict[
 
 
 def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[str, float | None]]:
-    """name -> mean, standard error of the mean (None for a single episode), number of episodes.
+    """Metric name -> mean, its standard error (None for a single episode), number of episodes.
 
     All records are of one benchmark.
     """
@@ -78,12 +80,12 @@ def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[st
 
 
 def write(folder: Path, records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> None:
-    """`results.json`, whole or not at all."""
+    """Write `results.json` atomically."""
     write_file(folder / RESULTS, json.dumps(rows(records, picks), indent=1) + "\n")
 
 
 def _group(record: EpisodeRecord) -> str:
-    """The key without the seed."""
+    """Key of the record without its seed."""
     return record.model_copy(update={"seed": 0}).key
 
 

@@ -1,1 +1,1 @@
-"""Programs of their own that measure one thing each; `docs/` says when to run which."""
+"""Stand-alone programs that each measure one property; `docs/` says when to run which."""

@@ -1,13 +1,14 @@
-"""A camera at its own rate through a detector process: what is dropped, how old an answer is.
+"""Study of a detector process fed by a camera at its own rate: dropped frames, age of replies.
 
     python -m helios_eval.studies.camera_rate /work/shared/data/redkitchen \
         --detector onnx:/work/shared/models/yolox_nano.onnx --name mug \
         --at 1.80,0.715,0.80 --at 1.655,-0.265,0.785
 
-Starts a router and a detector and is the camera itself. First a stream: most frames may be dropped
-for a newer one, one a second is a keyframe. Then every frame as a keyframe, each sent when the last
-was answered: how far the middle of a thing's mask lies, in depth, from the thing's true centre.
-Exit status 1 when an answer was older or a mask was off more often than the limits allow.
+Starts a router and a detector, and acts as the camera. First it streams: most frames may be dropped
+for a newer one, and one per second is a keyframe. Then it sends every frame as a keyframe, each
+after the reply to the last, and compares the median depth of an object's mask with the depth of the
+object's true centre. Exit status 1 if a reply was older, or a mask was off more often, than the
+limits allow.
 """
 
 from __future__ import annotations
@@ -42,25 +43,25 @@ from helios_eval.service_under_test import ServiceProcess
 ANSWER_WITHIN_S = 20.0
 AGAIN_S = 2.0
 KEYFRAME_PERIOD_S = 1.0
-NEAR_BOX_PX = 8  # registration of colour and depth, and the box, may be off by as much
+NEAR_BOX_PX = 8  # tolerance for the box, and for the registration of colour and depth
 MARGIN_PX = 10  # a centre nearer to the image's edge is not in view
 SETTLE_S = 1.0
 
 
 @dataclass(frozen=True)
 class Rate:
-    """What became of a stream."""
+    """Statistics of one stream."""
 
     sent: int
     answered: int
-    median_ms: float  # from sending a frame to having its answer
+    median_ms: float  # from sending a frame to its reply
     p95_ms: float
     oldest_ms: float
-    older: int  # answers above the limit
+    older: int  # replies above the limit
     keyframes: int
     keyframes_answered_once: int
     detector_cores: float  # processor time of the detector per second
-    load: float  # of the whole machine, processes that wanted a core
+    load: float  # 1-minute load average of the machine
 
     @property
     def dropped_share(self) -> float:
@@ -69,12 +70,12 @@ class Rate:
 
 @dataclass(frozen=True)
 class Middles:
-    """How the masks of one true thing lie in depth."""
+    """Agreement in depth of the masks with one true object."""
 
     at_m: tuple[float, float, float]  # its centre, world
-    in_view: int  # frames
-    found: int  # of them, with a detection on its centre
-    within: int  # of these, with the mask's middle near its depth
+    in_view: int  # frames with the centre in view
+    found: int  # of these, with a detection on the centre
+    within: int  # of these, with the mask's median depth near the true one
 
     @property
     def share(self) -> float:
@@ -89,7 +90,7 @@ def rate_of(
     limit_ms: float,
     cores: float,
 ) -> Rate:
-    """From the instants at which frames were sent and answered, by their numbers."""
+    """Statistics of a stream from the times (s) of its frames and replies, by frame number."""
     ages_ms = np.array([(answered_s[n] - at) * 1e3 for n, at in sent_s.items() if n in answered_s])
     if not ages_ms.size:
         raise Unavailable("no frame of the stream was answered; look at the detector's log")
@@ -103,7 +104,7 @@ def rate_of(
 def middles_of(
     observations: Sequence[Observation], name: str, center_m: NDArray[np.float64], near_m: float
 ) -> Middles:
-    """One thing against the masks of its class; `center_m` [3] in the world."""
+    """Agreement of the masks of a class with one object; `center_m` [3] in the world."""
     in_view = found = within = 0
     for seen in observations:
         frame = seen.frame
@@ -130,7 +131,7 @@ def middles_of(
 
 
 class Camera:
-    """Sends frames and notes when they are answered. Times are monotonic seconds."""
+    """Camera that sends frames and records the times of their replies (monotonic seconds)."""
 
     def __init__(self, bus: Bus, frames: list[pb.Frame]) -> None:
         self._bus, self._frames, self.number = bus, frames, 0
@@ -144,7 +145,7 @@ class Camera:
         bus.subscribe(OBSERVATION, self._on_observation)
 
     def stream(self, hz: float, seconds: float) -> None:
-        """At the rate, whatever the detector does; the first frame of each second is a keyframe."""
+        """Send frames at a fixed rate; the first frame of each second is a keyframe."""
         every = max(1, round(hz * KEYFRAME_PERIOD_S))
         began = time.monotonic()
         for n in range(round(hz * seconds)):
@@ -152,7 +153,10 @@ class Camera:
             self._send(self._frames[n % len(self._frames)], keyframe=n % every == 0)
 
     def meet(self, frame: pb.Frame) -> None:
-        """Until the detector hears this camera: what is sent before that is lost."""
+        """Send keyframes until the detector replies; earlier frames are lost.
+
+        Raises Unavailable.
+        """
         deadline = time.monotonic() + ANSWER_WITHIN_S
         while not self._answered(self._send(frame, keyframe=True), AGAIN_S):
             if time.monotonic() > deadline:
@@ -160,7 +164,7 @@ class Camera:
         self.keyframes.clear()
 
     def answer_to(self, frame: pb.Frame) -> pb.Observation:
-        """The frame as a keyframe, and what the detector makes of it. Raises Unavailable."""
+        """Send the frame as a keyframe; return the detector's observation. Raises Unavailable."""
         number = self._send(frame, keyframe=True)
         if not self._answered(number, ANSWER_WITHIN_S) or self.last is None:
             raise Unavailable(f"keyframe {number} was not answered in {ANSWER_WITHIN_S:g} s")
@@ -191,7 +195,7 @@ class Camera:
 
 
 def measure(given: argparse.Namespace) -> tuple[Rate, list[Middles]]:
-    """Raises HeliosError: the data set, the model or an answer is missing."""
+    """Run the study. Raises HeliosError if the data set, the model or a reply is missing."""
     frames = dataset_frames(given.dataset)
     context = SearchContext("camera-rate", (SearchClass(given.name, Role.OBJECT, given.threshold),))
     use_cores(given.cores)
@@ -226,13 +230,13 @@ def _stream(camera: Camera, detector: psutil.Process, given: argparse.Namespace)
 
 
 def use_cores(most: int) -> None:
-    """For this process and its children; 0: all. Linux only."""
+    """Limit this process and its children to `most` cores; 0: all. Linux only."""
     if most and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:most])
 
 
 def dataset_frames(folder: Path) -> list[pb.Frame]:
-    """All images of a folder, as a camera sends them."""
+    """All images of a folder as frames of a camera."""
     data = read_dataset(folder)
     out = []
     for index, image in enumerate(data.images):

@@ -1,16 +1,17 @@
-"""Which way of weighing evidence tells true things from false ones, over the same frames.
+"""Study of evidence rules: how well each separates true from false objects on the same frames.
 
     python -m helios_eval.studies.evidence_rules --out runs/map-study --seed0 100 --homes 40 \\
         --arm helios-paper --arm helios --arm "helios named_from=0.25 size_agreement=on"
 
-`helios-paper` searches each home once without ever picking. What its noisy detector said goes into
-one object map for each arm: an agent, with its settings and those that are given. At the end each
-arm says which thing it would pick, by its agent's rule, and what it believes of the furniture.
+`helios-paper` searches each home once without picking. The observations of its noisy detector go
+into one object map per arm: an agent, with its settings and the given ones. At the end each arm
+selects the object that it would pick, by its agent's rule, and states its beliefs about the
+receptacles.
 
-Prints a row for each arm. "Picks": homes in which the chosen thing is one that the task means (in
-brackets: homes won and lost beside the first arm), another, or none. "Best": homes in which the
-highest Psi of the furniture is on a true piece. "AUROC": the chance that a true instance has a
-higher Psi than a false one, over all homes. Leaves the same in `study.json`.
+Prints one row per arm. "Picks": homes in which the selected object is one that the task means (in
+brackets: homes won and lost against the first arm), another, or none. "Best": homes in which the
+highest Psi of the receptacles is on a true one. "AUROC": the probability that a true instance has a
+higher Psi than a false one, over all homes. Writes the same to `study.json`.
 """
 
 from __future__ import annotations
@@ -42,34 +43,34 @@ from helios_eval.episodes.episode_record import Belief
 from helios_eval.studies.recorded_walk import Walk, believed, walk
 
 ROLES = ("object", "start", "goal")
-RULES = {"helios-paper": paper, "helios": patient}  # agents that have a map of their own
+RULES = {"helios-paper": paper, "helios": patient}  # agents with map settings of their own
 
 
 @dataclass(frozen=True)
 class Arm:
-    """One way of weighing, by the name that it was given."""
+    """Agent and settings under test, by the name given on the command line."""
 
     name: str
     map: ObjectMapSettings
-    thresholds: Mapping[Role, float]  # of the detector
-    least: float  # class score of what may be picked
-    by_place: bool  # Psi counts times the place's; otherwise what is in its place comes first
+    thresholds: Mapping[Role, float]  # detector thresholds
+    least: float  # least class score for a pick
+    by_place: bool  # Psi times location probability; else location first, then Psi
 
 
 @dataclass
 class Outcome:
-    """What one arm made of the walks so far."""
+    """Results of one arm over the walks so far."""
 
-    picks: list[bool | None] = field(default_factory=list)  # by home; None: nothing to pick
+    picks: list[bool | None] = field(default_factory=list)  # correct or not, by home; None: no pick
     beliefs: list[list[Belief]] = field(default_factory=list)
 
     def best(self, role: str) -> int:
-        """Homes in which the highest score of a role is a true one's."""
+        """Number of homes in which the highest score of a role belongs to a true instance."""
         of_role = ([b for b in home if b.role == role] for home in self.beliefs)
         return sum(max(home, key=lambda b: b.score).correct for home in of_role if home)
 
     def auroc(self, role: str) -> float:
-        """NaN where there are only true ones, or only false ones."""
+        """AUROC of the scores of a role; NaN without both true and false instances."""
         of_role = [b for home in self.beliefs for b in home if b.role == role]
         score = np.array([b.score for b in of_role])
         truth = np.array([b.correct for b in of_role], bool)
@@ -77,7 +78,7 @@ class Outcome:
 
 
 def arm_of(text: str) -> Arm:
-    """`"helios size_agreement=on"`: an agent, and settings that differ. Raises UsageError."""
+    """Arm from `"helios size_agreement=on"`: an agent and changed settings. Raises UsageError."""
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise UsageError(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
@@ -96,7 +97,7 @@ def arm_of(text: str) -> Arm:
 
 
 def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None:
-    """Whether what the arm would pick in the end is what the task means; None: it knows of none."""
+    """True if the arm would pick an object that the task means; None if it knows no candidate."""
     starts = [o for o in known if normalised(o.class_name) == normalised(walked.start)]
     things = [
         o for o in known
@@ -112,7 +113,7 @@ def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None
 
 
 def tell(walked: Walk, arms: Sequence[Arm], found: Mapping[str, Outcome]) -> None:
-    """Add one walk to what every arm found."""
+    """Add the results of one walk to the outcome of every arm."""
     roles: dict[str, BeliefRole] = {walked.goal: "goal", walked.start: "start"}
     roles[walked.object] = "object"
     for arm in arms:
@@ -122,7 +123,7 @@ def tell(walked: Walk, arms: Sequence[Arm], found: Mapping[str, Outcome]) -> Non
 
 
 def row(outcome: Outcome, first: Outcome) -> dict[str, float]:
-    """The figures of an arm, beside the first one."""
+    """Statistics of an arm, compared with the first arm."""
     pairs = list(zip(outcome.picks, first.picks, strict=True))
     return {
         "homes": len(pairs),
@@ -138,7 +139,7 @@ def row(outcome: Outcome, first: Outcome) -> dict[str, float]:
 
 
 def table(rows: Mapping[str, Mapping[str, float]]) -> str:
-    """Markdown."""
+    """Markdown table of all arms."""
     lines = [
         "| | homes | picks: right, wrong, none | best start, goal | AUROC: object, start, goal |",
         "|---|--:|--:|--:|--:|",
@@ -172,7 +173,7 @@ def _arguments() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     given = _arguments().parse_args(arguments)
-    numba.set_num_threads(1)  # threads that wait for each other beside a renderer take far longer
+    numba.set_num_threads(1)  # threads that wait for each other are far slower beside a renderer
     rows: dict[str, dict[str, float]] = {}
     try:
         arms = [arm_of(text) for text in given.arms or ("helios-paper", "helios")]

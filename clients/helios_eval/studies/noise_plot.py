@@ -1,10 +1,10 @@
-"""A picture of a noise table: what the simulated detector makes of each class.
+"""Plot of a noise table: the simulated detector's errors on each class.
 
     python -m helios_eval.studies.noise_plot ovmm-v1 --out noise.png
 
-Left: how often each class is missed at four sizes and taken for another. Middle: which class is
-taken for which. Right: scores of true, confused and false detections, sampled, with the paper's
-thresholds; the miss rate by visible pixels; how alike draws of two views are, by their angle.
+Left: miss rate of each class at four sizes, and its confusion rate. Middle: which class is reported
+as which. Right: sampled scores of true, confused and false detections, with the paper's thresholds;
+miss rate by visible pixels; correlation of the draws of two views, by their angle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from helios_detector.simulation.view_noise_table import Kind, ViewTable
 
 mpl.use("Agg")
 
-THRESHOLDS = {"object": 0.25, "start": 0.35, "goal": 0.45}  # of the paper's Table 3
+THRESHOLDS = {"object": 0.25, "start": 0.35, "goal": 0.45}  # Table 3 of the paper
 SIZES_PX = (100, 350, 1400, 10000)
 COLORS: dict[Kind, str] = {"true": "#1b6e3c", "confused": "#cb5a2c", "false": "#777777"}
 DISTANCE_M = 2.5
@@ -31,7 +31,7 @@ SAMPLES = 4000
 
 
 def view_table(name_or_path: str) -> ViewTable:
-    """Raises InvalidInput for a table of the other format."""
+    """Noise table of the format "views". Raises InvalidInput for another format."""
     table = load_noise(name_or_path)
     if not isinstance(table, ViewTable):
         raise InvalidInput(f'{name_or_path!r} has no format = "views"; name a table like ovmm-v1')
@@ -39,7 +39,7 @@ def view_table(name_or_path: str) -> ViewTable:
 
 
 def alike(table: ViewTable) -> np.ndarray:
-    """[12] mean correlation of draws of one thing in two frames, by sectors between the views."""
+    """Mean correlation [12] of draws for one object in two frames, by sectors between the views."""
     keys = np.array([key_of(str(n)) for n in range(SAMPLES)], np.uint64)
     purpose = keys_of(("miss",))
 
@@ -56,10 +56,10 @@ def alike(table: ViewTable) -> np.ndarray:
 
 
 def draw(table: ViewTable, path: Path) -> None:
-    """Write the picture."""
+    """Write the plot."""
     from matplotlib import pyplot as plt
 
-    names = list(table.rows)  # look-alikes stand together in the file
+    names = list(table.rows)  # similar classes are adjacent in the file
     figure = plt.figure(figsize=(25, 18), dpi=90, layout="constrained")
     grid = figure.add_gridspec(1, 3, width_ratios=(6, 12, 6))
     left, middle, right = (figure.add_subfigure(grid[0, k]) for k in range(3))

@@ -1,12 +1,12 @@
-"""How severe the detector's noise must be: the paper's loss, on the trusting agent alone.
+"""Fit of the detector's noise to the paper's loss, on the trusting agent alone.
 
     python -m helios_eval.studies.noise_severity --table ovmm-v1 --factors 1:1:1,2:1:0.6 --out DIR
 
-The paper's Table 4 has the trusting agent at FindObj 57.5 and Pick 56.5 with ground-truth semantics
-(%), and Table 1 at 21.9 and 19.3 with a real detector: it keeps 0.38 and 0.34 of them. This plays
-the same episodes with ground-truth semantics and with the table's scales times each three factors
-(on wrong names, false things and misses) and says what is kept. HELIOS does not run
-here: a table that was chosen by what is good for it would prove nothing.
+In the paper the trusting agent has FindObj 57.5 and Pick 56.5 (%) with ground-truth semantics
+(Table 4), and 21.9 and 19.3 with a real detector (Table 1): it keeps 0.38 and 0.34 of them. This
+program plays the same episodes with ground-truth semantics and with the table's scales times each
+three factors (on wrong names, false objects and misses), and prints the kept shares. HELIOS does
+not run here, so that the table cannot be chosen in its favour.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ WANTED = {"find_object": 21.9 / 57.5, "pick": 19.3 / 56.5}
 
 @dataclass(frozen=True)
 class Factors:
-    """On the scales of a table."""
+    """Factors on the scales of a noise table."""
 
-    names: float  # wrong and second ones
+    names: float  # wrong and second names
     false: float
     miss: float
 
     @classmethod
     def of(cls, text: str) -> Factors:
-        """From "2:1:0.6". Raises InvalidInput for anything else."""
+        """Factors from text like "2:1:0.6". Raises InvalidInput for anything else."""
         try:
             names, false, miss = map(float, text.split(":"))
         except ValueError:
@@ -61,7 +61,7 @@ class Factors:
 
 @dataclass(frozen=True)
 class Kept:
-    """Share of the ground-truth result that is left, with a 95 % interval."""
+    """Share of the ground-truth result that remains under noise, with a 95 % interval."""
 
     metric: str
     factors: str
@@ -75,7 +75,10 @@ class Kept:
 def kept(
     metric: str, factors: str, truth: Sequence[bool], noisy: Sequence[bool], seed: int = 0
 ) -> Kept:
-    """Of the same episodes in the same order; the interval is a bootstrap over episodes."""
+    """Kept share over the same episodes in the same order.
+
+    The interval is a bootstrap over episodes.
+    """
     pairs = np.array([truth, noisy], float)
     rng = np.random.default_rng(seed)
     drawn = pairs[:, rng.integers(0, pairs.shape[1], (2000, pairs.shape[1]))].mean(-1)
@@ -87,7 +90,7 @@ def kept(
 
 
 def scaled_table(text: str, factors: Factors) -> str:
-    """The table's text with its scales times the factors. Raises InvalidInput where it has none."""
+    """Text of the table with its scales multiplied. Raises InvalidInput if a scale is missing."""
     f = factors
     for name, by in (
         ("confuse", f.names), ("second", f.names), ("false", f.false), ("miss", f.miss),
@@ -102,7 +105,7 @@ def scaled_table(text: str, factors: Factors) -> str:
 def play(
     asked: argparse.Namespace, noise: Noise | None, out: Path, console: Console
 ) -> list[EpisodeRecord]:
-    """The trusting agent's episodes into `out`; noise None: with ground-truth semantics."""
+    """Play the trusting agent's episodes into `out`; noise None: ground-truth semantics."""
     console.print(f"[bold]{out.name}[/]")
     return run(
         Run(
@@ -114,7 +117,7 @@ def play(
 
 
 def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
-    """Play what is missing; figures by factors."""
+    """Play the missing episodes; return the kept shares of all factors."""
     shipped = resources.files("helios_detector").joinpath("noise_tables", f"{asked.table}.toml")
     text = shipped.read_text(encoding="utf-8")
     truth = play(asked, None, asked.out / "ground-truth", console)
@@ -133,7 +136,7 @@ def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
 
 
 def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -> None:
-    """Print a row for each figure: shares of episodes and what is kept of them, 0 to 1."""
+    """Print a row per metric and factors: shares of episodes, and the kept share, 0 to 1."""
     table = Table("factors", "metric", "ground truth", "noisy", "kept", "95 %", "wanted")
     for k in found:
         table.add_row(

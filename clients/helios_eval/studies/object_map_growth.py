@@ -1,11 +1,11 @@
-"""How the object map grows: cost per frame, objects only against the full scene, hours of frames.
+"""Study of the object map's growth: cost per frame, objects only or full scene, long runs.
 
     python -m helios_eval.studies.object_map_growth --out runs/growth
 
-`cost` maps 2,000 frames of homes that the map has not seen and draws the time of an update against
+`cost` maps 2,000 frames of homes that are new to the map, and plots the time of an update against
 the Gaussians mapped. `scene` is Figure 4 of the paper: one episode with objects only and with every
 pixel modelled. `hours` sends eight hours of frames (one every 4 s) through the object map's process
-and draws its memory. Leaves `growth.json` and a picture of each. Exit status 1 when the memory of
+and plots its memory. Writes `growth.json` and a chart of each. Exit status 1 if the memory of
 `hours` still grows at the end.
 """
 
@@ -60,7 +60,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     given = parsed(arguments)
-    numba.set_num_threads(1)  # so that processor time is what one core takes
+    numba.set_num_threads(1)  # so that CPU time is the time on one core
 
     @functools.cache
     def walks() -> tuple[Walk, ...]:

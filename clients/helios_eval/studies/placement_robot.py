@@ -1,4 +1,4 @@
-"""A robot in a simulated world of this thread, with the 2D map alone: no bus, no detector."""
+"""A robot in a simulated world on this thread, with the 2D map alone: no bus, no detector."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_STEPS = 150
 
 
 class Unheard:
-    """Nobody listens to a placement."""
+    """Listener that ignores all events."""
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
     def on_decision(self, decision: Decision) -> None: ...
@@ -31,7 +31,10 @@ class Unheard:
 
 
 class WorldBody(RobotInterface):
-    """See the module. told: what stands there."""
+    """Robot in a simulated world; see the module.
+
+    objects_in_world: the content of its object map.
+    """
 
     listener = Unheard()
 

@@ -1,13 +1,13 @@
-"""Two rules of placing against each other: the same thing, furniture and start, on true physics.
+"""Comparison of two placement rules: the same object, receptacle and start, simulated physics.
 
     python -m helios_eval.studies.placement_rules --count 200 --out runs/placements
 
-The robot begins near a piece of furniture with a thing before it on the floor, picks it up, turns
-to the furniture, and places it by each rule (`place_rule` of the planner), each in a fresh world.
-The 2D map, the base and the skill are those of the services; where the furniture is, is told. A
-placement succeeds as in the benchmark: the thing comes to rest on furniture of that class.
+The robot starts near a receptacle with an object before it on the floor, picks it up, turns to the
+receptacle, and places it by each rule (`place_rule` of the planner), each in a fresh world. 2D map,
+base and skill are those of the services; the location of the receptacle is given. A placement
+succeeds as in the benchmark: the object comes to rest on a receptacle of that class.
 
-Seeds are homes; each gives up to `--per-home` placements. What is in the folder is not run again.
+Seeds are homes; each gives up to `--per-home` placements. Results in the folder are not run again.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from helios_eval.report.interval_statistics import paired_difference, sign_test,
 from helios_eval.studies.placement_robot import WorldBody
 
 RULES: tuple[PlaceRule, ...] = ("paper", "flat")
-LAST_SEED = 999  # later ones are of published results
-BEFORE_M = 0.5  # the thing lies so far ahead of the robot
-AWAY_M = (0.5, 1.2)  # of the start from the furniture's outline
+LAST_SEED = 999  # later seeds belong to published results
+BEFORE_M = 0.5  # distance of the object ahead of the robot
+AWAY_M = (0.5, 1.2)  # distance of the start from the receptacle's outline
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What one rule is asked to do."""
+    """Task for both rules."""
 
     seed: int
     thing: str
@@ -62,7 +62,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a trial by one rule."""
+    """Result of a trial with one rule."""
 
     seed: int
     receptacle: str
@@ -76,7 +76,7 @@ class Outcome:
 
 
 def as_instance(item: Receptacle) -> ObjectInstance:
-    """Furniture as the object map would tell it, without error."""
+    """Receptacle as an error-free instance of the object map."""
     c, s = math.cos(item.yaw_rad), math.sin(item.yaw_rad)
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     corners = signs * np.array(item.size_m[:2]) / 2 @ np.array([[c, s], [-s, c]])
@@ -90,7 +90,7 @@ def as_instance(item: Receptacle) -> ObjectInstance:
 
 
 def trials(kind: str, seed0: int, per_home: int) -> Iterator[Trial]:
-    """Placements of one home after the other, from `seed0` on."""
+    """Trials of one home after the other, from `seed0` on."""
     for seed in range(seed0, LAST_SEED + 1):
         home, rng = home_of(kind, seed), np.random.default_rng([seed, 0x91ACE])
         free, origin_m = reachable(home, 0.4)
@@ -113,7 +113,7 @@ def _start_near(
     origin_m: tuple[float, float],
     rng: np.random.Generator,
 ) -> tuple[float, float, float] | None:
-    """A place near furniture, turned to where a thing can lie on the floor."""
+    """Pose near a receptacle with free floor ahead for an object; None if there is none."""
     cells = np.argwhere(free)
     xy = (cells[:, ::-1] + 0.5) * 0.05 + origin_m
     hull = outline_of(item).astype(np.float32).reshape(-1, 1, 2)
@@ -130,7 +130,7 @@ def _start_near(
 
 
 def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
-    """One placement by one rule; None where the thing could not be picked up to begin with."""
+    """Result of one placement by one rule; None if the object could not be picked up first."""
     home = home_of(kind, trial.seed)
     item = home.receptacle(trial.receptacle)
     world = World(*_prepared(home, trial, item))
@@ -160,7 +160,7 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
 
 
 def _prepared(home: Home, trial: Trial, item: Receptacle) -> tuple[Home, Episode]:
-    """The home with the robot at its start, the thing before it, and the task of bringing it."""
+    """Home with the robot at its start and the object before it, and the task to bring it."""
     x, y, yaw = trial.start
     thing = next(t for t in home.objects if t.name == trial.thing)
     lies = (x + BEFORE_M * math.cos(yaw), y + BEFORE_M * math.sin(yaw), thing.size_m[2] / 2 + 0.01)
@@ -172,7 +172,7 @@ def _prepared(home: Home, trial: Trial, item: Receptacle) -> tuple[Home, Episode
 
 
 def _hold(world: World, body: WorldBody, thing: str) -> bool:
-    """Look at the thing and pick it up."""
+    """Look at the object and pick it up; True on success."""
     base = BaseController(body, Settings())
     x, y, z = (float(v) for v in world.position_m(thing))
     pose = body.pose()
@@ -193,7 +193,7 @@ def _how(tries: Sequence[PlaceTried]) -> str:
 
 
 def report(outcomes: Sequence[Outcome]) -> str:
-    """Both rules and their difference over the trials that both have done, as Markdown."""
+    """Markdown table of both rules and their difference, over the trials that both have done."""
     by_rule = {rule: {(o.seed, o.receptacle): o for o in outcomes if o.rule == rule}
                for rule in RULES}  # fmt: skip
     both = [key for key in by_rule[RULES[0]] if key in by_rule[RULES[1]]]
@@ -220,7 +220,7 @@ def report(outcomes: Sequence[Outcome]) -> str:
 
 
 def run(kind: str, seed0: int, count: int, per_home: int, folder: Path) -> str:
-    """Play what is missing; the report of all."""
+    """Play the missing trials; return the report on all."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "placements.jsonl"
     text = path.read_text() if path.exists() else ""

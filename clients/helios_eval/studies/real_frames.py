@@ -1,4 +1,4 @@
-"""What the object map believes of posed real frames, under several settings, view after view.
+"""Study of the object map on posed real frames, under several settings, frame by frame.
 
     python -m helios_eval.studies.real_frames ../shared/data/redkitchen --out runs/kitchen \\
         --detector onnx:../shared/models/yolox_nano.onnx \\
@@ -7,15 +7,15 @@
         --place "mug A=cup@1.80,0.715,0.80" --place "mug B=cup@1.655,-0.265,0.785" \\
         --with size_agreement=on --with "prior_classes=8 size_agreement=on"
 
-The detector is asked once; its detections go into one map with the default settings, and into one
-for each `--with`. A map takes no more frames once it is full (`max_gaussians`).
+The detector runs once; its detections go into one map with the default settings, and into one for
+each `--with`. A full map (`max_gaussians`) takes no more frames.
 
 Prints Psi at the end and, in brackets, the highest at any frame: of the instance at each place, and
-of the best one of each class that is at none of the places. Leaves the same for every frame in
-`beliefs.json`, with probabilities and centres, and two pictures. `psi.png` has Psi of the things at
-the places over the frames (if no place is given, of the best one of each class that was believed at
-some frame), and dotted the probability of each class that claims such a thing besides its own.
-`gaussians.png` has the number of Gaussians of all maps.
+of the best one of each class that is at none of the places. Writes the same for every frame to
+`beliefs.json`, with probabilities and centres, and two charts. `psi.png` shows Psi of the objects
+at the places over the frames (without places, of the best instance of each class that was accepted
+at some frame), and dotted the probability of each other class that claims such an object.
+`gaussians.png` shows the number of Gaussians of all maps.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ DEFAULT = "default"
 
 
 def table(found: dict[str, EpisodeProgress]) -> str:
-    """Markdown: a row for each arm, a column for each place and class."""
+    """Markdown table: a row per arm, a column per place and class."""
     names = names_in(found)
     lines = [f"| | {' | '.join(names)} |", "|---|" + "--:|" * len(names)]
     for arm, course in found.items():
@@ -56,7 +56,7 @@ def table(found: dict[str, EpisodeProgress]) -> str:
 
 
 def figures(found: dict[str, EpisodeProgress]) -> dict:
-    """For JSON: all of each map, a list with one entry a frame for each figure."""
+    """Content of `beliefs.json`: for each map, lists with one entry per frame."""
     return {
         arm: {
             "frames": c.frames,
@@ -72,7 +72,7 @@ def figures(found: dict[str, EpisodeProgress]) -> dict:
 
 
 def place(text: str) -> Place:
-    """`"mug A=cup@1.8,0.7,0.8"`."""
+    """Place from text like `"mug A=cup@1.8,0.7,0.8"`."""
     name, _, rest = text.partition("=")
     class_name, _, numbers = rest.partition("@")
     try:
@@ -85,7 +85,7 @@ def place(text: str) -> Place:
 
 
 def arms_of(given: Sequence[str]) -> dict[str, ObjectMapSettings]:
-    """The default settings, and those of each text like `"size_agreement=on prior_classes=4"`."""
+    """Default settings, and those of each text like `"size_agreement=on prior_classes=4"`."""
     arms = {DEFAULT: ObjectMapSettings()}
     for text in given:
         chosen = service_settings.parsed(f"objectmap.{part}" for part in text.split())
@@ -94,7 +94,10 @@ def arms_of(given: Sequence[str]) -> dict[str, ObjectMapSettings]:
 
 
 def context_of(classes: str, thresholds: str, receptacles: str) -> SearchContext:
-    """Receptacles among the classes are joined over wider voxels. Raises UsageError."""
+    """Search context of the classes; receptacles are joined over wider voxels.
+
+    Raises UsageError.
+    """
     context = watch_list(classes, thresholds)
     wide = {name.strip() for name in receptacles.split(",") if name.strip()}
     if unknown := sorted(wide - {c.name for c in context.classes}):

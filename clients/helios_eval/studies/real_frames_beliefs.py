@@ -1,4 +1,4 @@
-"""How the belief of object maps goes over posed real frames, each map with settings of its own."""
+"""Beliefs of object maps over posed real frames, each map with settings of its own."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.rgbd_folder import Dataset, read_image
 from numpy.typing import NDArray
 
-NEAR_M = 0.15  # an instance whose centre is this near to a place is the thing there
+NEAR_M = 0.15  # an instance with its centre this near to a place is the object there
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a thing is, or is said to be."""
+    """True or assumed location of an object."""
 
     name: str
     class_name: str
@@ -27,43 +27,43 @@ class Place:
 
 @dataclass(frozen=True)
 class Seen:
-    """What is believed of one thing after one frame."""
+    """Belief about one object after one frame."""
 
     class_name: str
     psi: float
-    probabilities: dict[str, float]  # class -> mean over its Gaussians, "other" too
+    probabilities: dict[str, float]  # class -> mean over its Gaussians, with "other"
     center_m: tuple[float, ...]  # [3] world
 
 
 @dataclass
 class EpisodeProgress:
-    """How one map went; the lists have one entry a frame."""
+    """State of one map over the frames; lists have one entry per frame."""
 
-    frames: list[int] = field(default_factory=list)  # their numbers in the data set
+    frames: list[int] = field(default_factory=list)  # frame numbers in the data set
     gaussians: list[int] = field(default_factory=list)
-    seen: list[dict[str, Seen]] = field(default_factory=list)  # of a place or a class elsewhere
-    is_full: bool = False  # the last frame made more Gaussians than it may have
+    seen: list[dict[str, Seen]] = field(default_factory=list)  # by place, or by class elsewhere
+    is_full: bool = False  # the last frame created more Gaussians than the limit
 
     def ended(self, name: str) -> float:
-        """Psi after the last frame, 0 if there is no such thing."""
+        """Psi after the last frame; 0 without such an object."""
         return self.seen[-1][name].psi if name in self.seen[-1] else 0.0
 
     def highest(self, name: str) -> float:
-        """Psi at its best, 0 if there was no such thing."""
+        """Highest Psi at any frame; 0 without such an object."""
         return max((row[name].psi for row in self.seen if name in row), default=0.0)
 
     def title(self, arm: str) -> str:
-        """Of the map with some settings."""
+        """Title of the map of an arm."""
         return f"{arm} (full at frame {self.frames[-1]})" if self.is_full else arm
 
 
 def names_in(found: dict[str, EpisodeProgress]) -> list[str]:
-    """All things that some map had at some frame, in order."""
+    """Names of all objects that some map had at some frame, sorted."""
     return sorted({name for course in found.values() for row in course.seen for name in row})
 
 
 def frames_of(data: Dataset) -> Iterator[Frame]:
-    """All images, as keyframes of a robot whose base is at the origin."""
+    """All images as keyframes of a robot whose base is at the origin."""
     for index, image in enumerate(data.images):
         color, depth_m = read_image(data, index)
         number = int(image.color_path.stem)
@@ -80,7 +80,7 @@ def courses(
     places: Sequence[Place],
     arms: dict[str, ObjectMapSettings],
 ) -> dict[str, EpisodeProgress]:
-    """Each arm's map after each frame; one that is full takes no more. Raises HeliosError."""
+    """State of each arm's map over the frames; a full map takes no more. Raises HeliosError."""
     maps = {name: ObjectMap(chosen) for name, chosen in arms.items()}
     out = {name: EpisodeProgress() for name in arms}
     for frame in frames_of(data):
@@ -91,7 +91,7 @@ def courses(
                 continue
             size = len(built)
             report = built.update(Observation(frame, context.id, found, {}, "detector"), context)
-            size += report.created - report.carved  # before the limit took its share
+            size += report.created - report.carved  # before removal down to the limit
             course.frames.append(frame.id.seq)
             course.gaussians.append(size)
             course.seen.append(_believed(built, places))
@@ -100,7 +100,7 @@ def courses(
 
 
 def _believed(built: ObjectMap, places: Sequence[Place]) -> dict[str, Seen]:
-    """The best of each place and of each class elsewhere, by Psi; those that there are."""
+    """Best instance by Psi at each place, and of each class elsewhere."""
     best: dict[str, Seen] = {}
     for o in built.objects():
         alike = [p for p in places if p.class_name == o.class_name]

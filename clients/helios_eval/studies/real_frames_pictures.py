@@ -1,4 +1,4 @@
-"""Pictures of courses: what is believed of things, and the number of Gaussians, over the frames."""
+"""Charts of the beliefs about objects, and of the number of Gaussians, over the frames."""
 
 from __future__ import annotations
 
@@ -15,29 +15,31 @@ from numpy.typing import NDArray
 
 from helios_eval.studies.real_frames_beliefs import EpisodeProgress, names_in
 
-BELIEVED = 0.5  # the planner's threshold of Psi
-CLAIMED = 2.0  # a class this much likelier than one that nobody named has been named
-WIDE = 5.0  # numbers of Gaussians that differ by more than this are drawn by their logarithm
+BELIEVED = 0.5  # the planner's acceptance threshold for Psi
+CLAIMED = 2.0  # times the probability of an undetected class, from which a class claims an object
+WIDE = 5.0  # numbers of Gaussians that differ by more than this factor get a log scale
 COLORS = ("#117755", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9", "#444b54")
-STYLES = ("-", ":", "-.", (0, (4, 1)), (0, (1, 3)))  # Psi first, then classes that claim a thing
+STYLES = ("-", ":", "-.", (0, (4, 1)), (0, (1, 3)))  # Psi first, then rival classes
 GREY = "#6b7280"
 WIDTH_IN, DPI = 9.0, 110
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a picture."""
+    """One line of a chart."""
 
-    thing: str  # curves of one thing have one colour
+    thing: str  # curves of one object share a colour
     label: str
     frames: NDArray[np.int64]  # [n]
-    values: NDArray[np.float64]  # [n] NaN where there is no such thing
-    rival: int = 0  # 0 for Psi, from 1 on for probabilities of other classes than its own
+    values: NDArray[np.float64]  # [n] NaN where there is no such object
+    rival: int = 0  # 0 for Psi; from 1 on for probabilities of rival classes
 
 
 def drawn(found: dict[str, EpisodeProgress], named: Sequence[str]) -> list[str]:
-    """The things that are drawn: those that were named; without names those that were believed at
-    some frame, or all if none was."""
+    """Names of the objects to draw.
+
+    With `named` these; otherwise those accepted at some frame, or all if none was.
+    """
     names = names_in(found)
     if named:
         return [name for name in named if name in names]
@@ -47,7 +49,7 @@ def drawn(found: dict[str, EpisodeProgress], named: Sequence[str]) -> list[str]:
 
 
 def belief_curves(course: EpisodeProgress, things: Sequence[str]) -> list[Curve]:
-    """Psi of each thing, and the mean probability of each class that claims it, too."""
+    """Psi of each object, and the mean probability of each rival class."""
     out, frames = [], np.array(course.frames)
     for thing in things:
         rows = [row.get(thing) for row in course.seen]
@@ -65,11 +67,11 @@ def belief_curves(course: EpisodeProgress, things: Sequence[str]) -> list[Curve]
 
 
 def rivals_of(course: EpisodeProgress, thing: str) -> list[str]:
-    """The classes that claim a thing besides its own, in order.
+    """Rival classes of an object, sorted: classes besides its own that claim it.
 
-    A class that nobody named at a thing is as likely as any other such one, so what is at some
-    frame `CLAIMED` times as likely as the least likely one was named there. It takes two other
-    classes to tell.
+    Classes that were never detected at an object are equally likely there. A class that at some
+    frame is more than `CLAIMED` times as likely as the least likely one was thus detected there.
+    This takes at least two other classes.
     """
     rivals: set[str] = set()
     for seen in (row[thing] for row in course.seen if thing in row):
@@ -82,7 +84,7 @@ def rivals_of(course: EpisodeProgress, thing: str) -> list[str]:
 
 
 def count_curves(found: dict[str, EpisodeProgress]) -> list[Curve]:
-    """Thousand Gaussians of each map."""
+    """Thousands of Gaussians of each map."""
     return [
         Curve(arm, c.title(arm), np.array(c.frames), np.array(c.gaussians) / 1e3)
         for arm, c in found.items()
@@ -90,7 +92,7 @@ def count_curves(found: dict[str, EpisodeProgress]) -> list[Curve]:
 
 
 def draw_beliefs(found: dict[str, EpisodeProgress], named: Sequence[str], path: Path) -> None:
-    """One panel for each map."""
+    """Draw the beliefs, one panel per map."""
     things = drawn(found, named)
     colors = {thing: COLORS[i % len(COLORS)] for i, thing in enumerate(things)}
     panels = len(found)
@@ -115,7 +117,7 @@ def draw_beliefs(found: dict[str, EpisodeProgress], named: Sequence[str], path: 
 
 
 def draw_counts(found: dict[str, EpisodeProgress], path: Path) -> None:
-    """All maps in one panel."""
+    """Draw the numbers of Gaussians of all maps in one panel."""
     figure = Figure(figsize=(WIDTH_IN, 3.6), dpi=DPI, layout="constrained")
     axis = figure.subplots()
     curves = count_curves(found)

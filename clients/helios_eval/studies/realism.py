@@ -1,12 +1,12 @@
-"""How real the simulator looks to a detector that was trained on real pictures.
+"""Study of the simulator's realism: objects that a detector trained on real images recognises.
 
     python -m helios_eval.studies.realism --detector onnx:/work/shared/models/yolox_nano.onnx \
         --seeds 0-9 --out runs/realism
 
-Every thing of every home is looked at from two distances, by the robot's camera, once in parametric
-and once in realistic furniture. A thing that nothing hides is recognised when a detection of its
-name covers its box (IoU of at least 0.5). Writes `realism.json`, `realism.md` (the table), pictures
-and, with realistic furniture, `attributions.md`.
+The robot's camera views every object of every home from two distances, once with parametric and
+once with realistic furniture. An unoccluded object is recognised if a detection of its name covers
+its box (IoU of at least 0.5). Writes `realism.json`, `realism.md` (the table), pictures and, with
+realistic furniture, `attributions.md`.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from helios_eval.studies.realism_judging import (
 )
 from helios_eval.studies.realism_views import NotedDressing, ObserverCamera
 
-LEAST_PX = 400  # smaller things are not judged
-LEAST_OPEN_BOX, LEAST_OPEN_PIXELS = 0.75, 0.35  # nor those that something else, or the edge, hides
+LEAST_PX = 400  # smaller objects are not judged
+LEAST_OPEN_BOX, LEAST_OPEN_PIXELS = 0.75, 0.35  # nor are occluded or cut-off ones
 
 
 def judge_homes(
@@ -55,7 +55,7 @@ def judge_homes(
     keep: Callable[[Judged], None],
     say: Callable[[str], None],
 ) -> dict[str, frozenset[str]]:
-    """Every view of every home, given to `keep`; the names that are right for each class."""
+    """Pass every judged view of every home to `keep`; return the correct names of each class."""
     preset = PRESETS[given.preset]
     catalog = CATALOGS[preset.catalog]
     classes = sorted({*catalog.receptacles, *catalog.fixtures, *catalog.objects})
@@ -96,7 +96,7 @@ def _credits(models: Iterable[Model]) -> str:
     by_licence: dict[str, dict[str, set[str]]] = {}
     for model in models:
         by_author = by_licence.setdefault(model.licence, {})
-        for part in model.key.split("+"):  # several in one
+        for part in model.key.split("+"):  # one model may join several
             by_author.setdefault(model.author, set()).add(part.rpartition("/")[2])
     lines = []
     for licence, authors in sorted(by_licence.items()):
@@ -117,7 +117,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _measure(given: argparse.Namespace) -> None:
     if given.furniture != PARAMETRIC:
-        realistic()  # says at once what to bake
+        realistic()  # raises at once if nothing is baked
     detector = open_detector(given.detector, DetectorOptions(threads=given.threads))
     detector.warm_up()
     from helios_eval.studies.realism_pictures import Album, chart  # matplotlib takes a second

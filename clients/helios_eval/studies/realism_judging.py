@@ -1,4 +1,4 @@
-"""Was a thing of a simulated home recognised? Held against its box; counted by class and looks."""
+"""Judgement of detections on objects of a simulated home, counted by class and looks."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from helios_detector.vocabulary_matching import accepts, neighbours, normalised
 from helios_eval.studies.realism_views import Thing, View, iou
 
 COVERS_IOU = 0.5
-NOWHERE_IOU = 0.3  # a detection that covers less of every thing is of nothing there
+NOWHERE_IOU = 0.3  # a detection with less on every object is false
 PARAMETRIC, REALISTIC = "parametric", "realistic"
 
 
 @dataclass(frozen=True)
 class Sight:
-    """What the detector made of one thing in one picture."""
+    """Result of the detector for one object in one image."""
 
     looks: str  # parametric or realistic
     class_name: str
-    found: str  # the detector's name for it; empty: nothing covers it
-    score: float  # of that detection
+    found: str  # the detector's name for it; empty if no detection covers it
+    score: float  # score of that detection
     recognised: bool
 
 
 @dataclass(frozen=True)
 class Row:
-    """One class in one kind of looks."""
+    """Counts of one class in one kind of looks."""
 
     seen: int
     recognised: int
@@ -38,7 +38,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Judged:
-    """A view with what was found in it."""
+    """View with its detections and their judgement."""
 
     view: View
     looks: str
@@ -47,7 +47,7 @@ class Judged:
 
     @property
     def of_nothing(self) -> int:
-        """Detections where nothing stands."""
+        """Number of detections that cover no object."""
         boxes = [t.box_xyxy for t in self.view.things]
         return sum(
             all(iou(d.box_xyxy, box) < NOWHERE_IOU for box in boxes) for d in self.detections
@@ -55,9 +55,9 @@ class Judged:
 
 
 def names_for(class_name: str, vocabulary: Iterable[str] | None) -> frozenset[str]:
-    """The detector's names that are right for a class of the simulator; empty: it knows none.
+    """Names of the detector that are correct for a simulator class; empty if it knows none.
 
-    Its own name and synonyms; only where there are none, wider or neighbouring kinds.
+    The class's own name and synonyms; wider or neighbouring kinds only if there are none.
     """
     if vocabulary is None:
         return frozenset({class_name})
@@ -69,7 +69,7 @@ def names_for(class_name: str, vocabulary: Iterable[str] | None) -> frozenset[st
 def judged(
     thing: Thing, looks: str, detections: Iterable[Detection], right: frozenset[str]
 ) -> Sight:
-    """The best detection of a right name that covers the thing, else the best of a wrong one."""
+    """Judgement by the best covering detection: of a correct name, else of a wrong one."""
     over = [d for d in detections if iou(d.box_xyxy, thing.box_xyxy) >= COVERS_IOU]
     over.sort(key=lambda d: (d.class_name in right, d.score), reverse=True)
     if not over:
@@ -79,7 +79,7 @@ def judged(
 
 
 def rows_of(sights: Iterable[Sight]) -> dict[tuple[str, str], Row]:
-    """(class, looks) -> what became of it."""
+    """Counts by (class, looks)."""
     groups: dict[tuple[str, str], list[Sight]] = {}
     for sight in sights:
         groups.setdefault((sight.class_name, sight.looks), []).append(sight)
@@ -94,7 +94,7 @@ def rows_of(sights: Iterable[Sight]) -> dict[tuple[str, str], Row]:
 
 
 def table(rows: Mapping[tuple[str, str], Row], right: Mapping[str, frozenset[str]]) -> str:
-    """Markdown; most recognised first."""
+    """Markdown table, most recognised classes first."""
     names = sorted({name for name, _ in rows})
 
     def share(name: str, looks: str) -> float:

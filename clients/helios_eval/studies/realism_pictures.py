@@ -1,4 +1,4 @@
-"""Pictures of what a detector recognises in simulated homes: a chart of the classes, two sheets."""
+"""Pictures of the realism study: a chart of the classes, and a sheet per kind of looks."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ RIGHT_RGB, WRONG_RGB = (70, 220, 100), (255, 120, 90)
 TILES_EACH = 6
 TILE_PX = (480, 360)  # width, height
 JPEG_QUALITY = 88
-LEAST_SEEN = 5  # in either kind of looks, for a bar
+LEAST_SEEN = 5  # least number of views for a bar
 
 
 class Album:
-    """Keeps the view of each home, in each kind of looks, in which the most things are judged."""
+    """For each home and kind of looks, the view with the most judged objects."""
 
     def __init__(self) -> None:
         self._best: dict[str, dict[int, Judged]] = {}
 
     def add(self, judged: Judged) -> None:
-        """Keep it if it shows more than the one kept before."""
+        """Keep the view if it has more judged objects than the one kept before."""
         seed = judged.view.frame.id.world_epoch
         kept = self._best.setdefault(judged.looks, {})
         if seed not in kept or len(judged.sights) > len(kept[seed].sights):
             kept[seed] = judged
 
     def write(self, folder: Path) -> list[Model]:
-        """`realism-<looks>.jpg` each; the baked models that they show."""
+        """Write `realism-<looks>.jpg` for each kind of looks; return the baked models they show."""
         shown: dict[str, Model] = {}
         for looks, kept in self._best.items():
             chosen = [kept[seed] for seed in sorted(kept)][:TILES_EACH]
@@ -55,7 +55,7 @@ class Album:
 
 
 def drawn(judged: Judged, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """The picture with every judged thing's box: green where it is recognised, else red."""
+    """Image with the box of every judged object: green if it is recognised, else red."""
     color = judged.view.frame.color
     out = cv2.resize(color, size_px, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
     scale = size_px[0] / color.shape[1]
@@ -77,7 +77,7 @@ def _label(picture: NDArray[np.uint8], text: str, x: int, y: int, rgb: tuple[int
 
 
 def chart(rows: Mapping[tuple[str, str], Row], detector: str, path: Path) -> None:
-    """Share of views recognised by class, both kinds of looks beside each other."""
+    """Draw the share of recognised views by class, for both kinds of looks."""
     from matplotlib import pyplot as plt
 
     kinds = [k for k in COLORS if any(looks == k for _, looks in rows)]

@@ -1,7 +1,7 @@
-"""Views of a simulated home for a detector of real pictures: what a robot's camera would see of
-each thing from two distances, and the truth of every pixel.
+"""Views of a simulated home for a detector trained on real images.
 
-The pictures are those of the robot's own camera (same lens, same painter), without its noise.
+They show each object from two distances, with ground truth for every pixel. Lens and renderer are
+those of the robot's own camera, without its noise.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half open
 
 @dataclass(frozen=True)
 class Thing:
-    """One instance as it is seen in a picture."""
+    """One instance as seen in an image."""
 
     name: str
     class_name: str
     box_xyxy: Box
     pixels: int
-    open_box: float  # IoU of its box with that of its outline, as if nothing stood before it
-    open_pixels: float  # its pixels, of the hull of that outline; both are 0 where it is cut off
-    model: Model | None  # the baked model whose looks it has; None: parametric
+    open_box: float  # IoU of its box with the box of its unoccluded outline
+    open_pixels: float  # visible pixels / hull of that outline; both 0 if cut off
+    model: Model | None  # the baked model of its looks; None: parametric
 
 
 @dataclass(frozen=True)
 class View:
-    """A picture and what is in it, largest first."""
+    """Image and the objects in it, largest first."""
 
     frame: Frame
     things: tuple[Thing, ...]
@@ -56,7 +56,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class NotedDressing(Dressing):
-    """A dressing that knows afterwards which model a shape was made of."""
+    """Dressing that records the model of each shape."""
 
     _made: list[tuple[object, Model]] = field(default_factory=list, repr=False)
 
@@ -68,12 +68,12 @@ class NotedDressing(Dressing):
         return shape
 
     def model_of(self, shape: Shape) -> Model | None:
-        """None: the shape is parametric."""
+        """Model of a shape; None if the shape is parametric."""
         return next((model for visuals, model in self._made if visuals is shape.visuals), None)
 
 
 class ObserverCamera:
-    """Renders one home from anywhere. Holds a GL context: close it."""
+    """Camera that renders one home from anywhere. Holds a GL context: close it."""
 
     def __init__(self, home: Home, dressing: NotedDressing | None) -> None:
         self.home, self._pinhole, self._number = home, pinhole(), 0
@@ -99,7 +99,7 @@ class ObserverCamera:
         self._painter.close()
 
     def look(self, from_xy: tuple[float, float], at_m: tuple[float, float, float]) -> View:
-        """From the height of a robot's camera at a point of the world."""
+        """View of a world point from the height of a robot's camera."""
         x, y = from_xy
         T = looking(np.array([x, y, CAMERA_HEIGHT_M]), np.array(at_m))
         self._model.cam_pos[self._camera] = T[:3, 3]
@@ -120,7 +120,7 @@ class ObserverCamera:
         for body in np.unique(bodies):
             name = self._model.body(int(body)).name
             if name not in self._models:
-                continue  # a wall, the floor
+                continue  # wall or floor
             rows, columns = np.nonzero(bodies == body)
             box = int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1
             class_name, model = self.home.class_of(name), self._models[name]
@@ -138,7 +138,7 @@ class ObserverCamera:
         return iou(box, free), pixels / max(area, 1.0)
 
     def views(self, classes: Collection[str]) -> Iterator[View]:
-        """Of each thing of these classes from two distances, as far as there is room to stand."""
+        """Views of each object of these classes from two distances, where there is free floor."""
         free, origin = self.home.free_space(self.home.preset.robot_radius_m, CELL_M)
         rows, columns = np.nonzero(free)
         x, y = origin[0] + (columns + 0.5) * CELL_M, origin[1] + (rows + 0.5) * CELL_M
@@ -175,9 +175,9 @@ def iou(a: Box, b: Box) -> float:
 def outline_of(
     points_m: NDArray[np.float64], camera: Pinhole, T_world_cam: Matrix
 ) -> tuple[Box, float] | None:
-    """(box, area in pixels of the convex hull) of projected points [n, 3] of the world.
+    """Box, and area of the convex hull (pixels), of projected world points [n, 3].
 
-    None where one is beside or behind the picture.
+    None if a point is outside the image or behind the camera.
     """
     uv, z = project(points_m, camera, T_world_cam)
     if (z < NEAREST_M).any() or (uv < 0).any() or (uv > [camera.width, camera.height]).any():
@@ -188,7 +188,10 @@ def outline_of(
 
 
 def looking(eye_m: NDArray[np.float64], at_m: NDArray[np.float64]) -> Matrix:
-    """T_world_cam [4, 4] (OpenCV) of a camera without roll; the two points do not coincide."""
+    """T_world_cam [4, 4] (OpenCV) of a camera at `eye_m` that looks at `at_m` without roll.
+
+    The two points must differ.
+    """
     ahead = (at_m - eye_m) / np.linalg.norm(at_m - eye_m)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)

@@ -1,4 +1,4 @@
-"""A walk through a home with a noisy detector, recorded once and told to any number of maps."""
+"""A walk through a home with a noisy detector, recorded once for any number of maps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from helios_eval.episodes.episode_player import running_stack
 from helios_eval.episodes.episode_record import Setting
 from helios_eval.studies.map_growth.observation_log import Seen, by_helios, recorded
 
-# Nothing is ever sure enough to be picked, so that the whole home is searched once.
+# No candidate reaches these thresholds, so the whole home is searched once.
 _ONLY_LOOKS: Mapping[str, Setting] = {
     "planner.tau_g": 5.0,
     "planner.pick_at_last": 1.0,
@@ -30,7 +30,7 @@ THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Walk:
-    """What was seen, what was asked for, and what is truly there."""
+    """Observations of a walk, its task, and the true objects of the home."""
 
     seed: int
     object: str
@@ -44,9 +44,9 @@ class Walk:
 def walk(
     preset: str, seed: int, max_steps: int, stride_px: int, thresholds: Mapping[Role, float]
 ) -> Walk:
-    """The task of a seed, searched by `helios-paper` without ever picking.
+    """Walk of `helios-paper` with the task of a seed, without picking.
 
-    thresholds: of the detector. Frames are kept on the pixels that a map with that stride takes.
+    thresholds: of the detector. Frames are reduced to the pixels that a map with that stride uses.
     Raises HeliosError.
     """
     settings = {**_ONLY_LOOKS, **{THRESHOLDS[role]: least for role, least in thresholds.items()}}
@@ -66,10 +66,10 @@ def walk(
 def believed(
     seen: Sequence[Seen], settings: ObjectMapSettings, thresholds: Mapping[Role, float]
 ) -> tuple[ObjectInstance, ...]:
-    """All instances at the end, of a map that was told all of it.
+    """Instances of a map after all observations.
 
-    settings: with the stride of the recording already applied. thresholds: of the detector; what it
-    said below them is left out.
+    settings: with the stride of the recording already applied. thresholds: of the detector;
+    detections below them are left out.
     """
     known = ObjectMap(settings)
     for one in seen:

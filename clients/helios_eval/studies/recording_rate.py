@@ -1,10 +1,10 @@
-"""A camera at its own rate into a recording, with everything else going on: what is lost?
+"""Study of a recording with a camera at its own rate and all services active: lost frames.
 
     python -m helios_eval.studies.recording_rate /work/shared/data/redkitchen \
         --detector onnx:/work/shared/models/yolox_nano.onnx --name mug
 
-Starts a router, detector, both maps and the recorder, and is the camera itself: a stream, of which
-one frame a second is a keyframe. Then it reads the file. Exit status 1 when a frame is missing.
+Starts a router, detector, both maps and the recorder, and acts as the camera: a stream with one
+keyframe per second. Then it reads the file. Exit status 1 if a frame is missing.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ STREAM, KEYFRAMES = "/bridge/frame", "/bridge/keyframe"
 
 @dataclass(frozen=True)
 class Recorded:
-    """What became of a stream."""
+    """Result of one stream."""
 
     hz: float
     sent: int
-    recorded: int  # of them, in the file
+    recorded: int  # frames of the stream in the file
     keyframes: int
     keyframes_recorded: int
-    dropped: dict[str, float]  # as the recorder counts
+    dropped: dict[str, float]  # counters of the recorder
     mb: float
     recorder_cores: float  # processor time of the recorder per second
-    messages: dict[str, int]  # in the file, by channel
+    messages: dict[str, int]  # messages in the file by channel
 
     @property
     def whole(self) -> bool:
@@ -59,7 +59,7 @@ class Recorded:
 
 
 def measure(given: argparse.Namespace) -> Recorded:
-    """Raises HeliosError: the data set, the model or a service is missing."""
+    """Run the study. Raises HeliosError if the data set, the model or a service is missing."""
     frames = dataset_frames(given.dataset)
     context = SearchContext("recording-rate", (SearchClass(given.name, Role.OBJECT, 0.25),))
     use_cores(given.cores)
@@ -105,7 +105,7 @@ def measure(given: argparse.Namespace) -> Recorded:
 
 
 def _counted(said: Sequence[pb.ServiceStatus]) -> dict[str, float]:
-    """What the recorder counts, of its second status from now: then all of the stream is in it."""
+    """Counters of the recorder in its second status from now, which covers the whole stream."""
     until, deadline = len(said) + 2, time.monotonic() + SAID_WITHIN_S
     while len(said) < until:
         if time.monotonic() > deadline:
@@ -116,7 +116,7 @@ def _counted(said: Sequence[pb.ServiceStatus]) -> dict[str, float]:
 
 
 def _in_file(file: Path) -> tuple[dict[str, set[int]], dict[str, int]]:
-    """Numbers of the frames in a recording by channel, and how many messages each channel has."""
+    """Frame numbers in a recording by channel, and the number of messages by channel."""
     numbers: dict[str, set[int]] = {STREAM: set(), KEYFRAMES: set()}
     messages: Counter[str] = Counter()
     with file.open("rb") as stream:

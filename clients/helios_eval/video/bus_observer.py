@@ -1,4 +1,4 @@
-"""Listens to the bus and tells what it shows, once for every new keyframe."""
+"""Bus observer that collects the content of video frames, one per keyframe."""
 
 from __future__ import annotations
 
@@ -34,22 +34,24 @@ from helios_core.types import RobotState
 from helios_eval.video.frame_content import Pose2, Scene
 
 CALL_S = 60.0
-GLIDE_M = 0.35  # a longer move gets a frame for each of these
+GLIDE_M = 0.35  # a longer move gets frames in between
 GLIDE_RAD = math.radians(35)
 MOST_GLIDES = 4
 MOST_STORY, MOST_DECISIONS = 20, 5
 
 
 class Watcher:
-    """Keeps the newest of everything. For a bus in lockstep: when the robot's state is told, every
-    map holds what was seen."""
+    """Observer of the newest message of every topic.
+
+    For a bus in lockstep: when the robot's state arrives, every map holds the last keyframe.
+    """
 
     def __init__(self, bus: Bus, title: str, on_scene: Callable[[Scene], None]) -> None:
-        """on_scene: called on the thread that told the robot's state."""
+        """on_scene: called on the thread that publishes the robot's state."""
         self._bus, self._on_scene = bus, on_scene
         self._lock = threading.Lock()
         self._scene = Scene(title=title)
-        self._seq = 0  # of the keyframe that was shown last
+        self._seq = 0  # number of the keyframe shown last
         self._kept: list[Registration] = [
             bus.subscribe(CONTEXT, self._on_context),
             bus.subscribe(TASK, self._on_task),
@@ -64,7 +66,7 @@ class Watcher:
             registration.close()
 
     def now(self) -> Scene:
-        """What the services know at this moment. Raises what they raise."""
+        """Scene with the current objects and map of the services. Raises their errors."""
         reply = self._bus.call(OBJECTS, pb.ObjectsRequest(), CALL_S)
         objects = tuple(object_from_proto(o) for o in reply.objects)
         snapshot = self._bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True), CALL_S)
@@ -73,7 +75,7 @@ class Watcher:
             self._scene = replace(self._scene, objects=objects, map=view)
             return self._scene
 
-    # --- what comes in --------------------------------------------------------------------------
+    # --- handlers ---------------------------------------------------------------------------------
     def _on_context(self, message: pb.SearchContext) -> None:
         context = context_from_proto(message)
         self._change(roles={c.name: str(c.role) for c in context.classes})
@@ -110,7 +112,7 @@ class Watcher:
 
 
 def glides(before: Scene | None, after: Scene) -> list[Scene]:
-    """Frames between two moments of a longer move: the robot is on its way, nothing new is seen."""
+    """Scenes between two moments of a longer move, in which only the robot's pose changes."""
     if before is None or before.robot is None or after.robot is None:
         return []
     (x0, y0, yaw0), (x1, y1, yaw1) = before.robot, after.robot

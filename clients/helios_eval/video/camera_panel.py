@@ -1,4 +1,4 @@
-"""The robot's picture with what was detected in it."""
+"""The robot's image with its detections."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MASK_SHARE = 0.38
 
 
 def camera_picture(scene: Scene, width: int, height: int) -> Picture:
-    """RGB [height, width, 3]: the whole picture, as large as fits, on a dark ground."""
+    """RGB [height, width, 3]: the whole image, as large as fits, on a dark background."""
     out = np.full((height, width, 3), INK, np.uint8)
     if scene.color is None:
         sheet = Sheet(out)
@@ -47,7 +47,7 @@ def camera_picture(scene: Scene, width: int, height: int) -> Picture:
 def _tinted_by_masks(scene: Scene) -> Picture:
     assert scene.color is not None
     out = scene.color.astype(np.float32)
-    # Largest first, so that a mug is not painted over by its table.
+    # Largest first, so that a table does not cover the mug on it.
     for detection in sorted(scene.detections, key=lambda d: -int(d.mask.sum())):
         if detection.mask.shape == out.shape[:2]:
             color = np.array(scene.color_of(detection.class_name), np.float32)

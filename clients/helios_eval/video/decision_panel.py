@@ -1,4 +1,4 @@
-"""The last decisions: which rule, why, and the candidates with their terms as a table."""
+"""Panel of the last decisions: rule, reason, and a table of the candidates with their terms."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from helios_core import proto as pb
 
 from helios_eval.video.drawing import BLUE, INK, MUTED, WHITE, Picture, Sheet, cut, tinted
 
-# Terms in the order of their worth to a reader, with what they are called in the table.
+# Terms in order of importance, with their titles in the table.
 TERMS = {
     "score": "Ψ",
     "class_score": "S",
@@ -25,13 +25,13 @@ KIND = {"object": "thing", "receptacle": "place", "frontier": "frontier", "gaze"
 MOST_COLUMNS = 5
 ROW_PX = 25
 MOST_ROWS = 16
-LEAST_PX = 150  # for an older decision
+LEAST_PX = 150  # least height of an older decision
 COLUMN_PX = 47
 MARK_PX = 18
 
 
 def decisions_picture(decisions: Sequence[pb.Decision], width: int, height: int) -> Picture:
-    """RGB [height, width, 3]: the newest decision (the last one), and older ones below it."""
+    """RGB [height, width, 3]: the newest decision (last in the list) on top, older ones below."""
     sheet = Sheet.blank(width, height, WHITE)
     if not decisions:
         sheet.text(0, 12, "no decision yet", width, 13, MUTED)
@@ -49,7 +49,7 @@ def decisions_picture(decisions: Sequence[pb.Decision], width: int, height: int)
 def _block(
     sheet: Sheet, top: float, width: int, bottom: float, decision: pb.Decision, newest: bool
 ) -> float:
-    """One decision from `top` downwards; returns where it ends."""
+    """Draw one decision from `top` downwards; return its lower end."""
     sheet.text(width, top + 10, f"#{decision.index + 1}", 80, 12, MUTED, align="r")
     sheet.text(0, top + 10, _sentence(decision.rule), width - 90, 15 if newest else 13,
                INK if newest else MUTED, bold=True)  # fmt: skip
@@ -68,8 +68,10 @@ def _block(
 def columns_of(
     candidates: Sequence[pb.Candidate], settings: Container[str] = frozenset()
 ) -> list[str]:
-    """At most five terms worth showing; the total, by which is chosen, is the last. What is the
-    same for all stands among the rule's settings."""
+    """At most five terms to show; `total`, which decides, is the last.
+
+    Terms among the rule's settings are left out, since they are equal for all candidates.
+    """
     known = {name for c in candidates for name in c.terms if name not in settings}
     order = [name for name in TERMS if name in known]
     order += sorted(known - TERMS.keys())
@@ -82,17 +84,17 @@ def columns_of(
 
 
 def rows_of(candidates: Sequence[pb.Candidate], most: int) -> list[pb.Candidate]:
-    """The best by total; the chosen one is always among them."""
+    """The best candidates by total; the chosen one is always among them."""
     ranked = sorted(candidates, key=lambda c: (not c.chosen, -_ranked(c.terms.get("total"))))
     shown = ranked[: max(1, most)]
     return sorted(shown, key=lambda c: -_ranked(c.terms.get("total")))
 
 
 def _table(sheet: Sheet, top: float, width: int, most: int, decision: pb.Decision) -> float:
-    """The candidates in at most so many lines below a head; returns where it ends."""
+    """Draw the candidates in at most `most` lines below a header; return the lower end."""
     candidates = decision.candidates
     if len(candidates) > most > 1:
-        most -= 1  # for the line that tells how many more
+        most -= 1  # for the line with the number of further candidates
     rows, columns = rows_of(candidates, most), columns_of(candidates, decision.settings)
     deciding = "total" if "total" in columns else columns[0] if columns else ""
     left = width - COLUMN_PX * len(columns)
@@ -134,7 +136,7 @@ def _row(
 
 
 def number(value: float) -> str:
-    """At most five signs for any number of ordinary size."""
+    """Text of at most five characters for a number of ordinary size."""
     if not math.isfinite(value):
         return "–" if math.isnan(value) else ("∞" if value > 0 else "−∞")
     size = abs(value)

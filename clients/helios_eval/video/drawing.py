@@ -1,4 +1,4 @@
-"""Text and shapes on a picture. Text never leaves the width it is given."""
+"""Text and shapes on an image. Text never exceeds its given width."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MUTED: Rgb = (107, 116, 130)
 LINE: Rgb = (221, 225, 232)
 PAPER: Rgb = (244, 245, 248)
 WHITE: Rgb = (255, 255, 255)
-# Okabe and Ito: told apart with any colour vision.
+# Palette of Okabe and Ito, safe for colour-blind viewers.
 BLUE: Rgb = (0, 114, 178)
 ORANGE: Rgb = (213, 94, 0)
 GREEN: Rgb = (0, 140, 103)
@@ -27,35 +27,35 @@ AMBER: Rgb = (230, 159, 0)
 PURPLE: Rgb = (150, 82, 140)
 RED: Rgb = (190, 40, 40)
 
-MOST_LETTERS = 600  # of any text; more can never be seen
+MOST_LETTERS = 600  # limit for any text; more is never visible
 ELLIPSIS = "…"
 
 
 @cache
 def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, which comes with matplotlib: the same picture on every machine."""
+    """DejaVu Sans from matplotlib: the same picture on every machine."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     path = Path(mpl.get_data_path()) / "fonts" / "ttf" / name
     return ImageFont.truetype(str(path), size, layout_engine=ImageFont.Layout.BASIC)
 
 
 def clean(text: str) -> str:
-    """One line without control, direction and private characters, not endlessly long."""
+    """One line of limited length, without control, direction and private characters."""
     kept = (
         " " if unicodedata.category(c)[0] in "ZC" else c
         for c in text[: 4 * MOST_LETTERS]
-        if unicodedata.category(c) != "Mn"  # marks that pile up on one letter
+        if unicodedata.category(c) != "Mn"  # combining marks, which can pile up on one letter
     )  # fmt: skip
     return " ".join("".join(kept).split())[:MOST_LETTERS]
 
 
 def width_of(text: str, size: int, bold: bool = False) -> float:
-    """Pixels that a cleaned text takes."""
+    """Width (pixels) of a cleaned text."""
     return font(size, bold).getlength(text)
 
 
 def cut(text: str, most_px: float, size: int, bold: bool = False) -> str:
-    """The text, or as much of its beginning as fits with an ellipsis; maybe empty."""
+    """The text, or its longest beginning that fits with an ellipsis; may be empty."""
     text = clean(text)
     if width_of(text, size, bold) <= most_px:
         return text
@@ -70,7 +70,7 @@ def cut(text: str, most_px: float, size: int, bold: bool = False) -> str:
 
 
 def wrapped(text: str, most_px: float, size: int, lines: int) -> list[str]:
-    """At most so many lines; the last is cut where the text goes on."""
+    """At most `lines` lines; the last is cut if the text is longer."""
     words = clean(text).split(" ")
     out: list[str] = []
     while words and len(out) < lines - 1:
@@ -85,7 +85,7 @@ def wrapped(text: str, most_px: float, size: int, lines: int) -> list[str]:
 
 
 class Sheet:
-    """A picture that is drawn on. Positions are pixels from the upper left corner."""
+    """Picture to draw on. Positions are pixels from the upper left corner."""
 
     def __init__(self, pixels: Picture) -> None:
         self.image = Image.fromarray(np.ascontiguousarray(pixels))
@@ -103,7 +103,7 @@ class Sheet:
         self, x: float, y: float, text: str, most_px: float, size: int = 14, color: Rgb = INK,
         bold: bool = False, align: str = "l",
     ) -> float:  # fmt: skip
-        """A line whose middle is at height y; align l, m or r of x. Returns its width."""
+        """Draw a line centred at height y, aligned l, m or r of x; return its width."""
         shown = cut(text, most_px, size, bold)
         self._draw.text((x, y), shown, fill=color, font=font(size, bold), anchor=align + "m")
         return width_of(shown, size, bold)
@@ -112,7 +112,7 @@ class Sheet:
         self, x: float, y: float, text: str, most_px: float, lines: int, size: int = 13,
         color: Rgb = INK,
     ) -> float:  # fmt: skip
-        """Lines from y downwards. Returns the height they took."""
+        """Draw lines from y downwards; return their total height."""
         shown = wrapped(text, most_px, size, lines)
         step = size * 1.4
         for k, line in enumerate(shown):
@@ -136,7 +136,7 @@ class Sheet:
         self, x: float, y: float, text: str, most_px: float, size: int = 12, fill: Rgb = INK,
         color: Rgb = WHITE, line: Rgb | None = None, bold: bool = False,
     ) -> float:  # fmt: skip
-        """Text in a rounded box whose left middle is (x, y). Returns its width."""
+        """Draw text in a rounded box whose left middle is (x, y); return its width."""
         shown = cut(text, most_px - 2 * PILL_PAD, size, bold)
         width, half = pill_size(shown, size, bold)[0], pill_size(shown, size, bold)[1] / 2
         self.box(x, y - half, x + width, y + half, fill, line, radius=int(half))
@@ -153,6 +153,6 @@ def pill_size(text: str, size: int, bold: bool = False) -> tuple[float, float]:
 
 
 def tinted(color: Rgb, share: float) -> Rgb:
-    """The colour mixed into white, so much of it."""
+    """Colour mixed into white with this share."""
     r, g, b = (round(255 + (c - 255) * share) for c in color)
     return r, g, b

@@ -1,4 +1,4 @@
-"""Plays one episode and films it."""
+"""Plays one episode and films it as a video."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from helios_eval.video.frame_content import Scene
 from helios_eval.video.frame_layout import HEIGHT, WIDTH, frame_picture
 from helios_eval.video.mp4_writer import VideoFile
 
-FIRST_S, LAST_S = 1.0, 3.0  # for which the first and the last frame stand
+FIRST_S, LAST_S = 1.0, 3.0  # durations of the first and the last frame
 
 
 def film(
     spec: EpisodeSpec, out: Path, fps: float, on_step: Callable[[int], None] = lambda _: None
 ) -> str:
-    """Writes the video of an agent of the planner; returns the verdict. Raises HeliosError."""
+    """Write the video of an agent of the planner; return the verdict. Raises HeliosError."""
     with running_stack(spec) as (thread, stack), VideoFile(out, WIDTH, HEIGHT, fps) as video:
         world = thread.run(lambda w: w)
         last: Scene | None = None
@@ -38,7 +38,7 @@ def film(
             last = scene
             on_step(scene.step)
 
-        broken: list[Exception] = []  # a bus only logs what its listeners raise
+        broken: list[Exception] = []  # a bus only logs exceptions of its handlers
 
         def shoot_or_note(scene: Scene) -> None:
             try:

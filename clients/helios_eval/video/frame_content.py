@@ -1,4 +1,4 @@
-"""All that one frame of the video shows."""
+"""Content of one video frame."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ ROLE_COLOR: dict[str, Rgb] = {
 
 @dataclass(frozen=True)
 class Scene:
-    """One moment of an episode; what is not known yet is empty or None."""
+    """State at one moment of an episode; unknown values are empty or None."""
 
-    title: str = ""  # of the run: agent, home, semantics
+    title: str = ""  # agent, home and semantics of the run
     task: pb.Task = field(default_factory=pb.Task)
     held: str = ""
     color: NDArray[np.uint8] | None = None  # [h, w, 3] RGB of the last keyframe
-    detections: tuple[Detection, ...] = ()  # in that keyframe
+    detections: tuple[Detection, ...] = ()  # detections in that keyframe
     map: MapView | None = None
     robot: Pose2 | None = None
     path_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
     objects: tuple[ObjectInstance, ...] = ()
-    decisions: tuple[pb.Decision, ...] = ()  # the newest last
+    decisions: tuple[pb.Decision, ...] = ()  # newest last
     roles: Mapping[str, str] = field(default_factory=dict)  # class name -> role of the context
-    story: tuple[tuple[int, str], ...] = ()  # (step, what the planner said), the newest last
-    step: int = 0  # actions so far, by the robot
-    verdict: str = ""  # of the simulator's truth, once the episode is over
-    right: bool = False  # whether that verdict is a success
+    story: tuple[tuple[int, str], ...] = ()  # (step, message of the planner), newest last
+    step: int = 0  # actions of the robot so far
+    verdict: str = ""  # by ground truth, once the episode is over
+    right: bool = False  # True if the verdict is success
 
     def color_of(self, class_name: str) -> Rgb:
-        """What a class is to the task, as a colour."""
+        """Colour of a class by its role in the task."""
         return ROLE_COLOR.get(self.roles.get(class_name, ""), MUTED)

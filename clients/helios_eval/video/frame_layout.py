@@ -1,4 +1,4 @@
-"""One frame of the video: 1280 x 720, everything in its place."""
+"""Layout of one video frame: 1280 x 720."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ TOP = HEAD + GAP
 BOTTOM = HEIGHT - GAP
 TITLE = 30  # height of a panel's title
 PAD = 12
-CAMERA_H = 430  # at most
+CAMERA_H = 430  # maximum
 VALUE_H = 176
 STORY_LINE = 12 * 1.4
 
@@ -57,7 +57,7 @@ END_COLORS = {"succeeded": GREEN, "failed": RED, "cancelled": MUTED}
 
 
 def frame_picture(scene: Scene) -> Picture:
-    """RGB [720, 1280, 3]."""
+    """Video frame of a scene, RGB [720, 1280, 3]."""
     sheet = Sheet.blank(WIDTH, HEIGHT, PAPER)
     _head(sheet, scene)
     _camera(sheet, scene)
@@ -126,7 +126,7 @@ def _outcome(sheet: Sheet, x: float, y: float, scene: Scene) -> None:
 def _panel(
     sheet: Sheet, x: int, y: int, w: int, h: int, title: str, note: str = ""
 ) -> tuple[int, int, int, int]:
-    """A white panel; returns x, y, width, height of what is inside, below the title."""
+    """Draw a white panel; return x, y, width, height of its content area below the title."""
     sheet.box(x, y, x + w, y + h, WHITE, LINE)
     took = sheet.text(x + PAD, y + TITLE / 2 + 1, title, w - 2 * PAD, 12, INK, bold=True)
     if note:
@@ -144,7 +144,7 @@ def _camera(sheet: Sheet, scene: Scene) -> None:
 
 
 def _camera_height(scene: Scene) -> int:
-    """Of the camera's panel: as the picture needs it."""
+    """Height of the camera's panel, as its image needs."""
     if scene.color is None:
         return CAMERA_H
     rows, columns = scene.color.shape[:2]
@@ -169,7 +169,7 @@ def _status(sheet: Sheet, scene: Scene) -> None:
     sheet.rule(x + PAD, below, x + w - PAD)
     below += 6
     end = y + h - 6
-    for k, (step, text) in enumerate(reversed(scene.story)):  # the newest is the first
+    for k, (step, text) in enumerate(reversed(scene.story)):  # newest first
         lines = wrapped(text, w - 2 * PAD - 40, 12, 3)
         took = STORY_LINE * len(lines)
         if below + took > end:
@@ -190,7 +190,7 @@ def _map(sheet: Sheet, scene: Scene) -> None:
 
 
 def _legend(sheet: Sheet, x: float, y: float, right: float, scene: Scene) -> None:
-    """Up to the right edge, as many as there is room for, the first ones rather."""
+    """Draw the legend up to the right edge, with as many of the first entries as fit."""
     entries = [("frontier", FRONTIER_RGB), ("plan", PATH_RGB), ("way so far", TRAIL_RGB)]
     named = {role: name for name, role in scene.roles.items()}
     entries += [(clean(named[role])[:18], c) for role, c in ROLE_COLOR.items() if role in named]

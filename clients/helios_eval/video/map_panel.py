@@ -1,4 +1,4 @@
-"""The 2D map: what is known, values, frontiers, the way, objects with their Ψ, the robot."""
+"""Panel of the 2D map: occupancy, values, frontiers, path, objects with their Ψ, the robot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from helios_eval.video.drawing import (
 from helios_eval.video.frame_content import Scene
 
 UNKNOWN_RGB: Rgb = (226, 230, 236)
-BEFORE_RGB: Rgb = (240, 242, 246)  # known, but not seen since this search began
+BEFORE_RGB: Rgb = (240, 242, 246)  # free, but not seen since this search began
 LOW_RGB: Rgb = (156, 166, 181)
 TALL_RGB: Rgb = (52, 59, 74)
 TRAIL_RGB: Rgb = (134, 178, 224)
@@ -37,7 +37,7 @@ FRONTIER_RGB = AMBER
 ROBOT_RGB = BLUE
 
 MARGIN_M = 0.4
-STEP_M = 1.0  # the edges move by whole metres, so that the picture does not creep
+STEP_M = 1.0  # edges move by whole metres, so that the view does not drift
 SHOWN_CLASS_SCORE = 0.3
 MOST_OBJECTS = 14
 SURE = 0.5  # Ψ from which an object's label is filled
@@ -49,7 +49,7 @@ Points = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Window:
-    """The part of the world that a picture shows: pixel = scale * (x - left, top - y)."""
+    """Part of the world in a picture: pixel = scale * (x - left, top - y)."""
 
     left_m: float
     top_m: float
@@ -58,14 +58,14 @@ class Window:
     height: int
 
     def at(self, points_m: Points) -> NDArray[np.float64]:
-        """Pixels [n, 2] of world points [n, 2]; far ones stay drawable."""
+        """Pixels [n, 2] of world points [n, 2], clipped to a range that can be drawn."""
         points = np.asarray(points_m, np.float64).reshape(-1, 2)
         uv = (points - (self.left_m, self.top_m)) * (self.px_per_m, -self.px_per_m)
         return np.clip(np.nan_to_num(uv, nan=-9e3, posinf=9e3, neginf=-9e3), -9e3, 9e3)
 
 
 def window_of(view: MapView, width: int, height: int) -> Window:
-    """What is known of the map, by whole metres, as large as fits and in the middle."""
+    """Window around the known part of the map, in whole metres, centred and as large as fits."""
     known = (view.occupancy != UNKNOWN) | view.explored
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
@@ -82,7 +82,7 @@ def window_of(view: MapView, width: int, height: int) -> Window:
 
 
 def map_picture(scene: Scene, width: int, height: int, layer: str = "") -> Picture:
-    """RGB [height, width, 3] of the occupancy, or of a value layer, smaller and without objects."""
+    """RGB [height, width, 3] of the occupancy, or of a value layer with small marks, no objects."""
     if scene.map is None or not scene.map.occupancy.size:
         sheet = Sheet.blank(width, height, UNKNOWN_RGB)
         sheet.text(width / 2, height / 2, "no map yet", width - 20, 13, MUTED, align="m")
@@ -94,7 +94,7 @@ def map_picture(scene: Scene, width: int, height: int, layer: str = "") -> Pictu
     path = window.at(scene.path_m)
     _line(out, path, WHITE, 5)
     _line(out, path, PATH_RGB, 3)
-    size = 1.0 if not layer else 0.65  # of the marks
+    size = 1.0 if not layer else 0.65  # scale of the marks
     chosen = _chosen_m(scene)
     for frontier in view.frontiers:
         (spot,) = window.at(np.array([[frontier.x_m, frontier.y_m]]))
@@ -118,7 +118,7 @@ def map_picture(scene: Scene, width: int, height: int, layer: str = "") -> Pictu
 
 
 def value_range(view: MapView, layer: str) -> tuple[float, float]:
-    """Lowest and highest value seen of a layer; (0, 0) where nothing was."""
+    """Lowest and highest value in the seen cells of a layer; (0, 0) if there are none."""
     seen = view.values[layer][view.values[layer] > 0]
     return (float(seen.min()), float(seen.max())) if seen.size else (0.0, 0.0)
 
@@ -137,7 +137,7 @@ def _ground(view: MapView, window: Window, layer: str) -> Picture:
     occupied = view.occupancy == OCCUPIED
     tall = np.clip(view.top_m[occupied] / 1.5, 0, 1)[:, None]
     cells[occupied] = np.array(LOW_RGB) * (1 - tall) + np.array(TALL_RGB) * tall
-    # Pixel (u, v) shows the cell of its world point; shrinking averages over a 2 x 2 raster.
+    # Pixel (u, v) shows the cell at its world point; downscaling averages a 2 x 2 raster.
     fine = 2
     u = (np.arange(window.width * fine) + 0.5) / fine / window.px_per_m + window.left_m
     v = window.top_m - (np.arange(window.height * fine) + 0.5) / fine / window.px_per_m
@@ -154,7 +154,7 @@ def _ground(view: MapView, window: Window, layer: str) -> Picture:
 
 
 def _shown(objects: tuple[ObjectInstance, ...]) -> list[ObjectInstance]:
-    """What is worth a label, the surest first."""
+    """Objects to label, in order of falling Ψ."""
     worth = [
         o for o in objects if o.class_score >= SHOWN_CLASS_SCORE and np.isfinite(o.center_m).all()
     ]
@@ -175,7 +175,7 @@ def _outline(out: Picture, window: Window, thing: ObjectInstance, color: Rgb) ->
 
 
 def _labels(sheet: Sheet, window: Window, shown: list[ObjectInstance], scene: Scene) -> None:
-    """Name and Ψ beside each thing where there is room; the surest first."""
+    """Draw the name and Ψ of each object where there is room; highest Ψ first."""
     taken: list[tuple[float, float, float, float]] = []
     for thing in shown:
         name = cut(thing.class_name, 110, LABEL_PX, bold=True)
@@ -216,7 +216,7 @@ def _robot(out: Picture, window: Window, robot: tuple[float, float, float]) -> N
     if not all(map(math.isfinite, robot)):
         return
     c, s = math.cos(yaw), math.sin(yaw)
-    long = max(0.30, 8 / window.px_per_m)  # metres, but never too small to see
+    long = max(0.30, 8 / window.px_per_m)  # metres, but at least 8 pixels
     shape = np.array([(1.0, 0.0), (-0.7, 0.62), (-0.4, 0.0), (-0.7, -0.62)]) * long
     corners = _fixed(window.at(shape @ np.array([[c, s], [-s, c]]) + (x, y)))
     cv2.polylines(out, [corners], True, WHITE, 4, cv2.LINE_AA, SUBPIXEL)
@@ -224,7 +224,7 @@ def _robot(out: Picture, window: Window, robot: tuple[float, float, float]) -> N
 
 
 def _chosen_m(scene: Scene) -> NDArray[np.float64] | None:
-    """Where the last decision leads."""
+    """World position [2] of the last decision's chosen candidate, or None."""
     for c in scene.decisions[-1].candidates if scene.decisions else ():
         if c.chosen:
             return np.array([c.position_m.x, c.position_m.y])

@@ -1,4 +1,4 @@
-"""Frames into an MP4 file."""
+"""Writer of frames into an MP4 file."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ CODEC = "vp09"  # VP9: plays in every browser, free to write (docs/decisions)
 
 
 class VideoFile:
-    """A context manager; what was written until then is a whole video, whatever ends it. Until
-    then a file of that name stays as it was."""
+    """Context manager that writes a video atomically.
+
+    However the block ends, the frames written so far become a complete video. Until then a file of
+    that name stays unchanged.
+    """
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
-        """Raises InvalidInput for a name that does not end in .mp4, Unavailable where no video
-        can be written."""
+        """Raises InvalidInput for a name without .mp4, Unavailable if no video can be written."""
         if path.suffix.lower() != ".mp4":
             raise InvalidInput(f"a video is written as .mp4; {path} is no such name")
         self._path, self._size = path, (width, height)
@@ -43,7 +45,10 @@ class VideoFile:
             )
 
     def write(self, picture: Picture, times: int = 1) -> None:
-        """Add an RGB picture [height, width, 3], so many times. Raises InvalidInput."""
+        """Add an RGB picture [height, width, 3] `times` times.
+
+        Raises InvalidInput for another size.
+        """
         rows, columns = picture.shape[:2]
         if (columns, rows) != self._size or picture.ndim != 3:
             wide, high = self._size
@@ -54,9 +59,9 @@ class VideoFile:
         self.frames += times
 
     def close(self) -> None:
-        """Put the video in its place. Raises Unavailable where it is not whole."""
+        """Move the video to its path. Raises Unavailable if it is not complete."""
         self._writer.release()
-        if self.frames and not _is_whole(self._temporary):  # the codec does not tell of errors
+        if self.frames and not _is_whole(self._temporary):  # the codec reports no errors
             self._discard()
             raise self._unwritable("what was written cannot be read again; is the disk full?")
         try:
@@ -65,7 +70,7 @@ class VideoFile:
             raise self._unwritable(error.strerror) from error
 
     def _discard(self) -> None:
-        """Remove what was written; the file of that name stays as it was."""
+        """Remove the written frames; a file of that name stays unchanged."""
         self._temporary.unlink(missing_ok=True)
         self._replacing.pop_all()
 
@@ -85,7 +90,7 @@ class VideoFile:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a player finds a picture in it; the table of pictures is written last."""
+    """True if a player finds a frame in the file; the frame index is written last."""
     video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     try:
         return bool(video.isOpened() and video.grab())

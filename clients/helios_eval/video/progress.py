@@ -1,4 +1,4 @@
-"""How far an episode that is filmed is: a bar on a terminal, else a line now and then."""
+"""Progress of a filmed episode: a bar on a terminal, else occasional lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINE_EVERY = 25  # steps
 
 @contextmanager
 def counted(console: Console, what: str, most: int) -> Iterator[Callable[[int], None]]:
-    """To be called with the steps taken so far, of `most` that the episode may take."""
+    """Callback for the number of steps taken, of `most` that the episode may take."""
     if not console.is_terminal:
         yield _lines(console, what, most)
         return

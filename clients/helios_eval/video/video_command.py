@@ -1,4 +1,4 @@
-"""`helios eval video`"""
+"""The command `helios eval video`."""
 
 from __future__ import annotations
 

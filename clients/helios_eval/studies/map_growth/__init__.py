@@ -1,1 +1,1 @@
-"""How the object map grows: cost per update, long runs, objects only against the full scene."""
+"""Growth of the object map: cost per update, long runs, objects only against the full scene."""

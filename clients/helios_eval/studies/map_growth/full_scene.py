@@ -1,7 +1,7 @@
 """Objects only against the full scene, over one episode (Figure 4 of the paper).
 
-The agent plays the episode with the map of objects. What it saw then goes into two maps, frame by
-frame: one that models what was detected of what the task names, and one that models every pixel.
+The agent plays the episode with the map of objects. Its observations then go into two maps, frame
+by frame: one models the detections of the task's classes, the other every pixel.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ MAPS = {"objects only": False, "full scene": True}  # name -> setting full_scene
 
 @dataclass(frozen=True)
 class Growth:
-    """One map over an episode; arrays have one entry a frame."""
+    """Growth of one map over an episode; arrays have one entry per frame."""
 
     gaussians: NDArray[np.int64]
-    mb: NDArray[np.float64]  # of the arrays of all Gaussians
-    cpu_ms: NDArray[np.float64]  # of the update, all threads
+    mb: NDArray[np.float64]  # size of the arrays of all Gaussians
+    cpu_ms: NDArray[np.float64]  # CPU time of the update, all threads
 
     def summary(self) -> dict[str, object]:
-        """At the end; the time is the median over the frames."""
+        """Values at the end; the time is the median over the frames."""
         return {
             "gaussians": int(self.gaussians[-1]),
             "mb": round(float(self.mb[-1]), 2),
@@ -39,7 +39,7 @@ class Growth:
 
 
 def measure(tape: Sequence[Seen]) -> dict[str, Growth]:
-    """Both maps after each frame of an episode."""
+    """Growth of both maps over the frames of an episode."""
     return {name: _map(tape, full) for name, full in MAPS.items()}
 
 

@@ -1,8 +1,8 @@
-"""Hours of frames through the object map's own process, as fast as it takes them.
+"""Hours of frames through the object map's own process, as fast as it accepts them.
 
-The robot walks through a few places in turn. Each time it comes back, everything there has moved by
-up to half a metre, and every other time the place is furnished as another home: so most of what it
-knew is gone. Every walk has a task of its own. The map's file is kept as under `helios up`.
+The robot walks through a few places in turn. On each return all objects there have moved by up to
+half a metre, and every other time the place is furnished as another home, so most of the map is out
+of date. Every walk has its own task. The map's file is saved as under `helios up`.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from helios_eval.studies.map_growth.update_cost import SPACING_M
 ANSWER_WITHIN_S = 300.0
 PLACES = 4
 MOVED_M = 0.5
-RECEPTACLES, THINGS = 4, 4  # classes asked for by a task
+RECEPTACLES, THINGS = 4, 4  # classes per task
 STEADY = 0.05  # growth of memory from the third quarter to the last that counts as none
 MB = 1e6
 
 
 @dataclass(frozen=True)
 class Sample:
-    """How the process is after some frames."""
+    """State of the process after a number of frames."""
 
     frame: int
     rss_mb: float
@@ -46,13 +46,13 @@ class Sample:
 
 @dataclass(frozen=True)
 class Hours:
-    """A run."""
+    """Result of a run."""
 
-    every_s: float  # robot time from frame to frame
+    every_s: float  # robot time between frames
     samples: tuple[Sample, ...]
 
     def growth(self) -> float:
-        """Mean memory of the last quarter by that of the quarter before, less one."""
+        """Relative growth of the mean memory from the third quarter to the last."""
         rss = np.array([s.rss_mb for s in self.samples])
         quarter = max(1, len(rss) // 4)
         return float(rss[-quarter:].mean() / rss[-2 * quarter : -quarter].mean() - 1)
@@ -62,7 +62,7 @@ class Hours:
         return self.growth() <= STEADY
 
     def summary(self) -> dict[str, object]:
-        """For the report."""
+        """Values for the report."""
         last = self.samples[-1]
         return {
             "frames": last.frame,
@@ -83,7 +83,10 @@ def measure(
     max_gaussians: int | None = None,
     say: Callable[[str], object] = print,
 ) -> Hours:
-    """Raises HeliosError where the service refuses a frame or does not answer."""
+    """Run the frames through a new process.
+
+    Raises HeliosError if the service refuses a frame or does not reply.
+    """
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["--stride-px", "1", "--state-dir", f"{folder}/state"]
         if max_gaussians is not None:
@@ -101,7 +104,7 @@ def measure(
 
 
 class _Robot:
-    """Sends one frame after the other, each when the last was answered."""
+    """Sender of frames that waits for each acknowledgement."""
 
     def __init__(self, bus: Bus, service: psutil.Process) -> None:
         self._bus, self._service = bus, service

@@ -1,4 +1,4 @@
-"""What the object map was told while an agent played an episode, to be told to other maps."""
+"""Input of the object map during an episode, recorded for other maps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from helios_eval.studies.map_growth.simulated_walk import strided
 
 @dataclass(frozen=True)
 class Seen:
-    """One frame, what was asked for, and what the robot held."""
+    """One observation, with its search context and the name of the held object."""
 
     observation: Observation
     context: SearchContext
@@ -28,15 +28,18 @@ class Seen:
 
 
 def by_helios(preset: str, seed: int, settings: dict[str, Setting]) -> EpisodeSpec:
-    """An episode of `helios-paper` with the preset's noise. Raises InvalidInput without one."""
+    """Episode of `helios-paper` with the preset's noise.
+
+    Raises InvalidInput for an unknown table.
+    """
     noise = noise_of(home_presets.noise_of(preset), 1.0, None)
     return EpisodeSpec("ovmm", "helios-paper", "noisy", preset, seed, noise, settings)
 
 
 def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
-    """An episode of the agent `helios-paper` with the preset's noise.
+    """Recording of an episode of the agent `helios-paper` with the preset's noise.
 
-    Frames are kept on the pixels that a map with that stride takes. Raises HeliosError.
+    Frames are reduced to the pixels that a map with that stride uses. Raises HeliosError.
     """
     with running_stack(by_helios(preset, seed, {})) as (thread, stack):
         instruction = thread.run(lambda world: world.episode.instruction)
@@ -47,7 +50,7 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
 
 
 def recorded(stack: InProcessStack, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
-    """What a house's object map hears during one task, on the pixels of a stride."""
+    """Run one task; return the input of the stack's object map, on the pixels of a stride."""
     recorder = _Recorder(stride_px)
     bus = stack.bus()
     bus.subscribe(CONTEXT, recorder.on_context)

@@ -1,4 +1,4 @@
-"""Pictures of the three runs."""
+"""Charts of the three runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WIDTH_IN, DPI = 9.0, 110
 
 
 def cost(run: Cost, path: Path) -> None:
-    """How much is mapped and in view, and the cost of an update against what is mapped."""
+    """Draw the Gaussians mapped and in view, and the cost of an update against those mapped."""
     from matplotlib import pyplot as plt
 
     figure, (left, right) = plt.subplots(
@@ -44,7 +44,7 @@ def cost(run: Cost, path: Path) -> None:
 
 
 def scene(runs: Mapping[str, Growth], path: Path) -> None:
-    """Gaussians, bytes and time per frame of the two maps over an episode."""
+    """Draw Gaussians, bytes and time per frame of the two maps over an episode."""
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 3, figsize=(WIDTH_IN, 3.2), dpi=DPI, layout="constrained")
@@ -60,7 +60,7 @@ def scene(runs: Mapping[str, Growth], path: Path) -> None:
 
 
 def hours(run: Hours, path: Path) -> None:
-    """Memory and Gaussians over hours of robot time."""
+    """Draw memory and Gaussians over hours of robot time."""
     from matplotlib import pyplot as plt
 
     figure, (upper, lower) = plt.subplots(

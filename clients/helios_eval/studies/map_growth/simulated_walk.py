@@ -1,8 +1,8 @@
-"""Frames of a robot that walks through a simulated home, with what is truly in them.
+"""Frames of a robot that walks through a simulated home, with ground-truth detections.
 
-A walk is recorded once and can be walked again anywhere: as the map sees only frames and poses,
-the same home somewhere else is a new home. Frames are kept on the grid of pixels that a map with
-that stride would take of them; such a map takes them with stride 1, and knows the same.
+A walk is recorded once and can be replayed anywhere: the map sees only frames and poses, so the
+same home at another location is a new home. Frames are reduced to the grid of pixels that a map
+with that stride uses; a map with stride 1 then gives the same result.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from helios_eval.episodes import home_presets
 from helios_eval.episodes.in_process_stack import truth_of
 
 BOOT_ID = "walk"
-STEP_NS = 1_000_000_000  # a frame a second of robot time
-SURE = 0.5  # threshold for a detector that is always sure
+STEP_NS = 1_000_000_000  # one frame per second of robot time
+SURE = 0.5  # threshold that every ground-truth detection exceeds
 
 
 @dataclass(frozen=True)
 class Walk:
-    """What was seen in a home, in order, with everything in it detected."""
+    """Observations of a walk through a home, in order, with everything detected."""
 
     receptacles: tuple[str, ...]  # classes in the home
     things: tuple[str, ...]
     observations: tuple[Observation, ...]
 
     def again(self, x_m: float, first_seq: int, context_id: str) -> Iterator[Observation]:
-        """The same walk with the home moved along x, and with other numbers."""
+        """The same walk with the home moved along x, and with other frame numbers."""
         T = np.eye(4)
         T[0, 3] = x_m
         for k, o in enumerate(self.observations):
@@ -48,14 +48,14 @@ class Walk:
 
 
 def context_of(id: str, receptacles: Sequence[str], things: Sequence[str]) -> SearchContext:
-    """What is asked for."""
+    """Search context for these classes."""
     sought = [SearchClass(name, Role.OBJECT, SURE) for name in things]
     sought += [SearchClass(name, Role.START_RECEPTACLE, SURE) for name in receptacles]
     return SearchContext(id, tuple(sought))
 
 
 def record(preset: str, seed: int, frames: int, stride_px: int) -> Walk:
-    """Walk from free point to free point through the home of a seed; a frame after each action."""
+    """Walk between random points of the home of a seed; record a frame after each action."""
     home = home_presets.home_of(preset, seed)
     receptacles = tuple(sorted({r.class_name for r in home.receptacles}))
     things = tuple(sorted({o.class_name for o in home.objects} - set(receptacles)))
@@ -83,7 +83,7 @@ def record(preset: str, seed: int, frames: int, stride_px: int) -> Walk:
 
 
 def strided(observation: Observation, stride_px: int) -> Observation:
-    """Only the pixels that a map with this stride takes."""
+    """Observation reduced to the pixels that a map with this stride uses."""
     seen, c = observation.frame, observation.frame.camera
     first = offset(stride_px)
     grid = (slice(first, None, stride_px), slice(first, None, stride_px))
@@ -107,12 +107,12 @@ def _box_of(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
 
 
 class _Enough(Exception):
-    """All frames were seen."""
+    """Raised when all frames are recorded."""
 
 
 @dataclass(frozen=True)
 class _Known:
-    """A source of one frame's truth."""
+    """Ground-truth source of one frame."""
 
     truth: Truth
 
@@ -120,11 +120,11 @@ class _Known:
         return self.truth
 
     def check(self) -> None:
-        """It is here."""
+        """Ground truth is always available."""
 
 
 class _SeenWorld(World):
-    """A world that shows what its robot sees after each action."""
+    """World that reports capture and ground truth after each action of its robot."""
 
     def __init__(self, home: Home, see: Callable[[Capture, Truth], None]) -> None:
         super().__init__(home, boot_id=BOOT_ID)
@@ -138,7 +138,7 @@ class _SeenWorld(World):
 
 
 def _wander(world: World, rng: np.random.Generator) -> None:
-    """From place to place, and before each thing once; until something is raised."""
+    """Drive to random points and to each receptacle in turn, until an exception ends it."""
     guide = GroundTruthSolver(world)
     low_x, low_y, high_x, high_y = world.home.bounds
     names = [r.name for r in world.home.receptacles]
@@ -149,7 +149,7 @@ def _wander(world: World, rng: np.random.Generator) -> None:
 
 
 def _moved(observation: Observation, T: Matrix, seq: int, context_id: str) -> Observation:
-    """As if the world had been moved by T."""
+    """Observation as if the world had been moved by T."""
     seen = observation.frame
     frame = replace(
         seen, id=FrameId(BOOT_ID, 0, seq), stamp_ns=seq * STEP_NS,

@@ -1,7 +1,7 @@
-"""What an update costs while the map grows: the same homes again and again, each time elsewhere.
+"""Cost of an update while the map grows: the same homes repeatedly, each time elsewhere.
 
-Every lap shows the same pictures of places that are new to the map. So a frame of the last lap
-differs from that of the first one in nothing but how much is mapped already.
+Every lap shows the same images at places that are new to the map. A frame of the last lap thus
+differs from that of the first one only in the size of the map.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from numpy.typing import NDArray
 
 from helios_eval.studies.map_growth.simulated_walk import Walk, context_of
 
-SPACING_M = 30.0  # between homes: none is in view from another
+SPACING_M = 30.0  # between homes, so that none is in view from another
 NO_LIMIT = 100_000_000  # Gaussians
 
 
 @dataclass(frozen=True)
 class Cost:
-    """One row for each frame, laps one after the other; all [laps, frames of a lap]."""
+    """Measurements per frame, as arrays [laps, frames of a lap]."""
 
-    cpu_ms: NDArray[np.float64]  # of the update, all threads
+    cpu_ms: NDArray[np.float64]  # CPU time of the update, all threads
     in_view: NDArray[np.int64]
     mapped: NDArray[np.int64]
 
     @property
     def ratio(self) -> float:
-        """Median over the frames: cost in the last lap by cost in the second.
+        """Median over the frames: cost in the last lap divided by cost in the second.
 
-        The first lap is left out: memory that is used for the first time costs more.
+        The first lap is left out, since the first use of memory costs more.
         """
         return float(np.median(self.cpu_ms[-1] / self.cpu_ms[min(1, len(self.cpu_ms) - 1)]))
 
     def summary(self) -> dict[str, object]:
-        """For the report."""
+        """Values for the report."""
         lap_ms = np.median(self.cpu_ms, axis=1)
         return {
             "frames": self.cpu_ms.size,
