@@ -57,7 +57,7 @@ class RobotSlot:
         bus.announce("detector", members.me)
         self._model_keeper.start()
 
-    def begin(self, models: Models, workload: ModelUsage, preview_quality: int) -> DetectorService:
+    def begin(self, models: Models, workload: ModelUsage) -> DetectorService:
         """Create the robot's service and subscribe to its topics; the models must be warm."""
         service = self._service = DetectorService(
             self.bus, models.detector, models.scorer, self._health, models.depth,
@@ -276,7 +276,7 @@ class Fleet:
             return
         workload = ModelUsage()
         for slot in self._slots:
-            self._service = slot.begin(models, workload, s.preview_quality)
+            self._service = slot.begin(models, workload)
         self._bus.announce(TOKEN, self._members.me)  # from here on this process may own robots
         self._on_alive(TOKEN, self._members.me, True)
         self._health.ready(f"shares {', '.join(self._members.robots)}")

@@ -38,6 +38,7 @@ from helios_detector.vocabulary_matching import normalised
 
 log = logging.getLogger(__name__)
 
+PREVIEW_QUALITY = 80  # JPEG, percent
 AGAIN_S = 2.0  # pause before a context that the back end could not take is retried
 
 
@@ -60,7 +61,6 @@ class DetectorService:
         self._analyst = FrameAnalyzer(self._models, health)
         self._workload = workload or ModelUsage()
         self.methods = QueryMethods(bus, self._analyst, self._workload, health)
-        self._preview_quality = preview_quality
         self._lock = threading.Lock()  # guards the next six attributes
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}

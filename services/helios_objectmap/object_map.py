@@ -40,6 +40,11 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.viewpoint_weights import NEVER, ViewingDirection, Viewpoints
 
 SEEN_BEYOND_M = 1.0  # margin beyond max_depth_m: Gaussians within it still occlude
+HELD_OBJECT_M = 1.0  # while the gripper holds an object, nearer pixels of objects belong to it
+OPACITY = 0.99  # of a new Gaussian
+RADIUS_PX = 1.0  # standard deviation of a new Gaussian in the image
+CARVE_VIEWS = 2.0  # distinct views through a Gaussian that remove it
+MIN_GAUSSIANS = 5  # smaller instances are not reported
 HALF = 0.5
 WHOLE = 0.999  # sum of float32 shares from which a view counts as whole
 
@@ -307,8 +312,8 @@ class ObjectMap:
         self._updates = memory.updates
 
     def no_viewpoints(self) -> Viewpoints:
-        """An empty `Viewpoints` with the thresholds of this map's settings."""
-        return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
+        """An empty `Viewpoints`."""
+        return Viewpoints()
 
     # Parts of an update -----------------------------------------------------------------------
 
@@ -335,8 +340,8 @@ class ObjectMap:
 
         Returns the updated projection, and the rows to remove, which enough views saw through.
         """
-        s, store = self._settings, self._store
-        seen = sight(projection, reading.depth_m, s.carve_front_m)
+        store = self._store
+        seen = sight(projection, reading.depth_m)
         there = seen.there[store.through[projection.rows[seen.there]] > 0]
         restored = projection.rows[there]
         store.through[restored], store.through_from[restored] = 0, NEVER

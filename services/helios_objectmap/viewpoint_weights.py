@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEVER = -1
+# A view counts in full from this distance or turn: just below the smallest steps of the paper.
+MOVED_M, TURNED_RAD = 0.08, math.radians(4)
 # Poses closer than this share of the set distance or turn are the same: jitter adds nothing.
 SAME = 0.25
 MOST = 16_384  # at least 300 m of path; the oldest viewpoints are dropped, and may count again

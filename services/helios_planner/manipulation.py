@@ -48,6 +48,10 @@ from helios_planner.task import Cause, TaskFailed
 
 Judged = Callable[[ObjectInstance | None], bool]
 
+PLACE_INSET_M = 0.12  # between the place and the edge of the surface
+FLATNESS_M = (0.012, 0.045)  # height range of a flat area: clear of objects, then accepted
+RELEASE_HEIGHT_M = 0.01  # above the surface
+PAPER_RELEASE_HEIGHT_M = 0.10  # above the highest point ahead: the paper's place rule
 OVER_M = 0.05  # radius around a placing point in which the highest surface counts
 BELOW_M = 0.20  # an object lower than the placing surface by this is not on it
 AROUND_M = 1.5  # a fallen object lies within this distance of the receptacle
@@ -192,7 +196,7 @@ class Manipulation:
 
     def _missing_m(self, target_m: np.ndarray) -> float:
         """Distance (m) that the robot stands too far away; at most 0 when the point is in reach."""
-        spare = self.settings.reach_spare_m / 3
+        spare = REACH_SPARE_M / 3
         return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
 
     # --- place ---------------------------------------------------------------------------------
@@ -249,8 +253,7 @@ class Manipulation:
     ) -> list[Spot]:
         """New spots that are flat and empty. Without any: spots that are nearly flat, then spots
         nearer to an edge."""
-        wished_m = self.settings.place_inset_m
-        for inset_m, flat_m in product((wished_m, wished_m / 2), self.settings.place_flats_m):
+        for inset_m, flat_m in product((PLACE_INSET_M, PLACE_INSET_M / 2), FLATNESS_M):
             rules = PlaceRules(inset_m, flat_m)
             spots = place_spots(receptacle, reached, self._reach_m, rules, failed.stands)
             if new := [spot for spot in spots if failed.lacks(spot.point_m)]:

@@ -24,4 +24,5 @@ SAME_BARRIER_M = 0.3  # unknown ground that blocks a path and was looked at
 GROWN_M = 1.0  # shift of a receptacle's centre when the rest of it becomes visible
 
 # --- a position that moves as more becomes visible ----------------------------------------------
+SAME_PLACE_M = 0.5  # a candidate that was visited, a frontier that was given up
 SAME_FRONTIER_M = 0.5  # the last frontier that VLFM drove to

@@ -26,6 +26,7 @@ from helios_recorder.settings import Settings
 log = logging.getLogger(__name__)
 
 MISSED = "missed_maps"  # name of the counter of requests without a reply
+ANSWER_WITHIN_S = 2.0  # longest wait for a map; a missing answer is counted
 CLOSE_WITHIN_S = 0.2
 LONGEST_PAUSE_S = 30.0  # between requests to a map that does not reply
 

@@ -22,6 +22,7 @@ COMPRESSION = {
     "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
 }  # fmt: skip
 ENCODING = "protobuf"
+SYNC_EVERY_S = 5.0  # to the disk; a power cut loses this much at most
 DECLARE_EVERY_S = 10.0  # each time 80 kB
 
 

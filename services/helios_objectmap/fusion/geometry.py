@@ -20,6 +20,10 @@ from helios_objectmap.rendering.renderer import Projection, Rendering
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
+CREATE_FRONT_M = 0.05  # a surface at least this far in front of the model is new
+CARVE_FRONT_M = 0.10  # a Gaussian at least this far in front of the measured depth is seen through
+REOBSERVE_AGREEMENT_M = 0.5  # depth difference up to which a pixel is observed again (appendix 6.1)
+CLOSING_PX = 5  # holes up to this size close in the re-observed pixels (appendix 6.1)
 MODELLED = 0.5  # a pixel with less coverage counts as not modelled
 UNKNOWN, THROUGH, THERE = range(3)
 _f4 = np.float32
@@ -35,7 +39,9 @@ def tolerance_m(depth_m: Float32, floor_m: float) -> Float32:
     return np.maximum(np.float32(floor_m), 4 * depth_noise_m(depth_m))
 
 
-def creation_mask(depth_m: Float32, rendering: Rendering, detected: Mask, front_m: float) -> Mask:
+def creation_mask(
+    depth_m: Float32, rendering: Rendering, detected: Mask, front_m: float = CREATE_FRONT_M
+) -> Mask:
     """Pixels [h, w] that get a new Gaussian: nothing is modelled, or a new surface is in front."""
     in_front = depth_m < rendering.depth_m - tolerance_m(depth_m, front_m)
     in_front &= rendering.coverage >= MODELLED
@@ -62,7 +68,9 @@ class Sight:
     there: NDArray[np.intp]  # confirmed: a surface lies at their depth
 
 
-def sight(projection: Projection, depth_m: NDArray[np.float32], front_m: float) -> Sight:
+def sight(
+    projection: Projection, depth_m: NDArray[np.float32], front_m: float = CARVE_FRONT_M
+) -> Sight:
     """Compare Gaussians with measured depth [h, w]. front_m: smallest difference that counts.
 
     A Gaussian is seen through only if all nine pixels around it are valid and farther, so that one

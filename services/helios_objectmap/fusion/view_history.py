@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import View, offset
 from helios_objectmap.fusion.label_image import LabelImage
 
+MOST_PAST_VIEWS = 1024  # 58 kB each
 WIDTH_PX = 160  # largest width of a past view; a mug at 3 m still has nine pixels
 AGREES_M, AGREES_SHARE = 0.08, 0.05  # largest depth difference, metres or share of the depth
 NEAREST_M = 0.1  # in front of the camera

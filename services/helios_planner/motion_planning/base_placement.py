@@ -20,6 +20,7 @@ from helios_planner.motion_planning import kernels
 from helios_planner.motion_planning.costmap import GroundMap, Pose2, corner_of, facing
 from helios_planner.motion_planning.path_planner import Reach
 
+REACH_SPARE_M = 0.06  # part of the robot's reach that base placement leaves unused
 ON_TOP_M = 0.15  # nothing else stands within this distance of an object
 OTHER_SIDE_M = 0.4  # least distance of a new pose from one that failed
 ON_SHELF_M = 0.45  # from a shelf's edge to an object at its back

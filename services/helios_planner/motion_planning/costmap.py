@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from helios_planner.motion_planning import kernels
 
+SPECK_M2 = 0.015  # unknown patches below this area are gaps between depth pixels: floor
 SEEN_M = 0.1  # distance beyond the image's edge at which the camera surely sees the floor
 Disc = tuple[float, float, float]  # x, y, radius
 

@@ -88,7 +88,7 @@ class MotionRules:
     footprint_m: float
     margin_m: float = 0.05
     saturation_m: float = 0.30
-    speck_m2: float = 0.01
+    speck_m2: float = SPECK_M2
     leave_m: float = 0.60  # distance from the start within which it may be as narrow as there
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0

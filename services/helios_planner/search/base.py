@@ -28,6 +28,8 @@ PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers of the object and of t
 MOST_DOUBTS = 4  # rejections of one candidate in one search
 # Limits per search: candidates found out of reach, and the same for one candidate.
 MOST_WAITS, MOST_OF_ONE = 8, 3
+FRONTIER_REACH_M = 1.2  # a frontier is looked at from this near
+REVISIT_SPACING_M = 2.5  # between the viewpoints of a repeated search
 GRID_M = 0.2  # spacing of the considered places
 
 
@@ -71,7 +73,7 @@ class Search(ABC):
         self.body, self.settings = tools.body, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
         self.refused = Places(refused_m)  # permanently
-        self.waiting = Places(tools.settings.same_place_m)  # until more ground is known
+        self.waiting = Places(SAME_PLACE_M)  # until more ground is known
         self.rounds = tools.settings.rounds  # times that the home is searched
         self._waited_at: list[tuple[float, float]] = []  # centres of unreachable candidates, m
         self._doubts: dict[int, int] = {}  # instance id -> rejections from near
@@ -225,7 +227,7 @@ class Search(ABC):
 
     def _near_enough_m(self, candidate: ObjectInstance) -> float:
         """Distance from its centre at which some part of the candidate is in reach."""
-        reach_m = self.body.description.reach_m - self.settings.reach_spare_m
+        reach_m = self.body.description.reach_m - REACH_SPARE_M
         return reach_m + float(min(candidate.size_m[:2])) / 2
 
     def open(self, candidate: ObjectInstance) -> bool:

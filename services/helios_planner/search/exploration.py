@@ -21,6 +21,7 @@ from helios_planner.search.base import FRONTIER_REACH_M
 from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
+MIN_BORDER_M = 0.4  # shorter edges of the known floor are not explored
 NAMED = 3  # unseen places in the closing message
 
 XY = tuple[float, float]
@@ -171,7 +172,7 @@ class Exploration:
     def _clear_way(self) -> bool:
         """Look at unknown ground that blocks the path to a border, when none is in reach; False if
         there is none."""
-        pose, within_m = self._body.pose(), self._settings.frontier_reach_m
+        pose = self._body.pose()
         targets: Sequence[XY] = sorted((b.xy_m for b in self._open()), key=pose.distance_m)
         return any(self._base.clear_way(xy_m, FRONTIER_REACH_M) for xy_m in targets)
 

@@ -79,10 +79,6 @@ class Looking:
         """other_share: share of the evidence of an expected view that goes to the *other* class."""
         self.body, self.base, self.settings = body, base, settings
         self._other_share = other_share
-        s = settings
-        self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
-        self._place_rules = GazeRules(s.gaze_distances_m, s.gaze_spacing_m, s.block_height_m)
-        self._stop_rules = GazeRules(s.stop_distances_m, s.view_spacing_m, s.block_height_m)
         self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's centre, viewpoint
         self._views: dict[tuple, BestView | None] = {}
         self._gains: dict[tuple, float] = {}
@@ -98,7 +94,7 @@ class Looking:
 
     def stops_at(self, thing: ObjectInstance) -> list[GazePoint]:
         """Poses at which to stop in front of a found object, nearest first; used before or not."""
-        return self._points(thing, self._stop_rules)
+        return self._points(thing, STOP_RULES)
 
     def _left(self, candidate: ObjectInstance, rules: GazeRules, apart_m: float) -> list[GazePoint]:
         done = self._done(candidate)
@@ -139,7 +135,7 @@ class Looking:
     # --- expected effect of views --------------------------------------------------------------
     def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
         """Expected gain of a local search (eq. 12); None if no gaze point can be reached."""
-        points = self.around(receptacle)[: self.settings.gaze_poses]
+        points = self.around(receptacle)[:MOST_GAZE_POINTS]
         if not points:
             return None
         key = (

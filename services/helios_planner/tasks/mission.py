@@ -265,7 +265,7 @@ class Mission:
     def _show(self, search: Search) -> str:
         """Find an object and stop in front of it, or as near as a path leads. Its score from there
         must still reach the threshold."""
-        looking, near_m = self.tools.looking, max(self.settings.stop_distances_m)
+        looking, near_m = self.tools.looking, max(STOP_RULES.distances_m)
         while True:
             used = self.body.budget_used()
             found = search.find()

@@ -18,6 +18,7 @@ from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed, TimeIsUp
 from helios_planner.tasks.run_control import LastAction
 
+GO_WITHIN_M = 0.25  # stopping distance to a goal that the robot cannot stand on
 HOME_WITHIN_M = 0.5  # the robot may have started in a place too narrow to return to
 
 
