@@ -7,7 +7,7 @@ A radius is as small as the position error of the compared objects allows.
 - A single detection, or an object seen again from near, has a larger error, since only its visible
   part counts: 0.3. Much more of a receptacle may become visible from near: 1.0.
 - A candidate or a frontier moves while its surroundings become visible step by step, and a view of
-  it covers its neighbourhood: the setting `same_place_m`, 0.5.
+  it covers its neighbourhood: 0.5.
 """
 
 from __future__ import annotations
