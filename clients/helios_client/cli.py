@@ -20,11 +20,11 @@ from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
 from helios_client.commands.movement import app as moves_app
 from helios_client.commands.robot import app as robot_app
-from helios_client.commands.shared_options import say
+from helios_client.commands.shared_options import print_line
 from helios_client.commands.start_services import app as run_app
 from helios_client.commands.tasks import app as tasks_app
 from helios_client.commands.why import app as why_app
-from helios_client.interrupt_signals import NUMBERS, Bursts, ignore_interrupts
+from helios_client.interrupt_signals import NUMBERS, BurstHandler, ignore_interrupts
 from helios_client.leading_options import EVERYWHERE, leading
 
 INTERRUPTED = 130
@@ -70,7 +70,7 @@ def main() -> int:
     SIGINT interrupts even if a shell script started this process in the background, with SIGINT
     ignored.
     """
-    bursts = Bursts()
+    bursts = BurstHandler()
     for number in NUMBERS:
         signal.signal(number, bursts)
     try:
@@ -91,7 +91,7 @@ def run(args: Sequence[str]) -> int:
         return _interrupted()
     except HungUp as hung_up:
         with contextlib.suppress(OSError):  # the terminal may be closed
-            say(f"helios: hung up; {hung_up}", stderr=True)
+            print_line(f"helios: hung up; {hung_up}", stderr=True)
         return 129
     except BrokenPipeError:
         with contextlib.suppress(OSError):
@@ -127,7 +127,7 @@ def _tell(error: Exception) -> int:
                     f"there is no option {option} before the command; the options of a command "
                     f"stand behind it: helios COMMAND {option}"
                 )
-            say(f"helios: {sentence}; see {command} --help", stderr=True)
+            print_line(f"helios: {sentence}; see {command} --help", stderr=True)
         return 2
     if type(error).__name__ == "Abort":  # Ctrl-C or end of input at a prompt
         return _interrupted()
@@ -138,7 +138,7 @@ def _tell(error: Exception) -> int:
 
     if not isinstance(error, HeliosError):
         raise error
-    say(f"helios: {error.message}", stderr=True)
+    print_line(f"helios: {error.message}", stderr=True)
     return 2 if isinstance(error, UsageError | WrongRequest) else 1
 
 

@@ -16,7 +16,7 @@ NUMBERS = (signal.SIGINT, signal.SIGTERM)
 TOGETHER_S = 0.3  # signals closer together than this count as one
 
 
-class Bursts:
+class BurstHandler:
     """Signal handler that raises KeyboardInterrupt once per burst of signals."""
 
     def __init__(self) -> None:

@@ -42,9 +42,9 @@ from helios_client.answer_types import (
 )
 from helios_client.http import requests
 from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
-from helios_client.http.errors import lost, refused
+from helios_client.http.errors import response_error, transport_error
 from helios_client.http.server_sent_events import EventParser
-from helios_client.http.task_polling import WaitedServices
+from helios_client.http.task_polling import TaskWaitTimer
 from helios_client.http.teleop import Teleop
 
 T = TypeVar("T")
@@ -124,7 +124,7 @@ class Helios:
         While the gateway restarts, the call retries for up to `SILENCE_S`. Raises DeadlineExceeded,
         and Unavailable if the gateway no longer answers.
         """
-        waiting = WaitedServices(id, timeout_s, SILENCE_S)
+        waiting = TaskWaitTimer(id, timeout_s, SILENCE_S)
         while True:
             try:
                 task = self.task(id)
@@ -317,7 +317,7 @@ class Helios:
         try:
             response = self._http.request(**self._to.request(call))
         except httpx.TransportError as error:
-            raise lost(error, self._to.url) from error
+            raise transport_error(error, self._to.url) from error
         return call.answer(response)
 
     def _stream(
@@ -330,8 +330,8 @@ class Helios:
             with self._http.stream(**request) as response:
                 if response.is_error:
                     response.read()
-                    raise refused(response)
+                    raise response_error(response)
                 for line in response.iter_lines():
                     yield parser.feed(line)
         except httpx.TransportError as error:
-            raise lost(error, self._to.url) from error
+            raise transport_error(error, self._to.url) from error

@@ -122,7 +122,7 @@ class DetectorBench(Bench[DetectorBackend]):
         return self.back_end
 
     @property
-    def asked(self) -> tuple[str, ...]:
+    def class_names(self) -> tuple[str, ...]:
         """Class names that the detector knows."""
         return self.classes or (self.detector.vocabulary() or ANY_NAMES)[:MOST_ASKED]
 

@@ -57,7 +57,7 @@ class Host:
         return self._bus.call(GET_STATE, pb.Empty(), CALL_S)
 
 
-class Hosted:
+class BridgeClaims:
     """Contract tests of driver and bridge together."""
 
     @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Frame
 from helios_detector.backend import Findings, Seen
-from helios_detector.output_checks import held_findings
+from helios_detector.output_checks import checked_findings
 
 from helios_contract.bench import UNKNOWN, DetectorBench, odd, searching, views
 from helios_contract.model_claims import BackEndContract
@@ -42,14 +42,14 @@ class DetectorContract(BackEndContract[DetectorBench]):
         assert bench.detector.vocabulary() == before
 
     def test_no_name_of_its_vocabulary_is_refused(self, bench: DetectorBench) -> None:
-        for name in bench.asked:
+        for name in bench.class_names:
             assert not bench.detector.refused(searching([name]))
 
     def test_a_name_that_it_does_not_know_is_refused_with_a_sentence(
         self, bench: DetectorBench
     ) -> None:
         _need_fixed(bench)
-        refused = bench.detector.refused(searching([bench.asked[0], UNKNOWN]))
+        refused = bench.detector.refused(searching([bench.class_names[0], UNKNOWN]))
         assert set(refused) == {UNKNOWN}, "a dict of the refused names, and of no other"
         assert len(refused[UNKNOWN].split()) >= 3, "the value says why, in a sentence"
 
@@ -63,15 +63,15 @@ class DetectorContract(BackEndContract[DetectorBench]):
     # --- findings ------------------------------------------------------------------------------
     def test_it_gives_findings_of_detections_and_seen(self, bench: DetectorBench) -> None:
         for frame in _all_frames(bench):
-            found = bench.detector.detect(frame, searching(bench.asked))
+            found = bench.detector.detect(frame, searching(bench.class_names))
             assert isinstance(found, Findings)
             assert all(isinstance(d, Detection) for d in found.detections)
             assert all(isinstance(s, Seen) and isinstance(s.class_name, str) for s in found.seen)
 
     def test_only_what_was_asked_for_is_detected(self, bench: DetectorBench) -> None:
-        one = bench.asked[:1]
+        one = bench.class_names[:1]
         for frame in _all_frames(bench):
-            for asked in (one, bench.asked):
+            for asked in (one, bench.class_names):
                 found = bench.detector.detect(frame, searching(asked))
                 assert {d.class_name for d in found.detections} <= set(asked)
 
@@ -103,13 +103,13 @@ class DetectorContract(BackEndContract[DetectorBench]):
         self, bench: DetectorBench
     ) -> None:
         for frame in _all_frames(bench):
-            found = bench.detector.detect(frame, searching(bench.asked, HIGH))
+            found = bench.detector.detect(frame, searching(bench.class_names, HIGH))
             assert all(d.score >= HIGH - SLACK for d in found.detections)
 
     def test_the_service_finds_nothing_to_refuse(self, bench: DetectorBench) -> None:
         for frame in _all_frames(bench):
             found = _found(bench, frame)
-            _, wrong = held_findings(found, frame.depth_m.shape, bench.asked)
+            _, wrong = checked_findings(found, frame.depth_m.shape, bench.class_names)
             assert not wrong, wrong.sentence
 
     def test_it_finds_something_in_the_pictures_that_were_given(self, bench: DetectorBench) -> None:
@@ -161,7 +161,7 @@ class DetectorContract(BackEndContract[DetectorBench]):
 
 
 def _found(bench: DetectorBench, frame: Frame) -> Findings:
-    return bench.detector.detect(frame, searching(bench.asked))
+    return bench.detector.detect(frame, searching(bench.class_names))
 
 
 def _all_frames(bench: DetectorBench) -> list[Frame]:

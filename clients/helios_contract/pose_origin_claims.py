@@ -11,7 +11,7 @@ LONGEST_NAME = 64
 UNNAMED = "this driver names no origin: maps begin anew at each of its starts"
 
 
-class Origin:
+class PoseOriginClaims:
     """Contract tests of `RobotState.origin_id`."""
 
     def test_the_name_of_the_origin_is_short_enough_to_be_shown(self, rig: Rig) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helios_core.types import Embedding, Frame
 from helios_detector.backend import Judgement, Seen
-from helios_detector.output_checks import held_judgement
+from helios_detector.output_checks import checked_judgement
 
 from helios_contract.bench import ScorerBench, odd, views
 from helios_contract.model_claims import BackEndContract
@@ -40,7 +40,7 @@ class ScorerContract(BackEndContract[ScorerBench]):
     def test_the_service_finds_nothing_to_refuse(self, bench: ScorerBench) -> None:
         for frame in _frames(bench):
             judged = bench.scorer.judge(frame, SEEN, PROMPTS)
-            _, wrong = held_judgement(judged, PROMPTS)
+            _, wrong = checked_judgement(judged, PROMPTS)
             assert not wrong, wrong.sentence
 
     def test_without_a_prompt_there_is_no_score(self, bench: ScorerBench) -> None:

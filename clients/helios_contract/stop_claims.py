@@ -56,7 +56,7 @@ class StopClaims:
 
     def test_a_stop_from_another_thread_ends_the_action_that_runs(self, rig: Rig) -> None:
         rig.need_motion()
-        turning = _stopped_turn(rig)
+        turning = _interrupted_turn(rig)
         assert REASON in turning.refusal, "the turn was ended, and yet told as done"
         there = rig.pose()
         until_s = time.monotonic() + STILL_S
@@ -68,7 +68,7 @@ class StopClaims:
             time.sleep(POLL_S)
 
 
-def _stopped_turn(rig: Rig) -> _Turning:
+def _interrupted_turn(rig: Rig) -> _Turning:
     """A turn that a stop ended in the middle.
 
     A simulated robot turns within a few milliseconds, so most stops come too early or too late.

@@ -11,16 +11,18 @@ import pytest
 _CLAIMS = ("bridge", "camera", "description", "motion", "pose_origin", "stop")
 pytest.register_assert_rewrite(*(f"helios_contract.{name}_claims" for name in _CLAIMS))
 
-from helios_contract.bridge_claims import Hosted  # noqa: E402
+from helios_contract.bridge_claims import BridgeClaims  # noqa: E402
 from helios_contract.camera_claims import CameraClaims  # noqa: E402
 from helios_contract.description_claims import DescriptionClaims  # noqa: E402 - so that asserts say their values
 from helios_contract.motion_claims import MotionClaims  # noqa: E402
-from helios_contract.pose_origin_claims import Origin  # noqa: E402
+from helios_contract.pose_origin_claims import PoseOriginClaims  # noqa: E402
 from helios_contract.rig import Rig  # noqa: E402
 from helios_contract.stop_claims import StopClaims  # noqa: E402
 
 
-class DriverContract(DescriptionClaims, Origin, CameraClaims, MotionClaims, StopClaims, Hosted):
+class DriverContract(
+    DescriptionClaims, PoseOriginClaims, CameraClaims, MotionClaims, StopClaims, BridgeClaims
+):
     """All contract tests of one driver, which they share.
 
     Subclass it under a name that begins with Test, and construct the driver in `stand`.

@@ -40,7 +40,7 @@ OTHER_PORT = "--port (make demo PORT=…)"
 
 
 @contextmanager
-def running(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
+def running_stack_process(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
     """Run `helios up` with these arguments; terminate it at the end of the block."""
     command = [sys.executable, "-m", "helios_client", "up", *arguments]
     with log.open("wb") as file:
@@ -149,7 +149,7 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
         "--robot", "sim", "--seed", str(seed), "--preset", preset, "--port", str(port),
         "--router-port", str(router_port), "--state", str(out / "state"),
     ]  # fmt: skip
-    with running(arguments, log) as up, Helios(f"http://127.0.0.1:{port}") as helios:
+    with running_stack_process(arguments, log) as up, Helios(f"http://127.0.0.1:{port}") as helios:
         console.print(f"starting router, world and services (home {seed}, preset {preset})")
         console.print("kernels that `make install` has not compiled take a minute", style="dim")
         wait_ready(helios, up, log, console)

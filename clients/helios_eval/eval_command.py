@@ -18,13 +18,13 @@ from helios_core.errors import InvalidInput
 from helios_eval import run_folder as run_folder
 from helios_eval.calibration.command import calibration
 from helios_eval.episodes.episode_record import Benchmark, read
-from helios_eval.episodes.run_conditions import checked
+from helios_eval.episodes.run_conditions import parse_condition
 from helios_eval.report import MARKDOWN, write_report_of
 from helios_eval.runs import merge_runs, results
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.video.video_command import video
 
-FIRST_KEPT_BACK = 100_000  # first seed of the homes that are held out for independent checks
+FIRST_HELD_OUT_SEED = 100_000  # first seed of the homes that are held out for independent checks
 
 app = typer.Typer(
     name="eval",
@@ -119,7 +119,7 @@ def report(
         raise UsageError("of several folders one report is written elsewhere: give --out FOLDER")
     into = out or folders[0]
     records, description = merge_runs.episodes(folders), merge_runs.run(folders)
-    with run_folder.writing(into):
+    with run_folder.write_errors_as_unavailable(into):
         if out is not None and records:
             merge_runs.pack(out, records, description)
             records = read(out)  # report exactly the records that the packed file holds
@@ -151,7 +151,7 @@ def _run(
     max_steps: int | None,
     ray: str | None,
 ) -> None:
-    under = checked(
+    under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
         level=level, correlation=correlation, sensor=sensor, assignments=assignments,
         max_steps=max_steps,
@@ -160,10 +160,10 @@ def _run(
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
     except InvalidInput as error:
         raise UsageError(error.message) from error
-    if seed0 + episodes > FIRST_KEPT_BACK:
+    if seed0 + episodes > FIRST_HELD_OUT_SEED:
         print(
-            f"helios: seeds from {FIRST_KEPT_BACK} on are kept back, so that others can check what "
-            "was built; look at no single one of them",
+            f"helios: seeds from {FIRST_HELD_OUT_SEED} on are kept back, so that others can check "
+            "what was built; look at no single one of them",
             file=sys.stderr,
         )
     asked = Run(

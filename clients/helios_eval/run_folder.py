@@ -14,7 +14,7 @@ LOCK = "run.lock"
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
+def locked_folder(folder: Path) -> Iterator[None]:
     """Create the folder if necessary and lock it for the duration of the block.
 
     The lock ends with the process, even if it is killed. Two runs at once would play the same
@@ -27,7 +27,7 @@ def held(folder: Path) -> Iterator[None]:
         raise UsageError(f"{folder} cannot be a folder: a file is there; take another") from error
     except OSError as error:
         raise _unwritable(folder, error) from error
-    with writing(folder):
+    with write_errors_as_unavailable(folder):
         file = (folder / LOCK).open("a")
     with file:
         try:
@@ -40,7 +40,7 @@ def held(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def writing(folder: Path) -> Iterator[None]:
+def write_errors_as_unavailable(folder: Path) -> Iterator[None]:
     """Convert an OSError within the block to Unavailable with a clear message."""
     try:
         yield

@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from helios_client.supervision.child_process import Child, ProcessSpec
+from helios_client.supervision.child_process import ChildProcess, ProcessSpec
 from helios_client.supervision.service_specs import free_port
 from helios_core import proto as pb
 from helios_core.bus import Bus
@@ -16,7 +16,7 @@ from helios_core.zenoh_bus import ZenohBus
 
 START_WITHIN_S = 120.0
 # reasons of a service that is still starting
-ON_ITS_WAY = ("loading", "opening", "compiling", "starting", "warming")
+STARTING_REASONS = ("loading", "opening", "compiling", "starting", "warming")
 
 
 class ServiceProcess:
@@ -63,8 +63,8 @@ class ServiceProcess:
         while time.monotonic() < deadline:
             if said and said[-1].state == "ready":
                 return said[-1].pid
-            ending = self._children[name].ended()
-            if ending is not None or (said and _is_last_word(said[-1])):
+            ending = self._children[name].poll_exit()
+            if ending is not None or (said and _cannot_get_ready(said[-1])):
                 raise Unavailable(f"{name}: {ending.reason if ending else said[-1].reason}")
             time.sleep(0.1)
         reason = said[-1].reason if said else "it has said nothing"
@@ -76,12 +76,12 @@ class ServiceProcess:
             if not child.wait(5):
                 child.kill()
 
-    def _start(self, name: str, module: str, *argv: str) -> Child:
+    def _start(self, name: str, module: str, *argv: str) -> ChildProcess:
         spec = ProcessSpec(name, (sys.executable, "-m", module, *argv))
-        return Child(spec, self._folder / f"{name}.log")
+        return ChildProcess(spec, self._folder / f"{name}.log")
 
 
-def _is_last_word(status: pb.ServiceStatus) -> bool:
+def _cannot_get_ready(status: pb.ServiceStatus) -> bool:
     """True if the service cannot get ready by itself, as when its model is missing or wrong."""
-    begins = status.reason.startswith(ON_ITS_WAY)
+    begins = status.reason.startswith(STARTING_REASONS)
     return status.state == "degraded" or (status.state == "waiting" and not begins)

@@ -24,7 +24,7 @@ from helios_core.topics import CONTEXT, ROBOT_STATE
 from helios_core.types import RobotDescription, RobotState
 
 from helios_replay.format_detection import open_source
-from helios_replay.replay_source import Part
+from helios_replay.replay_source import PlaybackRange
 
 REMEMBERED = 256  # action results kept
 
@@ -54,7 +54,7 @@ class ReplayDriver(RobotDriver):
         that waits; `close` ends the default wait. Raises InvalidInput for an unplayable source."""
         if source is None:
             raise InvalidInput("a replay needs something to play; name it with --source")
-        self._source = open_source(source, Part(limit, from_s, to_s, topics))
+        self._source = open_source(source, PlaybackRange(limit, from_s, to_s, topics))
         self._rate, self._bus = rate, bus if contexts else None
         self._searching = self._bus is None  # True if another process sets the search context
         self._next = 0

@@ -8,21 +8,21 @@ from pathlib import Path
 
 from helios_core.errors import Unavailable
 
-from helios_replay.replay_source import Part, Source
+from helios_replay.replay_source import PlaybackRange, Source
 
 log = logging.getLogger(__name__)
 
 
-def open_source(path: Path, part: Part | None = None) -> Source:
+def open_source(path: Path, part: PlaybackRange | None = None) -> Source:
     """The source for the format at `path`; logs the number of images left out. Raises InvalidInput,
     in one sentence, when it cannot be played, and Unavailable without the required library."""
-    source = _opened(path, part or Part())
+    source = _opened(path, part or PlaybackRange())
     if source.left_out:
         log.warning("%s: %s", path, source.left_out)
     return source
 
 
-def _opened(path: Path, part: Part) -> Source:
+def _opened(path: Path, part: PlaybackRange) -> Source:
     if is_recording(path):
         try:
             from helios_replay.mcap_recording import Recording

@@ -46,7 +46,7 @@ _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 
 @dataclass(frozen=True)
-class Place:
+class DataLocation:
     """Location of one message's data."""
 
     chunk: int  # offset of its chunk in the file, or of its record outside chunks
@@ -63,7 +63,7 @@ class Found:
     schema: str
     log_time_ns: int
     publish_time_ns: int
-    place: Place
+    place: DataLocation
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class McapFile:
         elif gap is not None:
             self._note_lost(gap, summary, 0)
 
-    def read(self, place: Place) -> bytes:
+    def read(self, place: DataLocation) -> bytes:
         """The data of a message. Raises InvalidInput when the file is no longer readable."""
         try:
             if not place.chunked:
@@ -272,7 +272,7 @@ class McapFile:
             raise Undeclared(
                 f"a message at byte {chunk} is of {channel.topic}, whose schema is lost"
             )
-        place = Place(chunk, body + _MESSAGE.size, size - _MESSAGE.size, chunked)
+        place = DataLocation(chunk, body + _MESSAGE.size, size - _MESSAGE.size, chunked)
         name = schema.name if schema else ""
         return Found(channel.topic, name, log_time_ns, publish_time_ns, place)
 

@@ -25,7 +25,7 @@ from helios_core.topics import (
 from helios_core.types import FrameId
 
 from helios_replay.mcap_damage import Lost
-from helios_replay.mcap_file import Found, McapFile, Place
+from helios_replay.mcap_file import DataLocation, Found, McapFile
 
 M = TypeVar("M", bound=Message)
 
@@ -35,11 +35,11 @@ class Where:
     """Location of a message in one of the files."""
 
     file: int
-    place: Place
+    place: DataLocation
 
 
 @dataclass
-class Key:
+class RecordedKeyframe:
     """A keyframe: its head message and the locations of its pixels."""
 
     head: pb.Frame
@@ -49,7 +49,7 @@ class Key:
 
 
 @dataclass(frozen=True)
-class Sought:
+class RecordedContext:
     """A search context and the number of keyframes before it."""
 
     context: pb.SearchContext
@@ -79,8 +79,8 @@ class Index:
 
     files: tuple[McapFile, ...]
     began_ns: int
-    keys: list[Key]
-    contexts: list[Sought] = field(default_factory=list)
+    keys: list[RecordedKeyframe]
+    contexts: list[RecordedContext] = field(default_factory=list)
     # Number of keyframes so far -> last state.
     states: dict[int, pb.RobotState] = field(default_factory=dict)
     observations: dict[FrameId, Answer] = field(default_factory=dict)
@@ -135,8 +135,8 @@ class _Reader:
 
     def __init__(self) -> None:
         self.began_ns = 0
-        self.keys: list[Key] = []
-        self.contexts: list[Sought] = []
+        self.keys: list[RecordedKeyframe] = []
+        self.contexts: list[RecordedContext] = []
         self.states: dict[int, pb.RobotState] = {}
         self.state: pb.RobotState | None = None  # latest state
         self.observations: dict[FrameId, Answer] = {}
@@ -150,7 +150,7 @@ class _Reader:
         where = Where(number, found.place)
         match found.topic, found.schema:
             case (KEYFRAME_CHANNELS.head, "helios.v1.Frame"):
-                self.keys.append(Key(_read(pb.Frame, file, found), found.log_time_ns))
+                self.keys.append(RecordedKeyframe(_read(pb.Frame, file, found), found.log_time_ns))
             case (KEYFRAME_CHANNELS.color, "foxglove.CompressedImage"):
                 if key := self._newest(found):
                     key.color = where
@@ -162,7 +162,7 @@ class _Reader:
                 # The start of a file may repeat the context of the current search.
                 again = found.publish_time_ns < found.log_time_ns and self.contexts
                 if not (again and self.contexts[-1].context == context):
-                    self.contexts.append(Sought(context, len(self.keys)))
+                    self.contexts.append(RecordedContext(context, len(self.keys)))
             case (topic, "helios.v1.RobotState") if topic == channel_of(ROBOT_STATE):
                 self.state = self.states[len(self.keys)] = _read(pb.RobotState, file, found)
             case (topic, "helios.v1.RobotDescription") if topic == channel_of(ROBOT_DESCRIPTION):
@@ -185,7 +185,7 @@ class _Reader:
         def moved(before: int) -> int:
             return bisect.bisect_left(kept, before)
 
-        self.contexts = [Sought(s.context, moved(s.before)) for s in self.contexts]
+        self.contexts = [RecordedContext(s.context, moved(s.before)) for s in self.contexts]
         self.states = {moved(before): state for before, state in self.states.items()}
         self.retired = [(retirement, moved(before)) for retirement, before in self.retired]
         self.keys = [self.keys[i] for i in kept]
@@ -197,13 +197,13 @@ class _Reader:
             id: answer for id, answer in self.observations.items() if answer.context_id in known
         }
 
-    def _newest(self, found: Found) -> Key | None:
+    def _newest(self, found: Found) -> RecordedKeyframe | None:
         """The newest keyframe if `found` has its log time; pixels follow their head with it."""
         key = self.keys[-1] if self.keys else None
         return key if key is not None and key.log_time_ns == found.log_time_ns else None
 
 
-def _is_whole(key: Key) -> bool:
+def _is_whole(key: RecordedKeyframe) -> bool:
     try:
         pose_from_proto(key.head.T_world_cam, "T_world_cam")
     except HeliosError:
@@ -211,7 +211,7 @@ def _is_whole(key: Key) -> bool:
     return key.color is not None and key.depth is not None
 
 
-def _as_needed(reader: _Reader) -> list[Sought]:
+def _as_needed(reader: _Reader) -> list[RecordedContext]:
     """Search contexts, each moved to no later than the first keyframe answered with it; the
     recorder may have received them in another order."""
     first: dict[str, int] = {}
@@ -219,11 +219,11 @@ def _as_needed(reader: _Reader) -> list[Sought]:
         answered = reader.observations.get(frame_id_from_proto(key.head.id))
         if answered is not None:
             first.setdefault(answered.context_id, i)
-    out: list[Sought] = []
+    out: list[RecordedContext] = []
     latest = len(reader.keys)
     for sought in reversed(reader.contexts):
         latest = min(latest, sought.before, first.get(sought.context.id, latest))
-        out.append(Sought(sought.context, latest))
+        out.append(RecordedContext(sought.context, latest))
     return out[::-1]
 
 

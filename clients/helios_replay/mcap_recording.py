@@ -18,12 +18,12 @@ from helios_core.recording_format import join_frame
 from helios_core.types import RobotDescription
 
 from helios_replay.mcap_damage import Lost
-from helios_replay.mcap_index import Key, read_index
+from helios_replay.mcap_index import RecordedKeyframe, read_index
 from helios_replay.replay_source import (
     DEFAULT_MAX_DEPTH_M,
-    Part,
-    Picture,
+    PlaybackRange,
     Shot,
+    ShotPixels,
     carried_camera,
     left_out_of,
 )
@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 class Recording:
     """One recording: one file, or several consecutive ones."""
 
-    def __init__(self, paths: Sequence[Path], part: Part) -> None:
+    def __init__(self, paths: Sequence[Path], part: PlaybackRange) -> None:
         """Raises InvalidInput when the recording has nothing to play."""
         self._index = read_index(paths)
         self._name = paths[0].stem
@@ -109,7 +109,7 @@ class Recording:
         except InvalidInput:
             return None
 
-    def read(self, index: int) -> Picture:
+    def read(self, index: int) -> ShotPixels:
         key = self._index.keys[self._part[index]]
         assert key.color is not None
         assert key.depth is not None
@@ -122,7 +122,7 @@ class Recording:
             raise InvalidInput(
                 f"keyframe {key.head.id.seq} of {self._name}: {error.message}"
             ) from (error)
-        return Picture(frame.color, frame.depth_m, frame.camera, frame.T_world_base, message)
+        return ShotPixels(frame.color, frame.depth_m, frame.camera, frame.T_world_base, message)
 
     def contexts_before(self, index: int) -> Sequence[pb.SearchContext]:
         here = self._part[index]
@@ -154,7 +154,7 @@ class Recording:
         return out
 
 
-def _shot(key: Key, time_s: float) -> Shot:
+def _shot(key: RecordedKeyframe, time_s: float) -> Shot:
     stamp = key.head.stamp
     T_world_cam = pose_from_proto(key.head.T_world_cam, "T_world_cam")
     return Shot(time_s, stamp.seconds * 1_000_000_000 + stamp.nanos, T_world_cam)

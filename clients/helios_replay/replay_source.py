@@ -27,7 +27,7 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ShotPixels:
     """The pixels of one shot, its calibration, and its base pose and message if recorded."""
 
     color: NDArray[np.uint8]  # [h, w, 3] RGB
@@ -55,7 +55,7 @@ class Source(Protocol):
         """Description of the robot, without any abilities to act."""
         ...
 
-    def read(self, index: int) -> Picture:
+    def read(self, index: int) -> ShotPixels:
         """Pixels of one shot. Raises InvalidInput, which names the unreadable data."""
         ...
 
@@ -73,7 +73,7 @@ class Source(Protocol):
 
 
 @dataclass(frozen=True)
-class Part:
+class PlaybackRange:
     """The part of a recording to play, and the topics of a ROS bag."""
 
     limit: int = 0  # number of shots; 0: all

@@ -23,7 +23,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, is_rigid
 from numpy.typing import NDArray
 
-from helios_replay.replay_source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
+from helios_replay.replay_source import DEFAULT_MAX_DEPTH_M, Images, PlaybackRange, Shot, ShotPixels
 
 LARGEST = 1e6  # limit of the numbers in meta.json and of frame numbers
 POSE_TOLERANCE = 1e-2  # recorded rotations carry few digits
@@ -55,7 +55,7 @@ class Dataset:
 class ImageFolder(Images):
     """Image folder as a replay source."""
 
-    def __init__(self, folder: Path, part: Part) -> None:
+    def __init__(self, folder: Path, part: PlaybackRange) -> None:
         """Raises InvalidInput, which names the file, for missing or invalid data."""
         data = read_dataset(folder)
         began_ns = data.images[0].stamp_ns
@@ -67,9 +67,9 @@ class ImageFolder(Images):
         ]
         super().__init__(folder.name, shots, data.camera, data.max_depth_m)
 
-    def read(self, index: int) -> Picture:
+    def read(self, index: int) -> ShotPixels:
         color, depth_m = read_image(self._data, self._part[index])
-        return Picture(color, depth_m, self._data.camera)
+        return ShotPixels(color, depth_m, self._data.camera)
 
 
 def read_dataset(folder: Path) -> Dataset:

@@ -20,9 +20,9 @@ from helios_core.geometry import Matrix
 from helios_replay.replay_source import (
     DEFAULT_MAX_DEPTH_M,
     Images,
-    Part,
-    Picture,
+    PlaybackRange,
     Shot,
+    ShotPixels,
     left_out_of,
 )
 from helios_replay.ros_images import Lens, color_of, depth_of, stamp_ns
@@ -50,7 +50,7 @@ class _Image:
 class RosBag(Images):
     """ROS bag as a replay source. The file stays open."""
 
-    def __init__(self, path: Path, part: Part) -> None:
+    def __init__(self, path: Path, part: PlaybackRange) -> None:
         """Raises InvalidInput when the bag is unreadable or incomplete, Unavailable without the
         library."""
         self._path = path
@@ -86,7 +86,7 @@ class RosBag(Images):
         )  # fmt: skip
         super().__init__(path.stem, shots, self._lens.camera, DEFAULT_MAX_DEPTH_M, left_out)
 
-    def read(self, index: int) -> Picture:
+    def read(self, index: int) -> ShotPixels:
         color_at, depth_at = self._pairs[index]
         where = f"of {self._path} at {color_at.stamp_ns / 1e9:.3f} s"
         color = color_of(
@@ -102,7 +102,7 @@ class RosBag(Images):
                 f"{depth_m.shape[1]}x{depth_m.shape[0]}, the calibration {camera.width}x"
                 f"{camera.height}; record depth that is registered to colour"
             )
-        return Picture(*self._lens.straight(color, depth_m), camera)
+        return ShotPixels(*self._lens.straight(color, depth_m), camera)
 
     # --- contents of the bag ------------------------------------------------------------------
     def _one(

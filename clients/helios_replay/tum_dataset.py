@@ -25,9 +25,9 @@ from helios_core.geometry import Matrix, Pinhole, rotation_from_quaternion
 from helios_replay.replay_source import (
     DEFAULT_MAX_DEPTH_M,
     Images,
-    Part,
-    Picture,
+    PlaybackRange,
     Shot,
+    ShotPixels,
     left_out_of,
 )
 from helios_replay.rgbd_folder import decode, nanoseconds
@@ -48,7 +48,7 @@ class _Pair:
 class TumFolder(Images):
     """TUM folder as a replay source."""
 
-    def __init__(self, folder: Path, part: Part) -> None:
+    def __init__(self, folder: Path, part: PlaybackRange) -> None:
         """Raises InvalidInput, which names the file, for missing or invalid data."""
         path = _read_path(folder / "groundtruth.txt")
         times = [t for t, _ in path]
@@ -76,7 +76,7 @@ class TumFolder(Images):
         left_out = left_out_of(images, len(posed), why)
         super().__init__(folder.name, shots, camera, DEFAULT_MAX_DEPTH_M, left_out)
 
-    def read(self, index: int) -> Picture:
+    def read(self, index: int) -> ShotPixels:
         pair, camera = self._pairs[index], self._camera_read
         color = decode(pair.color, cv2.IMREAD_COLOR)
         depth = decode(pair.depth, cv2.IMREAD_UNCHANGED)
@@ -88,7 +88,7 @@ class TumFolder(Images):
                 f"{camera.width}x{camera.height} and 16 bit"
             )
         rgb = cv2.cvtColor(color, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
-        return Picture(rgb, depth.astype(np.float32) / np.float32(DEPTH_PER_M), camera)
+        return ShotPixels(rgb, depth.astype(np.float32) / np.float32(DEPTH_PER_M), camera)
 
 
 def _read_pairs(folder: Path) -> tuple[list[_Pair], int]:

@@ -18,8 +18,8 @@ from helios_sim.base_motion import Base, Drive
 from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Home
-from helios_sim.manipulation import CannotDo, Manipulation
-from helios_sim.ovmm_metrics import Released
+from helios_sim.manipulation import Manipulation, ManipulationFailed
+from helios_sim.ovmm_metrics import ReleaseResult
 from helios_sim.robot_model import RobotIndex
 from helios_sim.robot_sensors import RobotSensors
 
@@ -34,7 +34,7 @@ class Outcome:
 
     result: ActionResult
     touched: frozenset[str] = frozenset()  # bodies touched, without movable objects
-    released: Released | None = None
+    released: ReleaseResult | None = None
 
 
 class ActionExecutor:
@@ -62,8 +62,8 @@ class ActionExecutor:
         self._gripper = Gripper(model, data, robot, movable)
         self._base = Base(model, data, robot, movable, self._gripper.step)
         self._manipulation = Manipulation(data, self._gripper, things, senses.bodies_in_view)
-        self.on = {thing.name: thing.receptacle for thing in home.objects}
-        self.held_as = ""  # requested class of the held object
+        self.support_of = {thing.name: thing.receptacle for thing in home.objects}
+        self.held_class_requested = ""  # requested class of the held object
 
     @property
     def held_name(self) -> str:
@@ -74,7 +74,7 @@ class ActionExecutor:
         """Bodies in contact with the robot now, without movable objects."""
         return self._named(self._base.touching())
 
-    def do(self, action: Action, stop_asked: Callable[[], str | None]) -> Outcome:
+    def execute(self, action: Action, stop_asked: Callable[[], str | None]) -> Outcome:
         """Execute one action. stop_asked: returns the reason to end a drive at once, or None."""
         match action:
             case Forward(distance_m):
@@ -113,12 +113,12 @@ class ActionExecutor:
         near = self._manipulation.within_grasp(point)
         try:
             thing = self._manipulation.pick(point, _text(believed_m))
-        except CannotDo as why:
+        except ManipulationFailed as why:
             self._tracker.pick_tried(class_name, near, "", str(why))
             return Outcome(ActionResult(False, str(why)))
         self._tracker.pick_tried(class_name, near, thing.name, "")
-        self.held_as = class_name
-        self.on[thing.name] = ""
+        self.held_class_requested = class_name
+        self.support_of[thing.name] = ""
         self._pause()
         return Outcome(ActionResult(True))
 
@@ -127,14 +127,18 @@ class ActionExecutor:
         point = self._senses.true_point_m(believed_m)
         try:
             thing, rest = self._manipulation.place(point, _text(believed_m))
-        except CannotDo as why:
+        except ManipulationFailed as why:
             self._tracker.place_tried(self.held_name, None, str(why))
             return Outcome(ActionResult(False, str(why)))
-        self.held_as = ""
+        self.held_class_requested = ""
         on = {self._names[body]: z for body, z in rest.on.items()}
         # Of several bodies, receptacles come first.
-        self.on[thing.name] = min(on, key=lambda it: (it not in self._receptacles, it), default="")
-        released = Released(thing.name, rest.at_rest, on, rest.height_m, self._named(rest.met))
+        self.support_of[thing.name] = min(
+            on, key=lambda it: (it not in self._receptacles, it), default=""
+        )
+        released = ReleaseResult(
+            thing.name, rest.at_rest, on, rest.height_m, self._named(rest.touched_any_time)
+        )
         self._tracker.place_tried(thing.name, released, "")
         return Outcome(ActionResult(True), released=released)
 

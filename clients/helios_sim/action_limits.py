@@ -10,7 +10,7 @@ from helios_core.types import RobotDescription
 _SLACK = 1e-6  # tolerance (m, rad) for floating-point sums of angles and lengths
 
 
-def refusal(action: Action, robot: RobotDescription) -> str:
+def limit_violation(action: Action, robot: RobotDescription) -> str:
     """Reason, as one sentence, why the action exceeds the robot's limits; empty if it does not."""
     match action:
         case Forward(distance_m):

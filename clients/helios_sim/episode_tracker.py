@@ -18,7 +18,7 @@ from helios_sim.navigable_area import NavigableArea, Points, clearance_m
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
 from helios_sim.ovmm_metrics import (
     Progress,
-    Released,
+    ReleaseResult,
     Step,
     Targets,
     advance,
@@ -46,7 +46,7 @@ def reachable(
     return (labels == labels[row, column]) & free, origin_m
 
 
-def ground_of(home: Home, radius_m: float) -> NavigableArea:
+def navigable_area_of(home: Home, radius_m: float) -> NavigableArea:
     """Area that a disc can reach from the start pose."""
     free, origin_m = reachable(home, radius_m)
     return NavigableArea(free, origin_m, _CELL_M)
@@ -58,7 +58,7 @@ def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
     The class is any furniture of the home whose nearest viewpoint is at least 1 m from the start.
     Raises InvalidInput if there is none.
     """
-    ground = ground_of(home, radius_m)
+    ground = navigable_area_of(home, radius_m)
     furniture = {item.class_name for item in home.receptacles}
     furniture |= {item.class_name for item in home.fixtures if item.blocks}
     names = sorted(furniture - AMBIGUOUS)
@@ -120,7 +120,7 @@ class EpisodeTracker:
 
     def __init__(self, home: Home, episode: Episode, radius_m: float) -> None:
         self.episode = episode
-        self.targets = targets_of(home, episode, ground_of(home, radius_m))
+        self.targets = targets_of(home, episode, navigable_area_of(home, radius_m))
         self.progress = Progress()
         self.events: list[Event] = []
         self.track_m: list[tuple[float, float]] = [(home.start_pose[0], home.start_pose[1])]
@@ -141,7 +141,9 @@ class EpisodeTracker:
         """Distance (m) from the start to the nearest candidate viewpoint; inf without any."""
         return shortest_path_m(self._home, self.targets)
 
-    def in_question(self, base_xy_m: tuple[float, float], held: str) -> tuple[str, ...]:
+    def targets_needing_coverage(
+        self, base_xy_m: tuple[float, float], held: str
+    ) -> tuple[str, ...]:
         """Names of targets whose image coverage can change the metrics at this base position."""
         now = self.progress
         asked = {} if now.find_object else dict(self.targets.objects)
@@ -149,14 +151,14 @@ class EpisodeTracker:
             asked |= self.targets.goals
         return tuple(name for name in asked if self.targets.at(base_xy_m, name))
 
-    def note(
+    def record_step(
         self,
         base_xy_m: tuple[float, float],
         coverage: dict[str, float],
         held: str,
         collided_with: frozenset[str],
         moved_m: float,
-        released: Released | None = None,
+        released: ReleaseResult | None = None,
     ) -> None:
         """Update the metrics after one action."""
         way = np.linspace(self.track_m[-1], base_xy_m, 2 + math.ceil(moved_m / _LOOK_M))
@@ -182,7 +184,7 @@ class EpisodeTracker:
             )
         )
 
-    def place_tried(self, name: str, released: Released | None, reason: str) -> None:
+    def place_tried(self, name: str, released: ReleaseResult | None, reason: str) -> None:
         """Record a place attempt. released: None if the place was refused."""
         tried = PlaceTried(
             step=self.progress.steps + 1,

@@ -58,12 +58,12 @@ class Graspable:
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestState:
     """Final state of a released object. `on`: body -> height of the highest contact with it, m."""
 
     at_rest: bool  # for 50 consecutive control steps
     on: dict[int, float]  # touched at the end; if at rest: touched in all of these steps
-    met: frozenset[int]  # touched at any time
+    touched_any_time: frozenset[int]  # touched at any time
     height_m: float  # of the object's centre
 
 
@@ -88,11 +88,11 @@ class Gripper:
         T = self._T_world_base()
         return T[:3, :3] @ np.array(GRIPPER_BASE_M) + T[:3, 3]
 
-    def away_m(self, point_world_m: Sequence[float] | NDArray[np.float64]) -> float:
+    def distance_m(self, point_world_m: Sequence[float] | NDArray[np.float64]) -> float:
         """Distance (m) from the end effector at rest to a point."""
         return float(np.linalg.norm(np.asarray(point_world_m) - self.rest_world_m()))
 
-    def barred(self, point_world_m: Sequence[float]) -> bool:
+    def arm_blocked(self, point_world_m: Sequence[float]) -> bool:
         """True if walls or furniture block the arm on its path to 0.1 m above the point.
 
         The arm takes one of two straight paths from above the base: horizontal, or from the
@@ -148,7 +148,7 @@ class Gripper:
         mujoco.mj_forward(self._model, self._data)
         return False
 
-    def settle(self, thing: Graspable) -> Rest:
+    def settle(self, thing: Graspable) -> RestState:
         """Step the physics until the object rests for 50 control steps; at most 6 s."""
         data = self._data
         dt = float(self._model.opt.timestep)
@@ -177,7 +177,7 @@ class Gripper:
                 break
         at_rest = resting >= wanted
         end = {body: z for body, z in on.items() if body in throughout} if at_rest else on
-        return Rest(at_rest, end, frozenset(met), float(data.xpos[thing.body][2]))
+        return RestState(at_rest, end, frozenset(met), float(data.xpos[thing.body][2]))
 
     def touched_by(self, thing: Graspable) -> dict[int, float]:
         """Bodies in contact with the object -> height of the highest contact, m."""

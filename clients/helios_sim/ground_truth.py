@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class TruthInstance:
+class VisibleBody:
     """One body of the home that an image shows."""
 
     id: int
@@ -26,11 +26,11 @@ class Segmentation:
 
     stamp_ns: int
     ids: NDArray[np.int32]  # [h, w]
-    instances: tuple[TruthInstance, ...]  # visible in the image
+    instances: tuple[VisibleBody, ...]  # visible in the image
 
 
 @dataclass(frozen=True)
-class TrueThing:
+class TrueObjectState:
     """Current state of one piece of furniture or movable object. World frame, metres."""
 
     name: str

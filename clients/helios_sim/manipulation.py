@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_sim.gripper import Graspable, Gripper, Rest
+from helios_sim.gripper import Graspable, Gripper, RestState
 from helios_sim.robot_model import REACH_M
 
 PICK_WITHIN_M = 0.15  # from the requested point to the object's box
@@ -21,7 +21,7 @@ PICK_WITHIN_M = 0.15  # from the requested point to the object's box
 Point = tuple[float, float, float]
 
 
-class CannotDo(Exception):
+class ManipulationFailed(Exception):
     """Pick or place failed; the message is one sentence without ground truth."""
 
 
@@ -42,7 +42,7 @@ class Manipulation:
     def pick(self, point_world_m: Point, spot: str) -> Graspable:
         """Grasp the object at the point. spot: text for the point in messages. Raises CannotDo."""
         if self._gripper.held:
-            raise CannotDo("the gripper already holds something; place it first")
+            raise ManipulationFailed("the gripper already holds something; place it first")
         nearest = min(
             (
                 (t.distance_m(self._data, point_world_m), self._away_m(t, point_world_m), t.name, t)
@@ -51,12 +51,16 @@ class Manipulation:
             default=None,
         )
         if nearest is None or nearest[0] > PICK_WITHIN_M:
-            raise CannotDo(f"nothing to grasp within {PICK_WITHIN_M} m of {spot}; look again")
+            raise ManipulationFailed(
+                f"nothing to grasp within {PICK_WITHIN_M} m of {spot}; look again"
+            )
         thing = nearest[-1]
-        if self._gripper.away_m(self._data.xpos[thing.body]) > REACH_M:
-            raise CannotDo(f"what is at {spot} is out of reach ({REACH_M} m); drive nearer")
+        if self._gripper.distance_m(self._data.xpos[thing.body]) > REACH_M:
+            raise ManipulationFailed(
+                f"what is at {spot} is out of reach ({REACH_M} m); drive nearer"
+            )
         if not np.any(self._bodies_seen() == thing.body):
-            raise CannotDo(f"what is at {spot} is not in view; look at it first")
+            raise ManipulationFailed(f"what is at {spot} is not in view; look at it first")
         self._gripper.grasp(thing)
         return thing
 
@@ -66,17 +70,19 @@ class Manipulation:
             t.name for t in self._things if t.distance_m(self._data, point_world_m) <= PICK_WITHIN_M
         )
 
-    def place(self, point_world_m: Point, spot: str) -> tuple[Graspable, Rest]:
+    def place(self, point_world_m: Point, spot: str) -> tuple[Graspable, RestState]:
         """Release the held object above the point and wait until it rests. Raises CannotDo."""
         thing = self._gripper.held
         if thing is None:
-            raise CannotDo("the gripper is empty; pick something first")
-        if self._gripper.away_m(point_world_m) > REACH_M:
-            raise CannotDo(f"{spot} is out of reach ({REACH_M} m); drive nearer")
-        if self._gripper.barred(point_world_m):
-            raise CannotDo(f"something is in the arm's way to {spot}; go to another side of it")
+            raise ManipulationFailed("the gripper is empty; pick something first")
+        if self._gripper.distance_m(point_world_m) > REACH_M:
+            raise ManipulationFailed(f"{spot} is out of reach ({REACH_M} m); drive nearer")
+        if self._gripper.arm_blocked(point_world_m):
+            raise ManipulationFailed(
+                f"something is in the arm's way to {spot}; go to another side of it"
+            )
         if not self._gripper.release(point_world_m):
-            raise CannotDo(f"there is no room above {spot}; choose another place")
+            raise ManipulationFailed(f"there is no room above {spot}; choose another place")
         return thing, self._gripper.settle(thing)
 
     def _away_m(self, thing: Graspable, point_world_m: Point) -> float:

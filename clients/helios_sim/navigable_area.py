@@ -41,7 +41,7 @@ class NavigableArea:
     origin_m: Xy
     cell_m: float
 
-    def holds(self, points_m: Points) -> NDArray[np.bool_]:
+    def contains(self, points_m: Points) -> NDArray[np.bool_]:
         """Mask [n] of the points [n, 2] that lie in free cells."""
         column, row = np.floor((points_m - np.asarray(self.origin_m)) / self.cell_m).astype(int).T
         rows, columns = self.free.shape
@@ -49,23 +49,23 @@ class NavigableArea:
         inside[inside] = self.free[row[inside], column[inside]]
         return inside
 
-    def straight(self, a_m: Xy, b_m: Xy) -> bool:
+    def line_is_free(self, a_m: Xy, b_m: Xy) -> bool:
         """True if the line from a to b is free. The cell of a, the robot's own, counts as free."""
         away_m = math.dist(a_m, b_m)
         looks = max(2, math.ceil(_LOOKS_PER_CELL * away_m / self.cell_m) + 1)
         line = np.linspace(a_m, b_m, looks)
         cells = np.floor((line - np.asarray(self.origin_m)) / self.cell_m)
-        return bool((self.holds(line) | (cells == cells[0]).all(axis=1)).all())
+        return bool((self.contains(line) | (cells == cells[0]).all(axis=1)).all())
 
     def within(self, base_xy_m: Xy, goals_m: Points, limit_m: float) -> bool:
         """True if a goal of [n, 2] is within `limit_m` (at most 0.1 m) geodesic of the base."""
         away_m = np.hypot(*(goals_m - np.asarray(base_xy_m)).T)
         near = goals_m[away_m <= limit_m]
-        return any(self.straight(base_xy_m, (float(x), float(y))) for x, y in near)
+        return any(self.line_is_free(base_xy_m, (float(x), float(y))) for x, y in near)
 
     def shortest_m(self, start_m: Xy, goals_m: Points) -> float:
         """Length of the shortest path to the nearest goal of [n, 2]; inf if there is none."""
-        goals_m = goals_m[self.holds(goals_m)] if len(goals_m) else goals_m
+        goals_m = goals_m[self.contains(goals_m)] if len(goals_m) else goals_m
         row, column = self._cells(np.array([start_m]))[0]
         rows, columns = self.free.shape
         if len(goals_m) == 0 or not (0 <= row < rows and 0 <= column < columns):
@@ -89,7 +89,7 @@ class NavigableArea:
         at, length_m = 0, 0.0
         while at < len(way) - 1:
             far = at + 1
-            while far + 1 < len(way) and self.straight(way[at], way[far + 1]):
+            while far + 1 < len(way) and self.line_is_free(way[at], way[far + 1]):
                 far += 1
             length_m += math.dist(way[at], way[far])
             at = far

@@ -9,24 +9,28 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_sim.ground_truth import TrueThing
+from helios_sim.ground_truth import TrueObjectState
 from helios_sim.home import Fixture, Home
 
 _FLOOR_M = 0.1  # an object whose underside is below this height lies on the floor
 
 
-def things_now(home: Home, data: mujoco.MjData, on: Mapping[str, str]) -> Iterator[TrueThing]:
+def current_object_states(
+    home: Home, data: mujoco.MjData, on: Mapping[str, str]
+) -> Iterator[TrueObjectState]:
     """Furniture, then movable objects. on: movable object -> body on which it stands."""
     for item in (*home.receptacles, *home.fixtures):
         z = item.z_m if isinstance(item, Fixture) else 0.0
         center = (item.x, item.y, z + item.size_m[2] / 2)
-        yield TrueThing(item.name, item.class_name, center, item.size_m, item.yaw_rad, False)
+        yield TrueObjectState(item.name, item.class_name, center, item.size_m, item.yaw_rad, False)
     for thing in home.objects:
         body = data.body(thing.name)
         size_m, yaw_rad = upright_box(body.xmat.reshape(3, 3), thing.size_m)
         x, y, z = (float(v) for v in body.xpos)
         stands_on = on[thing.name] if z - size_m[2] / 2 > _FLOOR_M else ""
-        yield TrueThing(thing.name, thing.class_name, (x, y, z), size_m, yaw_rad, True, stands_on)
+        yield TrueObjectState(
+            thing.name, thing.class_name, (x, y, z), size_m, yaw_rad, True, stands_on
+        )
 
 
 def upright_box(

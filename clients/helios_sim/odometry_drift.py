@@ -12,23 +12,23 @@ import math
 import numpy as np
 from helios_core.geometry import Matrix, invert, se2_to_se3, wrap_angle
 
-from helios_sim.sensor_noise import SensorRealism
+from helios_sim.sensor_noise import SensorErrorModel
 
 Pose = tuple[float, float, float]  # x, y, yaw; yaw is not wrapped
 
 
-class Drift:
+class DriftingOdometry:
     """Pose estimate of a base with drift. The same seed and motions give the same errors."""
 
-    def __init__(self, sensor: SensorRealism, seed: int, start: Pose) -> None:
+    def __init__(self, sensor: SensorErrorModel, seed: int, start: Pose) -> None:
         self._sensor = sensor
         self._rng = np.random.default_rng([seed, 0xD41F7])
-        self._true = self.believed = start
+        self._true = self.estimated_pose = start
 
     def follow(self, true: Pose) -> None:
         """Measure the motion since the last call."""
         if not self._sensor.drifts:
-            self._true = self.believed = true
+            self._true = self.estimated_pose = true
             return
         x, y, yaw = self._true
         dx, dy, turned = true[0] - x, true[1] - y, true[2] - yaw
@@ -40,21 +40,21 @@ class Drift:
         left = c * dy - s * dx + drift_m * errors[1]
         turned += self._sensor.drift_rad * math.sqrt(way) * errors[2]
         turned += self._sensor.turn_drift_rad * math.sqrt(abs(true[2] - yaw)) * errors[3]
-        x, y, yaw = self.believed
+        x, y, yaw = self.estimated_pose
         c, s = math.cos(yaw), math.sin(yaw)
-        self.believed = (x + c * ahead - s * left, y + s * ahead + c * left, yaw + turned)
+        self.estimated_pose = (x + c * ahead - s * left, y + s * ahead + c * left, yaw + turned)
         self._true = true
 
     @property
-    def T_believed_true(self) -> Matrix:
+    def T_estimated_true(self) -> Matrix:
         """Transform [4, 4] from the true world frame to the robot's estimated world frame."""
-        if self.believed == self._true:
+        if self.estimated_pose == self._true:
             return np.eye(4)
-        return se2_to_se3(*self.believed) @ invert(se2_to_se3(*self._true))
+        return se2_to_se3(*self.estimated_pose) @ invert(se2_to_se3(*self._true))
 
     def true_point_m(self, believed_m: tuple[float, float, float]) -> tuple[float, float, float]:
         """True world position of a point given in the robot's estimated world frame."""
-        T_true_believed = invert(self.T_believed_true)
+        T_true_believed = invert(self.T_estimated_true)
         x, y, z = T_true_believed[:3, :3] @ believed_m + T_true_believed[:3, 3]
         return float(x), float(y), float(z)
 

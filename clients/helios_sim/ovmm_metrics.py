@@ -43,7 +43,7 @@ MIN_PLACE_HEIGHT_M = 0.05
 
 
 @dataclass(frozen=True)
-class Released:
+class ReleaseResult:
     """Result of a release."""
 
     name: str
@@ -60,7 +60,7 @@ class Step:
     base_xy_m: tuple[float, float]
     coverage: Mapping[str, float] = field(default_factory=dict)
     held: str = ""  # name of the held object
-    released: Released | None = None
+    released: ReleaseResult | None = None
     collided_with: frozenset[str] = frozenset()
     moved_m: float = 0.0
     left_navigable: bool = False  # at any time during the move
@@ -132,7 +132,7 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
     )
 
 
-def placed(released: Released | None, targets: Targets) -> bool:
+def placed(released: ReleaseResult | None, targets: Targets) -> bool:
     """True if a released candidate rests on a goal receptacle."""
     return (
         released is not None
@@ -155,7 +155,7 @@ def viewpoints_of(
     points = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
     beyond = np.maximum(np.maximum(box_min_m - points, points - box_max_m), 0.0)
     points = points[np.hypot(beyond[:, 0], beyond[:, 1]) <= VIEWPOINT_MAX_M]
-    return points[ground.holds(points)]
+    return points[ground.contains(points)]
 
 
 def _found(step: Step, targets: Targets, names: Iterable[str]) -> bool:

@@ -11,19 +11,19 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_sim.ground_truth import Segmentation, TruthInstance
+from helios_sim.ground_truth import Segmentation, VisibleBody
 from helios_sim.home import Home
-from helios_sim.renderer import Painter
+from helios_sim.renderer import CameraRenderer
 
-REMEMBERED_CAPTURES = 64
+MAX_STORED_CAPTURES = 64
 _REMEMBERED_PICTURES = 4
 
 
-class Past:
+class CaptureHistory:
     """Last captures of a world: joint positions by stamp."""
 
     def __init__(
-        self, model: mujoco.MjModel, painter: Painter, home: Home, graspable: Collection[int]
+        self, model: mujoco.MjModel, painter: CameraRenderer, home: Home, graspable: Collection[int]
     ) -> None:
         """graspable: bodies that can be picked up."""
         self._model, self._painter = model, painter
@@ -33,20 +33,20 @@ class Past:
         names = [model.body(body).name for body in range(model.nbody)]
         known = set(home.body_names())
         sizes = {item.name: item.size_m for item in (*home.receptacles, *home.fixtures)}
-        self._instances: dict[int, TruthInstance] = {}
+        self._instances: dict[int, VisibleBody] = {}
         for body, name in enumerate(names):
             if name in known:
                 x, y, z = (float(v) for v in model.body_pos[body])
                 # Furniture has its origin on the floor, a movable object at its centre.
                 z += sizes[name][2] / 2 if name in sizes else 0.0
-                self._instances[body] = TruthInstance(
+                self._instances[body] = VisibleBody(
                     body, name, home.class_of(name), body in graspable, (x, y, z)
                 )
 
-    def remember(self, stamp_ns: int, qpos: NDArray[np.float64], on: Mapping[str, str]) -> None:
+    def store(self, stamp_ns: int, qpos: NDArray[np.float64], on: Mapping[str, str]) -> None:
         """Store the state of a capture. on: graspable object -> body on which it stands."""
         self._taken[stamp_ns] = (qpos.copy(), dict(on))
-        while len(self._taken) > REMEMBERED_CAPTURES:
+        while len(self._taken) > MAX_STORED_CAPTURES:
             self._taken.popitem(last=False)
 
     def segmentation(self, stamp_ns: int) -> Segmentation:
@@ -54,7 +54,7 @@ class Past:
         if stamp_ns not in self._taken:
             raise InvalidInput(
                 f"there is no capture with stamp {stamp_ns} among the last "
-                f"{REMEMBERED_CAPTURES}; ask with a frame's own stamp, and sooner"
+                f"{MAX_STORED_CAPTURES}; ask with a frame's own stamp, and sooner"
             )
         qpos, on = self._taken[stamp_ns]
         ids = self.bodies(qpos)
@@ -71,14 +71,14 @@ class Past:
             self._data.qpos[:] = qpos
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
-            ids = self._painter.bodies(self._data)
+            ids = self._painter.body_ids(self._data)
             ids.flags.writeable = False
             self._painted[key] = ids
             while len(self._painted) > _REMEMBERED_PICTURES:
                 self._painted.popitem(last=False)
         return self._painted[key]
 
-    def _instance(self, body: int, on: Mapping[str, str]) -> TruthInstance:
+    def _instance(self, body: int, on: Mapping[str, str]) -> VisibleBody:
         static = self._instances[body]
         if not static.graspable:
             return static

@@ -33,7 +33,7 @@ def metric_depth(
     return z
 
 
-class Painter:
+class CameraRenderer:
     """Renders one model through one fixed camera. Raises Unavailable without OpenGL."""
 
     def __init__(
@@ -84,7 +84,7 @@ class Painter:
         depth_m = metric_depth(depth, self._near_m, self._far_m, max_depth_m)
         return np.ascontiguousarray(color[::-1]), np.ascontiguousarray(depth_m[::-1])
 
-    def bodies(self, data: mujoco.MjData) -> NDArray[np.int32]:
+    def body_ids(self, data: mujoco.MjData) -> NDArray[np.int32]:
         """Body id of each pixel [h, w]; 0 for background and for the world body."""
         color = np.empty((self._height, self._width, 3), np.uint8)
         self._draw(data, segment=True)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from helios_sim.ground_truth import Segmentation
 from helios_sim.home import Home
-from helios_sim.odometry_drift import Drift, moved
-from helios_sim.past_frame_truth import Past
-from helios_sim.renderer import Painter
+from helios_sim.odometry_drift import DriftingOdometry, moved
+from helios_sim.past_frame_truth import CaptureHistory
+from helios_sim.renderer import CameraRenderer
 from helios_sim.robot_model import MAX_DEPTH_M, RobotIndex, camera_pose
-from helios_sim.sensor_noise import SensorRealism, sensed_color, sensed_depth
+from helios_sim.sensor_noise import SensorErrorModel, sensed_color, sensed_depth
 
 DRAWN_GROUPS = (0, 1, 2)
 
@@ -34,36 +34,36 @@ class RobotSensors:
         camera: Pinhole,
         home: Home,
         graspable: Collection[int],
-        sensor: SensorRealism,
+        sensor: SensorErrorModel,
     ) -> None:
         """graspable: bodies that can be picked up."""
         self._data, self._robot, self._camera = data, robot, camera
         self._sensor, self._seed = sensor, home.seed
         size = (camera.width, camera.height)
-        self._painter = Painter(model, robot.camera, size, DRAWN_GROUPS)
-        self._past = Past(model, self._painter, home, graspable)
-        self._drift = Drift(sensor, home.seed, robot.pose(data))
+        self._painter = CameraRenderer(model, robot.camera, size, DRAWN_GROUPS)
+        self._past = CaptureHistory(model, self._painter, home, graspable)
+        self._drift = DriftingOdometry(sensor, home.seed, robot.pose(data))
         self._last_stamp_ns = 0
 
     @property
     def T_world_base(self) -> Matrix:
         """Estimated base pose [4, 4]."""
-        return se2_to_se3(*self._drift.believed)
+        return se2_to_se3(*self._drift.estimated_pose)
 
     @property
-    def T_believed_true(self) -> Matrix:
+    def T_estimated_true(self) -> Matrix:
         """Transform [4, 4] from the true world frame to the currently estimated world frame."""
-        return self._drift.T_believed_true
+        return self._drift.T_estimated_true
 
     def true_point_m(self, believed_m: Point) -> Point:
         """True world position of a point given in the robot's estimated world frame."""
         return self._drift.true_point_m(believed_m) if self._sensor.drifts else believed_m
 
-    def feel_motion(self) -> tuple[float, float]:
+    def update_odometry(self) -> tuple[float, float]:
         """Update the odometry; return the measured motion (m, rad) since the last call."""
-        before = self._drift.believed
+        before = self._drift.estimated_pose
         self._drift.follow(self._robot.pose(self._data))
-        return moved(before, self._drift.believed)
+        return moved(before, self._drift.estimated_pose)
 
     def capture(self, on: Mapping[str, str]) -> Capture:
         """Capture of RGB and depth from one pass, stamped with simulated time.
@@ -73,13 +73,13 @@ class RobotSensors:
         stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
         color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
-        self._past.remember(stamp_ns, self._data.qpos, on)
+        self._past.store(stamp_ns, self._data.qpos, on)
         return Capture(
             stamp_ns=stamp_ns,
             color=sensed_color(color, self._sensor, self._seed, stamp_ns),
             depth_m=sensed_depth(depth_m, self._camera, self._sensor, self._seed, stamp_ns),
             camera=self._camera,
-            T_world_cam=self.T_believed_true @ camera_pose(self._data, self._robot.camera),
+            T_world_cam=self.T_estimated_true @ camera_pose(self._data, self._robot.camera),
             T_world_base=self.T_world_base,
         )
 

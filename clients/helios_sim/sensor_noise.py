@@ -27,7 +27,7 @@ Color = NDArray[np.uint8]  # [h, w, 3]
 
 
 @dataclass(frozen=True)
-class SensorRealism:
+class SensorErrorModel:
     """Error parameters of a robot's sensors; with the defaults they are exact."""
 
     name: str
@@ -57,11 +57,11 @@ class SensorRealism:
         return max(self.drift_m, self.drift_rad, self.turn_drift_rad) > 0
 
 
-SENSORS: dict[str, SensorRealism] = {
+SENSORS: dict[str, SensorErrorModel] = {
     sensor.name: sensor
     for sensor in (
-        SensorRealism("none"),
-        SensorRealism(
+        SensorErrorModel("none"),
+        SensorErrorModel(
             "realistic",
             inverse_depth_noise_per_m=1.425e-3,
             inverse_depth_step_per_m=2.85e-3,
@@ -86,7 +86,7 @@ _GRAZING_SPREAD = 0.25
 
 
 def sensed_depth(
-    depth_m: Depth, camera: Pinhole, sensor: SensorRealism, seed: int, stamp_ns: int
+    depth_m: Depth, camera: Pinhole, sensor: SensorErrorModel, seed: int, stamp_ns: int
 ) -> Depth:
     """Depth with sensor errors. The same seed and stamp give the same noise."""
     if not sensor.errs_in_depth:
@@ -131,7 +131,7 @@ def incidence_cos(inverse: Depth, camera: Pinhole) -> Depth:
     return np.divide(inverse, normal * away + np.float32(1e-12), dtype=np.float32)
 
 
-def sensed_color(color: Color, sensor: SensorRealism, seed: int, stamp_ns: int) -> Color:
+def sensed_color(color: Color, sensor: SensorErrorModel, seed: int, stamp_ns: int) -> Color:
     """Colour image with defocus and motion blur."""
     rng = np.random.default_rng([seed, stamp_ns, 2])
     sigma, length = sensor.defocus_px * rng.random(), sensor.smear_px * rng.random() ** 2

@@ -109,8 +109,8 @@ class HostedWorld:
         health.waiting(f"the home of seed {settings.seed} is being built")
 
         def make() -> World:
-            dressing = realistic() if settings.furniture == "realistic" else None
-            home = generate_home(settings.seed, PRESETS[settings.preset], dressing)
+            furniture_models = realistic() if settings.furniture == "realistic" else None
+            home = generate_home(settings.seed, PRESETS[settings.preset], furniture_models)
             task_seed = settings.seed if settings.task_seed is None else settings.task_seed
             sensor = SENSORS[settings.sensor]
             world = World(home, episode_of(home, task_seed), sensor=sensor)

@@ -29,12 +29,12 @@ from helios_core.types import RobotDescription, RobotState
 from numpy.typing import NDArray
 
 from helios_sim.action_executor import ActionExecutor, Outcome
-from helios_sim.action_limits import refusal
+from helios_sim.action_limits import limit_violation
 from helios_sim.episode_events import Event
 from helios_sim.episode_tracker import EpisodeTracker
-from helios_sim.ground_truth import Segmentation, TrueThing
+from helios_sim.ground_truth import Segmentation, TrueObjectState
 from helios_sim.home import Episode, Home
-from helios_sim.object_states import things_now
+from helios_sim.object_states import current_object_states
 from helios_sim.ovmm_metrics import Progress
 from helios_sim.robot_model import (
     MAX_DEPTH_M,
@@ -45,7 +45,7 @@ from helios_sim.robot_model import (
     pinhole,
 )
 from helios_sim.robot_sensors import RobotSensors
-from helios_sim.sensor_noise import SENSORS, SensorRealism
+from helios_sim.sensor_noise import SENSORS, SensorErrorModel
 
 _REMEMBERED_ACTIONS = 1024
 _START_SETTLE_S = 1.0
@@ -60,7 +60,7 @@ class World(RobotDriver):
         episode: Episode | None = None,
         *,
         boot_id: str = "",
-        sensor: SensorRealism = SENSORS["none"],
+        sensor: SensorErrorModel = SENSORS["none"],
     ) -> None:
         """episode: the task to measure; None measures only steps and collisions.
 
@@ -104,7 +104,7 @@ class World(RobotDriver):
         return RobotState(
             T_world_base=self._sensors.T_world_base,
             tilt_rad=float(self._data.qpos[self._robot.tilt_qpos]),
-            held=self._executor.held_as,
+            held=self._executor.held_class_requested,
             stopped=reason is not None,
             world_epoch=0,
             robot_boot_id=self._boot_id,
@@ -113,7 +113,7 @@ class World(RobotDriver):
 
     def capture(self) -> Capture:
         """Capture of RGB and depth from one pass, stamped with simulated time."""
-        return self._sensors.capture(self._executor.on)
+        return self._sensors.capture(self._executor.support_of)
 
     def act(self, action: Action, action_id: str) -> ActionResult:
         """Execute the action once; a repeated id returns the stored result.
@@ -127,9 +127,9 @@ class World(RobotDriver):
         why_not = self._refusal(action)
         if why_not:
             return ActionResult(False, why_not, steps=self.progress.steps)
-        outcome = self._executor.do(action, lambda: self._stop_reason)
+        outcome = self._executor.execute(action, lambda: self._stop_reason)
         self._measure(outcome)
-        moved_m, turned_rad = self._sensors.feel_motion()
+        moved_m, turned_rad = self._sensors.update_odometry()
         result = replace(outcome.result, collided=bool(outcome.touched), steps=self.progress.steps)
         if isinstance(action, Forward | Turn):
             result = replace(result, moved_m=moved_m, turned_rad=turned_rad)
@@ -181,9 +181,9 @@ class World(RobotDriver):
         """Current position [3] of a body of the home; for a graspable object the box centre."""
         return self._data.body(name).xpos.copy()
 
-    def things(self) -> tuple[TrueThing, ...]:
+    def object_states(self) -> tuple[TrueObjectState, ...]:
         """Current state of all furniture and movable objects."""
-        return tuple(things_now(self._home, self._data, self._executor.on))
+        return tuple(current_object_states(self._home, self._data, self._executor.support_of))
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -195,9 +195,9 @@ class World(RobotDriver):
         return self._tracker.arrived()
 
     @property
-    def T_believed_true(self) -> Matrix:
+    def T_estimated_true(self) -> Matrix:
         """Transform [4, 4] from the true world frame to the currently estimated world frame."""
-        return self._sensors.T_believed_true
+        return self._sensors.T_estimated_true
 
     @property
     def trajectory_m(self) -> NDArray[np.float64]:
@@ -215,17 +215,17 @@ class World(RobotDriver):
             reason = self._stop_reason
         if reason is not None:
             return f"the robot is stopped ({reason}); clear the stop first"
-        return refusal(action, self._description)
+        return limit_violation(action, self._description)
 
     def _measure(self, outcome: Outcome) -> None:
         x, y, _ = self._robot.pose(self._data)
-        asked = self._tracker.in_question((x, y), self.held_name)
+        asked = self._tracker.targets_needing_coverage((x, y), self.held_name)
         coverage: dict[str, float] = {}
         if asked:
             ids = self._sensors.bodies_in_view()
             counts = np.bincount(ids.ravel(), minlength=len(self._names)) / ids.size
             coverage = {name: float(counts[self._names.index(name)]) for name in asked}
-        self._tracker.note(
+        self._tracker.record_step(
             (x, y),
             coverage,
             self.held_name,

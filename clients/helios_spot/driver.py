@@ -34,7 +34,7 @@ from helios_spot.grasping import SpotArm
 from helios_spot.halt_conditions import Halt, Halted
 from helios_spot.motion import CannotDo, Motion
 from helios_spot.posed_images import SpotCameras
-from helios_spot.robot_connection import Link
+from helios_spot.robot_connection import RobotConnection
 from helios_spot.robot_control import Control
 from helios_spot.settings import SpotSettings
 from helios_spot.waypoints import Waypoint, between, goal_of
@@ -55,11 +55,11 @@ class SpotDriver(RobotDriver):
         """address: of the robot; overrides the settings. Raises InvalidInput for wrong settings."""
         self._s = settings or SpotSettings.read(address)
         self._halt = Halt()
-        self._link = Link(self._s)
-        self._eyes = SpotCameras(self._link, bus)
+        self._link = RobotConnection(self._s)
+        self._cameras = SpotCameras(self._link, bus)
         self._motion = Motion(self._link, self._halt)
         self._control = Control(self._link, self._motion, self._halt)
-        self._hand = SpotArm(self._link, self._eyes, self._motion, self._halt)
+        self._hand = SpotArm(self._link, self._cameras, self._motion, self._halt)
         self._connecting = threading.Lock()
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0
@@ -78,28 +78,28 @@ class SpotDriver(RobotDriver):
             if not self._link.connected:
                 self._link.connect()
                 try:
-                    self._eyes.open()
+                    self._cameras.open()
                 except BaseException:
                     self._link.close()
                     raise
         by_hand = self._s.camera == "hand"
-        has_arm = MANIPULATION in self._link.services and self._eyes.has_hand
-        fixed_rad = tilt_of(self._eyes.T_body_cam)
+        has_arm = MANIPULATION in self._link.services and self._cameras.has_hand
+        fixed_rad = tilt_of(self._cameras.T_body_cam)
         return RobotDescription(
             name="Spot",
             footprint_radius_m=self._s.footprint_radius_m,
             footprint_box_m=(self._s.length_m, self._s.width_m),
             height_m=self._s.hand_height_m + 0.1 if by_hand else 0.8,
-            camera=self._eyes.mount.camera,
+            camera=self._cameras.mount.camera,
             camera_height_m=self._s.hand_height_m
             if by_hand
-            else NOMINAL_BODY_HEIGHT_M + float(self._eyes.T_body_cam[2, 3]),
+            else NOMINAL_BODY_HEIGHT_M + float(self._cameras.T_body_cam[2, 3]),
             camera_forward_m=self._s.hand_forward_m
             if by_hand
-            else float(self._eyes.T_body_cam[0, 3]),
+            else float(self._cameras.T_body_cam[0, 3]),
             reach_m=self._s.reach_m,
             max_depth_m=self._s.max_depth_m,
-            can_pick=has_arm and self._eyes.hand_is_pinhole,
+            can_pick=has_arm and self._cameras.hand_is_pinhole,
             can_place=has_arm,
             tilt_range_rad=TILT_RANGE_RAD if by_hand else (fixed_rad, fixed_rad),
         )
@@ -109,7 +109,9 @@ class SpotDriver(RobotDriver):
         stopped = self._halt.stopped
         return RobotState(
             T_world_base=reading.T_world_base,
-            tilt_rad=self._tilt_rad if self._s.camera == "hand" else tilt_of(self._eyes.T_body_cam),
+            tilt_rad=self._tilt_rad
+            if self._s.camera == "hand"
+            else tilt_of(self._cameras.T_body_cam),
             held=(self._held_as or "thing") if reading.holding else "",
             stopped=bool(stopped),
             robot_boot_id=self._link.boot_id,
@@ -117,7 +119,7 @@ class SpotDriver(RobotDriver):
         )
 
     def capture(self) -> Capture:
-        return self._eyes.capture(self._link.read())
+        return self._cameras.capture(self._link.read())
 
     # --- actions ------------------------------------------------------------------------------
     def act(self, action: Action, action_id: str) -> ActionResult:

@@ -15,7 +15,7 @@ from helios_spot.frame_transforms import VISION, to_vision
 from helios_spot.halt_conditions import Halt
 from helios_spot.motion import POLL_S, CannotDo, Motion
 from helios_spot.posed_images import HandShot, SpotCameras
-from helios_spot.robot_connection import Link
+from helios_spot.robot_connection import RobotConnection
 from helios_spot.self_mask import SHOULDER_BODY_M
 
 EDGE_PX = 4  # points this near to the image border count as outside
@@ -27,7 +27,9 @@ class SpotArm:
     """Grasping and placing, for the action thread only. Raises CannotDo on failure and leaves the
     arm where it is."""
 
-    def __init__(self, link: Link, eyes: SpotCameras, motion: Motion, halt: Halt) -> None:
+    def __init__(
+        self, link: RobotConnection, eyes: SpotCameras, motion: Motion, halt: Halt
+    ) -> None:
         self._link, self._eyes, self._motion, self._halt = link, eyes, motion, halt
         self._s = link.settings
 

@@ -17,7 +17,7 @@ from helios_core.geometry import Matrix
 from helios_spot import bosdyn_api
 from helios_spot.frame_transforms import FLAT_BODY, VISION
 from helios_spot.halt_conditions import Halt, Halted
-from helios_spot.robot_connection import Link
+from helios_spot.robot_connection import RobotConnection
 from helios_spot.waypoints import Waypoint, between, reached, time_allowed_s
 
 log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ class CannotDo(Exception):
 class Motion:
     """Motions of one robot's legs and arm. For one thread, except `stop`."""
 
-    def __init__(self, link: Link, halt: Halt) -> None:
+    def __init__(self, link: RobotConnection, halt: Halt) -> None:
         self._link, self._halt, self._s = link, halt, link.settings
         self._build = bosdyn_api.robot_command.RobotCommandBuilder
 

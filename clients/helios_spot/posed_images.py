@@ -28,7 +28,7 @@ from helios_spot.cameras import (
 from helios_spot.depth_completion import estimated, filled, load_estimator
 from helios_spot.errors import doing
 from helios_spot.frame_transforms import BODY, VISION, base_below_body, pose
-from helios_spot.robot_connection import Link
+from helios_spot.robot_connection import RobotConnection
 from helios_spot.robot_state import Reading
 from helios_spot.self_mask import robot_capsules, robot_pixels
 
@@ -67,7 +67,7 @@ class HandShot:
 class SpotCameras:
     """The camera that the settings name, and the hand's camera. For one thread."""
 
-    def __init__(self, link: Link, bus: Bus | None) -> None:
+    def __init__(self, link: RobotConnection, bus: Bus | None) -> None:
         """Raises InvalidInput when the settings require a depth estimator that does not exist."""
         self._link, self._s = link, link.settings
         self._estimator = None

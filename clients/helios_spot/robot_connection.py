@@ -22,7 +22,7 @@ RECONNECT_MS = 1000  # gRPC's default of up to two minutes delays the reconnecti
 CLOCK_SLACK_S = 2.0  # tolerated change of the clock offset since the last comparison
 
 
-class Link:
+class RobotConnection:
     """Connection to one robot. Thread-safe once connected. Every call raises HeliosError on failure
     and ends within its time-out."""
 

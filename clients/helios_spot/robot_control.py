@@ -22,7 +22,7 @@ from helios_spot import bosdyn_api
 from helios_spot.errors import doing, translate
 from helios_spot.halt_conditions import Halt
 from helios_spot.motion import POLL_S, Motion
-from helios_spot.robot_connection import Link
+from helios_spot.robot_connection import RobotConnection
 from helios_spot.robot_state import Reading
 
 log = logging.getLogger(__name__)
@@ -42,9 +42,9 @@ class Control:
     """Control of one robot. `take`, `stand` and `lost` are for the action thread, `clear` and
     `release` for any thread."""
 
-    def __init__(self, link: Link, motion: Motion, halt: Halt) -> None:
+    def __init__(self, link: RobotConnection, motion: Motion, halt: Halt) -> None:
         self._link, self._motion, self._halt, self._s = link, motion, halt, link.settings
-        self._tenure: LeaseTerm | None = None
+        self._lease_term: LeaseTerm | None = None
         self._acting = LeaseTerm()  # lease term of the current action
         self._estop: Any = None
         self._epoch = ""  # epoch of the first lease; it changes at every boot of the robot
@@ -58,7 +58,7 @@ class Control:
     @property
     def held(self) -> bool:
         """True while this driver has the lease and knows of no loss."""
-        tenure = self._tenure
+        tenure = self._lease_term
         return tenure is not None and tenure.lost is None
 
     def take(self, reading: Reading) -> None:
@@ -72,10 +72,10 @@ class Control:
         _check_estops(reading, "move")
         with self._changing:
             self._halt.check()  # control may have been lost since the action began
-            if self._tenure is None:
+            if self._lease_term is None:
                 self._acquire("get the robot's lease")
-            assert self._tenure is not None
-            self._acting = self._tenure
+            assert self._lease_term is not None
+            self._acting = self._lease_term
         if reading.motors_on:
             self._powered = True
         elif self._powered:  # a person switched the motors off; they must not restart by themselves
@@ -110,20 +110,20 @@ class Control:
         with self._changing:
             if self.held:
                 self._retain()
-            if self._tenure is not None and self._tenure.lost is not None:
-                self._regain(self._tenure)
+            if self._lease_term is not None and self._lease_term.lost is not None:
+                self._regain(self._lease_term)
             with self._lock:
-                if self._tenure is not None and self._tenure.lost is not None:
-                    raise self._tenure.lost  # lost again in the meantime
+                if self._lease_term is not None and self._lease_term.lost is not None:
+                    raise self._lease_term.lost  # lost again in the meantime
                 self._halt.clear()
 
     def release(self) -> None:
         """Return the lease and end our e-stop endpoint. Without an endpoint the robot keeps
         standing. Ours trips about `estop_timeout_s` later; the robot sits down or loses power."""
         with self._changing:
-            if self._tenure is not None:
-                self._give_back(self._tenure)
-            self._tenure = None
+            if self._lease_term is not None:
+                self._give_back(self._lease_term)
+            self._lease_term = None
             estop, self._estop = self._estop, None
         if estop is not None:
             estop.shutdown()
@@ -146,7 +146,7 @@ class Control:
         except HeliosError:
             self._give_back(tenure)
             raise
-        self._tenure, self._powered, self._standing = tenure, False, False
+        self._lease_term, self._powered, self._standing = tenure, False, False
 
     def _check_epoch(self, client: Any, what: str) -> None:
         with doing(what, self._link.host):
@@ -157,7 +157,7 @@ class Control:
 
     def _retain(self) -> None:
         """Check the lease now, before the SDK's thread reports a loss."""
-        client, tenure = self._link.client("lease"), self._tenure
+        client, tenure = self._link.client("lease"), self._lease_term
         assert tenure is not None
         try:
             client.retain_lease(client.lease_wallet.get_lease(), timeout=self._s.rpc_timeout_s)

@@ -46,25 +46,25 @@ class FramePublisher:
         self._own_boot_id = uuid.uuid4().hex  # for robots without a boot id
         self._searching = True  # at the last capture
         self.last_keyframe = 0
-        self.last_look_s = 0.0  # monotonic
+        self.last_capture_s = 0.0  # monotonic
         self.finished = False  # the recording has ended
 
     def boot_id(self, state: RobotState) -> str:
         """Boot id of the robot, or of its bridge if the robot reports none."""
         return state.robot_boot_id or self._own_boot_id
 
-    def look(self, keyframe: bool) -> FrameId:
+    def capture_and_wait(self, keyframe: bool) -> FrameId:
         """Capture and publish. In lockstep, wait until the maps have acknowledged a keyframe.
 
         Before a search only the occupancy part acknowledges. Raises EndOfRecording and driver
         errors.
         """
-        id = self.take(keyframe)
+        id = self.capture_and_publish(keyframe)
         if keyframe and self._settings.lockstep:
             self._wait_for_maps(id, MapPart if self._searching else {MapPart.OCCUPANCY})
         return id
 
-    def take(self, keyframe: bool) -> FrameId:
+    def capture_and_publish(self, keyframe: bool) -> FrameId:
         """Capture and publish. Raises like `look`, and InvalidInput for a bad image or pose."""
         began = time.monotonic()
         try:
@@ -80,8 +80,8 @@ class FramePublisher:
         else:
             id = FrameId(self.boot_id(state), state.world_epoch, self._number)
         self._publish(capture, id, keyframe, state)
-        self.last_look_s = time.monotonic()
-        self._health.sample("capture_ms", (self.last_look_s - began) * 1e3)
+        self.last_capture_s = time.monotonic()
+        self._health.sample("capture_ms", (self.last_capture_s - began) * 1e3)
         if keyframe:
             self.last_keyframe = id.seq
             self._health.count("keyframes")

@@ -134,7 +134,7 @@ class PushedFrameQueue:
             if world != self._world:  # the robot state tells the maps to change worlds
                 self._world = world
                 publish_state()
-            taken = self._publisher.take(keyframe=True)
+            taken = self._publisher.capture_and_publish(keyframe=True)
         finally:
             self._turn.release()
         publish_state()

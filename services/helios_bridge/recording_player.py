@@ -66,7 +66,7 @@ class RecordingPlayer:
             try:
                 with self._turn:
                     self._driver.act(Observe(), f"play-{shot}")
-                    self._publisher.look(keyframe=True)
+                    self._publisher.capture_and_wait(keyframe=True)
             except EndOfRecording:
                 break
             except InvalidInput as error:

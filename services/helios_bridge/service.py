@@ -303,10 +303,10 @@ class BridgeService:
         """
         try:
             if not request.no_keyframe:
-                return self._publisher.look(keyframe=True)
+                return self._publisher.capture_and_wait(keyframe=True)
             rate = self._settings.stream_hz
-            if rate > 0 and time.monotonic() - self._publisher.last_look_s >= 1.0 / rate:
-                self._publisher.look(keyframe=False)
+            if rate > 0 and time.monotonic() - self._publisher.last_capture_s >= 1.0 / rate:
+                self._publisher.capture_and_wait(keyframe=False)
         except EndOfRecording:
             pass
         return None
@@ -320,12 +320,12 @@ class BridgeService:
     def _stream(self) -> None:
         period_s = 1.0 / self._settings.stream_hz
         while not self._ending.wait(period_s):
-            if time.monotonic() - self._publisher.last_look_s < period_s:
+            if time.monotonic() - self._publisher.last_capture_s < period_s:
                 continue
             if not self._turn.acquire(blocking=False):
                 continue  # an action runs; its keyframe follows
             try:
-                self._publisher.look(keyframe=self._publisher.last_keyframe == 0)
+                self._publisher.capture_and_wait(keyframe=self._publisher.last_keyframe == 0)
                 self._health.ready()
             except EndOfRecording:
                 return

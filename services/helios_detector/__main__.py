@@ -10,7 +10,7 @@ from helios_core.bus import Bus
 from helios_core.health import Health
 from helios_core.service_process import Closeable, run_service
 
-from helios_detector.detector_fleet import HOME, Fleet
+from helios_detector.detector_fleet import FLEET_BUS, Fleet
 from helios_detector.model_loading import check_plugins
 from helios_detector.robot_detector import RobotDetector
 from helios_detector.settings import Settings
@@ -28,7 +28,7 @@ def host(bus: Bus, health: Health, settings: Settings) -> Closeable:
 if __name__ == "__main__":
     settings = Settings.load()
     if settings.robots:
-        settings = settings.model_copy(update={"robot": HOME})
+        settings = settings.model_copy(update={"robot": FLEET_BUS})
     status = run_service("detector", settings, lambda bus, health: host(bus, health, settings))
     # Everything is closed. `os._exit` skips torch's teardown, which takes seconds.
     logging.shutdown()

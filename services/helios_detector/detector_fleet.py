@@ -22,14 +22,14 @@ from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME
 from helios_detector.exception_guard import ended_well
 from helios_detector.model_set import Models, load_models
 from helios_detector.model_usage import ModelUsage
-from helios_detector.query_methods import NotYet
+from helios_detector.query_methods import LoadingQueryMethods
 from helios_detector.robot_assignment import MOST_HELD, AssignmentTable, Members
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 
 log = logging.getLogger(__name__)
 
-HOME = "_detectors"  # robot name of the bus on which the detector processes find each other
+FLEET_BUS = "_detectors"  # robot name of the bus on which the detector processes find each other
 TOKEN = "detector-replica"
 TICK_S = 0.1
 REPORT_S = 1.0
@@ -47,9 +47,9 @@ class RobotSlot:
         self._loading, self._health = loading, Health()
         self._members, self._lock = members, lock  # `lock` guards `_members` and `_ledger`
         self._ledger = AssignmentTable()
-        self._turn = threading.Lock()  # its holder answers keyframes
+        self._answer_lock = threading.Lock()  # its holder answers keyframes
         self._service: DetectorService | None = None
-        self._not_yet = NotYet(bus, loading)
+        self._not_yet = LoadingQueryMethods(bus, loading)
         self._reported, self._reported_s = ("", ""), 0.0
         self._fault = ""  # unexpected exception in the keeper's last cycle, as text
         self._closed = False
@@ -79,8 +79,8 @@ class RobotSlot:
 
     def finish(self, within_s: float) -> None:
         """Wait up to `within_s` for the keyframe in work, then close the bus."""
-        if self._turn.acquire(timeout=max(0.0, within_s)):
-            self._turn.release()
+        if self._answer_lock.acquire(timeout=max(0.0, within_s)):
+            self._answer_lock.release()
         self.bus.close()
 
     def _keep(self) -> None:
@@ -88,7 +88,7 @@ class RobotSlot:
         and publish its health."""
         while not self._closed:
             with self._lock:
-                owner, strangers = self._members.owner(self.robot), self._members.strangers
+                owner, strangers = self._members.owner(self.robot), self._members.has_other_lists
             self._fault = self._turned(owner)
             if owner in (self._members.me, None):
                 try:
@@ -103,7 +103,7 @@ class RobotSlot:
         try:
             self._serve(owner)
             if service is not None:
-                service.seek_again()
+                service.retry_context()
             self._work()
         except HeliosError as error:
             log.warning("%s: %s", self.robot, error.message)
@@ -135,7 +135,9 @@ class RobotSlot:
         service = self._service
         if ours and service is not None:
             for old in given_up:
-                service.give_up(old, f"{MOST_HELD} newer keyframes came before it was worked on")
+                service.acknowledge_dropped(
+                    old, f"{MOST_HELD} newer keyframes came before it was worked on"
+                )
         self._work()
 
     def _on_frame(self, message: pb.Frame) -> None:
@@ -157,14 +159,14 @@ class RobotSlot:
 
     def _work(self) -> None:
         """Answer this process's keyframes, oldest first; return at once if another thread does."""
-        while self._turn.acquire(blocking=False):
+        while self._answer_lock.acquire(blocking=False):
             try:
                 message = self._take()
                 if message is None:
                     return
                 self._answer(message)
             finally:
-                self._turn.release()
+                self._answer_lock.release()
 
     def _take(self) -> pb.Frame | None:
         if self._closed or self._service is None or not self._service.knows_context:
@@ -172,7 +174,7 @@ class RobotSlot:
         with self._lock:
             if not self._members.takes(self.robot, time.monotonic()):
                 return None
-            message = self._ledger.next(self._members.there)
+            message = self._ledger.next(self._members.live)
             if message is not None:
                 self._ledger.note(self._claim(message, answered=False))
         return message

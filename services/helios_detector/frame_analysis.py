@@ -21,11 +21,11 @@ from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
 from helios_detector.output_checks import (
-    ConfusedName,
-    held_findings,
-    held_judgement,
-    held_refusals,
-    held_vocabulary,
+    OutputFaults,
+    checked_findings,
+    checked_judgement,
+    checked_refusals,
+    checked_vocabulary,
 )
 
 log = logging.getLogger(__name__)
@@ -45,12 +45,16 @@ class FrameAnalyzer:
     def vocabulary(self) -> tuple[str, ...] | None:
         """The detector's names; None for an open vocabulary. Raises HeliosError."""
         detector = self.models.detector
-        return self._checked(detector, "vocabulary", lambda: held_vocabulary(detector.vocabulary()))
+        return self._checked(
+            detector, "vocabulary", lambda: checked_vocabulary(detector.vocabulary())
+        )
 
     def refused(self, context: SearchContext) -> dict[str, str]:
         """Class name -> reason why the detector cannot find it. Raises HeliosError."""
         detector = self.models.detector
-        return self._checked(detector, "refused", lambda: held_refusals(detector.refused(context)))
+        return self._checked(
+            detector, "refused", lambda: checked_refusals(detector.refused(context))
+        )
 
     def detect(self, frame: Frame, context: SearchContext) -> tuple[Findings, str]:
         """(findings, one sentence on dropped entries, empty without any).
@@ -66,7 +70,7 @@ class FrameAnalyzer:
             try:
                 findings, wrong = self._checked(
                     detector, "detect",
-                    lambda: held_findings(
+                    lambda: checked_findings(
                         detector.detect(frame, context), frame.depth_m.shape, asked
                     ),
                 )  # fmt: skip
@@ -88,7 +92,7 @@ class FrameAnalyzer:
         scorer = self.models.scorer
         judgement, wrong = self._checked(
             scorer, "score",
-            lambda: held_judgement(
+            lambda: checked_judgement(
                 scorer.judge(frame, findings.seen, context.prompts), context.prompts.keys()
             ),
         )  # fmt: skip
@@ -127,14 +131,14 @@ class FrameAnalyzer:
             raise Internal(f"{said}; the traceback is in {log_place()}") from error
 
     def _note(
-        self, of: DetectorBackend | ScorerBackend, method: str, frame: Frame, wrong: ConfusedName
+        self, of: DetectorBackend | ScorerBackend, method: str, frame: Frame, wrong: OutputFaults
     ) -> str:
         for what, count in wrong.counts.items():
             self._health.count(what, count)
-        if not wrong.said:
+        if not wrong.descriptions:
             return ""
         said = f"the {kind_of(of)} {of.name} gave in {method}() {wrong.sentence}"
-        kinds = tuple(sorted(wrong.said))
+        kinds = tuple(sorted(wrong.descriptions))
         self._seldom.warn((of.name, method, kinds), f"frame {frame.id}: {said}")
         return f"{said}; see {log_place()}"
 

@@ -17,12 +17,12 @@ from importlib import resources
 from helios_core.types import Frame
 
 from helios_detector.backend import ScorerBackend, Seen
-from helios_detector.vocabulary_matching import accepts, equals, known_names, normalised
+from helios_detector.vocabulary_matching import accepted_names, known_names, normalised, synonyms_of
 
 PRIOR = 0.2  # score if no seen name is in the table, or the prompt has no known name
 FLOOR = 0.05  # score if only unrelated objects are seen
 HOST_WEIGHT = 0.8  # the usual furniture of the sought object is seen
-GUEST_WEIGHT = 0.5  # an object that usually stands on the sought furniture is seen
+CARRIED_OBJECT_WEIGHT = 0.5  # an object that usually stands on the sought furniture is seen
 ROOM_WEIGHT = 0.4  # furniture of the same room is seen
 PROMPTS_REMEMBERED = 256
 STRONGEST_SHARE = 0.7  # weight of the strongest relation; the rest weighs the mean over all seen
@@ -41,11 +41,11 @@ class Affinity:
 
     def relation(self, seen: str, sought: str) -> float:
         """Strength, 0 to 1, with which one seen name indicates that the sought one is near."""
-        if normalised(seen) in accepts(sought):
+        if normalised(seen) in accepted_names(sought):
             return 1.0
         a, b = key_of(seen), key_of(sought)
         hosted = self.hosts.get(b, {}).get(a, 0.0) * HOST_WEIGHT
-        hosting = self.hosts.get(a, {}).get(b, 0.0) * GUEST_WEIGHT
+        hosting = self.hosts.get(a, {}).get(b, 0.0) * CARRIED_OBJECT_WEIGHT
         rooms_a, rooms_b = self.rooms.get(a, {}), self.rooms.get(b, {})
         shared = sum(share * rooms_b.get(room, 0.0) for room, share in rooms_a.items())
         return max(hosted, hosting, ROOM_WEIGHT * shared)
@@ -53,7 +53,7 @@ class Affinity:
 
 def key_of(name: str) -> str:
     """Canonical name: the alphabetically first of its synonyms."""
-    return min(equals(name))
+    return min(synonyms_of(name))
 
 
 @cache

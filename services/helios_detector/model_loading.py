@@ -32,9 +32,9 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     kind, _, argument = spec.partition(":")
     if kind in ("simulated", "ground-truth") and not argument:
         from helios_detector.simulation.frame_noise import NoiseTable, load_noise
-        from helios_detector.simulation.frame_noise_detector import SimulatedDetector
+        from helios_detector.simulation.frame_noise_detector import FrameNoiseDetector
         from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
-        from helios_detector.simulation.view_noise_detector import ViewDetector
+        from helios_detector.simulation.view_noise_detector import ViewNoiseDetector
 
         if options.truth is None:
             raise InvalidInput(f"detector {spec!r} needs the simulator's truth; none was given")
@@ -42,8 +42,8 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
             return GroundTruthDetector(options.truth)
         table = load_noise(options.noise).scaled(options.noise_level, options.noise_correlation)
         if isinstance(table, NoiseTable):
-            return SimulatedDetector(options.truth, table, options.noise_seed)
-        return ViewDetector(options.truth, table, options.noise_seed)
+            return FrameNoiseDetector(options.truth, table, options.noise_seed)
+        return ViewNoiseDetector(options.truth, table, options.noise_seed)
     if kind == "onnx" and argument:
         from helios_detector.yolox_detector import YoloxDetector
 

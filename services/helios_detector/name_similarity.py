@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from helios_detector.minilm_scorer import TextVectors
 from helios_detector.vocabulary_matching import normalised
 
-ALIKE = 0.55  # cosine from which one name may substitute another
+MIN_COSINE = 0.55  # cosine from which one name may substitute another
 AS = "a {}"
 
 
@@ -29,7 +29,7 @@ class NearestName:
         """The most similar name; None if no cosine reaches `ALIKE`. Raises like `HfModel.use`."""
         cosines = self._known @ self._vectors([AS.format(normalised(asked))])[0]
         best = int(np.argmax(cosines))
-        return self._names[best] if cosines[best] >= ALIKE else None
+        return self._names[best] if cosines[best] >= MIN_COSINE else None
 
     def warm_up(self) -> None:
         """Load the text model and embed the vocabulary. Raises Unavailable when it cannot work."""

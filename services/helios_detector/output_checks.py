@@ -35,12 +35,14 @@ MOST_CHARACTERS = 80  # longest value in a message
 
 
 @dataclass
-class ConfusedName:
+class OutputFaults:
     """The faults found in one output of a back end."""
 
     counts: Counter[str] = field(default_factory=Counter)  # by the counter names of the module
-    said: dict[str, str] = field(default_factory=dict)  # kind -> description of its first fault
-    times: Counter[str] = field(default_factory=Counter)  # kind -> number of faults
+    descriptions: dict[str, str] = field(
+        default_factory=dict
+    )  # kind -> description of its first fault
+    kind_counts: Counter[str] = field(default_factory=Counter)  # kind -> number of faults
 
     def __bool__(self) -> bool:
         return bool(self.counts)
@@ -48,21 +50,21 @@ class ConfusedName:
     def note(self, counter: str, kind: str, said: str) -> None:
         """Record one fault."""
         self.counts[counter] += 1
-        self.said.setdefault(kind, said)
-        self.times[kind] += 1
+        self.descriptions.setdefault(kind, said)
+        self.kind_counts[kind] += 1
 
     @property
     def sentence(self) -> str:
         """Description of every kind of fault, once each; empty without faults."""
         return "; ".join(
-            said + (f" ({self.times[kind]} times)" if self.times[kind] > 1 else "")
-            for kind, said in self.said.items()
+            said + (f" ({self.kind_counts[kind]} times)" if self.kind_counts[kind] > 1 else "")
+            for kind, said in self.descriptions.items()
         )
 
 
-def held_findings(
+def checked_findings(
     findings: object, shape: tuple[int, int], asked: Collection[str] | None = None
-) -> tuple[Findings, ConfusedName]:
+) -> tuple[Findings, OutputFaults]:
     """(valid findings, faults).
 
     shape: (height, width) of the image. asked: class names of the search context; None: any.
@@ -70,7 +72,7 @@ def held_findings(
     """
     if not isinstance(findings, Findings):
         raise Internal(f"{_a(findings)}, wanted Findings(detections, seen)")
-    wrong = ConfusedName()
+    wrong = OutputFaults()
     given = [
         _detection(d, shape, asked, wrong) for d in _entries(findings.detections, "detections")
     ]
@@ -82,7 +84,7 @@ def held_findings(
     return (findings if as_it_is else Findings(detections, seen)), wrong
 
 
-def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, ConfusedName]:
+def checked_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, OutputFaults]:
     """(valid judgement, faults). layers: the requested value layers.
 
     Raises Internal when the whole output is unusable.
@@ -92,7 +94,7 @@ def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgemen
     wanted = f"wanted a score of 0 to 1 for each of {_names(layers)}"
     if not isinstance(judgement.scores, Mapping):
         raise Internal(f"{_a(judgement.scores)}, {wanted}")
-    wrong, scores = ConfusedName(), {}
+    wrong, scores = OutputFaults(), {}
     for layer, given in judgement.scores.items():
         if layer not in layers:
             wrong.note("scores_refused", "layer", f"a score for {_short(layer)}, {wanted}")
@@ -102,14 +104,14 @@ def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgemen
             scores[layer] = score
     if missing := [layer for layer in layers if layer not in judgement.scores]:
         said = f"no score for {_names(missing)}"
-        wrong.note("scores_refused", "missing", said if wrong.said else f"{said}, {wanted}")
+        wrong.note("scores_refused", "missing", said if wrong.descriptions else f"{said}, {wanted}")
     image = _embedding(judgement.image, wrong)
     if not wrong:
         return judgement, wrong
     return replace(judgement, scores=scores, image=image), wrong
 
 
-def held_refusals(refused: object) -> dict[str, str]:
+def checked_refusals(refused: object) -> dict[str, str]:
     """Validated output of `DetectorBackend.refused`. Raises Internal."""
     if isinstance(refused, Mapping) and all(
         isinstance(name, str) and isinstance(why, str) for name, why in refused.items()
@@ -118,7 +120,7 @@ def held_refusals(refused: object) -> dict[str, str]:
     raise Internal(f"{_a(refused)}, wanted a dict of class name to the sentence why not")
 
 
-def held_vocabulary(vocabulary: object) -> tuple[str, ...] | None:
+def checked_vocabulary(vocabulary: object) -> tuple[str, ...] | None:
     """Validated output of `DetectorBackend.vocabulary`. Raises Internal."""
     if vocabulary is None:
         return None
@@ -132,7 +134,7 @@ def held_vocabulary(vocabulary: object) -> tuple[str, ...] | None:
 
 
 def _detection(
-    d: object, shape: tuple[int, int], asked: Collection[str] | None, wrong: ConfusedName
+    d: object, shape: tuple[int, int], asked: Collection[str] | None, wrong: OutputFaults
 ) -> Detection | None:
     if not isinstance(d, Detection):
         wrong.note("detections_refused", "type", f"{_a(d)} among detections, wanted Detection")
@@ -184,7 +186,7 @@ def _box_fault(box: Any, shape: tuple[int, int]) -> tuple[str, str] | None:
     return None
 
 
-def _seen(seen: object, wrong: ConfusedName) -> Seen | None:
+def _seen(seen: object, wrong: OutputFaults) -> Seen | None:
     if not isinstance(seen, Seen) or not isinstance(seen.class_name, str):
         said = f"{_a(seen)} in seen, wanted Seen(class_name, score)"
         wrong.note("seen_refused", "seen", said)
@@ -196,7 +198,7 @@ def _seen(seen: object, wrong: ConfusedName) -> Seen | None:
     return seen if score == seen.score else replace(seen, score=score)
 
 
-def _score(given: Any, wrong: ConfusedName, what: str) -> float | None:
+def _score(given: Any, wrong: OutputFaults, what: str) -> float | None:
     """The score clipped to 0 to 1; None if it is not a number."""
     try:
         score = math.nan if isinstance(given, str | bytes | bool) else float(given)
@@ -214,7 +216,7 @@ def _score(given: Any, wrong: ConfusedName, what: str) -> float | None:
     return cut
 
 
-def _embedding(image: object, wrong: ConfusedName) -> Embedding | None:
+def _embedding(image: object, wrong: OutputFaults) -> Embedding | None:
     if image is None:
         return None
     if isinstance(image, Embedding):
@@ -231,10 +233,10 @@ def _embedding(image: object, wrong: ConfusedName) -> Embedding | None:
     return None
 
 
-def _say(wrong: ConfusedName, kind: str, said: str) -> None:
+def _say(wrong: OutputFaults, kind: str, said: str) -> None:
     """Record a fault's description; the caller counts it."""
-    wrong.said.setdefault(kind, said)
-    wrong.times[kind] += 1
+    wrong.descriptions.setdefault(kind, said)
+    wrong.kind_counts[kind] += 1
 
 
 def _entries(given: Any, what: str) -> Iterable[object]:

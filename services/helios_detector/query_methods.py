@@ -23,7 +23,7 @@ from helios_detector.model_usage import ModelUsage
 MOST_PROMPTS = 64
 
 
-class Served(ABC):
+class QueryMethodsBase(ABC):
     """Bus methods served between `open` and `close`, which may be called repeatedly."""
 
     def __init__(self, bus: Bus) -> None:
@@ -53,7 +53,7 @@ class Served(ABC):
     def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply: ...
 
 
-class NotYet(Served):
+class LoadingQueryMethods(QueryMethodsBase):
     """Query methods while the models load: each raises Unavailable with the reason."""
 
     def __init__(self, bus: Bus, health: Health) -> None:
@@ -73,7 +73,7 @@ class NotYet(Served):
         return Unavailable(f"the detector is not ready: {self._health.state[1]}")
 
 
-class QueryMethods(Served):
+class QueryMethods(QueryMethodsBase):
     """Query methods that the loaded models answer."""
 
     def __init__(

@@ -38,11 +38,11 @@ class Members:
         self._settled_s = 0.0
 
     @property
-    def there(self) -> frozenset[str]:
+    def live(self) -> frozenset[str]:
         return frozenset(self._there)
 
     @property
-    def strangers(self) -> bool:
+    def has_other_lists(self) -> bool:
         """True if a live detector has a different list of robots."""
         return bool(self._strangers)
 

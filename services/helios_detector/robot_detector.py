@@ -9,7 +9,7 @@ from helios_core.health import Health
 
 from helios_detector.exception_guard import ended_well
 from helios_detector.model_set import load_models
-from helios_detector.query_methods import NotYet
+from helios_detector.query_methods import LoadingQueryMethods
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 from helios_detector.simulator_truth import BusTruth
@@ -33,7 +33,7 @@ class RobotDetector:
     def _run(self) -> None:
         s = self._settings
         truth = BusTruth(self._bus)
-        not_yet = NotYet(self._bus, self._health)
+        not_yet = LoadingQueryMethods(self._bus, self._health)
         not_yet.open()
         models = load_models(s, truth, self._health, self._ending)
         if models is None:
@@ -43,7 +43,7 @@ class RobotDetector:
             self._bus, models.detector, models.scorer, self._health, models.depth
         )
         while not self._ending.wait(CHECK_S):
-            self._service.seek_again()
+            self._service.retry_context()
             if s.unload_after_s > 0:
                 self._service.unload_if_idle(s.unload_after_s)
 

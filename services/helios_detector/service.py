@@ -39,7 +39,7 @@ from helios_detector.vocabulary_matching import normalised
 log = logging.getLogger(__name__)
 
 PREVIEW_QUALITY = 80  # JPEG, percent
-AGAIN_S = 2.0  # pause before a context that the back end could not take is retried
+CONTEXT_RETRY_S = 2.0  # pause before a context that the back end could not take is retried
 
 
 class DetectorService:
@@ -114,7 +114,7 @@ class DetectorService:
         if not self._seek(context):
             self._health.count("contexts_refused")
 
-    def seek_again(self) -> None:
+    def retry_context(self) -> None:
         """Retry the context that the back end could not take, at most once per `AGAIN_S`."""
         with self._lock:
             asked = self._asked if time.monotonic() >= self._again_s else None
@@ -132,7 +132,7 @@ class DetectorService:
             log.warning("%s", why)
             with self._lock:
                 if self._asked is context:  # otherwise a newer one arrived meanwhile
-                    self._again_s = time.monotonic() + AGAIN_S
+                    self._again_s = time.monotonic() + CONTEXT_RETRY_S
                     self._troubles["context"] = why
                     if isinstance(fault, InvalidInput):  # a retry cannot help
                         self._asked = None
@@ -167,12 +167,14 @@ class DetectorService:
                 replaced, self._held = self._held, message
         if replaced is not None:
             self._health.count("keyframes_replaced")
-            self.give_up(replaced, "a newer keyframe came before anything was looked for")
+            self.acknowledge_dropped(
+                replaced, "a newer keyframe came before anything was looked for"
+            )
         if context is not None:
             why_not = self._answered(message, context, sent)
             self._acknowledge(message.id, context.id, why_not)
 
-    def give_up(self, message: pb.Frame, why: str) -> None:
+    def acknowledge_dropped(self, message: pb.Frame, why: str) -> None:
         """Acknowledge a keyframe that is dropped, with the reason."""
         with self._lock:
             context = self._context

@@ -22,7 +22,7 @@ from helios_detector.coco_classes import COCO_NAMES
 
 
 @dataclass(frozen=True)
-class Wanted:
+class SearchTarget:
     """One search class with the detector names that match it."""
 
     name: str  # as in the search context
@@ -46,7 +46,7 @@ def _tables() -> tuple[dict[str, frozenset[str]], dict[str, tuple[str, ...]]]:
     return equal, {kind: tuple(names) for kind, names in table["kinds"].items()}
 
 
-def equals(name: str) -> frozenset[str]:
+def synonyms_of(name: str) -> frozenset[str]:
     """The normalised name and its synonyms."""
     name = normalised(name)
     return _tables()[0].get(name, frozenset({name}))
@@ -60,21 +60,21 @@ def known_names() -> frozenset[str]:
     return frozenset((*equal, *kinds, *narrower, *COCO_NAMES))
 
 
-def accepts(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:
+def accepted_names(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:
     """All names that match `asked`: itself, its synonyms, and the narrower kinds of these."""
-    same = equals(asked).union(*(equals(s) for s in synonyms))
+    same = synonyms_of(asked).union(*(synonyms_of(s) for s in synonyms))
     kinds = _tables()[1]
     narrower = (k for name in same for k in kinds.get(name, ()))
-    return same.union(*(equals(k) for k in narrower))
+    return same.union(*(synonyms_of(k) for k in narrower))
 
 
 def neighbours(asked: str) -> frozenset[str]:
     """Wider names and their other kinds, which a fixed vocabulary may substitute."""
-    same = equals(asked)
+    same = synonyms_of(asked)
     out: frozenset[str] = frozenset()
     for kind, names in _tables()[1].items():
         if same & set(names):
-            out = out.union(equals(kind), *(equals(n) for n in names))
+            out = out.union(synonyms_of(kind), *(synonyms_of(n) for n in names))
     return out - same
 
 
@@ -86,18 +86,18 @@ def near_matches(asked: str, vocabulary: Iterable[str], count: int = 3) -> list[
     return list(dict.fromkeys([*shared, *alike]))[:count]
 
 
-def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Wanted:
+def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> SearchTarget:
     roles = {o.role for o in context.classes if normalised(o.name) == normalised(c.name)}
     receptacle = any(r.is_receptacle for r in roles)
-    return Wanted(c.name, names, c.threshold, receptacle, "object" in roles)
+    return SearchTarget(c.name, names, c.threshold, receptacle, "object" in roles)
 
 
-def open_wanted(context: SearchContext) -> tuple[Wanted, ...]:
+def open_wanted(context: SearchContext) -> tuple[SearchTarget, ...]:
     """Search classes for an open vocabulary. A class's own name matches no other class."""
     classes = context.distinct(normalised)
     exact = {normalised(c.name) for c in classes}
     return tuple(
-        _wanted(c, accepts(c.name, c.synonyms) - (exact - {normalised(c.name)}), context)
+        _wanted(c, accepted_names(c.name, c.synonyms) - (exact - {normalised(c.name)}), context)
         for c in classes
     )
 
@@ -106,7 +106,7 @@ def fixed_wanted(
     context: SearchContext,
     vocabulary: tuple[str, ...],
     similar: Callable[[str], str | None] | None = None,  # most similar name of the vocabulary
-) -> tuple[tuple[Wanted, ...], Mapping[str, str]]:
+) -> tuple[tuple[SearchTarget, ...], Mapping[str, str]]:
     """(findable classes, class name -> reason of its refusal) for a fixed vocabulary.
 
     Each detector name serves one search class. Exact names are served first, then synonyms and
@@ -118,7 +118,7 @@ def fixed_wanted(
     got: dict[str, frozenset[str]] = {}
     ways: list[Callable[[SearchClass], frozenset[str]]] = [
         lambda c: frozenset({normalised(c.name)}),
-        lambda c: accepts(c.name, c.synonyms),
+        lambda c: accepted_names(c.name, c.synonyms),
         lambda c: neighbours(c.name),
     ]
     if similar is not None:
@@ -135,7 +135,7 @@ def fixed_wanted(
     for c in classes:
         if c.name in got:
             continue
-        lost = sorted((accepts(c.name, c.synonyms) | neighbours(c.name)) & taken.keys())
+        lost = sorted((accepted_names(c.name, c.synonyms) | neighbours(c.name)) & taken.keys())
         if lost:
             refused[c.name] = (
                 f"this detector calls both {c.name!r} and {taken[lost[0]]!r} {known[lost[0]]!r} "

@@ -36,7 +36,7 @@ class Scope(IntEnum):
     ADMIN = 3  # settings of the services; load and reset maps
 
     @property
-    def spoken(self) -> ScopeName:
+    def label(self) -> ScopeName:
         """Name in key files and responses."""
         return _NAMES[self]
 

@@ -40,7 +40,7 @@ class ObjectList(BaseModel):
     gaussians: int = Field(description="of the whole map")
 
 
-class Moment(BaseModel):
+class ScoreSample(BaseModel):
     """Estimate of an object after a view that added evidence."""
 
     stamp_s: float = Field(description="the robot's clock")
@@ -53,7 +53,7 @@ class ObjectDetail(BaseModel):
     """One object with all figures, the history of its score, and its upright box."""
 
     object: ObjectInstance = Field(description="as in `/v1/objects`")
-    history: list[Moment] = Field(description="oldest first; long ones are thinned")
+    history: list[ScoreSample] = Field(description="oldest first; long ones are thinned")
     box_center_m: Vector3 = Field(description="of the upright box, turned to be smallest")
     box_size_m: Vector3 = Field(description="along its own axes; x is the narrow side")
     box_yaw_rad: float | None = Field(description="of its x axis: where a gripper closes")

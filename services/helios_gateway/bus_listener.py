@@ -28,13 +28,13 @@ from helios_gateway import api_map_models, api_models, message_conversion
 from helios_gateway.camera_image import Camera
 from helios_gateway.event_hub import BACKLOG, EventHub
 from helios_gateway.map_cache import MapCache
-from helios_gateway.service_registry import REPORTING, ServiceRegistry
+from helios_gateway.service_registry import STATUS_PUBLISHERS, ServiceRegistry
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
 
 
-class BusListener:
+class RobotMonitor:
     """Subscriber of all topics that the API shows. Thread-safe.
 
     Occurrences (tasks, decisions, plans, a stop) become events at once. State that changes all the
@@ -42,7 +42,7 @@ class BusListener:
     """
 
     def __init__(self, bus: Bus, settings: Settings) -> None:
-        self.roster = ServiceRegistry(settings.silent_after_s)
+        self.services = ServiceRegistry(settings.silent_after_s)
         self.camera = Camera()
         self.maps = MapCache(bus, settings.call_timeout_s)
         self.events = EventHub(BACKLOG, settings.max_viewers, settings.keepalive_s)
@@ -56,9 +56,11 @@ class BusListener:
         self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
 
         bus.watch(self._on_alive)
-        for service in REPORTING:  # by name, because `*/status` would also match the supervisor's
-            bus.subscribe(status_topic(service), self.roster.listener(service))
-        bus.subscribe(SUPERVISOR, self.roster.on_supervisor)
+        for (
+            service
+        ) in STATUS_PUBLISHERS:  # by name, because `*/status` would also match the supervisor's
+            bus.subscribe(status_topic(service), self.services.listener(service))
+        bus.subscribe(SUPERVISOR, self.services.on_supervisor)
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(ROBOT_STATE, self._on_robot)
         bus.subscribe(FRAME, self.camera.on_frame)
@@ -84,15 +86,15 @@ class BusListener:
         with self._lock:
             state, description = self._robot, self._description
         return api_models.Robot(
-            connected=self.roster.is_alive("bridge"), state=state, description=description
+            connected=self.services.is_alive("bridge"), state=state, description=description
         )
 
     def status(self) -> api_models.Status:
         return api_models.Status(
-            ready=not self.reasons(),
+            ready=not self.not_ready_reasons(),
             stopped=self.stopped,
             stop_reason=self.stop_reason,
-            services=self.roster.services(),
+            services=self.services.services(),
         )
 
     @property
@@ -107,9 +109,9 @@ class BusListener:
         with self._lock:
             return self._robot.message if self._robot is not None and self._robot.stopped else ""
 
-    def reasons(self) -> list[str]:
+    def not_ready_reasons(self) -> list[str]:
         """Reasons why a task could not start now; empty if it could."""
-        reasons = self.roster.reasons()
+        reasons = self.services.not_ready_reasons()
         if self.stopped:
             why = f" ({self.stop_reason})" if self.stop_reason else ""
             reasons.append(
@@ -122,20 +124,20 @@ class BusListener:
         with self._ticking:
             robot = self.robot()
             if robot.state is not None or robot.description is not None:
-                self._tell_if_new("robot", "robot", robot)
-            self._tell_if_new("map", "map", self.maps.change())
+                self._publish_if_changed("robot", "robot", robot)
+            self._publish_if_changed("map", "map", self.maps.change())
             status = self.status()
             for service in status.services:
-                self._tell_if_new("service", f"service/{service.name}", service)
+                self._publish_if_changed("service", f"service/{service.name}", service)
             readiness = api_models.Readiness(
                 ready=status.ready,
                 stopped=status.stopped,
                 stop_reason=status.stop_reason,
-                reasons=self.reasons(),
+                reasons=self.not_ready_reasons(),
             )
-            self._tell_if_new("ready", "ready", readiness)
+            self._publish_if_changed("ready", "ready", readiness)
 
-    def _tell_if_new(
+    def _publish_if_changed(
         self,
         type: str,
         state_key: str,
@@ -154,12 +156,12 @@ class BusListener:
                 log.exception("could not tell what has changed; trying again")
 
     def _on_alive(self, service: str, instance: str, alive: bool) -> None:
-        self.roster.on_alive(service, instance, alive)
+        self.services.on_alive(service, instance, alive)
         if service in ("map2d", "objectmap"):
             self.maps.on_change()
 
     def _on_description(self, message: pb.RobotDescription) -> None:
-        self.roster.on_description(message)
+        self.services.on_description(message)
         description = message_conversion.robot_description(message)
         with self._lock:
             self._description = description
@@ -168,7 +170,7 @@ class BusListener:
         state = message_conversion.robot_state(message)
         with self._lock:
             before, self._robot = self._robot, state
-        if before is None or _happened(before) != _happened(state):
+        if before is None or _immediate_fields(before) != _immediate_fields(state):
             self.tick()
 
     def _on_task(self, message: pb.Task) -> None:
@@ -185,6 +187,6 @@ class BusListener:
         self.events.publish("plan", message_conversion.plan(message), "plan", message.task_id)
 
 
-def _happened(robot: api_models.RobotState) -> tuple[bool, str, str]:
+def _immediate_fields(robot: api_models.RobotState) -> tuple[bool, str, str]:
     """Parts of the robot's state whose change is published at once."""
     return robot.stopped, robot.message if robot.stopped else "", robot.held

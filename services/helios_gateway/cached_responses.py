@@ -34,7 +34,7 @@ class Encoded:
         return cls.of(model.model_dump_json(by_alias=True).encode(), JSON)
 
 
-def tagged(request: Request, encoded: Encoded) -> Response:
+def conditional_response(request: Request, encoded: Encoded) -> Response:
     """Response with the content, or 304 if the client already has it."""
     headers = {"etag": encoded.tag, "cache-control": "no-cache", **dict(encoded.about)}
     asked = request.headers.get("if-none-match", "")

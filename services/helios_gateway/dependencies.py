@@ -23,7 +23,7 @@ from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.error_responses import Forbidden, NotFound, Unauthorized
 from helios_gateway.map_cache import MapCache
 from helios_gateway.prometheus_metrics import Metrics
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 
 COOKIE = "helios_key"
@@ -58,7 +58,7 @@ async def _gateway_state(connection: HTTPConnection) -> GatewayState:
     return state_of(connection)
 
 
-async def _addressed_robot(connection: HTTPConnection) -> Served:
+async def _addressed_robot(connection: HTTPConnection) -> RobotEndpoint:
     robots = state_of(connection).robots.robots
     name = connection.path_params.get("robot")
     if name is None:
@@ -76,12 +76,12 @@ async def _call_timeout_s(connection: HTTPConnection) -> float:
 State = Annotated[GatewayState, Depends(_gateway_state)]
 # The robot that the path names (`/v1/robots/{robot}/...`), or the first one (`/v1/...`).
 # Raises NotFound for an unknown name.
-AddressedRobot = Annotated[Served, Depends(_addressed_robot)]
+AddressedRobot = Annotated[RobotEndpoint, Depends(_addressed_robot)]
 CallTimeout = Annotated[float, Depends(_call_timeout_s)]  # time limit of a service call, seconds
 
 
 async def _maps(robot: AddressedRobot) -> MapCache:
-    return robot.live.maps
+    return robot.monitor.maps
 
 
 Maps = Annotated[MapCache, Depends(_maps)]  # cache of the addressed robot
@@ -114,7 +114,7 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
         )
     if key.scope < needed:
         raise Forbidden(
-            f"the key {key.name!r} may {key.scope.spoken}; this needs one that may "
+            f"the key {key.name!r} may {key.scope.label}; this needs one that may "
             f"{needed.name.lower()}"
         )
 

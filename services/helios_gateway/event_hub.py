@@ -47,7 +47,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class EventFilter:
     """Event filter of a subscriber; an empty field matches all events."""
 
     types: frozenset[str] = frozenset()
@@ -58,7 +58,7 @@ class Wanted:
             return False
         return not self.task_id or event.task_id == self.task_id
 
-    def with_tasks(self) -> Wanted:
+    def with_tasks(self) -> EventFilter:
         """Same filter with task events added, because one of them reports the end of a task."""
         return replace(self, types=self.types | {"task"}) if self.types else self
 
@@ -72,7 +72,7 @@ class EventHub:
         self._number = 0
         self._past: deque[Event] = deque(maxlen=backlog)
         self._state: dict[str, Event] = {}
-        self._viewers: list[_Viewer] = []
+        self._viewers: list[_Subscriber] = []
         self._backlog = backlog
         self._max_viewers = max_viewers
         self._keepalive_s = keepalive_s
@@ -115,7 +115,7 @@ class EventHub:
                 viewer.put(None)
 
     def watch(
-        self, last_id: str | None = None, wanted: Wanted = Wanted()
+        self, last_id: str | None = None, wanted: EventFilter = EventFilter()
     ) -> AsyncGenerator[Event | None]:
         """Event stream of one subscriber; yields None at the start and as a keepalive.
 
@@ -131,10 +131,12 @@ class EventHub:
                 )
         return self._stream(last_id, wanted)
 
-    async def _stream(self, last_id: str | None, wanted: Wanted) -> AsyncGenerator[Event | None]:
-        viewer = _Viewer(asyncio.get_running_loop(), 2 * self._backlog, wanted)
+    async def _stream(
+        self, last_id: str | None, wanted: EventFilter
+    ) -> AsyncGenerator[Event | None]:
+        viewer = _Subscriber(asyncio.get_running_loop(), 2 * self._backlog, wanted)
         with self._lock:
-            for event in self._missed(last_id):
+            for event in self._backlog_since(last_id):
                 if wanted(event):
                     viewer.queue.put_nowait(event)
             if self._closed:
@@ -156,7 +158,7 @@ class EventHub:
             with self._lock:
                 self._viewers.remove(viewer)
 
-    def _missed(self, last_id: str | None) -> list[Event]:
+    def _backlog_since(self, last_id: str | None) -> list[Event]:
         boot, _, number = (last_id or "").rpartition("-")
         if boot == self._boot and number.isascii() and number.isdigit() and len(number) < 20:
             last, oldest = int(number), self._past[0].number if self._past else 1
@@ -165,10 +167,10 @@ class EventHub:
         return sorted(self._state.values(), key=lambda e: e.number)
 
 
-class _Viewer:
+class _Subscriber:
     """Queue of one stream. A subscriber that falls too far behind is disconnected."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, depth: int, wanted: Wanted) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, depth: int, wanted: EventFilter) -> None:
         self.queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._loop, self._depth, self._wanted = loop, depth, wanted
 

@@ -11,7 +11,7 @@ from helios_core.printable_text import printable
 from helios_core.task_states import is_task_state
 
 from helios_gateway import api_map_models, api_models
-from helios_gateway.task_suggestions import Believed, words
+from helios_gateway.task_suggestions import KnownObject, words
 
 PHASES = {
     "move": ("find_object", "pick", "find_receptacle", "place"),
@@ -175,7 +175,7 @@ def object_detail(message: pb.ObjectDetail) -> api_map_models.ObjectDetail:
     return api_map_models.ObjectDetail(
         object=_object(message.object),
         history=[
-            api_map_models.Moment(
+            api_map_models.ScoreSample(
                 stamp_s=m.stamp_ns / 1e9, views=finite(m.views), score=finite(m.score),
                 class_score=finite(m.class_score),
             )
@@ -225,18 +225,18 @@ def robot_description(message: pb.RobotDescription) -> api_models.RobotDescripti
     )  # fmt: skip
 
 
-def believed(found: api_map_models.ObjectList) -> list[Believed]:
+def suggestable_objects(found: api_map_models.ObjectList) -> list[KnownObject]:
     """Objects whose score, centre and size are finite."""
     out = []
     for one in found.objects:
         figures = [v for v in (one.score, *one.center_m, *one.size_m) if v is not None]
         if len(figures) == 7:
             score, x, y, z, width, depth, height = figures
-            out.append(Believed(words(one.class_name), score, (x, y, z), (width, depth, height)))
+            out.append(KnownObject(words(one.class_name), score, (x, y, z), (width, depth, height)))
     return out
 
 
-def seen_names(found: Iterable[Believed]) -> list[api_models.SeenName]:
+def seen_names(found: Iterable[KnownObject]) -> list[api_models.SeenName]:
     """Each name once with its highest score, highest score first."""
     scores: dict[str, list[float]] = {}
     for one in found:

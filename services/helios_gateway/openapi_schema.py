@@ -11,7 +11,7 @@ from helios_gateway.error_responses import MEDIA_TYPE
 _METHODS = ("get", "post", "put", "patch", "delete")
 
 
-def describe_truly(app: FastAPI) -> None:
+def correct_error_responses(app: FastAPI) -> None:
     """Make the schema match the real error responses.
 
     Errors get the media type of problems. The framework's own 422 is removed, because the gateway

@@ -59,16 +59,16 @@ class _Services(Collector):
         )  # fmt: skip
         viewers = GaugeMetricFamily("helios_event_viewers", "open event streams", labels=["robot"])
         for robot, served in self._robots.robots.items():
-            status = served.live.status()
+            status = served.monitor.status()
             ready.add_metric([robot], float(status.ready))
             stopped.add_metric([robot], float(status.stopped))
             for service in status.services:
                 up.add_metric([robot, service.name], float(service.state == "ready"))
                 restarts.add_metric([robot, service.name], service.restarts)
-            for service, values in served.live.roster.metrics().items():
+            for service, values in served.monitor.services.metrics().items():
                 for name, value in values.items():
                     figures.add_metric([robot, service, name], value)
-            viewers.add_metric([robot], served.live.events.viewers)
+            viewers.add_metric([robot], served.monitor.events.viewers)
         return [ready, stopped, up, restarts, figures, viewers]
 
 

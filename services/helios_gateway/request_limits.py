@@ -23,9 +23,9 @@ from helios_gateway.api_keys import Scope as KeyScope
 from helios_gateway.dependencies import check, key_of
 from helios_gateway.error_responses import problem, problem_of
 
-READING = ("GET", "HEAD", "OPTIONS")
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 # Paths below the root of a robot.
-NEVER_LATE = ("/robot/stop",)  # no limit applies; the handler reads the body itself
+UNLIMITED = ("/robot/stop",)  # no limit applies; the handler reads the body itself
 LARGE = ("/frames",)  # image bodies; at most `MOST_LARGE` at a time
 MOST_LARGE = 8
 STALL_S = 3.0  # longest wait for the next bytes of a body
@@ -42,7 +42,7 @@ _ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class Bounds:
+class LimitSettings:
     """Limits for requests."""
 
     body_bytes: int
@@ -69,7 +69,7 @@ class RequestLimits:
     DNS rebinding.
     """
 
-    def __init__(self, app: ASGIApp, bounds: Bounds, keys: ApiKeys) -> None:
+    def __init__(self, app: ASGIApp, bounds: LimitSettings, keys: ApiKeys) -> None:
         self._app, self._bounds, self._keys = app, bounds, keys
         self._rate = RateLimitItemPerSecond(bounds.requests_per_s)
         self._limiter = FixedWindowRateLimiter(MemoryStorage())
@@ -84,7 +84,7 @@ class RequestLimits:
             await _refuse(refusal, scope, receive, send)
             return
         path = _below_robot(scope)
-        counted = path not in (*STREAMS, *NEVER_LATE)
+        counted = path not in (*STREAMS, *UNLIMITED)
         large = path in LARGE
         a_map = path in MAPS
         for refused, running in (
@@ -114,14 +114,14 @@ class RequestLimits:
                 f"the host {host[:200]!r} is not this machine; ask localhost, or set up API keys",
             )  # fmt: skip
         origin = headers.get("origin")
-        changes = scope["type"] == "websocket" or scope["method"] not in READING
+        changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if origin is not None and changes and not self._is_own(origin, host):
             return problem(
                 403, "forbidden", "Forbidden",
                 f"a page of {origin[:200]} asked; only the dashboard's own page may, and those of "
                 "--origins",
             )  # fmt: skip
-        if _below_robot(scope) in NEVER_LATE:
+        if _below_robot(scope) in UNLIMITED:
             return None
         key = key_of(scope, self._keys) if self._keys.required else None
         client = f"key {key.name}" if key else f"host {(scope.get('client') or ('',))[0]}"
@@ -144,7 +144,7 @@ class RequestLimits:
 
     async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
         path = _below_robot(scope)
-        if scope["type"] == "websocket" or scope["method"] in READING or path in NEVER_LATE:
+        if scope["type"] == "websocket" or scope["method"] in SAFE_METHODS or path in UNLIMITED:
             await self._app(scope, receive, send)
             return
         needed = _LARGE_BODIES.get((scope["method"], path))

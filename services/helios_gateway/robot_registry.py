@@ -7,35 +7,35 @@ from dataclasses import dataclass
 
 from helios_core.bus import Bus
 
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 
 API_ROOT = "/v1"  # root of the first robot's addresses
 ROBOT_ROOT = "/v1/robots/{robot}"  # root of the named robot's addresses
 
 
 @dataclass(frozen=True)
-class Served:
+class RobotEndpoint:
     """One robot: its bus, and the state that the gateway keeps of it."""
 
     bus: Bus
-    live: BusListener
+    monitor: RobotMonitor
 
 
 @dataclass(frozen=True)
 class RobotRegistry:
     """Robots by name; the first one is the default."""
 
-    robots: Mapping[str, Served]
+    robots: Mapping[str, RobotEndpoint]
 
-    def reasons(self) -> list[str]:
+    def not_ready_reasons(self) -> list[str]:
         """Reasons why a task could not start now, for every robot; empty if it could on all."""
         several = len(self.robots) > 1
         return [
             f"{name}: {reason}" if several else reason
             for name, served in self.robots.items()
-            for reason in served.live.reasons()
+            for reason in served.monitor.not_ready_reasons()
         ]
 
     def close(self) -> None:
         for served in self.robots.values():
-            served.live.close()
+            served.monitor.close()

@@ -16,8 +16,8 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 
 from helios_gateway.api_keys import ApiKeys
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 
@@ -89,7 +89,7 @@ class Gateway:
         buses |= {name: another_bus(name) for name in settings.other_robots}
         self._others = [one for one in buses.values() if one is not bus]
         self.robots = RobotRegistry({
-            name: Served(one, BusListener(one, settings)) for name, one in buses.items()
+            name: RobotEndpoint(one, RobotMonitor(one, settings)) for name, one in buses.items()
         })  # fmt: skip
         config = uvicorn.Config(
             create_app(self.robots, settings, keys),
@@ -107,7 +107,7 @@ class Gateway:
             target=self._serve, args=(listener,), name="http", daemon=True
         )
         for served in self.robots.robots.values():
-            served.live.start()
+            served.monitor.start()
         self._thread.start()
         address = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
         log.info("dashboard at %s", address)

@@ -15,9 +15,15 @@ from helios_gateway.api_models import Service, ServiceState
 
 log = logging.getLogger(__name__)
 
-NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # must be ready for a task
-KNOWN = ("router", *NEEDED, "gateway")  # always listed
-REPORTING = ("world", *NEEDED, "gateway", "recorder")  # publish a ServiceStatus
+REQUIRED_SERVICES = (
+    "bridge",
+    "detector",
+    "objectmap",
+    "map2d",
+    "planner",
+)  # must be ready for a task
+LISTED_SERVICES = ("router", *REQUIRED_SERVICES, "gateway")  # always listed
+STATUS_PUBLISHERS = ("world", *REQUIRED_SERVICES, "gateway", "recorder")  # publish a ServiceStatus
 
 
 class ServiceRegistry:
@@ -28,7 +34,7 @@ class ServiceRegistry:
         self._silent_after_s = silent_after_s
         self._clock = clock
         self._alive: dict[str, dict[str, None]] = {}  # service -> its instances, oldest first
-        self._said: dict[str, tuple[pb.ServiceStatus, float]] = {}
+        self._statuses: dict[str, tuple[pb.ServiceStatus, float]] = {}
         self._processes: dict[str, pb.ProcessStatus] = {}
         self._simulated = False
 
@@ -55,7 +61,7 @@ class ServiceRegistry:
 
     def on_status(self, status: pb.ServiceStatus) -> None:
         with self._lock:
-            self._said[status.service] = (status, self._clock())
+            self._statuses[status.service] = (status, self._clock())
 
     def on_supervisor(self, status: pb.SupervisorStatus) -> None:
         with self._lock:
@@ -72,30 +78,30 @@ class ServiceRegistry:
     def services(self) -> list[Service]:
         """All known services and those seen, in the order of the data flow."""
         with self._lock:
-            seen = {*self._said, *self._processes} - {"supervisor"}
+            seen = {*self._statuses, *self._processes} - {"supervisor"}
             if self._simulated:
                 seen.add("world")
             first = ["router", "world"] if "world" in seen else ["router"]
-            names = [*first, *(n for n in KNOWN if n != "router")]
+            names = [*first, *(n for n in LISTED_SERVICES if n != "router")]
             names += sorted(seen - set(names))
             return [self._service(name) for name in names]
 
-    def reasons(self) -> list[str]:
+    def not_ready_reasons(self) -> list[str]:
         """Reasons why a task could not start now; empty if it could."""
         return [
             f"{s.name} is {s.state}" + (f": {s.reason}" if s.reason else "")
             for s in self.services()
-            if s.name in NEEDED and s.state != "ready"
+            if s.name in REQUIRED_SERVICES and s.state != "ready"
         ]
 
     def metrics(self) -> Mapping[str, Mapping[str, float]]:
         """Metrics that each service publishes."""
         with self._lock:
-            return {name: dict(status.metrics) for name, (status, _) in self._said.items()}
+            return {name: dict(status.metrics) for name, (status, _) in self._statuses.items()}
 
     def _service(self, name: str) -> Service:
         state, reason = self._router() if name == "router" else self._state(name)
-        process, said = self._processes.get(name), self._said.get(name)
+        process, said = self._processes.get(name), self._statuses.get(name)
         pid = said[0].pid if said and self._alive.get(name) else process.pid if process else 0
         return Service(
             name=name, state=state, reason=reason,
@@ -103,7 +109,7 @@ class ServiceRegistry:
         )  # fmt: skip
 
     def _state(self, name: str) -> tuple[ServiceState, str]:
-        instances, said = self._alive.get(name, {}), self._said.get(name)
+        instances, said = self._alive.get(name, {}), self._statuses.get(name)
         if not instances:
             return "down", self._why_down(name)
         if said is None or said[0].instance not in instances:
@@ -120,7 +126,7 @@ class ServiceRegistry:
         process = self._processes.get(name)
         if process is not None:
             return process.reason or f"the supervisor says: {process.state}"
-        if name in self._said:
+        if name in self._statuses:
             return "it was there and is gone; start it again"
         return "it has not been seen; start it"
 
@@ -131,7 +137,7 @@ class ServiceRegistry:
         arrives without the router.
         """
         now = self._clock()
-        heard = [now - at for name, (_, at) in self._said.items() if name != "gateway"]
+        heard = [now - at for name, (_, at) in self._statuses.items() if name != "gateway"]
         if heard and min(heard) <= self._silent_after_s:
             return "ready", ""
         process = self._processes.get("router")

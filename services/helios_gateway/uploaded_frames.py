@@ -129,7 +129,7 @@ def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushR
     return pb.PushRequest(frame=frame, wait_s=meta.wait_s, classes=meta.classes)
 
 
-def taken(reply: pb.PushReply) -> FrameTaken:
+def push_response(reply: pb.PushReply) -> FrameTaken:
     """HTTP model of the bridge's reply."""
     maps = [
         MapAnswer(

@@ -18,9 +18,9 @@ from helios_gateway.api_keys import ApiKeys
 from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.dependencies import GatewayState
 from helios_gateway.error_responses import add_problems
-from helios_gateway.openapi_schema import describe_truly
+from helios_gateway.openapi_schema import correct_error_responses
 from helios_gateway.prometheus_metrics import Metrics, RequestMetrics
-from helios_gateway.request_limits import MOST_LARGE, Bounds, RequestLimits
+from helios_gateway.request_limits import MOST_LARGE, LimitSettings, RequestLimits
 from helios_gateway.robot_registry import API_ROOT, ROBOT_ROOT, RobotRegistry
 from helios_gateway.routes import (
     events,
@@ -72,7 +72,7 @@ def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None =
     state = _state(robots, settings, keys or ApiKeys(settings.keys))
     app.state.gateway = state
     add_problems(app)
-    describe_truly(app)
+    correct_error_responses(app)
     _add_middleware(app, state)
     app.include_router(health.robots_router)
     for root in (API_ROOT, ROBOT_ROOT):
@@ -103,7 +103,7 @@ def _state(robots: RobotRegistry, settings: Settings, keys: ApiKeys) -> GatewayS
 def _add_middleware(app: FastAPI, state: GatewayState) -> None:
     """Add the middleware; the last one added handles a request first."""
     settings = state.settings
-    bounds = Bounds(
+    bounds = LimitSettings(
         settings.body_limit_bytes, settings.frame_limit_bytes, settings.map_limit_bytes,
         settings.body_timeout_s, settings.requests_per_s, settings.max_requests,
         settings.other_origins,

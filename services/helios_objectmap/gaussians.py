@@ -95,12 +95,12 @@ class GaussianStore:
         return self._color[: self._n]
 
     @property
-    def positive(self) -> NDArray[np.float32]:
+    def class_evidence(self) -> NDArray[np.float32]:
         """Evidence [n, classes] for each class, in units of alpha_cpa times kappa."""
         return self._positive[: self._n]
 
     @property
-    def asked(self) -> NDArray[np.float32]:
+    def total_evidence(self) -> NDArray[np.float32]:
         """All evidence [n, classes] of the views that searched for the class."""
         return self._asked[: self._n]
 
@@ -110,27 +110,27 @@ class GaussianStore:
         return self._votes[: self._n]
 
     @property
-    def born(self) -> NDArray[np.int64]:
+    def created_update(self) -> NDArray[np.int64]:
         """Number [n] of the update that created the Gaussian."""
         return self._born[: self._n]
 
     @property
-    def believed(self) -> NDArray[np.int16]:
+    def class_column(self) -> NDArray[np.int16]:
         """Column [n] of the most likely class, or OTHER."""
         return self._believed[: self._n]
 
     @property
-    def through(self) -> NDArray[np.float32]:
+    def seen_through_views(self) -> NDArray[np.float32]:
         """Number [n] of distinct views that saw through the Gaussian since a view last saw it."""
         return self._through[: self._n]
 
     @property
-    def through_from(self) -> NDArray[np.int32]:
+    def seen_through_viewpoint(self) -> NDArray[np.int32]:
         """Viewpoint [n] that last saw through it, or NEVER."""
         return self._through_from[: self._n]
 
     @property
-    def seen(self) -> NDArray[np.int64]:
+    def last_seen_update(self) -> NDArray[np.int64]:
         """Number [n] of the last update that saw the Gaussian."""
         return self._seen[: self._n]
 

@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from helios_objectmap import export
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import geometry, viewing_sectors
-from helios_objectmap.fusion.geometry import reobserved, sight
+from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
-from helios_objectmap.fusion.semantics import accumulate, believe, marginal
+from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_columns
 from helios_objectmap.fusion.view_history import PastViews
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore, InstanceGaussians, surplus
 from helios_objectmap.instances import information_gain
-from helios_objectmap.instances.information_gain import Expected, Member, Rates
+from helios_objectmap.instances.information_gain import (
+    EvidenceParameters,
+    Expected,
+    InstanceEvidence,
+)
 from helios_objectmap.instances.registry import InstanceRegistry, Moment
 from helios_objectmap.instances.size_prior import agreement, extents_of
 from helios_objectmap.instances.summary import (
@@ -33,11 +37,11 @@ from helios_objectmap.instances.summary import (
     shape_of,
     sure_part,
 )
-from helios_objectmap.persistence import Memory
+from helios_objectmap.persistence import MapContent
 from helios_objectmap.rendering.back_ends import back_end
 from helios_objectmap.rendering.renderer import FAR_M, Projection, Rendering
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.viewpoint_weights import NEVER, ViewingDirection, Viewpoints
+from helios_objectmap.viewpoint_weights import NEVER, ViewpointMatch, Viewpoints
 
 SEEN_BEYOND_M = 1.0  # margin beyond max_depth_m: Gaussians within it still occlude
 HELD_OBJECT_M = 1.0  # while the gripper holds an object, nearer pixels of objects belong to it
@@ -75,7 +79,7 @@ class ObjectMap:
         """Delete all content."""
         self._store = GaussianStore(self._sectors)
         self._registry = InstanceRegistry()
-        self._viewpoints = self.no_viewpoints()
+        self._viewpoints = self.empty_viewpoints()
         self._context: SearchContext | None = None
         self._roles: dict[str, Role] = {}
         self._past = PastViews()
@@ -119,7 +123,7 @@ class ObjectMap:
             read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
             context, held, HELD_OBJECT_M,
         )  # fmt: skip
-        look = self._viewpoints.look(reading.view.T_world_cam)
+        look = self._viewpoints.locate(reading.view.T_world_cam)
         projection = self._project(reading.view)
         gone = np.empty(0, np.int32)
         if s.creation_rule != "paper":
@@ -130,18 +134,18 @@ class ObjectMap:
         created = self._create(reading, created_mask)
         if created:  # only the new Gaussians need a projection
             new = np.arange(len(store) - created, len(store), dtype=np.int32)
-            self._look_back(new)
+            self._add_hindsight_votes(new)
             projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
         seen = reobserved(reading.depth_m, rendering, created_mask)
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
         eye_m = reading.view.T_world_cam[:3, 3]
-        weights = self._weights_of_all_before(look)
+        weights = self._hindsight_weights(look)
         fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
         if weights is not None:
             self._past.note(reading, self._names, weights)
         self._updates += 1
         store.remove(gone)
-        self._remove(surplus(store.believed, store.seen, s.max_gaussians))
+        self._remove(surplus(store.class_column, store.last_seen_update, s.max_gaussians))
         return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
 
     def retire(self, instance_id: int) -> int:
@@ -157,7 +161,7 @@ class ObjectMap:
         near = store.blocks.near(store.means[member], float((high - low).max()))
         inside = ((store.means[near] >= low) & (store.means[near] <= high)).all(axis=1)
         receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
-        inside &= ~np.isin(store.believed[near], receptacles)
+        inside &= ~np.isin(store.class_column[near], receptacles)
         gone = np.union1d(member, near[inside])
         self._remove(gone)
         self._past.forget(lambda name: not self._is_receptacle(name))
@@ -217,12 +221,12 @@ class ObjectMap:
         if other_share is None:
             other_share = HALF if s.assumption == "50-50" else 0.0
         by_sides = s.by_sides
-        member = Member(
+        member = InstanceEvidence(
             store.means[rows],
             store.radius_m[rows],
             store.opacity[rows],
-            store.positive[rows][:, columns],
-            store.asked[rows, column],
+            store.class_evidence[rows][:, columns],
+            store.total_evidence[rows, column],
             store.votes[rows, column, :, 1] if by_sides else None,
         )
         return information_gain.what_if(
@@ -230,7 +234,7 @@ class ObjectMap:
             member,
             columns.index(column),
             [view.strided(s.stride_px) for view in views],
-            Rates(
+            EvidenceParameters(
                 s.prior_concentration,
                 s.alpha_side if by_sides else s.alpha_cpa,
                 s.alpha_cs,
@@ -271,7 +275,10 @@ class ObjectMap:
             )
         column = store.class_names.index(class_name)
         mean, deviation = marginal(
-            store.positive[rows, column], store.asked[rows, column], prior, self._n_classes
+            store.class_evidence[rows, column],
+            store.total_evidence[rows, column],
+            prior,
+            self._n_classes,
         )
         if layer == "probability":
             return export.png(export.belief(projection, np.asarray(mean), 1.0))
@@ -286,19 +293,19 @@ class ObjectMap:
             return None
         column = store.class_names.index(self._registry.records[instance_id].class_name)
         mean, _ = marginal(
-            store.positive[rows, column], store.asked[rows, column],
+            store.class_evidence[rows, column], store.total_evidence[rows, column],
             self._settings.prior_concentration, self._n_classes,
         )  # fmt: skip
-        own = rows[mean > self._least(instance_id, mean)]
+        own = rows[mean > self._box_threshold(instance_id, mean)]
         return grasp(store.means[own if len(own) else rows])
 
     # On disk ----------------------------------------------------------------------------------
 
-    def memory(self) -> Memory:
+    def content(self) -> MapContent:
         """Content of the map; its parts are the map's own objects, not copies."""
-        return Memory(self._store, self._registry, self._viewpoints, self._roles, self._updates)
+        return MapContent(self._store, self._registry, self._viewpoints, self._roles, self._updates)
 
-    def recall(self, memory: Memory) -> None:
+    def load_content(self, memory: MapContent) -> None:
         """Replace the content of the map with that of a file.
 
         All evidence stays as it is, however it was counted. If this map counts views, the votes by
@@ -311,7 +318,7 @@ class ObjectMap:
         self._viewpoints, self._roles = memory.viewpoints, memory.roles
         self._updates = memory.updates
 
-    def no_viewpoints(self) -> Viewpoints:
+    def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""
         return Viewpoints()
 
@@ -323,9 +330,9 @@ class ObjectMap:
         if not names:
             return
         columns = [store.class_names.index(name) for name in names]
-        rows = np.flatnonzero(np.isin(store.believed, columns))
+        rows = np.flatnonzero(np.isin(store.class_column, columns))
         self._registry.leave(store, rows, self._voxel_m)
-        store.believed[rows] = OTHER
+        store.class_column[rows] = OTHER
         self._join(rows)
         store.drop_columns(names)
         for name in names:
@@ -334,31 +341,31 @@ class ObjectMap:
             del self._roles[name]
 
     def _carve(
-        self, projection: Projection, reading: LabelImage, look: ViewingDirection
+        self, projection: Projection, reading: LabelImage, look: ViewpointMatch
     ) -> tuple[Projection, NDArray[np.int32]]:
         """Free-space carving: fade the Gaussians that a view sees through, restore those it sees.
 
         Returns the updated projection, and the rows to remove, which enough views saw through.
         """
         store = self._store
-        seen = sight(projection, reading.depth_m)
-        there = seen.there[store.through[projection.rows[seen.there]] > 0]
+        seen = compare_with_depth(projection, reading.depth_m)
+        there = seen.there[store.seen_through_views[projection.rows[seen.there]] > 0]
         restored = projection.rows[there]
-        store.through[restored], store.through_from[restored] = 0, NEVER
+        store.seen_through_views[restored], store.seen_through_viewpoint[restored] = 0, NEVER
         through = projection.rows[seen.through]
-        share = self._viewpoints.between(look, store.through_from[through])
+        share = self._viewpoints.difference_from(look, store.seen_through_viewpoint[through])
         counted = through[share > 0]
-        store.through[counted] += share[share > 0]
-        store.through_from[counted] = look.viewpoint
+        store.seen_through_views[counted] += share[share > 0]
+        store.seen_through_viewpoint[counted] = look.viewpoint
         changed = np.concatenate([restored, counted])
         if not len(changed):
             return projection, changed
-        left = np.maximum(1 - store.through[changed] / CARVE_VIEWS, 0)
+        left = np.maximum(1 - store.seen_through_views[changed] / CARVE_VIEWS, 0)
         store.opacity[changed] = OPACITY * left
-        is_gone = store.through[changed] >= WHOLE * CARVE_VIEWS
+        is_gone = store.seen_through_views[changed] >= WHOLE * CARVE_VIEWS
         gone, stays = changed[is_gone], changed[~is_gone]
         self._registry.leave(store, gone, self._voxel_m)
-        store.believed[gone] = OTHER
+        store.class_column[gone] = OTHER
         return projection.renewed(
             np.concatenate([there, seen.through[share > 0]]),
             self._project(reading.view, rows=stays),
@@ -376,13 +383,13 @@ class ObjectMap:
         self._store.append(means, radius_m, OPACITY, reading.color[mask], self._updates)
         return len(means)
 
-    def _weights_of_all_before(self, look: ViewingDirection) -> NDArray[np.float32] | None:
+    def _hindsight_weights(self, look: ViewpointMatch) -> NDArray[np.float32] | None:
         """Weight of a view [names] for Gaussians older than every view; None without hindsight."""
         if self._settings.evidence != "hindsight":
             return None
         return self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
 
-    def _look_back(self, rows: NDArray[np.int32]) -> None:
+    def _add_hindsight_votes(self, rows: NDArray[np.int32]) -> None:
         """Give new Gaussians the evidence of past views that show their positions."""
         s, store = self._settings, self._store
         for shown in self._past.of(store.means[rows]):
@@ -403,7 +410,7 @@ class ObjectMap:
         self,
         projection: Projection,
         labels: NDArray[np.int32],
-        look: ViewingDirection,
+        look: ViewpointMatch,
         eye_m: NDArray[np.float64],
         stamp_ns: int,
     ) -> int:
@@ -414,8 +421,10 @@ class ObjectMap:
         s, store, names = self._settings, self._store, self._names
         kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
-        store.seen[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = self._updates
-        weights = self._viewpoints.weights(look, names, store.born[rows])
+        store.last_seen_update[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = (
+            self._updates
+        )
+        weights = self._viewpoints.weights(look, names, store.created_update[rows])
         self._viewpoints.mark(look, names, self._updates)
         if s.by_sides:
             took = viewing_sectors.add_votes(
@@ -455,14 +464,14 @@ class ObjectMap:
         """Update the most likely class of rows, and the instances that this changes."""
         store = self._store
         s = self._settings
-        new = believe(
-            store.positive, store.asked, rows, self._columns, s.prior_concentration,
+        new = most_likely_columns(
+            store.class_evidence, store.total_evidence, rows, self._columns, s.prior_concentration,
             self._n_classes, s.named_from,
         )  # fmt: skip
-        differs = np.flatnonzero(new != store.believed[rows])
+        differs = np.flatnonzero(new != store.class_column[rows])
         changed = rows[differs]
         self._registry.leave(store, changed, self._voxel_m)
-        store.believed[changed] = new[differs]
+        store.class_column[changed] = new[differs]
         self._join(changed)
 
     def _join(self, rows: NDArray[np.integer], *, taken_out: bool = False) -> None:
@@ -535,7 +544,11 @@ class ObjectMap:
         """Estimated share of true detections of an instance, learnt from earlier detections of its
         class."""
         trust = self._settings.detector_trust
-        return 1.0 if trust == "full" else self._registry.trust(label, trust == "class-distance")
+        return (
+            1.0
+            if trust == "full"
+            else self._registry.true_detection_share(label, trust == "class-distance")
+        )
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
@@ -547,9 +560,9 @@ class ObjectMap:
         return agreement(record.class_name, measured_m, views, top_m)
 
     def _shape(self, label: int, belief: Belief) -> Shape:
-        return shape_of(self._store.means, belief, self._least(label, belief.mean))
+        return shape_of(self._store.means, belief, self._box_threshold(label, belief.mean))
 
-    def _least(self, label: int, mean: NDArray[np.floating]) -> float:
+    def _box_threshold(self, label: int, mean: NDArray[np.floating]) -> float:
         """Probability above which a Gaussian of an instance belongs to its box; mean: [n]."""
         least = self._settings.named_from
         if self._settings.by_sides and not self._is_receptacle(self.class_of(label)):

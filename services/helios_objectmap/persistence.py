@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap.fusion import viewing_sectors
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.instances.detector_precision import N_BANDS, Ended
+from helios_objectmap.instances.detector_precision import N_BANDS, FormerDetections
 from helios_objectmap.instances.registry import InstanceRecord, InstanceRegistry, Moment
 from helios_objectmap.viewpoint_weights import NEVER, Viewpoints
 
@@ -29,7 +29,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True)
-class Memory:
+class MapContent:
     """Complete content of a map, without the current search context."""
 
     store: GaussianStore
@@ -40,7 +40,7 @@ class Memory:
 
 
 def arrays_of(
-    memory: Memory, world: WorldId | None, newest: FrameId | None = None
+    memory: MapContent, world: WorldId | None, newest: FrameId | None = None
 ) -> dict[str, NDArray]:
     """Copies of the whole map content, so that updates can continue while the file is written.
 
@@ -73,7 +73,7 @@ def arrays_of(
     return {"header": text} | rows | views
 
 
-def written(arrays: dict[str, NDArray]) -> bytes:
+def to_bytes(arrays: dict[str, NDArray]) -> bytes:
     """Bytes of the file."""
     out = io.BytesIO()
     np.savez(out, allow_pickle=False, **arrays)
@@ -81,15 +81,15 @@ def written(arrays: dict[str, NDArray]) -> bytes:
 
 
 @dataclass(frozen=True)
-class Found:
+class LoadedMap:
     """Content of a map file."""
 
-    memory: Memory
+    memory: MapContent
     world: WorldId | None  # of the map
     newest: FrameId | None  # newest frame in the map
 
 
-def read(data: bytes, viewpoints: Viewpoints) -> Found:
+def read(data: bytes, viewpoints: Viewpoints) -> LoadedMap:
     """Content of a map file. viewpoints: an empty object, which is filled.
 
     Raises InvalidInput for a truncated, damaged or foreign file, and, before it is unpacked, for a
@@ -112,7 +112,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> Found:
             f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
             "`helios map save` wrote"
         ) from None
-    return Found(memory, world, newest)
+    return LoadedMap(memory, world, newest)
 
 
 def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
@@ -127,7 +127,7 @@ def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
     return world, newest
 
 
-def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> Memory:
+def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> MapContent:
     def part(prefix: str) -> dict[str, NDArray]:
         return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
 
@@ -142,12 +142,12 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
     registry.next_label = int(header["next_label"])
     registry.records = {int(label): _record(*r) for label, r in header["records"].items()}
     registry.ended = {
-        str(name): Ended(_by_band(true), _by_band(everything))
+        str(name): FormerDetections(_by_band(true), _by_band(everything))
         for name, (true, everything) in header.get("ended", {}).items()
     }
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
     _check(store, registry, roles, viewpoints)
-    return Memory(store, registry, viewpoints, roles, int(header["updates"]))
+    return MapContent(store, registry, viewpoints, roles, int(header["updates"]))
 
 
 def _record(
@@ -178,14 +178,16 @@ def _check(
     names = {r.class_name for r in registry.records.values()} | set(store.class_names)
     if not names <= roles.keys() or not names <= set(store.class_names):
         raise ValueError("classes and their roles disagree")
-    believed = store.believed
+    believed = store.class_column
     if len(store) and (believed.min() < OTHER or believed.max() >= len(store.class_names)):
         raise ValueError("a Gaussian is believed to be of no known class")
-    if not all(np.isfinite(a).all() for a in (store.means, store.positive, store.asked)):
+    if not all(
+        np.isfinite(a).all() for a in (store.means, store.class_evidence, store.total_evidence)
+    ):
         raise ValueError("a number is not finite")
     if not all(np.isfinite(a).all() for a in (store.radius_m, store.opacity)):
         raise ValueError("a radius or an opacity is not finite")
-    through = store.through_from
+    through = store.seen_through_viewpoint
     if len(store) and (through.min() < NEVER or through.max() >= len(viewpoints)):
         raise ValueError("a Gaussian was seen through from a viewpoint that is not there")
     if (store.votes[..., 0] > store.votes[..., 1]).any():

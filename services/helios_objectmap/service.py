@@ -313,7 +313,7 @@ class ObjectMapService:
         """The current map as a file."""
         with self._lock:
             arrays = self._arrays()
-        return pb.ObjectMapFile(data=persistence.written(arrays))
+        return pb.ObjectMapFile(data=persistence.to_bytes(arrays))
 
     def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
         """Replace the current map with the map of a file. A refused file changes nothing.
@@ -495,10 +495,10 @@ class ObjectMapService:
         file.
         """
         began = time.perf_counter()
-        found = persistence.read(data, self._maps.current.no_viewpoints())
+        found = persistence.read(data, self._maps.current.empty_viewpoints())
         with self._lock:
             present = self._maps.current
-            present.recall(found.memory)
+            present.load_content(found.memory)
             if same_world and self._maps.world is None:
                 self._maps.restored(found.world, found.newest)
             self._replaced()
@@ -512,7 +512,7 @@ class ObjectMapService:
             if version == kept_version:
                 return None
             arrays = self._arrays()
-        return version, persistence.written(arrays)
+        return version, persistence.to_bytes(arrays)
 
     def _troubled(self, reason: str) -> None:
         if reason:
@@ -523,7 +523,7 @@ class ObjectMapService:
 
     def _arrays(self) -> dict[str, NDArray]:
         maps = self._maps
-        return persistence.arrays_of(maps.current.memory(), maps.world, maps.newest)
+        return persistence.arrays_of(maps.current.content(), maps.world, maps.newest)
 
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:

@@ -27,7 +27,7 @@ MOST = 16_384  # at least 300 m of path; the oldest viewpoints are dropped, and 
 
 
 @dataclass(frozen=True)
-class ViewingDirection:
+class ViewpointMatch:
     """Pose of a view relative to the viewpoints."""
 
     viewpoint: int  # number of the viewpoint that the pose belongs to
@@ -80,7 +80,7 @@ class Viewpoints:
         """Drop the data of a class."""
         self._last.pop(class_name, None)
 
-    def look(self, T_world_cam: NDArray[np.float64]) -> ViewingDirection:
+    def locate(self, T_world_cam: NDArray[np.float64]) -> ViewpointMatch:
         """Place of a pose among the viewpoints. One that differs from all becomes a viewpoint."""
         difference = self._differences(T_world_cam)
         nearest = int(np.argmin(difference)) if len(difference) else NEVER
@@ -88,10 +88,10 @@ class Viewpoints:
         if nearest == NEVER or difference[nearest] >= SAME:
             nearest = self._new(T_world_cam)
             near = near[near != nearest]  # if it reuses the number of a dropped one
-        return ViewingDirection(nearest, near, difference[near])
+        return ViewpointMatch(nearest, near, difference[near])
 
     def weights(
-        self, look: ViewingDirection, class_names: list[str], born: NDArray[np.int64]
+        self, look: ViewpointMatch, class_names: list[str], born: NDArray[np.int64]
     ) -> NDArray[np.float32]:
         """Weight [n, classes] in [0, 1] of a view for Gaussians that update born [n] created."""
         out = np.empty((len(born), len(class_names)), np.float32)
@@ -109,13 +109,13 @@ class Viewpoints:
             out[:, j] = share[np.searchsorted(last[order], born)]
         return out
 
-    def mark(self, look: ViewingDirection, class_names: list[str], update: int) -> None:
+    def mark(self, look: ViewpointMatch, class_names: list[str], update: int) -> None:
         """Note that a view counted for these classes at this update."""
         for name in class_names:
             self._last_of(name)[look.viewpoint] = update
 
-    def between(
-        self, look: ViewingDirection, viewpoints: NDArray[np.integer]
+    def difference_from(
+        self, look: ViewpointMatch, viewpoints: NDArray[np.integer]
     ) -> NDArray[np.float64]:
         """Difference [n] in [0, 1] of a view from some viewpoints [n]; 1 for NEVER."""
         known = np.ones(len(self) + 1)  # index -1 (NEVER) is the last element

@@ -36,7 +36,7 @@ from helios_planner.decisions.acceptance import Rule, paper, patient
 from helios_planner.decisions.global_search import FrontierRule, SearchRule
 from helios_planner.search.baselines import StopSearch, UnfilteredBelief, VlfmBelief
 from helios_planner.search.candidate_beliefs import MapBelief, TrustingBelief
-from helios_planner.search.frontier_exploration import ByRule, TargetPursuit
+from helios_planner.search.frontier_exploration import RuleExplorer, TargetPursuit
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
 
@@ -53,7 +53,7 @@ def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
 
 
 def _by(rule: FrontierRule) -> Agent:
-    return trusting(TrustingBelief, partial(ByRule, rule=rule))
+    return trusting(TrustingBelief, partial(RuleExplorer, rule=rule))
 
 
 _PAPER = _scoring(global_search.by_objective)

@@ -15,8 +15,8 @@ from helios_core.robot import Observe, Pick, Place
 from helios_core.types import ObjectInstance
 
 from helios_planner.match_radii import (
-    GROWN_M,
     ON_OUTLINE_M,
+    RECEPTACLE_SHIFT_M,
     SAME_INSTANCE_M,
     SAME_POINT_M,
     SAME_THING_M,
@@ -52,7 +52,7 @@ PLACE_INSET_M = 0.12  # between the place and the edge of the surface
 FLATNESS_M = (0.012, 0.045)  # height range of a flat area: clear of objects, then accepted
 RELEASE_HEIGHT_M = 0.01  # above the surface
 PAPER_RELEASE_HEIGHT_M = 0.10  # above the highest point ahead: the paper's place rule
-OVER_M = 0.05  # radius around a placing point in which the highest surface counts
+SURFACE_RADIUS_M = 0.05  # radius around a placing point in which the highest surface counts
 BELOW_M = 0.20  # an object lower than the placing surface by this is not on it
 AROUND_M = 1.5  # a fallen object lies within this distance of the receptacle
 
@@ -62,7 +62,7 @@ def still_there(near: ObjectInstance | None) -> bool:
     return near is not None
 
 
-class Done(Enum):
+class SkillOutcome(Enum):
     """Outcome of a pick or a place."""
 
     SUCCEEDED = auto()
@@ -110,18 +110,20 @@ class Manipulation:
         self.last_reason = memory["last_reason"]
 
     # --- pick ----------------------------------------------------------------------------------
-    def pick(self, thing: ObjectInstance, class_name: str, confirmed: Judged = still_there) -> Done:
+    def pick(
+        self, thing: ObjectInstance, class_name: str, confirmed: Judged = still_there
+    ) -> SkillOutcome:
         """Grasp an object: up to `attempts` times, each from another place. Returns DOUBTED if
         `confirmed` rejects it as seen from there."""
         tried: list[tuple[float, float]] = []
         attempts = 0
         while attempts < self.attempts:
             if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
-                return Done.FAILED if attempts else Done.OUT_OF_REACH
+                return SkillOutcome.FAILED if attempts else SkillOutcome.OUT_OF_REACH
             tried.append(self.body.pose().xy)
             near = self.near = self.belief.from_near(thing, class_name, SAME_THING_M)
             if not confirmed(near):
-                return Done.DOUBTED
+                return SkillOutcome.DOUBTED
             thing = near or thing
             if self._missing_m(thing.center_m) > 0:
                 continue  # it is further away than estimated: try another place
@@ -132,9 +134,9 @@ class Manipulation:
             if result.succeeded and self.body.held():
                 self.belief.taken(thing)
                 self.base.monitor.carrying = True
-                return Done.SUCCEEDED
+                return SkillOutcome.SUCCEEDED
             self.last_reason = result.reason or "the gripper closed and holds nothing"
-        return Done.FAILED
+        return SkillOutcome.FAILED
 
     def count_fall(self, fall: Dropped, class_name: str) -> None:
         """Count a fall of the carried object. It may be picked again, `falls` times at most. Raises
@@ -202,7 +204,7 @@ class Manipulation:
     # --- place ---------------------------------------------------------------------------------
     def place(
         self, receptacle: ObjectInstance, class_name: str, confirmed: Judged = still_there
-    ) -> Done:
+    ) -> SkillOutcome:
         """Put the held object down on a receptacle, by the place rule of the settings. Returns
         DOUBTED if `confirmed` rejects the receptacle as seen from near."""
         failed = _Failed()
@@ -216,19 +218,19 @@ class Manipulation:
                 failed.points.append(spot.point_m)
                 continue
             stood = True
-            near = self.near = self.belief.from_near(receptacle, class_name, GROWN_M)
+            near = self.near = self.belief.from_near(receptacle, class_name, RECEPTACLE_SHIFT_M)
             if not confirmed(near):
-                return Done.DOUBTED
+                return SkillOutcome.DOUBTED
             receptacle = self.placed_on = near or receptacle
             point = self._point_from_here(receptacle, spot, failed)
             if point is None and not last:
                 self.last_reason = "from near there was no free place in reach"
             elif self._put(point or self._raised(spot)):
-                return Done.SUCCEEDED
+                return SkillOutcome.SUCCEEDED
             else:
                 failed.stands.append(self.body.pose().xy)
             failed.points.append(point or spot.point_m)
-        return Done.FAILED if stood else Done.OUT_OF_REACH
+        return SkillOutcome.FAILED if stood else SkillOutcome.OUT_OF_REACH
 
     def _put(self, point_m: tuple[float, float, float]) -> bool:
         """Face a point in reach and release above it. False if that failed and the robot still
@@ -299,10 +301,10 @@ class Manipulation:
     def _raised(self, spot: Spot) -> tuple[float, float, float]:
         """The spot's point, raised to the highest surface that is seen there now."""
         x, y, z = spot.point_m
-        return x, y, max(z, top_at_m(self.body.ground(), (x, y), OVER_M))
+        return x, y, max(z, top_at_m(self.body.ground(), (x, y), SURFACE_RADIUS_M))
 
 
-class Seen(Enum):
+class PlacementCheck(Enum):
     ON_IT = auto()
     BESIDE_IT = auto()
     NOWHERE = auto()
@@ -314,7 +316,7 @@ def seen_after(
     now: Sequence[ObjectInstance],
     least_class_score: float,
     surface_m: float,
-) -> tuple[Seen, ObjectInstance | None]:
+) -> tuple[PlacementCheck, ObjectInstance | None]:
     """Visibility of the placed object on or beside the receptacle, and its instance. before, now:
     all instances of its class. surface_m: height of the point at which it was released."""
     believed = [
@@ -326,11 +328,11 @@ def seen_after(
     high = [o for o in believed if float(o.center_m[2]) >= surface_m - BELOW_M]
     on = [o for o in high if near_outline(receptacle, o.center_m, ON_OUTLINE_M)]
     if on:
-        return Seen.ON_IT, max(on, key=lambda o: o.class_score)
+        return PlacementCheck.ON_IT, max(on, key=lambda o: o.class_score)
     lower = [o for o in believed if float(o.center_m[2]) < surface_m - BELOW_M]
     if lower:
-        return Seen.BESIDE_IT, max(lower, key=lambda o: o.class_score)
-    return Seen.NOWHERE, None
+        return PlacementCheck.BESIDE_IT, max(lower, key=lambda o: o.class_score)
+    return PlacementCheck.NOWHERE, None
 
 
 def look_after(
@@ -340,10 +342,10 @@ def look_after(
     now: Callable[[], Sequence[ObjectInstance]],
     least_class_score: float,
     surface_m: float,
-) -> tuple[Seen, ObjectInstance | None]:
+) -> tuple[PlacementCheck, ObjectInstance | None]:
     """Result of `seen_after`, after one more look if the object is seen nowhere."""
     seen, thing = seen_after(receptacle, before, now(), least_class_score, surface_m)
-    if seen is Seen.NOWHERE:
+    if seen is PlacementCheck.NOWHERE:
         # The map takes the object in the placing's keyframe for still held. Without a step left to
         # look once more, the placing counts all the same.
         with contextlib.suppress(TaskFailed):

@@ -21,7 +21,7 @@ PICKED_PLACE_M = 0.2  # from a receptacle's outline to the point where an object
 # --- a position from a single view --------------------------------------------------------------
 SAME_THING_M = 0.3  # two detections of a class; an object estimated from afar and from near
 SAME_BARRIER_M = 0.3  # unknown ground that blocks a path and was looked at
-GROWN_M = 1.0  # shift of a receptacle's centre when the rest of it becomes visible
+RECEPTACLE_SHIFT_M = 1.0  # shift of a receptacle's centre when the rest of it becomes visible
 
 # --- a position that moves as more becomes visible ----------------------------------------------
 SAME_PLACE_M = 0.5  # a candidate that was visited, a frontier that was given up

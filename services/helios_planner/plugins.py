@@ -30,7 +30,11 @@ from helios_planner.decisions.plugin_rule import ExplorationRule, Places
 from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Search, SearchTools
 from helios_planner.search.candidate_beliefs import Belief, MapBelief, TrustingBelief
 from helios_planner.search.frontier_exploration import Explorer
-from helios_planner.search.plugin_search import ByOwnRule, OwnObjectSearch, OwnReceptacleSearch
+from helios_planner.search.plugin_search import (
+    OwnObjectSearch,
+    OwnReceptacleSearch,
+    PluginRuleExplorer,
+)
 from helios_planner.task import Phase, TaskFailed
 
 __all__ = [
@@ -64,7 +68,9 @@ def exploring_by(rule: ExplorationRule, *, trusts_detector: bool = False) -> Age
     and the rule chooses among frontiers.
     """
     if trusts_detector:
-        return trusting(TrustingBelief, lambda search, layer: ByOwnRule(search, layer, rule))
+        return trusting(
+            TrustingBelief, lambda search, layer: PluginRuleExplorer(search, layer, rule)
+        )
     return Agent(
         MapBelief,
         lambda tools, name, start: OwnObjectSearch(tools, name, start, rule),
@@ -76,7 +82,7 @@ def explorer(search: Search, rule: ExplorationRule) -> Explorer:
     """Explorer for a custom search. `step(found)` visits one frontier by the rule, until `found()`
     is true; it returns False when no frontier is left."""
     layer = PICK_LAYER if search.phase is Phase.FIND_OBJECT else PLACE_LAYER
-    return ByOwnRule(search, layer, rule)
+    return PluginRuleExplorer(search, layer, rule)
 
 
 def act_on_best(things: Sequence[ObjectInstance], scores: Sequence[float], why: str) -> Decision:

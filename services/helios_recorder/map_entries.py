@@ -73,7 +73,7 @@ def map_entries(view: MapView, gone: frozenset[str], stamp_ns: int) -> Iterator[
     for layer, (name, value) in enumerate(sorted(view.values.items())):
         yield Entry(VALUES + name, value_grid(view, value, 0.01 * (layer + 1), stamp_ns))
     for name in sorted(gone):
-        yield Entry(VALUES + name, nothing(view, stamp_ns))
+        yield Entry(VALUES + name, empty_grid(view, stamp_ns))
     yield Entry(FRONTIERS, frontier_scene(view, stamp_ns))
     yield Entry(TRAJECTORY, trajectory_scene(view, stamp_ns))
 
@@ -130,7 +130,7 @@ def value_grid(view: MapView, value: NDArray[np.float32], z_m: float, stamp_ns: 
     return _grid(view, cells, z_m, stamp_ns)
 
 
-def nothing(view: MapView, stamp_ns: int) -> Grid:
+def empty_grid(view: MapView, stamp_ns: int) -> Grid:
     """Grid of one transparent cell, which clears the displayed one."""
     return _grid(view, np.zeros((1, 1), VALUE_CELL), 0.0, stamp_ns)
 

@@ -34,7 +34,7 @@ Req = TypeVar("Req", bound=Message)
 Rep = TypeVar("Rep", bound=Message)
 
 
-class MapWatch:
+class MapPoller:
     """Poller of both maps: see the module. `put` takes each entry; it must not block."""
 
     def __init__(
@@ -56,7 +56,7 @@ class MapWatch:
         self._thread = threading.Thread(target=self._run, name="watch maps", daemon=True)
         self._thread.start()
 
-    def news(self, service: str) -> None:
+    def notify_changed(self, service: str) -> None:
         """Note that a map has changed: "map2d" or "objectmap". Never blocks."""
         with self._lock:
             self._news[service] = True
@@ -84,7 +84,7 @@ class MapWatch:
                 self._news = dict.fromkeys(self._news, False)
             missed = [name for name in owed if not asks[name](owed=True)]
             for name in missed:  # poll it again
-                self.news(name)
+                self.notify_changed(name)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S) if missed else self._period_s
 
     def _ask_map2d(self, owed: bool) -> bool:

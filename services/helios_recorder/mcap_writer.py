@@ -80,7 +80,7 @@ class RecordingFile:
         if self.bytes > before:
             self._declare()
 
-    def tend(self) -> bool:
+    def flush_if_due(self) -> bool:
         """Write out the chunk if it is due. True if it was."""
         now_s = time.monotonic()
         if now_s - self._flushed_s < self._settings.flush_s:

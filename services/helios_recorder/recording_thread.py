@@ -101,7 +101,7 @@ class Recording:
         before = file.bytes
         if item is not None:
             self._write(file, item, self._entries_of(item) if entries is None else entries)
-        tended = file.tend()
+        tended = file.flush_if_due()
         if file.bytes > before:
             self._unwritten = 0
         if tended:

@@ -31,7 +31,7 @@ from helios_core.topics import (
 )
 
 from helios_recorder.entry import Entry
-from helios_recorder.map_polling import MISSED, MapWatch
+from helios_recorder.map_polling import MISSED, MapPoller
 from helios_recorder.recording_thread import Recording
 from helios_recorder.settings import Settings
 
@@ -55,9 +55,9 @@ class RecorderService:
         for counter in ("dropped_frames", "dropped_messages", "missed_frames", MISSED):
             health.set(counter, 0)
         self.recording = Recording(settings, health, is_retained)
-        self._maps: MapWatch | None = None
+        self._maps: MapPoller | None = None
         if settings.map_period_s > 0:
-            self._maps = MapWatch(bus, settings, self._put_map, health.count)
+            self._maps = MapPoller(bus, settings, self._put_map, health.count)
         for topic in TOPICS:
             self._subscribe(bus, topic)
         bus.subscribe(ANY_STATUS, self._on_status)
@@ -92,7 +92,7 @@ class RecorderService:
         if self._maps is None or (isinstance(message, pb.Ack) and not message.accepted):
             return
         for service in CHANGES.get(topic.name, ()):
-            self._maps.news(service)
+            self._maps.notify_changed(service)
 
     def _put_map(self, entry: Entry) -> None:
         self._put(entry.channel, entry.message, True)

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.service_specs import ServiceSpecs
-from helios_client.supervision.unknown_variables import unread
+from helios_client.supervision.service_specs import StackOptions
+from helios_client.supervision.unknown_variables import unread_variables_message
 
 from tests.helios_up import started
 from tests.support import ENDS_WITHIN_S, free_port, wait_until
@@ -26,16 +26,23 @@ SMALL_STACK = Path(__file__).parent / "client/client_small_stack.py"
     ],
 )
 def test_a_variable_of_no_service_is_reported_with_the_near_name(name: str, near: str) -> None:
-    assert f"reads {name} (did you mean {near}?); the services are" in unread([name, "HOME"])
+    assert f"reads {name} (did you mean {near}?); the services are" in unread_variables_message(
+        [name, "HOME"]
+    )
 
 
 def test_a_variable_like_nothing_is_reported_with_the_services() -> None:
-    assert "reads HELIOS_HOME; the services are bridge, detector" in unread(["HELIOS_HOME"])
+    assert "reads HELIOS_HOME; the services are bridge, detector" in unread_variables_message(
+        ["HELIOS_HOME"]
+    )
 
 
 def test_nothing_is_told_of_what_is_read_or_is_a_services_own_affair() -> None:
     read = ("CONFIG", "URL", "API_KEY", "RECORD", "TEST_SCREENSHOTS", "PLANNER_TAU_GG", "SPOT_HOST")
-    assert unread([*(f"HELIOS_{name}" for name in read), "_HELIOS_COMPLETE", "PATH"]) == ""
+    assert (
+        unread_variables_message([*(f"HELIOS_{name}" for name in read), "_HELIOS_COMPLETE", "PATH"])
+        == ""
+    )
 
 
 def test_it_is_said_before_the_services_start_and_ends_nothing(tmp_path: Path) -> None:
@@ -49,15 +56,15 @@ def test_it_is_said_before_the_services_start_and_ends_nothing(tmp_path: Path) -
     assert said.index("HELIOS_PLANNER_TAU_G") < said.index("is ready")
 
 
-def tasks_dir(stack: ServiceSpecs) -> Path:
-    [planner] = (spec for spec in stack.specs() if spec.name == "planner")
+def tasks_dir(stack: StackOptions) -> Path:
+    [planner] = (spec for spec in stack.processes() if spec.name == "planner")
     return Path(planner.argv[planner.argv.index("--state-dir") + 1])
 
 
 def test_each_simulated_home_has_its_own_tasks_and_finds_them_again() -> None:
     def of(preset: str, seed: int) -> Path:
         return tasks_dir(
-            ServiceSpecs("sim", 7447, Path("state"), port=8080, preset=preset, seed=seed)
+            StackOptions("sim", 7447, Path("state"), port=8080, preset=preset, seed=seed)
         )
 
     homes = [("demo-v1", 3), ("demo-v1", 5), ("ovmm-v1", 3)]
@@ -67,4 +74,4 @@ def test_each_simulated_home_has_its_own_tasks_and_finds_them_again() -> None:
 
 
 def test_another_robot_lists_no_tasks_of_a_simulated_home() -> None:
-    assert tasks_dir(ServiceSpecs("spot", 7447, Path("state"), port=8080)) == Path("state/planner")
+    assert tasks_dir(StackOptions("spot", 7447, Path("state"), port=8080)) == Path("state/planner")

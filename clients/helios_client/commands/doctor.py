@@ -16,7 +16,7 @@ from helios_core import plugins
 from helios_core.errors import InvalidInput
 
 from helios_client.supervision import state_file
-from helios_client.supervision.service_specs import port_trouble
+from helios_client.supervision.service_specs import port_bind_error
 from helios_client.version import helios_version
 
 MIN_PYTHON = (3, 11)
@@ -58,7 +58,7 @@ class Finding:
 
     what: str
     ok: bool
-    mend: str  # remedy if it is not ok
+    remedy: str  # remedy if it is not ok
     optional: bool = False
 
 
@@ -81,7 +81,7 @@ def examine(
         name = f"helios-ovmm[{extra}]" if extra else "helios-ovmm"
         out.append(Finding(f"package {package}", has_package(package), f"pip install '{name}'"))
     out += _libraries(find_library)
-    trouble = port_trouble(port)
+    trouble = port_bind_error(port)
     said = "something listens there (HELIOS itself?)"
     if trouble is not None and trouble.errno != errno.EADDRINUSE:
         said = f"nothing can listen there: {trouble.strerror}"

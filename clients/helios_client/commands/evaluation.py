@@ -67,5 +67,5 @@ def doctor(port: Port = 8080, as_json: Json = False) -> None:
         print_json({"findings": [asdict(finding) for finding in findings]})
     for finding in [] if as_json else findings:
         mark = "ok     " if finding.ok else "note   " if finding.optional else "MISSING"
-        print(f"{mark} {finding.what}" + ("" if finding.ok else f": {finding.mend}"))
+        print(f"{mark} {finding.what}" + ("" if finding.ok else f": {finding.remedy}"))
     raise typer.Exit(0 if all(f.ok or f.optional for f in findings) else 1)

@@ -8,7 +8,7 @@ from helios_client.http.address import STANDARD_PORTS, split_url
 from helios_client.usage_errors import UsageError
 
 
-def port_here(url: str, elsewhere: str) -> int:
+def local_port_of_url(url: str, elsewhere: str) -> int:
     """Port of a URL of this machine; the scheme may be missing.
 
     elsewhere: end of the error sentence for another machine, with the remedy; HOST in it stands for

@@ -14,7 +14,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.name_rules import same_name
 from helios_core.settings_spelling import nearest
 
-from helios_client.commands.local_address import port_here
+from helios_client.commands.local_address import local_port_of_url
 from helios_client.commands.shared_options import chosen_address
 from helios_client.supervision import state_file
 from helios_client.usage_errors import UsageError
@@ -32,7 +32,7 @@ def log_folder(port: int | None, url: str | None, state: Path | None) -> Path:
     if state is None:
         here, address = chosen_address(port, url)
         if here is None:
-            here = port_here(address, "its logs are there; run `helios logs` on HOST")
+            here = local_port_of_url(address, "its logs are there; run `helios logs` on HOST")
         state = state_file.default_state_dir(here)
     return _known_folder(state)
 

@@ -7,7 +7,13 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.commands.shared_options import GatewayAddress, Json, console, flat, print_json
+from helios_client.commands.shared_options import (
+    GatewayAddress,
+    Json,
+    console,
+    flatten_options,
+    print_json,
+)
 
 objects_app = typer.Typer()
 app = typer.Typer(
@@ -16,7 +22,7 @@ app = typer.Typer(
 
 
 @objects_app.command()
-@flat
+@flatten_options
 def objects(
     at: GatewayAddress,
     class_name: Annotated[
@@ -42,7 +48,7 @@ def objects(
 
 
 @objects_app.command()
-@flat
+@flatten_options
 def seen(
     prompt: Annotated[str, typer.Argument(help='in words: mug, "something to drink from"')],
     at: GatewayAddress,
@@ -69,7 +75,7 @@ def seen(
 
 
 @app.command()
-@flat
+@flatten_options
 def save(
     at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("map.zip"),
@@ -89,7 +95,7 @@ def save(
 
 
 @app.command()
-@flat
+@flatten_options
 def load(
     at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="that helios map save wrote")] = Path("map.zip"),
@@ -115,7 +121,7 @@ def load(
 
 
 @app.command()
-@flat
+@flatten_options
 def reset(
     at: GatewayAddress,
     only: Annotated[
@@ -139,7 +145,7 @@ def reset(
 
 
 @app.command()
-@flat
+@flatten_options
 def export(
     at: GatewayAddress,
     out: Annotated[Path, typer.Option(help="folder for the files")] = Path("map"),

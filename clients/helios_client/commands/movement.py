@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import GatewayAddress, Json, flat
+from helios_client.commands.shared_options import GatewayAddress, Json, flatten_options
 from helios_client.commands.tasks import NoWait, Timeout, submit_and_watch
 
 app = typer.Typer()
@@ -17,7 +17,7 @@ NUMBERS = {"ignore_unknown_options": True}
 
 
 @app.command(context_settings=NUMBERS)
-@flat
+@flatten_options
 def go(
     x: Annotated[float, typer.Argument(help="metres, in the world frame", show_default=False)],
     y: Annotated[float, typer.Argument(help="metres, in the world frame", show_default=False)],
@@ -48,7 +48,7 @@ def go(
 
 
 @app.command()
-@flat
+@flatten_options
 def explore(
     at: GatewayAddress,
     time_limit_s: Annotated[
@@ -64,7 +64,7 @@ def explore(
 
 
 @app.command()
-@flat
+@flatten_options
 def home(
     at: GatewayAddress, as_json: Json = False, timeout_s: Timeout = 3600.0, no_wait: NoWait = False
 ) -> None:

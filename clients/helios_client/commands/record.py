@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from helios_core.errors import Unavailable
 
-from helios_client.commands.local_address import port_here
+from helios_client.commands.local_address import local_port_of_url
 from helios_client.supervision import state_file
 
 ROUTER_PORT = 7447  # Zenoh's default, which the containers use
@@ -23,7 +23,7 @@ def record(
     as for all commands. Raises Unavailable if no router is named or known, UsageError if the URL
     names another machine, whose router is not known."""
     if url and router is None and state is None:
-        port = port_here(
+        port = local_port_of_url(
             url, "its router is not known; name it with --router "
             f"tcp/HOST:{ROUTER_PORT}, or run `helios record` there",
         )  # fmt: skip

@@ -14,9 +14,9 @@ from helios_client.commands.shared_options import (
     TypedPort,
     Url,
     console,
-    flat,
+    flatten_options,
     print_json,
-    say,
+    print_line,
 )
 from helios_client.quick_stop import REASON, SENTENCE
 
@@ -24,7 +24,7 @@ app = typer.Typer()
 
 
 @app.command()
-@flat
+@flatten_options
 def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> None:
     """Show the services' health, and whether the robot is stopped. Works while the gateway is
     down."""
@@ -40,7 +40,7 @@ def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> No
     if found["stopped"]:
         screen.print("the robot is stopped", style="red", end="")
         why = f" ({found['stop_reason']})" if found["stop_reason"] else ""
-        say(f"{why}: it will not move until helios clear-stop")
+        print_line(f"{why}: it will not move until helios clear-stop")
     screen.print("ready" if found["ready"] else "not ready")
 
 
@@ -64,19 +64,19 @@ def logs(
     folder = files.log_folder(port, url, state)
     if service is None:
         for name in files.services_in(folder):
-            say(f"{name:12} {folder / name}{files.ENDING}")
+            print_line(f"{name:12} {folder / name}{files.ENDING}")
         return
     file = files.log_file(folder, service)
     newest, opened = files.newest_lines(file, lines)
     with opened:
         for line in newest:
-            say(line)
+            print_line(line)
         for line in files.new_lines(file, opened) if follow else ():
-            say(line, flush=True)
+            print_line(line, flush=True)
 
 
 @app.command()
-@flat
+@flatten_options
 def camera(
     at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("camera.jpg"),
@@ -90,11 +90,11 @@ def camera(
     check_folder_of(file)
     with at.connect() as helios:
         write_file(file, helios.camera())
-    say(str(file))
+    print_line(str(file))
 
 
 @app.command()
-@flat
+@flatten_options
 def stop(
     at: GatewayAddress,
     reason: Annotated[str, typer.Option(help="shown wherever the stop is shown")] = REASON,
@@ -110,7 +110,7 @@ def stop(
 
 
 @app.command(name="clear-stop")
-@flat
+@flatten_options
 def clear_stop(at: GatewayAddress, as_json: Json = False) -> None:
     """Lift stop-now; the robot may move again."""
     with at.connect() as helios:
@@ -137,7 +137,7 @@ def key(
 
 
 @app.command()
-@flat
+@flatten_options
 def mcp(at: GatewayAddress) -> None:
     """Serve the robot to a language agent over MCP. Uses standard input and output."""
     import logging

@@ -106,7 +106,7 @@ class GatewayAddress:
                 raise NoGateway(error.message + where) from error
 
 
-def flat(command: Callable[..., None]) -> Callable[..., None]:
+def flatten_options(command: Callable[..., None]) -> Callable[..., None]:
     """Command with one option per field in the place of each dataclass parameter."""
     hints = get_type_hints(command, include_extras=True)
     own: list[inspect.Parameter] = []
@@ -153,7 +153,7 @@ def console(stderr: bool = False) -> Screen:
     return Screen(stderr=stderr)
 
 
-def say(text: str, stderr: bool = False, flush: bool = False) -> None:
+def print_line(text: str, stderr: bool = False, flush: bool = False) -> None:
     """Print one line, with control characters made printable."""
     from helios_core.printable_text import printable
 

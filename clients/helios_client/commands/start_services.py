@@ -81,7 +81,7 @@ def up(
     """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
-    from helios_client.supervision.service_specs import ServiceSpecs, free_port
+    from helios_client.supervision.service_specs import StackOptions, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
 
@@ -99,7 +99,7 @@ def up(
     state_dir = state or state_file.default_state_dir(port)
     if record and record_dir is None:
         record_dir = state_dir / "recordings"
-    specs = ServiceSpecs(
+    specs = StackOptions(
         robot=robot, router_port=router_port or free_port(), state_dir=state_dir, name=name,
         port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
         agent=agent, source=source, robot_host=spot_host, rate=rate if robot == "replay" else None,
@@ -174,16 +174,16 @@ def replay(
     from helios_client.interrupt_signals import noted_interrupts
 
     with noted_interrupts() as interrupts:
-        from helios_client.replay.input_selection import check_source, what_to_seek
-        from helios_client.replay.run import Pace, ReplayJob
+        from helios_client.replay.input_selection import check_source, search_and_detector
+        from helios_client.replay.run import PlaybackOptions, ReplayJob
         from helios_client.replay.run import replay as run_replay
         from helios_client.supervision.flag_checks import check_detector
 
         screen = console()
         check_source(dataset)
-        context, detector = what_to_seek(dataset, classes, thresholds, detector)
+        context, detector = search_and_detector(dataset, classes, thresholds, detector)
         detector = check_detector(detector)
-        pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
+        pace = PlaybackOptions(limit, from_s, to_s, rate, free_running, topics, strict)
         job = ReplayJob(dataset, context, detector, out, pace, agent)
         results = run_replay(job, interrupts, screen)
         screen.print(results.table())  # first, as writing may fail on a full disk

@@ -12,10 +12,10 @@ from helios_client.commands.shared_options import (
     GatewayAddress,
     Json,
     console,
-    flat,
+    flatten_options,
     named_values,
     print_json,
-    say,
+    print_line,
 )
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ TASKS_TO_TRY = 5
 
 
 @app.command()
-@flat
+@flatten_options
 def task(
     instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
     at: GatewayAddress,
@@ -103,12 +103,12 @@ def submit_and_watch(
         asked = submit(helios)
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
-            say(f"helios: not used: {said}", stderr=True)
+            print_line(f"helios: not used: {said}", stderr=True)
         # With --json the live view goes to stderr, so that stdout holds only JSON.
         notes = console(stderr=True)
         if no_wait:
             say_stopped(helios, notes)
-            print_json(asked.raw) if as_json else say(asked.id)
+            print_json(asked.raw) if as_json else print_line(asked.id)
             return
         left_s = round(max(deadline_s - time.monotonic(), 0.0), 1)
         ended = watch_task(helios, asked, left_s, console(stderr=as_json), notes)
@@ -116,7 +116,7 @@ def submit_and_watch(
 
 
 @app.command()
-@flat
+@flatten_options
 def watch(
     at: GatewayAddress,
     id: TaskId = "last",
@@ -143,12 +143,12 @@ def _tell_end(ended: Task, as_json: bool) -> None:
         print_json(ended.raw)
     if not ended.succeeded:
         how = "was cancelled" if ended.state == "cancelled" else ended.state
-        say(f"helios: the task {how}: {ended.message}".removesuffix(": "), stderr=True)
+        print_line(f"helios: the task {how}: {ended.message}".removesuffix(": "), stderr=True)
         raise typer.Exit(1)
 
 
 @app.command()
-@flat
+@flatten_options
 def tasks(
     at: GatewayAddress,
     state: Annotated[
@@ -171,7 +171,7 @@ def tasks(
 
 
 @app.command()
-@flat
+@flatten_options
 def names(
     at: GatewayAddress,
     here: Annotated[
@@ -188,13 +188,13 @@ def names(
     if as_json:
         print_json(found)
     elif found["open"]:
-        say(f"any name can be asked for: the detector ({found['detector']}) is open")
+        print_line(f"any name can be asked for: the detector ({found['detector']}) is open")
     else:
         _print_names(sorted(name.replace("_", " ") for name in found["names"]))
 
 
 @app.command()
-@flat
+@flatten_options
 def cancel(
     at: GatewayAddress,
     id: Annotated[
@@ -241,7 +241,7 @@ def _cancel_all(helios: Helios) -> list[Task]:
 
 
 @app.command()
-@flat
+@flatten_options
 def pause(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
     """Pause a task, queued or running, until helios resume."""
     from helios_client.commands.tables import task_by_name
@@ -252,7 +252,7 @@ def pause(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
 
 
 @app.command()
-@flat
+@flatten_options
 def resume(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
     """Resume a paused task."""
     from helios_client.commands.tables import task_by_name
@@ -266,7 +266,7 @@ def _print_task(task: Task, as_json: bool) -> None:
     if as_json:
         print_json(task.raw)
     else:
-        say(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))
+        print_line(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))
 
 
 def _print_here(found: Suggestions, as_json: bool) -> None:
@@ -284,7 +284,7 @@ def _print_here(found: Suggestions, as_json: bool) -> None:
     if found["tasks"]:
         print("\nTasks to try:" if found["seen"] else "\nExamples that the detector knows:")
     for text in found["tasks"]:
-        say(f'  helios task "{text}"')
+        print_line(f'  helios task "{text}"')
 
 
 def _print_names(names: list[str]) -> None:
@@ -297,4 +297,4 @@ def _print_names(names: list[str]) -> None:
         screen.print(Columns([Text(name) for name in names], column_first=True, padding=(0, 3)))
     else:
         for name in names:
-            say(name)
+            print_line(name)

@@ -10,7 +10,7 @@ from helios_client.commands.shared_options import (
     GatewayAddress,
     Json,
     console,
-    flat,
+    flatten_options,
     named_values,
     print_json,
 )
@@ -19,7 +19,7 @@ app = typer.Typer()
 
 
 @app.command()
-@flat
+@flatten_options
 def why(
     at: GatewayAddress,
     task: Annotated[str, typer.Argument(help="its id, or how it begins, or: last")] = "last",

@@ -29,7 +29,7 @@ _KINDS: dict[int, type[HeliosError]] = {
 }  # fmt: skip
 
 
-def refused(response: httpx.Response) -> HeliosError:
+def response_error(response: httpx.Response) -> HeliosError:
     """Typed error for a problem+json response."""
     kind = _KINDS.get(response.status_code, Internal)
     try:
@@ -40,7 +40,7 @@ def refused(response: httpx.Response) -> HeliosError:
     return kind(str(detail))
 
 
-def lost(error: httpx.TransportError, url: str) -> HeliosError:
+def transport_error(error: httpx.TransportError, url: str) -> HeliosError:
     """Typed error for a response that never came from `url`."""
     if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
         return NoGateway(f"nobody answers at {url}; start HELIOS with `helios up`")

@@ -33,7 +33,7 @@ from helios_client.answer_types import (
     Task,
     Vocabulary,
 )
-from helios_client.http.errors import refused
+from helios_client.http.errors import response_error
 
 T = TypeVar("T")
 
@@ -58,7 +58,7 @@ class Call(Generic[T]):
         """Value read from the response. Raises the HeliosError that an error response stands
         for."""
         if response.is_error:
-            raise refused(response)
+            raise response_error(response)
         return self.read(response)
 
 

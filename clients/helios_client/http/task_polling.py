@@ -9,7 +9,7 @@ from helios_core.errors import DeadlineExceeded
 from helios_client.answer_types import Task
 
 
-class WaitedServices:
+class TaskWaitTimer:
     """Timer of one wait for a task, started at construction: deadline and silence of the
     gateway."""
 

@@ -18,7 +18,7 @@ import httpx
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput, Unavailable
 
 from helios_client.http.connection import Connection
-from helios_client.http.errors import NoGateway, refused
+from helios_client.http.errors import NoGateway, response_error
 
 if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection as AsyncSocket
@@ -203,7 +203,7 @@ def _error_for(error: BaseException, url: str) -> BaseException:
     if isinstance(error, InvalidStatus):
         answer = error.response
         request = httpx.Request("GET", url)
-        return refused(
+        return response_error(
             httpx.Response(answer.status_code, content=bytes(answer.body), request=request)
         )
     if isinstance(error, ConnectionClosed):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from helios_client.mcp_tools.answer_models import Moved, Robot, Status
-from helios_client.mcp_tools.tool_decorator import ACTS, READS, SETS, Effect, Tools, tool
+from helios_client.mcp_tools.tool_decorator import ACTS, CHANGES_STATE, READS, Effect, Tools, tool
 
 LIFTS = Effect(destroys=True, repeatable=True)  # it ends a stop that somebody requested
 
@@ -28,7 +28,7 @@ class RobotTools(Tools):
         obstacles. Refused while a task has the robot."""
         return Moved.model_validate(await self.helios.drive(forward_m, turn_rad))
 
-    @tool("Stop the robot", SETS)
+    @tool("Stop the robot", CHANGES_STATE)
     async def stop_robot(self, reason: str) -> Robot:
         """Stop the robot at once; it does not move until clear_stop."""
         return Robot.model_validate(await self.helios.stop_robot(reason))

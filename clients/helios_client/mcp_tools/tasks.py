@@ -8,7 +8,7 @@ from helios_core.errors import DeadlineExceeded, Unavailable
 from helios_core.task_states import TaskState
 
 from helios_client.mcp_tools.answer_models import Decision, Suggestions, Task, Vocabulary
-from helios_client.mcp_tools.tool_decorator import ACTS, ENDS, READS, SETS, Tools, tool
+from helios_client.mcp_tools.tool_decorator import ACTS, CHANGES_STATE, ENDS, READS, Tools, tool
 
 LONGEST_WAIT_S = 600.0
 
@@ -67,13 +67,13 @@ class TaskTools(Tools):
         resumed."""
         return Task(**(await self.helios.cancel(id)).raw)
 
-    @tool("Pause a task", SETS)
+    @tool("Pause a task", CHANGES_STATE)
     async def pause_task(self, id: str) -> Task:
         """Pause a task: the current action is finished, and no further action starts until
         resume_task."""
         return Task(**(await self.helios.pause(id)).raw)
 
-    @tool("Resume a task", SETS)
+    @tool("Resume a task", CHANGES_STATE)
     async def resume_task(self, id: str) -> Task:
         """Resume a paused task; the robot moves again."""
         return Task(**(await self.helios.resume(id)).raw)

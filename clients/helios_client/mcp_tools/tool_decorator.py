@@ -41,7 +41,7 @@ class Effect:
 
 READS = Effect(reads_only=True)
 ACTS = Effect()
-SETS = Effect(repeatable=True)
+CHANGES_STATE = Effect(repeatable=True)
 ENDS = Effect(destroys=True, repeatable=True)
 
 

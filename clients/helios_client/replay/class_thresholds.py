@@ -13,7 +13,7 @@ from helios_client.usage_errors import UsageError
 DEFAULT_THRESHOLD = 0.25
 
 
-def watch_list(classes: str, thresholds: str) -> SearchContext:
+def search_context_from_flags(classes: str, thresholds: str) -> SearchContext:
     """Search context from flags such as `"cup,dining table"` and `"cup=0.25"`. Raises
     UsageError."""
     names = [plain(name) for name in classes.split(",")]

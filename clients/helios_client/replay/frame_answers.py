@@ -15,7 +15,7 @@ from helios_core.keyframe_acks import FROM_DETECTIONS, MapPart
 from helios_core.topics import DETECTOR_ACK, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
 
 
-class FrameAnswers:
+class FrameAcks:
     """Acknowledgements per frame, received from the bus, and their statistics. Thread-safe."""
 
     def __init__(self) -> None:
@@ -83,13 +83,13 @@ class FrameAnswers:
             return len(self._done_s)
 
     @property
-    def mapped(self) -> int:
+    def occupancy_frames(self) -> int:
         """Number of frames that the occupancy map has answered: at the end, all frames played."""
         with self._lock:
             return sum(MapPart.OCCUPANCY in parts for parts in self._parts.values())
 
     @property
-    def over(self) -> int:
+    def finished_frames(self) -> int:
         """Number of frames that are finished: all maps have answered, or a later frame has
         begun."""
         with self._lock:

@@ -29,11 +29,11 @@ def examine(job: ReplayJob, console: Console) -> CheckedInput:
     """Open the input and print which parts are not played. Raises InvalidInput if nothing can be
     played, or if the input is damaged and `strict` is set."""
     from helios_replay.format_detection import open_source  # late import: loads OpenCV
-    from helios_replay.replay_source import Part
+    from helios_replay.replay_source import PlaybackRange
 
     pace = job.pace
     to_s = math.inf if pace.to_s is None else pace.to_s
-    source = open_source(job.source, Part(pace.limit, pace.from_s, to_s, pace.topics))
+    source = open_source(job.source, PlaybackRange(pace.limit, pace.from_s, to_s, pace.topics))
     lost = _damage(job, getattr(source, "lost", ()), console)
     if cut := getattr(source, "cut", ""):
         if pace.strict:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from helios_core.types import SearchContext
 
-from helios_client.replay.class_thresholds import watch_list
-from helios_client.supervision.service_specs import RECORDED
+from helios_client.replay.class_thresholds import search_context_from_flags
+from helios_client.supervision.service_specs import RECORDED_DETECTOR
 from helios_client.usage_errors import UsageError
 
 
@@ -24,11 +24,11 @@ def default_detector(robot: str, source: Path | None) -> str:
     if robot == "sim":
         return "simulated"
     if robot == "replay" and source is not None and _is_recording(source):
-        return RECORDED
+        return RECORDED_DETECTOR
     raise UsageError(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
 
 
-def what_to_seek(
+def search_and_detector(
     source: Path, classes: str | None, thresholds: str, detector: str | None
 ) -> tuple[SearchContext | None, str]:
     """(search context, detector) of `helios replay`; context None: the searches of the recording.
@@ -41,13 +41,13 @@ def what_to_seek(
             raise UsageError(f"{source} is no recording, so --classes must say what to look for")
         if thresholds:
             raise UsageError("--thresholds goes with --classes")
-        return None, detector or RECORDED
-    if detector is None or detector == RECORDED:
+        return None, detector or RECORDED_DETECTOR
+    if detector is None or detector == RECORDED_DETECTOR:
         raise UsageError(
             "--classes names other things than were sought then, so --detector must say with what: "
             "onnx:FILE"
         )
-    return watch_list(classes, thresholds), detector
+    return search_context_from_flags(classes, thresholds), detector
 
 
 def _is_recording(source: Path) -> bool:

@@ -10,8 +10,8 @@ from helios_core.errors import DeadlineExceeded, Unavailable
 from rich.console import Console
 from rich.markup import escape
 
-from helios_client.replay.frame_answers import FrameAnswers
-from helios_client.replay.results import figure
+from helios_client.replay.frame_answers import FrameAcks
+from helios_client.replay.results import status_count
 from helios_client.supervision.service_table import ServiceRow, ServiceTable
 from helios_client.supervision.supervisor import ProcessInfo
 from helios_client.usage_errors import UsageError
@@ -25,24 +25,24 @@ SAY_WAITING_S = 5.0  # after this, services that are not ready are named on the 
 TROUBLE_S = 3.0  # a service degraded this long without progress ends the replay
 
 
-class Watch:
+class ReplayMonitor:
     """Monitor of a running replay; see `look`."""
 
     def __init__(
         self, job: ReplayJob, known: CheckedInput, board: ServiceTable, console: Console
     ) -> None:
         self._job, self.known, self._board, self._console = job, known, board, console
-        self.classes = Classes(job.detector, known.searches)
+        self.classes = UnknownClassReport(job.detector, known.searches)
         self._began_s = self._moved_s = time.monotonic()
         self._heard = (0, 0)  # numbers of finished and of mapped frames
         self._started = False
         self._trouble_since_s: float | None = None
 
-    def look(self, table: Sequence[ProcessInfo], tally: FrameAnswers) -> str:
+    def check_progress(self, table: Sequence[ProcessInfo], tally: FrameAcks) -> str:
         """Current activity in a few words, for the screen. Raises HeliosError if the replay cannot
         go on."""
         now_s, rows = time.monotonic(), self._board.rows(table)
-        heard = (tally.over, tally.mapped)
+        heard = (tally.finished_frames, tally.occupancy_frames)
         if heard != self._heard:
             self._heard, self._moved_s, self._started = heard, now_s, True
         self.classes.check(self._board, over=False, console=self._console)
@@ -51,7 +51,7 @@ class Watch:
             self._started, self._moved_s = True, now_s
         if late and now_s - self._began_s > self._job.start_s:
             raise DeadlineExceeded(_not_started(self._job, late))
-        self._check_trouble(trouble_of(rows, self._board), now_s)
+        self._check_trouble(failure_reason(rows, self._board), now_s)
         still_s = now_s - self._moved_s
         if self._started and still_s > self._job.patience_s:
             raise DeadlineExceeded(_stalled(self._job, heard[0], self.known.frames, rows))
@@ -72,7 +72,7 @@ class Watch:
             raise Unavailable(trouble)
 
 
-def trouble_of(rows: Sequence[ServiceRow], board: ServiceTable) -> str:
+def failure_reason(rows: Sequence[ServiceRow], board: ServiceTable) -> str:
     """Status reason of a service that cannot go on; empty if there is none."""
     for row in rows:
         # A detector waits only for its model; other services wait for input that is still to come.
@@ -92,7 +92,7 @@ def waits_for(rows: Sequence[ServiceRow], rate: float = 0.0) -> str:
     return "an answer; no service says why"
 
 
-class Classes:
+class UnknownClassReport:
     """Reports the sought classes that the detector does not know."""
 
     def __init__(self, detector: str, searches: Sequence[frozenset[str]]) -> None:
@@ -106,14 +106,14 @@ class Classes:
         status = board.status("detector")
         if status is None or status.state != "degraded":
             return
-        unknown = figure(board, "detector", "contexts_unknown")
-        sought = figure(board, "detector", "contexts_sought")
+        unknown = status_count(board, "detector", "contexts_unknown")
+        sought = status_count(board, "detector", "contexts_sought")
         if unknown and not sought and (over or len(self._kinds) == 1):
             raise UsageError(
                 f"the detector {self._detector} knows nothing of what is looked for: "
                 f"{status.reason}"
             )
-        refused = figure(board, "detector", "classes_refused")
+        refused = status_count(board, "detector", "classes_refused")
         if refused and status.reason not in self._printed:
             self._printed.add(status.reason)
             console.print(f"[yellow]not looked for[/]: {escape(status.reason)}", soft_wrap=True)
@@ -121,8 +121,8 @@ class Classes:
 
 def _goes_on(board: ServiceTable) -> bool:
     """True if the detector is degraded only because it does not know some class."""
-    failed = figure(board, "detector", "keyframes_failed")
-    return bool(figure(board, "detector", "classes_refused")) and not failed
+    failed = status_count(board, "detector", "keyframes_failed")
+    return bool(status_count(board, "detector", "classes_refused")) and not failed
 
 
 def _not_started(job: ReplayJob, late: Sequence[ServiceRow]) -> str:

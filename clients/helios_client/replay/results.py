@@ -19,7 +19,7 @@ from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client.replay.frame_answers import FrameAnswers
+from helios_client.replay.frame_answers import FrameAcks
 from helios_client.supervision.service_table import ServiceTable
 
 ASK_WITHIN_S = 20.0
@@ -69,9 +69,7 @@ class Results:
         return out
 
 
-def collect(
-    bus: Bus, tally: FrameAnswers, board: ServiceTable, frames: int, wall_s: float
-) -> Results:
+def collect(bus: Bus, tally: FrameAcks, board: ServiceTable, frames: int, wall_s: float) -> Results:
     """Query the maps for the results; `wall_s`: duration of the replay.
 
     Raises HeliosError if a map does not answer.
@@ -94,8 +92,8 @@ def collect(
         map=decode_snapshot(snapshot),
         summary={
             "frames": frames,
-            "keyframes": tally.mapped,
-            "before_search": figure(board, "bridge", "keyframes_before_search"),
+            "keyframes": tally.occupancy_frames,
+            "before_search": status_count(board, "bridge", "keyframes_before_search"),
             "unreadable": unreadable_frames(board),
             "wall_s": round(wall_s, 3),
             "ms_per_frame": stage_medians_ms(tally, board),
@@ -106,16 +104,16 @@ def collect(
 
 def unreadable_frames(board: ServiceTable) -> int:
     """Number of frames that the bridge skipped because they are unreadable."""
-    return figure(board, "bridge", "unreadable_frames")
+    return status_count(board, "bridge", "unreadable_frames")
 
 
-def figure(board: ServiceTable, service: str, name: str) -> int:
+def status_count(board: ServiceTable, service: str, name: str) -> int:
     """Count that a service reports; 0 if it reports none."""
     status = board.status(service)
     return int(status.metrics.get(name, 0)) if status else 0
 
 
-def stage_medians_ms(tally: FrameAnswers, board: ServiceTable) -> dict[str, float]:
+def stage_medians_ms(tally: FrameAcks, board: ServiceTable) -> dict[str, float]:
     """Stage -> median milliseconds: maps from their acknowledgements, others from their
     statuses."""
     out = {"total": tally.pace_ms} | tally.median_ms()

@@ -20,11 +20,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from helios_client.interrupt_signals import Interrupts
-from helios_client.replay.frame_answers import FrameAnswers
+from helios_client.replay.frame_answers import FrameAcks
 from helios_client.replay.input_checks import examine
-from helios_client.replay.progress import Watch
+from helios_client.replay.progress import ReplayMonitor
 from helios_client.replay.results import Results, collect, unreadable_frames
-from helios_client.supervision.service_specs import ServiceSpecs, free_port
+from helios_client.supervision.service_specs import StackOptions, free_port
 from helios_client.supervision.service_table import ServiceTable
 from helios_client.supervision.supervisor import Supervisor
 from helios_client.usage_errors import UsageError
@@ -34,7 +34,7 @@ FLUSH_S = 1.5  # services report every second: wait for their counts of the last
 
 
 @dataclass(frozen=True)
-class Pace:
+class PlaybackOptions:
     """Part of the source to play, and its speed."""
 
     limit: int = 0  # number of frames; 0: all
@@ -54,7 +54,7 @@ class ReplayJob:
     context: SearchContext | None  # None: the searches of the recording
     detector: str
     out: Path
-    pace: Pace = Pace()
+    pace: PlaybackOptions = PlaybackOptions()
     agent: str = DEFAULT_AGENT  # agent whose settings the object map uses
     start_s: float = 300.0  # longest time until every service is ready, model loading included
     patience_s: float = 180.0  # longest time without a new frame
@@ -79,24 +79,24 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     except OSError as error:
         raise InvalidInput(f"--out {job.out} cannot be made: {error.strerror}") from error
     pace = job.pace
-    stack = ServiceSpecs(
+    stack = StackOptions(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
         source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
         topics=pace.topics or None, contexts=job.context is None, strict=pace.strict,
         lockstep=not pace.free_running, ack_timeout_s=job.patience_s, agent=job.agent,
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
-    specs = stack.specs()
+    specs = stack.processes()
     supervisor = Supervisor(specs, stack.log_dir, restart=False)
     supervisor.start()
     try:
         with _bus(stack, supervisor, job, interrupts) as bus:
-            board, tally = ServiceTable(), FrameAnswers()
-            board.listen(bus, [spec.name for spec in specs])
+            board, tally = ServiceTable(), FrameAcks()
+            board.subscribe(bus, [spec.name for spec in specs])
             tally.listen(bus)
             if job.context is not None:
                 bus.publish(CONTEXT, context_to_proto(job.context))
-            watch = Watch(job, known, board, console)
+            watch = ReplayMonitor(job, known, board, console)
             _play(watch, supervisor, tally, interrupts, console)
             _settle(supervisor, interrupts)
             interrupted = interrupts.came
@@ -112,7 +112,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
 
 @contextlib.contextmanager
 def _bus(
-    stack: ServiceSpecs, supervisor: Supervisor, job: ReplayJob, interrupts: Interrupts
+    stack: StackOptions, supervisor: Supervisor, job: ReplayJob, interrupts: Interrupts
 ) -> Iterator[Bus]:
     from helios_core.zenoh_bus import ZenohBus
 
@@ -137,9 +137,9 @@ def _bus(
 
 
 def _play(
-    watch: Watch,
+    watch: ReplayMonitor,
     supervisor: Supervisor,
-    tally: FrameAnswers,
+    tally: FrameAcks,
     interrupts: Interrupts,
     console: Console,
 ) -> None:
@@ -156,13 +156,17 @@ def _play(
         while not (tally.finished or interrupts.came):
             tally.wait_finished(CHECK_PERIOD_S)
             _check(supervisor)
-            description = watch.look(supervisor.table(), tally)
+            description = watch.check_progress(supervisor.table(), tally)
             pace = f"{tally.pace_ms:.0f} ms a frame" if tally.frames > 1 else ""
-            progress.update(bar, completed=tally.over, description=description, pace=pace)
-        if not tally.mapped:
+            progress.update(
+                bar, completed=tally.finished_frames, description=description, pace=pace
+            )
+        if not tally.occupancy_frames:
             interrupts.check()
-        progress.update(bar, completed=tally.mapped)
-    console.print(f"{tally.mapped} frames in {time.monotonic() - began_s:.1f} s", highlight=False)
+        progress.update(bar, completed=tally.occupancy_frames)
+    console.print(
+        f"{tally.occupancy_frames} frames in {time.monotonic() - began_s:.1f} s", highlight=False
+    )
 
 
 def _check(supervisor: Supervisor) -> None:

@@ -16,7 +16,7 @@ from helios_client.supervision.supervisor import ProcessInfo
 
 log = logging.getLogger(__name__)
 
-TELL_PERIOD_S = 1.0
+PUBLISH_PERIOD_S = 1.0
 RETRY_S = 0.2
 
 
@@ -32,7 +32,7 @@ class BusLink:
         self._thread = threading.Thread(target=self._run, name="supervisor link", daemon=True)
         self._thread.start()
 
-    def tell(self, table: Sequence[ProcessInfo]) -> None:
+    def publish(self, table: Sequence[ProcessInfo]) -> None:
         """Publish this table from now on, and at once if it has changed."""
         message = supervisor_status(table)
         with self._lock:
@@ -40,14 +40,14 @@ class BusLink:
         if changed:
             self._wake.set()
 
-    def end(self) -> None:
+    def request_close(self) -> None:
         """Start to leave the bus, without waiting."""
         self._ending.set()
         self._wake.set()
 
     def close(self) -> None:
         """Leave the bus, and wait for up to 1 s until that is done."""
-        self.end()
+        self.request_close()
         self._thread.join(1.0)
 
     def _run(self) -> None:
@@ -55,7 +55,7 @@ class BusLink:
         if bus is None:
             return
         try:
-            self._board.listen(bus, self._names)
+            self._board.subscribe(bus, self._names)
             while not self._ending.is_set():
                 self._wake.clear()
                 with self._lock:
@@ -64,7 +64,7 @@ class BusLink:
                     bus.publish(SUPERVISOR, message)
                 except HeliosError as error:
                     log.warning("the table of processes could not be told: %s", error.message)
-                self._wake.wait(TELL_PERIOD_S)
+                self._wake.wait(PUBLISH_PERIOD_S)
         finally:
             bus.close()
 

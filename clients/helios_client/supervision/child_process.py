@@ -28,11 +28,11 @@ class ProcessSpec:
 
 
 @dataclass(frozen=True)
-class Ending:
+class ProcessExit:
     """Exit status and last output line of an ended process."""
 
     status: int | None  # as in `subprocess`: negative for a signal; None: never started
-    said: str  # last line of its output
+    last_output_line: str  # last line of its output
 
     @property
     def usage_error(self) -> bool:
@@ -42,17 +42,17 @@ class Ending:
     def reason(self) -> str:
         """One clause: the signal or the exit status, and the last log line if there is one. After
         wrong use only the log line, which says what to do."""
-        if self.status is None or (self.usage_error and self.said):
-            return self.said
+        if self.status is None or (self.usage_error and self.last_output_line):
+            return self.last_output_line
         how = (
             f"ended by {_signal_name(-self.status)}"
             if self.status < 0
             else f"exit status {self.status}"
         )
-        return f"{how}; last log line: {self.said}" if self.said else how
+        return f"{how}; last log line: {self.last_output_line}" if self.last_output_line else how
 
 
-class Child:
+class ChildProcess:
     """Running process in a session of its own, which a terminal's Ctrl-C does not reach."""
 
     def __init__(self, spec: ProcessSpec, log_path: Path) -> None:
@@ -78,14 +78,14 @@ class Child:
             )
         self.pid = self._process.pid
 
-    def ended(self) -> Ending | None:
+    def poll_exit(self) -> ProcessExit | None:
         """Ending of the process, None while it runs. After the end it kills the rest of the process
         group."""
         status = self._process.poll()
         if status is None:
             return None
         self._kill_group()
-        return Ending(status, last_line(self._log_path, self._log_start))
+        return ProcessExit(status, last_line(self._log_path, self._log_start))
 
     def terminate(self) -> None:
         """Send SIGTERM."""

@@ -13,11 +13,11 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.name_rules import robot_name, same_name
 from helios_core.settings_spelling import nearest
 
-from helios_client.supervision.service_specs import RECORDED
+from helios_client.supervision.service_specs import RECORDED_DETECTOR
 from helios_client.usage_errors import UsageError
 
 ROBOTS = ("sim", "replay", "spot", "bus", "push")
-_DETECTORS = ("simulated", "ground-truth", RECORDED)
+_DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
 _SCORERS = ("lexical", "minilm")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"

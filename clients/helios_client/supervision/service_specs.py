@@ -10,11 +10,11 @@ from pathlib import Path
 from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
-RECORDED = "recorded"  # detector that repeats the recorded detections
+RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 
 
 @dataclass(frozen=True)
-class ServiceSpecs:
+class StackOptions:
     """Options of the stack that `helios up` or `helios replay` starts."""
 
     robot: str  # sim, replay, spot, bus, push or package:Class
@@ -55,7 +55,7 @@ class ServiceSpecs:
     def log_dir(self) -> Path:
         return self.state_dir / "logs"
 
-    def specs(self) -> tuple[ProcessSpec, ...]:
+    def processes(self) -> tuple[ProcessSpec, ...]:
         """Processes, in the order of the process table; they may start in any order."""
         out = [
             ProcessSpec(
@@ -74,12 +74,13 @@ class ServiceSpecs:
                 "bridge", "helios_bridge", driver=self.robot, address=self.robot_host,
                 source=self.source,
                 limit=self.limit or None, from_s=self.from_s, to_s=self.to_s, rate=self.rate,
-                topics=self.topics, contexts=(self.contexts or self.detector == RECORDED) or None,
+                topics=self.topics,
+                contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
                 strict=self.strict or None, lockstep=self.lockstep or None,
                 ack_timeout_s=self.ack_timeout_s,
             )
         )  # fmt: skip
-        if self.detector == RECORDED:
+        if self.detector == RECORDED_DETECTOR:
             out.append(self._service("detector", "helios_replay", source=self.source))
         else:
             out.append(
@@ -140,7 +141,7 @@ def free_port() -> int:
         return int(s.getsockname()[1])
 
 
-def port_trouble(port: int) -> OSError | None:
+def port_bind_error(port: int) -> OSError | None:
     """Error of listening on a loopback port, for example a port in use; None if it is free."""
     with socket.socket() as s:
         s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do

@@ -12,11 +12,11 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.topics import status_topic
 
-from helios_client.supervision.supervisor import ProcessInfo, State
+from helios_client.supervision.supervisor import ProcessInfo, ProcessState
 
 SILENT_S = 8.0  # services report every second; compiling kernels may delay a report
-NOT_NEEDED = frozenset({"recorder"})  # a full disk stops the recording, not the robot
-REPORTLESS = "router"  # plain Zenoh router: it publishes no status
+OPTIONAL_SERVICES = frozenset({"recorder"})  # a full disk stops the recording, not the robot
+WITHOUT_STATUS = "router"  # plain Zenoh router: it publishes no status
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,13 @@ class ServiceTable:
         self._lock = threading.Lock()
         self._statuses: dict[str, tuple[float, pb.ServiceStatus]] = {}
 
-    def listen(self, bus: Bus, names: Sequence[str]) -> None:
+    def subscribe(self, bus: Bus, names: Sequence[str]) -> None:
         """Subscribe to the statuses of the named services."""
         for name in names:
-            if name != REPORTLESS:
-                bus.subscribe(status_topic(name), self.note)
+            if name != WITHOUT_STATUS:
+                bus.subscribe(status_topic(name), self.on_status)
 
-    def note(self, status: pb.ServiceStatus) -> None:
+    def on_status(self, status: pb.ServiceStatus) -> None:
         """Store the status of a service."""
         with self._lock:
             self._statuses[status.service] = (self._clock(), status)
@@ -65,7 +65,7 @@ class ServiceTable:
 
 def is_ready(rows: Sequence[ServiceRow]) -> bool:
     """True if all services that a robot needs are ready."""
-    needed = [row for row in rows if row.name not in NOT_NEEDED]
+    needed = [row for row in rows if row.name not in OPTIONAL_SERVICES]
     return bool(needed) and all(row.state == "ready" for row in needed)
 
 
@@ -80,10 +80,10 @@ def _row(
     def row(state: str, reason: str) -> ServiceRow:
         return ServiceRow(info.name, state, reason, info.restarts, info.pid)
 
-    if info.state is not State.RUNNING:
+    if info.state is not ProcessState.RUNNING:
         return row(info.state.value, info.reason)
     again = f"started again: {info.reason}" if info.reason else ""
-    if info.name == REPORTLESS:
+    if info.name == WITHOUT_STATUS:
         return row("ready", again)
     if heard is None or heard[1].pid != info.pid:
         return row("starting", again)

@@ -42,7 +42,7 @@ def _root() -> Path:
     return root / "helios"
 
 
-class InUse(Exception):
+class StateDirLocked(Exception):
     """Another supervisor has locked the directory."""
 
 
@@ -56,7 +56,7 @@ def lock(directory: Path) -> ExitStack:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         held.close()
-        raise InUse(str(directory)) from None
+        raise StateDirLocked(str(directory)) from None
     return held
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from helios_client.supervision.child_process import Child, Ending, ProcessSpec
+from helios_client.supervision.child_process import ChildProcess, ProcessExit, ProcessSpec
 
 RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 5.0)
 STEADY_S = 20.0  # after this run time, the next restart is immediate again
@@ -22,7 +22,7 @@ TERMINATE_WITHIN_S = 2.3  # services promise to end within two seconds
 LAST_WITHIN_S = 0.5
 
 
-class State(StrEnum):
+class ProcessState(StrEnum):
     """State of a process, with the values of `ProcessStatus.state`."""
 
     RUNNING = "running"
@@ -37,7 +37,7 @@ class ProcessInfo:
     name: str
     pid: int  # 0 while it does not run
     restarts: int
-    state: State
+    state: ProcessState
     reason: str  # why it was restarted, waits or is stopped; empty at first
 
 
@@ -50,14 +50,14 @@ def restart_delay_s(failures: int) -> float:
 class _Row:
     spec: ProcessSpec
     log_path: Path
-    child: Child | None = None
+    child: ChildProcess | None = None
     started_s: float = 0.0
     restarts: int = 0
     failures: int = 0  # in a row
     proven: bool = False  # has run steadily, so its command line can be valid
     due_s: float | None = None  # time of the next start
     reason: str = ""
-    state: State = field(default=State.STOPPED)
+    state: ProcessState = field(default=ProcessState.STOPPED)
 
 
 class Supervisor:
@@ -85,13 +85,13 @@ class Supervisor:
             self.stop()
             raise
 
-    def check(self) -> tuple[tuple[str, Ending], ...]:
+    def check(self) -> tuple[tuple[str, ProcessExit], ...]:
         """Restart the processes that are due. Returns name and ending of those that ended since the
         last check."""
-        ended: list[tuple[str, Ending]] = []
+        ended: list[tuple[str, ProcessExit]] = []
         now_s = self._clock()
         for row in self._rows:
-            ending = row.child.ended() if row.child else None
+            ending = row.child.poll_exit() if row.child else None
             if ending:
                 self._note_ending(row, ending, now_s)
                 ended.append((row.spec.name, ending))
@@ -100,7 +100,9 @@ class Supervisor:
                 try:
                     self._start(row)
                 except OSError as error:
-                    self._note_ending(row, Ending(None, f"could not be started: {error}"), now_s)
+                    self._note_ending(
+                        row, ProcessExit(None, f"could not be started: {error}"), now_s
+                    )
         return tuple(ended)
 
     def table(self) -> tuple[ProcessInfo, ...]:
@@ -117,19 +119,19 @@ class Supervisor:
 
     def _start(self, row: _Row) -> None:
         row.started_s = self._clock()
-        row.child = Child(row.spec, row.log_path)
-        row.due_s, row.state = None, State.RUNNING
+        row.child = ChildProcess(row.spec, row.log_path)
+        row.due_s, row.state = None, ProcessState.RUNNING
 
-    def _note_ending(self, row: _Row, ending: Ending, now_s: float) -> None:
+    def _note_ending(self, row: _Row, ending: ProcessExit, now_s: float) -> None:
         steady = now_s - row.started_s >= STEADY_S
         row.proven |= steady
         row.failures = 1 if steady else row.failures + 1
         row.child, row.reason = None, ending.reason
         if not self._restart or (ending.usage_error and not row.proven):
-            row.state = State.STOPPED
+            row.state = ProcessState.STOPPED
             return
         delay_s = RESTART_DELAYS_S[-1] if ending.usage_error else restart_delay_s(row.failures)
-        row.state, row.due_s = State.RESTARTING, now_s + delay_s
+        row.state, row.due_s = ProcessState.RESTARTING, now_s + delay_s
 
     def _end(self, rows: list[_Row], within_s: float) -> None:
         running = [(row, row.child) for row in rows if row.child]
@@ -141,4 +143,4 @@ class Supervisor:
                 child.kill()
             row.child = None
         for row in rows:
-            row.due_s, row.state, row.reason = None, State.STOPPED, "stopped"
+            row.due_s, row.state, row.reason = None, ProcessState.STOPPED, "stopped"

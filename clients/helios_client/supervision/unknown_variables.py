@@ -11,12 +11,17 @@ from difflib import SequenceMatcher
 
 from helios_core.settings_spelling import PREFIX, SERVICES, variable
 
-OTHERS = ("HELIOS_CONFIG", "HELIOS_URL", "HELIOS_API_KEY", "HELIOS_RECORD")  # not of one service
+SHARED_VARIABLES = (
+    "HELIOS_CONFIG",
+    "HELIOS_URL",
+    "HELIOS_API_KEY",
+    "HELIOS_RECORD",
+)  # not of one service
 OF_TESTS = "HELIOS_TEST_"
-ALIKE = 0.7  # similarity (0 to 1) from which on a name is suggested
+MIN_SIMILARITY = 0.7  # similarity (0 to 1) from which on a name is suggested
 
 
-def unread(variables: Iterable[str]) -> str:
+def unread_variables_message(variables: Iterable[str]) -> str:
     """Sentence with the unread names and similar known ones, never a value; empty if all are
     read."""
     names = sorted(name for name in variables if name.startswith(PREFIX) and not _is_read(name))
@@ -28,20 +33,22 @@ def unread(variables: Iterable[str]) -> str:
 
 def _is_read(name: str) -> bool:
     of_services = tuple(variable(service, "") for service in SERVICES)
-    return name in OTHERS or name.startswith((OF_TESTS, *of_services))
+    return name in SHARED_VARIABLES or name.startswith((OF_TESTS, *of_services))
 
 
 def _near(name: str) -> str | None:
     """Known name most similar to `name`. A service may be written as two words, as in
     HELIOS_OBJECT_MAP_STRIDE_PX."""
     words = name.removeprefix(PREFIX).split("_")
-    meant = [(_likeness(name.removeprefix(PREFIX), o.removeprefix(PREFIX)), o) for o in OTHERS]
+    meant = [
+        (_likeness(name.removeprefix(PREFIX), o.removeprefix(PREFIX)), o) for o in SHARED_VARIABLES
+    ]
     for count in (1, 2):
         if setting := "_".join(words[count:]):
             said = "".join(words[:count])
             meant += [(_likeness(said, s.upper()), variable(s, setting)) for s in SERVICES]
     likeness, near = max(meant)
-    return near if likeness >= ALIKE else None
+    return near if likeness >= MIN_SIMILARITY else None
 
 
 def _likeness(a: str, b: str) -> float:

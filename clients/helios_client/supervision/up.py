@@ -18,11 +18,11 @@ from rich.markup import escape
 
 from helios_client.supervision import state_file
 from helios_client.supervision.bus_link import BusLink
-from helios_client.supervision.child_process import Ending
-from helios_client.supervision.service_specs import ServiceSpecs, port_trouble
+from helios_client.supervision.child_process import ProcessExit
+from helios_client.supervision.service_specs import StackOptions, port_bind_error
 from helios_client.supervision.service_table import ServiceRow, ServiceTable, as_json, is_ready
-from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
-from helios_client.supervision.unknown_variables import unread
+from helios_client.supervision.supervisor import ProcessInfo, ProcessState, Supervisor
+from helios_client.supervision.unknown_variables import unread_variables_message
 from helios_client.terminal_output import Screen as TextScreen
 from helios_client.usage_errors import UsageError
 
@@ -41,7 +41,7 @@ class Screen(TextScreen):
             super().on_broken_pipe()
 
 
-def up(stack: ServiceSpecs, screen: Screen) -> None:
+def up(stack: StackOptions, screen: Screen) -> None:
     """Run the stack until SIGINT, SIGTERM or SIGHUP.
 
     Raises HeliosError, with nothing left running, for a port or state directory in use and for
@@ -53,7 +53,7 @@ def up(stack: ServiceSpecs, screen: Screen) -> None:
     stack = replace(stack, state_dir=stack.state_dir.resolve())
     try:
         held = state_file.lock(stack.state_dir)
-    except state_file.InUse:
+    except state_file.StateDirLocked:
         raise Conflict(
             f"another `helios up` uses {stack.state_dir}; stop it, or choose another with --state"
         ) from None
@@ -71,7 +71,7 @@ def up(stack: ServiceSpecs, screen: Screen) -> None:
 def check_port(port: int, flag: str) -> None:
     """Raise Conflict if nothing can listen on the port. `flag`: the option that sets another
     one."""
-    error = port_trouble(port)
+    error = port_bind_error(port)
     if error is None:
         return
     if error.errno == errno.EADDRINUSE:
@@ -85,9 +85,9 @@ def check_port(port: int, flag: str) -> None:
 
 
 class _Run:
-    def __init__(self, stack: ServiceSpecs, screen: Screen) -> None:
+    def __init__(self, stack: StackOptions, screen: Screen) -> None:
         assert stack.port is not None
-        specs = stack.specs()
+        specs = stack.processes()
         self._stack, self._screen = stack, screen
         self._supervisor = Supervisor(specs, stack.log_dir)
         self._board = ServiceTable()
@@ -105,7 +105,7 @@ class _Run:
     def run(self, stopping: threading.Event) -> None:
         self._say(f"starting {', '.join(self._names)}")
         self._say(f"logs: {self._stack.log_dir}")
-        if sentence := unread(os.environ):
+        if sentence := unread_variables_message(os.environ):
             self._say(f"[yellow]{escape(sentence)}[/]")
         self._supervisor.start()
         link = BusLink(self._stack.router, self._stack.name, self._board, self._names)
@@ -114,7 +114,7 @@ class _Run:
             while not stopping.wait(CHECK_PERIOD_S):
                 ended = self._supervisor.check()
                 table = self._supervisor.table()
-                link.tell(table)
+                link.publish(table)
                 rows = self._board.rows(table)
                 self._say_endings(ended, table)
                 self._say_ready(rows)
@@ -127,26 +127,26 @@ class _Run:
                             self._say(f"{row.name} is {row.state}: {row.reason or 'no word yet'}")
         finally:
             self._say("stopping")
-            link.end()
+            link.request_close()
             self._supervisor.stop()
             link.close()
             state_file.remove(self._state_dirs)
             self._say("stopped")
 
     def _say_endings(
-        self, ended: Sequence[tuple[str, Ending]], table: Sequence[ProcessInfo]
+        self, ended: Sequence[tuple[str, ProcessExit]], table: Sequence[ProcessInfo]
     ) -> None:
         rows = {info.name: info for info in table}
         for name, ending in ended:
             self._was_ready.discard(name)
             self._all_ready = False
             info = rows[name]
-            stays_down = info.state is State.STOPPED
+            stays_down = info.state is ProcessState.STOPPED
             if stays_down and ending.usage_error and not self._ever_ready:
                 raise UsageError(ending.reason)
             if stays_down:
                 self._say(f"[red]{name} ended and stays down[/]: {escape(ending.reason)}")
-            elif info.state is State.RUNNING:
+            elif info.state is ProcessState.RUNNING:
                 self._say(
                     f"[yellow]{name} ended[/] ({escape(ending.reason)}); started again as "
                     f"pid {info.pid}, restart {info.restarts}"

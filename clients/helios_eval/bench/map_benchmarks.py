@@ -30,7 +30,7 @@ def grid() -> GridSpec:
     return GridSpec.centred_on(0.0, 0.0, CELL_M, CELLS)
 
 
-def lay(frame: Frame, on: GridSpec) -> View:
+def project_frame(frame: Frame, on: GridSpec) -> View:
     """Projection of a frame's depth between `MIN_M` and `MAX_M` metres onto the cells of a grid."""
     return view_of(frame.depth_m, frame.camera, frame.T_world_cam, on, MIN_M, MAX_M)
 
@@ -47,7 +47,7 @@ def cell_polygon(frame: Frame) -> NDArray[np.int32]:
     return (corners / CELL_M + CELLS / 2).astype(np.int32)
 
 
-class PlainMaps:
+class PeerMaps:
     """Simple peer: projects all pixels, counts hits per cell, and fills the field of view."""
 
     def __init__(self) -> None:
@@ -113,7 +113,7 @@ class OurMaps:
 
     def occupancy(self, frame: Frame) -> TileMask:
         """Integrate a frame; return the tiles in which frontiers may have changed."""
-        view = lay(frame, self.grid)
+        view = project_frame(frame, self.grid)
         box = self.grid.to_local(self.grid.to_world(view.window).tiled)
         at = box.slices
         before = self.layer.occupancy[at].copy()
@@ -126,7 +126,7 @@ class OurMaps:
 
 def occupancy_update() -> Row:
     """Milliseconds to integrate one depth image into occupancy, explored area and frontiers."""
-    ours, plain = OurMaps(), PlainMaps()
+    ours, plain = OurMaps(), PeerMaps()
     return compare(
         "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells",
         lambda i: ours.occupancy(frames()[i % FRAMES]),
@@ -136,12 +136,12 @@ def occupancy_update() -> Row:
 
 def value_fusion() -> Row:
     """Milliseconds to integrate the scores of one frame into both value layers."""
-    layers, plain, on = ValueLayers(grid(), ValueRules()), PlainMaps(), grid()
+    layers, plain, on = ValueLayers(grid(), ValueRules()), PeerMaps(), grid()
     layers.reset(("pick", "place"))
     scores = {"pick": 0.3, "place": 0.6}
     return compare(
         "value_fusion", f"2 layers, {CELLS}x{CELLS} cells",
-        lambda i: layers.integrate(cone_of(lay(frames()[i % FRAMES], on)), scores),
+        lambda i: layers.integrate(cone_of(project_frame(frames()[i % FRAMES], on)), scores),
         "OpenCV and numpy on whole arrays",
         lambda i: plain.value(frames()[i % FRAMES], (0.3, 0.6)), runs=7,
     )  # fmt: skip
@@ -153,7 +153,7 @@ def frontiers() -> Row:
     Every frame shows new floor, so no frontier can be reused. The peer searches the map of the
     whole walk.
     """
-    ours, plain, walk = OurMaps(), PlainMaps(), []
+    ours, plain, walk = OurMaps(), PeerMaps(), []
     for frame in frames():
         tiles = ours.occupancy(frame)
         walk.append((ours.layer.occupancy.copy(), ours.search.explored.copy(), tiles))

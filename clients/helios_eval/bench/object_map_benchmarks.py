@@ -102,7 +102,7 @@ def observation(frame: Frame, columns: int = CAMERA.width) -> Observation:
     return Observation(frame, "bench", found, {}, "bench")
 
 
-def side_step(i: int, columns: int) -> Observation:
+def shifted_observation(i: int, columns: int) -> Observation:
     """Observation of the first frame from 2 cm beside viewpoint i - 1: always a new viewpoint."""
     frame = frames()[0]
     T = frame.T_world_cam.copy()
@@ -110,7 +110,7 @@ def side_step(i: int, columns: int) -> Observation:
     return observation(replace(frame, T_world_cam=T), columns)
 
 
-def built(
+def map_after_updates(
     updates: int, columns: int = 430, evidence: Literal["views", "sides"] = "views"
 ) -> ObjectMap:
     """Map after a number of updates, each from 2 cm beside the last viewpoint.
@@ -119,13 +119,13 @@ def built(
     """
     objects = ObjectMap(ObjectMapSettings(evidence=evidence))
     for i in range(updates):
-        objects.update(side_step(i, columns), CONTEXT)
+        objects.update(shifted_observation(i, columns), CONTEXT)
     return objects
 
 
-def spread(objects: ObjectMap, copies: int) -> ObjectMap:
+def tiled_map(objects: ObjectMap, copies: int) -> ObjectMap:
     """Map that holds the scene `copies` times, each copy 15 m beside the last, out of view."""
-    arrays = persistence.arrays_of(objects.memory(), None)
+    arrays = persistence.arrays_of(objects.content(), None)
     header = json.loads(arrays["header"].tobytes())
     most, records = header["next_label"], header["records"]
     header["records"] = {
@@ -142,7 +142,7 @@ def spread(objects: ObjectMap, copies: int) -> ObjectMap:
     arrays |= {k: np.concatenate(parts) for k, parts in rows.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
     out = ObjectMap(ObjectMapSettings())
-    out.recall(persistence.read(persistence.written(arrays), out.no_viewpoints()).memory)
+    out.load_content(persistence.read(persistence.to_bytes(arrays), out.empty_viewpoints()).memory)
     out.set_context(CONTEXT)
     return out
 
@@ -170,16 +170,18 @@ def object_update() -> list[Row]:
     small map; for evidence by viewing sectors ("sides"), the update with evidence by views. Every
     update is from a new viewpoint.
     """
-    small, alone, again = built(FIRST, COLUMNS), Counted(), Counted()
-    copy, large = spread(small, 1), spread(small, 10)
+    small, alone, again = map_after_updates(FIRST, COLUMNS), UpdateSequence(), UpdateSequence()
+    copy, large = tiled_map(small, 1), tiled_map(small, 10)
     times = compare("object_update", "", alone.updates(small), OWN, our_render(), RUNS)
     beside = f"with {len(copy)} in the map"
-    more = compare("object_update", "", again.updates(large), beside, Counted().updates(copy), RUNS)
-    views, sides = built(FIRST, COLUMNS), built(FIRST, COLUMNS, "sides")
+    more = compare(
+        "object_update", "", again.updates(large), beside, UpdateSequence().updates(copy), RUNS
+    )
+    views, sides = map_after_updates(FIRST, COLUMNS), map_after_updates(FIRST, COLUMNS, "sides")
     beside = "with evidence by views"
     by_sides = compare(
-        "object_update", "evidence by sides", Counted().updates(sides), beside,
-        Counted().updates(views), RUNS,
+        "object_update", "evidence by sides", UpdateSequence().updates(sides), beside,
+        UpdateSequence().updates(views), RUNS,
     )  # fmt: skip
     return [
         replace(
@@ -190,7 +192,7 @@ def object_update() -> list[Row]:
     ]
 
 
-class Counted:
+class UpdateSequence:
     """Updates of a map from successive viewpoints, and the number of Gaussians in view of each."""
 
     def __init__(self) -> None:
@@ -201,7 +203,7 @@ class Counted:
         return round(statistics.median(self._in_view))
 
     def updates(self, objects: ObjectMap) -> Callable[[int], object]:
-        steps = [side_step(FIRST + i, COLUMNS) for i in range(RUNS + 1)]
+        steps = [shifted_observation(FIRST + i, COLUMNS) for i in range(RUNS + 1)]
 
         def update(i: int) -> object:
             self._in_view.append(objects.update(steps[i], CONTEXT).in_view)
@@ -215,7 +217,7 @@ def view_scores(poses: int = 16) -> Row:
 
     The object has about 5000 Gaussians.
     """
-    objects = built(3)
+    objects = map_after_updates(3)
     target = min(objects.objects(), key=lambda o: abs(o.gaussians - 5000))
     views = []
     for k in range(poses):

@@ -17,7 +17,7 @@ from helios_eval.calibration.samples import ROLES, VIEWS, Samples
 from helios_eval.calibration.summary import (
     ALL,
     EDGES,
-    FEWEST,
+    MIN_SAMPLES,
     SCORES,
     Row,
     adaptive_edges,
@@ -98,8 +98,8 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
             area.set_ylim(min(0.35, area.get_ylim()[0]), 1.02)
             for axes in line:
                 if not known:
-                    axes.text(0.5, 0.5, f"no group of {FEWEST} beliefs", ha="center", va="center",
-                              color=FAINT, transform=axes.transAxes)  # fmt: skip
+                    axes.text(0.5, 0.5, f"no group of {MIN_SAMPLES} beliefs", ha="center",
+                              va="center", color=FAINT, transform=axes.transAxes)  # fmt: skip
                 counts = [len(part.of_views(name)) for name in names]
                 ticks = [f"{n}\nn = {c}" for n, c in zip(names, counts, strict=True)]
                 axes.set_xticks(range(len(names)), ticks)
@@ -162,7 +162,9 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
     below.set_yticks([])
     below.grid(visible=False)
     if row is None:
-        axes.text(0.5, 0.5, f"fewer than {FEWEST} beliefs", ha="center", va="center", color=FAINT)
+        axes.text(
+            0.5, 0.5, f"fewer than {MIN_SAMPLES} beliefs", ha="center", va="center", color=FAINT
+        )
         return
     score, truth = score_of(part, name), part.correct
     even = st.reliability(score, truth, adaptive_edges(score))
@@ -195,7 +197,7 @@ def _claims(
 ) -> None:
     for k, views in enumerate(names):
         group = part.of_views(views)
-        if len(group) < FEWEST:
+        if len(group) < MIN_SAMPLES:
             continue
         right, count = np.array([group.correct.sum()]), np.array([len(group)])
         low, high = st.wilson(right, count)

@@ -19,8 +19,8 @@ def calibration(
 ) -> None:
     """Hold what the object map believed against the truth. Reliability, ECE, AUROC."""
     from helios_eval.calibration import report  # matplotlib takes a second to load
-    from helios_eval.run_folder import writing
+    from helios_eval.run_folder import write_errors_as_unavailable
 
-    with writing(out):
+    with write_errors_as_unavailable(out):
         path = report.write(folders, out, every_step)
     print(f"written to {path}")

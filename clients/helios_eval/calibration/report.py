@@ -11,7 +11,7 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.calibration.report_figures import Figure, figures
-from helios_eval.calibration.summary import FEWEST, FEWEST_EPISODES, RESAMPLES
+from helios_eval.calibration.summary import FEWEST_EPISODES, MIN_SAMPLES, RESAMPLES
 from helios_eval.episodes.episode_record import EPISODES, EpisodeRecord, read
 
 REPORT = "calibration.md"
@@ -73,15 +73,15 @@ def write(folders: Sequence[Path], out: Path, every_step: bool) -> Path:
     made = figures(records, every_step)
     if not made:
         raise InvalidInput(
-            f"no group has {FEWEST} beliefs ({len(records)} episodes have any); run more episodes, "
-            "of an agent with an object map"
+            f"no group has {MIN_SAMPLES} beliefs ({len(records)} episodes have any); run more "
+            "episodes, of an agent with an object map"
         )
     out.mkdir(parents=True, exist_ok=True)
     for former in out.glob("calibration-[0-9][0-9]-*.png"):
         former.unlink()
     parts = [
         _INTRO.format(
-            sample=_EVERY if every_step else _LAST, resamples=RESAMPLES, fewest=FEWEST,
+            sample=_EVERY if every_step else _LAST, resamples=RESAMPLES, fewest=MIN_SAMPLES,
             fewest_episodes=FEWEST_EPISODES,
             episodes=len(records), folders=", ".join(f"`{f}`" for f in folders),
         )

@@ -9,8 +9,8 @@ from helios_eval.calibration import charts
 from helios_eval.calibration.samples import by_setting, samples_of
 from helios_eval.calibration.summary import (
     ALL,
-    FEWEST,
     FEWEST_EPISODES,
+    MIN_SAMPLES,
     RESAMPLES,
     Row,
     rows_of,
@@ -89,7 +89,7 @@ def _views(setting: str, png: bytes, rows: list[Row]) -> Figure:
         "Left: how often beliefs are right (95 % interval), and the mean of S and Ψ with the "
         "middle half of their values. Middle: expected calibration error; grey marks: 95 % of "
         "calibrated scores would be below. Right: how well each score tells right from wrong. "
-        f"Groups of fewer than {FEWEST} beliefs are left out.",
+        f"Groups of fewer than {MIN_SAMPLES} beliefs are left out.",
         png,
         [_some(row) for row in rows if row.views != ALL],
     )

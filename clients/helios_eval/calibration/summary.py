@@ -12,7 +12,7 @@ from helios_eval.calibration import statistics as st
 from helios_eval.calibration.samples import ROLES, VIEWS, Samples
 
 ALL = "all"
-FEWEST = 20  # samples; smaller groups are left out
+MIN_SAMPLES = 20  # samples; smaller groups are left out
 FEWEST_EPISODES = 6  # fewer are too few for a bootstrap over episodes
 RESAMPLES = 1000
 SEED = 20250101  # resampling seed: equal records give an equal report
@@ -64,7 +64,7 @@ def rows_of(groups: Mapping[str, Samples]) -> list[Row]:
             of_role = samples.of_role(role)
             parts = [(ALL, of_role), *((name, of_role.of_views(name)) for name, _, _ in VIEWS)]
             for views, part in parts:
-                if len(part) >= FEWEST:
+                if len(part) >= MIN_SAMPLES:
                     out += [_row(setting, role, views, name, part) for name in SCORES]
     return out
 

@@ -30,7 +30,7 @@ OBJECT_MARGIN_M = 0.10
 RECEPTACLE_MARGIN_M = 0.15
 
 
-class TrueThing(Protocol):
+class TrueObject(Protocol):
     """Object or receptacle at its current pose, from the simulator."""
 
     @property
@@ -50,9 +50,9 @@ class TrueThing(Protocol):
     def yaw_rad(self) -> float: ...
 
 
-def judged(
+def judge_instances(
     objects: Sequence[ObjectInstance],
-    things: Sequence[TrueThing],
+    things: Sequence[TrueObject],
     roles: Mapping[str, Role],
     step: int,
 ) -> list[Belief]:
@@ -61,7 +61,7 @@ def judged(
     roles: class name -> role in the task. Instances of other classes are left out.
     """
     role_of: dict[str, Role] = {normalised(name): role for name, role in roles.items()}
-    by_class: dict[str, list[TrueThing]] = {}
+    by_class: dict[str, list[TrueObject]] = {}
     for thing in things:
         by_class.setdefault(normalised(thing.class_name), []).append(thing)
     out = []
@@ -88,7 +88,7 @@ def judged(
     return out
 
 
-def is_at(instance: ObjectInstance, thing: TrueThing, role: Role) -> bool:
+def is_at(instance: ObjectInstance, thing: TrueObject, role: Role) -> bool:
     """True if the instance's centre lies in the grown box of `thing`; classes are not compared."""
     margin_m = OBJECT_MARGIN_M if role == "object" else RECEPTACLE_MARGIN_M
     dx, dy, dz = (float(a) - b for a, b in zip(instance.center_m, thing.center_m, strict=True))

@@ -20,11 +20,11 @@ from helios_sim.simulation_thread import WorldThread
 from numpy.typing import NDArray
 
 from helios_eval.episodes import home_presets
-from helios_eval.episodes.belief_truth import Role, judged
+from helios_eval.episodes.belief_truth import Role, judge_instances
 from helios_eval.episodes.episode_judgement import episode_for, verdict
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
-from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 from helios_eval.episodes.in_process_stack import InProcessStack
 from helios_eval.episodes.timed_world import TimedWorld
 
@@ -35,7 +35,7 @@ _PLAN_CELL_M = 0.05
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedEpisode:
     """Record of an episode, and after a failure the snapshot for its picture."""
 
     record: EpisodeRecord
@@ -66,12 +66,12 @@ class _Outcome:
     camera_jpeg: bytes = b""
 
 
-def play(spec: EpisodeSpec, commit: str) -> Played:
+def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
     """Play an episode. Raises HeliosError if it cannot be played."""
     home = home_presets.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
-        world = thread.run(_watched)
+        world = thread.run(_timed_world)
         said = (
             thread.run(lambda _: _walk(world, spec.max_steps))
             if spec.agent == WALKER
@@ -103,7 +103,7 @@ def running_stack(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessSta
         thread.close()
 
 
-def _watched(world: object) -> TimedWorld:
+def _timed_world(world: object) -> TimedWorld:
     assert isinstance(world, TimedWorld)
     return world
 
@@ -132,7 +132,7 @@ def _walk(world: TimedWorld, max_steps: int) -> _Outcome:
 
 def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     """Run an agent of the planner, with every service."""
-    world = thread.run(_watched)
+    world = thread.run(_timed_world)
     episode = world.episode
     roles: dict[str, Role] = {episode.goal_receptacle_class: "goal"}
     roles |= {episode.start_receptacle_class: "start", episode.object_class: "object"}
@@ -142,7 +142,9 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     def look(stack: InProcessStack) -> tuple[ObjectInstance, ...]:
         objects = tuple(stack.objects())
         step = world.progress.steps
-        beliefs.extend(judged(objects, thread.run(lambda w: w.things()), roles, step))
+        beliefs.extend(
+            judge_instances(objects, thread.run(lambda w: w.object_states()), roles, step)
+        )
         return objects
 
     def on_step() -> None:
@@ -180,7 +182,7 @@ def _stages(world: TimedWorld) -> dict[str, float]:
 
 
 # --- record ---------------------------------------------------------------------------------------
-def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -> Played:
+def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -> PlayedEpisode:
     done, episode = world.progress, world.episode
     report = AgentReport(said.state, said.cause, said.message)
     judged_as = verdict(spec.benchmark, world, report, spec.max_steps)
@@ -200,7 +202,7 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -
         commit=commit, preset_hash=home_presets.digest_of(spec.preset),
         structure_hash=world.home.structure_hash(),
     )  # fmt: skip
-    return Played(record, None if record.success else _failure_snapshot(record, world, said))
+    return PlayedEpisode(record, None if record.success else _failure_snapshot(record, world, said))
 
 
 def _failure_snapshot(record: EpisodeRecord, world: TimedWorld, said: _Outcome) -> FailureSnapshot:
@@ -212,17 +214,19 @@ def _failure_snapshot(record: EpisodeRecord, world: TimedWorld, said: _Outcome) 
         trajectory_m=world.trajectory_m, start_pose=world.home.start_pose,
         candidates=_true(world, targets.objects), goals=_true(world, targets.goals),
         beliefs=tuple(
-            Marked(o.class_name, _triple(o.center_m), _triple(o.size_m), o.score, o.class_score)
+            MarkedObject(
+                o.class_name, _triple(o.center_m), _triple(o.size_m), o.score, o.class_score
+            )
             for o in said.believed
         ),
         camera_jpeg=said.camera_jpeg,
     )  # fmt: skip
 
 
-def _true(world: TimedWorld, names: Mapping[str, object]) -> tuple[Marked, ...]:
+def _true(world: TimedWorld, names: Mapping[str, object]) -> tuple[MarkedObject, ...]:
     return tuple(
-        Marked(thing.name, _triple(thing.center_m), _triple(thing.size_m))
-        for thing in world.things()
+        MarkedObject(thing.name, _triple(thing.center_m), _triple(thing.size_m))
+        for thing in world.object_states()
         if thing.name in names
     )
 

@@ -26,7 +26,7 @@ _NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth)-\d+-[0-9a-f]{12}\.npz")
 
 
 @dataclass(frozen=True)
-class Marked:
+class MarkedObject:
     """Object or receptacle of the home, or instance of the object map; world frame, metres."""
 
     label: str
@@ -57,9 +57,11 @@ class FailureSnapshot:
     cell_m: float
     trajectory_m: NDArray[np.float64]
     start_pose: tuple[float, float, float]  # x, y (m), yaw (rad)
-    candidates: tuple[Marked, ...]  # ground truth: matching objects, where they are at the end
-    goals: tuple[Marked, ...]  # ground truth: matching receptacles
-    beliefs: tuple[Marked, ...]  # the object map at the end, class score at least 0.3
+    candidates: tuple[
+        MarkedObject, ...
+    ]  # ground truth: matching objects, where they are at the end
+    goals: tuple[MarkedObject, ...]  # ground truth: matching receptacles
+    beliefs: tuple[MarkedObject, ...]  # the object map at the end, class score at least 0.3
     camera_jpeg: bytes  # last camera image; may be empty
 
 
@@ -114,9 +116,9 @@ def all_of(folder: Path, agent: str | None = None) -> list[Path]:
     return sorted(path for path, named in found if named and agent in (None, named["agent"]))
 
 
-def _marked(raw: dict[str, Any]) -> Marked:
+def _marked(raw: dict[str, Any]) -> MarkedObject:
     center_m, size_m = tuple(raw["center_m"]), tuple(raw["size_m"])
-    return Marked(raw["label"], center_m, size_m, raw["score"], raw["class_score"])
+    return MarkedObject(raw["label"], center_m, size_m, raw["score"], raw["class_score"])
 
 
 _UNREADABLE = (  # raised by numpy and zipfile for a damaged file

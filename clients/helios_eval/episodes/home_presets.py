@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 from helios_client.usage_errors import UsageError
 from helios_core.errors import HeliosError
 from helios_core.name_rules import same_name
-from helios_sim.assets import Dressing, realistic
+from helios_sim.assets import FurnitureReplacement, realistic
 from helios_sim.assets.asset_pack import NAME
 from helios_sim.home import PRESETS, Home, HomePreset, generate_home
 
@@ -25,14 +25,14 @@ def home_of(kind: str, seed: int) -> Home:
 
     Raises HeliosError if there is no such home, or if no furniture is baked.
     """
-    preset, dressing = _parts(kind)
-    return generate_home(seed, preset, dressing)
+    preset, furniture_models = _parts(kind)
+    return generate_home(seed, preset, furniture_models)
 
 
 def digest_of(kind: str) -> str:
     """Digest of everything that determines the homes of a kind."""
-    preset, dressing = _parts(kind)
-    return preset.digest() + (f"{_JOINT}{dressing.pack.digest}" if dressing else "")
+    preset, furniture_models = _parts(kind)
+    return preset.digest() + (f"{_JOINT}{furniture_models.pack.digest}" if furniture_models else "")
 
 
 def noise_of(kind: str) -> str:
@@ -56,6 +56,6 @@ def check_kind(kind: str) -> str:
 
 
 @cache
-def _parts(kind: str) -> tuple[HomePreset, Dressing | None]:
+def _parts(kind: str) -> tuple[HomePreset, FurnitureReplacement | None]:
     name, joint, _ = kind.partition(_JOINT)
     return PRESETS[name], realistic() if joint else None

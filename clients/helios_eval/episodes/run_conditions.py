@@ -27,7 +27,7 @@ class Condition:
     settings: dict[str, Setting]
 
 
-def checked(
+def parse_condition(
     agents: list[str],
     benchmark: str,
     *,

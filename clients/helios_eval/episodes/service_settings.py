@@ -53,7 +53,7 @@ def of_stack(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
     return {**settings_for(agent), **settings}
 
 
-def that_change(
+def differing_settings(
     agent: str, settings: Mapping[str, Setting], ran: Mapping[str, str] | None = None
 ) -> dict[str, Setting]:
     """Given settings that differ from the values of the agent's stack; they identify an episode.
@@ -80,7 +80,7 @@ def _holds_anyway(agent: str, name: str, value: Setting, ran: Mapping[str, str])
     return given == settings_for(agent).get(name, info.default)
 
 
-def ran_with(agent: str) -> dict[str, str]:
+def default_settings_of(agent: str) -> dict[str, str]:
     """Values of all service settings in an agent's stack without `--set`, by "service.setting"."""
     out = {
         f"{service}.{name}": str(info.get_default(call_default_factory=True))

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from helios_eval.episodes.episode_player import Played
+    from helios_eval.episodes.episode_player import PlayedEpisode
     from helios_eval.episodes.episode_spec import EpisodeSpec
 
 # One thread per library, since as many episodes run in parallel as there are cores.
@@ -39,7 +39,7 @@ def prepare() -> None:
     cv2.setNumThreads(1)
 
 
-def play_safely(spec: EpisodeSpec, commit: str) -> Played | str:
+def play_safely(spec: EpisodeSpec, commit: str) -> PlayedEpisode | str:
     """Result of an episode, or the reason why it could not be played.
 
     Raises Unavailable if no episode can be played.

@@ -46,7 +46,7 @@ class Arm:
     settings: tuple[tuple[str, Setting], ...]
     records: tuple[EpisodeRecord, ...]
     label: str = ""
-    asked: int = 0  # episodes that commands requested; 0 if unknown
+    requested_episodes: int = 0  # episodes that commands requested; 0 if unknown
 
     @property
     def identity(self) -> Identity:
@@ -56,16 +56,16 @@ class Arm:
         )  # fmt: skip
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """True if all requested episodes were played."""
-        return len(self.records) >= self.asked
+        return len(self.records) >= self.requested_episodes
 
     @property
     def condition(self) -> tuple[object, ...]:
         """Conditions without agent and settings: arms of one condition play the same episodes."""
         return (self.benchmark, self.preset, self.semantics, self.noise)
 
-    def plainness(self) -> tuple[object, ...]:
+    def sort_key(self) -> tuple[object, ...]:
         """Sort key that puts the arm that represents its agent first."""
         level = abs(self.noise.level - 1) if self.noise else 0.0
         drawn = self.noise is not None and self.noise.correlation is not None
@@ -109,7 +109,7 @@ def arms_of(
 def _order(arm: Arm) -> tuple[object, ...]:
     rank = FIRST.index(arm.agent) if arm.agent in FIRST else len(FIRST)
     rank += arm.agent in LAST
-    return (arm.benchmark != "ovmm", arm.semantics != "noisy", rank, arm.agent, *arm.plainness(),
+    return (arm.benchmark != "ovmm", arm.semantics != "noisy", rank, arm.agent, *arm.sort_key(),
             str(arm.noise), str(arm.settings))  # fmt: skip
 
 
@@ -150,9 +150,9 @@ def noise_parts(noise: Noise) -> list[str]:
     return parts + ([] if noise.correlation is None else [f"correlation {noise.correlation:g}"])
 
 
-def drawn(arms: Sequence[Arm], most: int) -> list[Arm]:
+def plainest_arms(arms: Sequence[Arm], most: int) -> list[Arm]:
     """The `most` plainest arms, in the given order, for a drawing."""
-    plain = sorted(arms, key=lambda a: a.plainness()[:3])[:most]
+    plain = sorted(arms, key=lambda a: a.sort_key()[:3])[:most]
     return [arm for arm in arms if arm in plain]
 
 
@@ -173,9 +173,9 @@ def plain_arm(arms: Sequence[Arm], benchmark: str, agent: str, semantics: str) -
     sizes = Counter[tuple[object, ...]]()
     for arm in same:
         sizes[arm.condition] += len(arm.records)
-    main = min(same, key=lambda a: (a.plainness()[1:3], -sizes[a.condition])).condition
+    main = min(same, key=lambda a: (a.sort_key()[1:3], -sizes[a.condition])).condition
     found = [a for a in same if a.agent == agent and a.condition == main]
-    return min(found, key=Arm.plainness, default=None)
+    return min(found, key=Arm.sort_key, default=None)
 
 
 def swept_arm(arms: Iterable[Arm], base: Arm, key: str, setting: float) -> Arm | None:
@@ -201,7 +201,7 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
     conditions = list(dict.fromkeys(a.condition for a in arms))
     for condition in conditions:
         here = [a for a in arms if a.condition == condition]
-        plain = {a.agent: a for a in sorted(here, key=Arm.plainness, reverse=True)}
+        plain = {a.agent: a for a in sorted(here, key=Arm.sort_key, reverse=True)}
         if len(plain) < 2:
             continue
         wanted = REFERENCES[here[0].benchmark]
@@ -213,7 +213,7 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
             out.append((other, plain[name]) if new else (plain[name], other))
     for arm in arms:
         same = [a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)]
-        base = min(same, key=lambda a: (a.semantics != "noisy", a.plainness()))
+        base = min(same, key=lambda a: (a.semantics != "noisy", a.sort_key()))
         if arm is not base:
             out.append((arm, base))
     order = {id(a): i for i, a in enumerate(arms)}

@@ -19,7 +19,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 
 SIZE_IN, DPI = 4.0, 110
 COLOURS = 64  # size of the PNG's palette
@@ -79,7 +79,7 @@ def _trajectory(axes: Axes, kept: FailureSnapshot) -> None:
         axes.plot(*path[-1], "o", mfc=PATH, mec="white", ms=6.5, mew=1.2)
 
 
-def _box(axes: Axes, thing: Marked, colour: str, line: str, label: str, above: bool) -> None:
+def _box(axes: Axes, thing: MarkedObject, colour: str, line: str, label: str, above: bool) -> None:
     """Draw the footprint around its centre, axis-aligned whatever the yaw."""
     (x, y, _), (w, d, _) = thing.center_m, thing.size_m
     w, d = max(w, 0.12), max(d, 0.12)
@@ -87,7 +87,7 @@ def _box(axes: Axes, thing: Marked, colour: str, line: str, label: str, above: b
     _write(axes, x, y + d / 2 if above else y - d / 2, label, colour, above)
 
 
-def _star(axes: Axes, thing: Marked) -> None:
+def _star(axes: Axes, thing: MarkedObject) -> None:
     x, y, _ = thing.center_m
     axes.plot(x, y, "*", mfc=TRUTH, mec="white", ms=12, mew=0.9, zorder=5)
     _write(axes, x, y + 0.08, thing.label, TRUTH, above=True)
@@ -125,7 +125,7 @@ def _settle_labels(figure: Figure, axes: Axes) -> None:
         )  # fmt: skip
 
 
-def _frame(axes: Axes, kept: FailureSnapshot, believed: Sequence[Marked]) -> None:
+def _frame(axes: Axes, kept: FailureSnapshot, believed: Sequence[MarkedObject]) -> None:
     """Set the view to a square around all that is known or marked; draw a bar of one metre."""
     rows, columns = np.nonzero(kept.occupancy >= 0)
     points = [kept.trajectory_m, np.array([kept.start_pose[:2]])]

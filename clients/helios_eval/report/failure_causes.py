@@ -13,7 +13,7 @@ from helios_eval.episodes import failure_snapshot, home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR, WALKER
 from helios_eval.report import colors, episode_map, number_format, plots
-from helios_eval.report.agent_groups import Arm, drawn
+from helios_eval.report.agent_groups import Arm, plainest_arms
 from helios_eval.report.interval_statistics import mean_sem, wilson
 from helios_eval.report.number_format import plural
 from helios_eval.report.our_results import benchmarks_of, count
@@ -39,7 +39,7 @@ def causes_section(arms: Sequence[Arm]) -> Section:
     blocks: list[Block] = []
     for benchmark in benchmarks_of(arms):
         mine = [a for a in arms if a.benchmark == benchmark]
-        shown = drawn(mine, plots.MOST_ARMS)
+        shown = plainest_arms(mine, plots.MOST_ARMS)
         counts = [counts_of_causes(a.records) for a in shown]
         blocks.append(plots.causes([a.label for a in shown], counts))
         blocks.append(_table_of_causes(mine))
@@ -113,7 +113,7 @@ def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
         ]
         if not pairs:
             continue
-        chosen = _spread(pairs)
+        chosen = _pick_across_causes(pairs)
         pictures = tuple(_picture(r, k) for r, k in chosen)
         n_failed = sum(bool(r.cause) for r in arm.records)
         caption = f"{len(pictures)} of {plural(n_failed, 'failure')}, spread over the causes."
@@ -150,7 +150,7 @@ def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.FailureSnapshot], li
 Kept = tuple[EpisodeRecord, failure_snapshot.FailureSnapshot]
 
 
-def _spread(pairs: Sequence[Kept]) -> list[Kept]:
+def _pick_across_causes(pairs: Sequence[Kept]) -> list[Kept]:
     """At most `MOST_PICTURES` of the pairs, one of each cause in turn; sorted by cause and seed."""
     by_cause: dict[str, list[Kept]] = {}
     for pair in pairs:

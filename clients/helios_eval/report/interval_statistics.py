@@ -21,7 +21,7 @@ from helios_eval.calibration import statistics
 
 DRAWS = 10_000
 SEED = 20260
-FEWEST = 6  # smallest n with 2 / 2**n <= 0.05
+MIN_DIFFERING_PAIRS = 6  # smallest n with 2 / 2**n <= 0.05
 
 Values = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Interval:
         return not math.isnan(self.low)
 
     @property
-    def sure(self) -> bool:
+    def excludes_zero(self) -> bool:
         """True if the bounds are defined and exclude 0."""
         return self.low > 0 or self.high < 0
 
@@ -138,9 +138,9 @@ def why_unbounded(first: Values, second: Values) -> str:
     """Reason why two paired samples [n] have no interval; empty if they have one."""
     a, b = _pair(first, second)
     differ = sum(discordant(a, b))
-    if differ >= FEWEST:
+    if differ >= MIN_DIFFERING_PAIRS:
         return ""
-    if a.size < FEWEST:
+    if a.size < MIN_DIFFERING_PAIRS:
         return "too few homes to tell"
     return "too few homes differ to tell" if differ else "no home differs"
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from helios_eval.report.interval_statistics import FEWEST, Interval, Mean
+from helios_eval.report.interval_statistics import MIN_DIFFERING_PAIRS, Interval, Mean
 from helios_eval.report.record_metrics import METRICS
 
 NOT_RUN = "not run"
 NONE = "–"
 RULE = (
-    f"An interval is drawn only where at least {FEWEST} homes differ: with fewer, no exact "
-    "two-sided test at 5 % can tell who is ahead."
+    f"An interval is drawn only where at least {MIN_DIFFERING_PAIRS} homes differ: with fewer, no "
+    "exact two-sided test at 5 % can tell who is ahead."
 )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import number_format, plots
-from helios_eval.report.agent_groups import Arm, drawn, in_common, pairs
+from helios_eval.report.agent_groups import Arm, in_common, pairs, plainest_arms
 from helios_eval.report.interval_statistics import (
     Interval,
     Values,
@@ -34,7 +34,7 @@ def overview(arms: Sequence[Arm]) -> list[Block]:
     """One drawing per benchmark: the metrics of all agents with their intervals."""
     out: list[Block] = []
     for benchmark in benchmarks_of(arms):
-        mine = drawn([a for a in arms if a.benchmark == benchmark], plots.MOST_ARMS)
+        mine = plainest_arms([a for a in arms if a.benchmark == benchmark], plots.MOST_ARMS)
         names = [n for n in NAMES[benchmark] if METRICS[n].binary]
         points = []
         for arm in mine:
@@ -77,19 +77,19 @@ def metrics_section(arms: Sequence[Arm]) -> Section:
 def count(arm: Arm) -> Cell:
     """Number of episodes, with the requested number if some are not played yet."""
     n = str(len(arm.records))
-    return Cell(n) if arm.whole else Cell(n, f"of {arm.asked}", "bad")
+    return Cell(n) if arm.is_complete else Cell(n, f"of {arm.requested_episodes}", "bad")
 
 
 def homes_of(a: Arm, b: Arm, homes: int) -> str:
     """Homes in common: "37 homes", or "37 of 200 homes" if more were requested of both arms."""
-    of = asked_of(a, b, homes)
+    of = missing_homes_text(a, b, homes)
     return f"{homes} {of}" if of else number_format.plural(homes, "home")
 
 
-def asked_of(a: Arm, b: Arm, homes: int) -> str:
+def missing_homes_text(a: Arm, b: Arm, homes: int) -> str:
     """Text "of 200 homes" if two arms lack common homes that were requested of both; else empty."""
-    wanted = min(max(arm.asked, len(arm.records)) for arm in (a, b))
-    return f"of {wanted} homes" if homes < wanted and not (a.whole and b.whole) else ""
+    wanted = min(max(arm.requested_episodes, len(arm.records)) for arm in (a, b))
+    return f"of {wanted} homes" if homes < wanted and not (a.is_complete and b.is_complete) else ""
 
 
 def _head(name: str) -> str:
@@ -151,7 +151,7 @@ def _pair_table(found: Sequence[Found]) -> Table:
 
 def tone_of(name: str, d: Interval) -> str:
     """Tone "good" or "bad" of the first of two; empty if the difference is not significant."""
-    if not d.sure:
+    if not d.excludes_zero:
         return ""
     return "good" if (d.value > 0) == (METRICS[name].better > 0) else "bad"
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from helios_eval.report import number_format, paper_figures
 from helios_eval.report.agent_groups import Arm, in_common, plain_arm, swept_arm
 from helios_eval.report.interval_statistics import Interval, mean_sem, paired_ratio, why_unbounded
-from helios_eval.report.our_results import asked_of, count
+from helios_eval.report.our_results import count, missing_homes_text
 from helios_eval.report.record_metrics import values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
@@ -39,7 +39,8 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         verdict = verdict_of(ratio, r.published) or why_unbounded(x, y)
         rows.add([f"{r.metric}: {r.claim}",
                   Cell(number_format.number(r.published, 2), r.where), ours,
-                  Cell(str(len(mine)), asked_of(top, bottom, len(mine))), verdict])  # fmt: skip
+                  Cell(str(len(mine)), missing_homes_text(top, bottom, len(mine))),
+                  verdict])  # fmt: skip
     if not rows.rows:
         return None
     return rows.table(

@@ -87,7 +87,7 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
     with _look():
         figure, axes = _axes(0.7 + 0.34 * len(rows))
         for y, (_, _, d) in enumerate(rows):
-            colour = colors.SERIES[0 if d.sure else 7].light
+            colour = colors.SERIES[0 if d.excludes_zero else 7].light
             axes.plot(100 * d.value, y, "o", color=colour, markersize=7.5)
             label = number_format.signed(100 * d.value, 1)
             if d.has_bounds:

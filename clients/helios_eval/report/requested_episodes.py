@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from helios_eval.episodes.episode_record import Noise, Setting
-from helios_eval.episodes.service_settings import that_change
+from helios_eval.episodes.service_settings import differing_settings
 
 KEYS = ("benchmark", "agents", "semantics", "preset", "noise", "settings", "seed0", "episodes")
 
@@ -22,7 +22,7 @@ def commands_of(run: Mapping[str, Any]) -> list[list[str] | str]:
     return run.get("commands") or [c for c in [run.get("command")] if c]
 
 
-def orders_of(run: Mapping[str, Any]) -> list[dict[str, Any]]:
+def requests_of(run: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Requests of a folder's commands, oldest first, each with the values of `KEYS`.
 
     A `run.json` without these keys gives none.
@@ -38,12 +38,12 @@ def seeds_asked(run: Mapping[str, Any]) -> dict[Identity, set[int]]:
     """
     ran = run.get("ran_with", {})
     out: dict[Identity, set[int]] = {}
-    for order in orders_of(run):
+    for order in requests_of(run):
         noise = Noise(**order["noise"]) if order["noise"] else None
         first = int(order["seed0"])
         for agent in order["agents"]:
             found = (order["benchmark"], agent, order["semantics"], order["preset"])
-            changed = that_change(agent, order["settings"], ran.get(agent))
+            changed = differing_settings(agent, order["settings"], ran.get(agent))
             settings = tuple(sorted(changed.items()))
             seeds = range(first, first + int(order["episodes"]))
             out.setdefault((*found, noise, settings), set()).update(seeds)

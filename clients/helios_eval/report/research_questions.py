@@ -21,7 +21,7 @@ from helios_eval.report.interval_statistics import (
     wilson,
 )
 from helios_eval.report.number_format import bounds, interval, number, scale, signed
-from helios_eval.report.our_results import asked_of, count, tone_of
+from helios_eval.report.our_results import count, missing_homes_text, tone_of
 from helios_eval.report.record_metrics import METRICS, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
@@ -125,7 +125,7 @@ def _row(
         r.published for r in paper_figures.RELATIONS
         if (r.metric, r.top, r.bottom) == (metric, question.first, question.second)
     ]  # fmt: skip
-    of = asked_of(top, bottom, len(mine))
+    of = missing_homes_text(top, bottom, len(mine))
     rows.add([
         Cell(metric, "", "strong"), number(x.mean() * k, 1), number(y.mean() * k, 1),
         Cell(signed(d.value * k, 1), "", tone_of(metric, d)),
@@ -143,7 +143,7 @@ def _so(d: Interval) -> str:
     """Verdict of an interval; empty if it has no bounds."""
     if not d.has_bounds:
         return ""
-    return "not settled: holds 0" if not d.sure else ("ahead" if d.low > 0 else "behind")
+    return "not settled: holds 0" if not d.excludes_zero else ("ahead" if d.low > 0 else "behind")
 
 
 def _level(i: Interval, wanted: float) -> str:
@@ -161,7 +161,7 @@ def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
         if (top.benchmark, top.agent, top.settings) != ("ovmm", one, main.settings):
             continue
         same = [a for a in arms if a.condition == top.condition and a.agent == other]
-        bottom = min(same, key=Arm.plainness, default=None)
+        bottom = min(same, key=Arm.sort_key, default=None)
         if bottom is not None and in_common(top, bottom)[0]:
             homes = [] if top.preset == main.preset else [f"homes {top.preset}"]
             yield top, bottom, ", ".join([*_noise_of(top), *homes]) or "other noise"
@@ -182,7 +182,8 @@ def _levels(arms: Sequence[Arm]) -> Table | None:
         i = wilson(int(met.sum()), len(met))
         rows.add([
             name, number(100 * i.value, 1), bounds(100 * i.low, 100 * i.high, 1),
-            f"≥ {100 * wanted:g}", count(arm), _level(i, wanted) + ("" if arm.whole else SO_FAR),
+            f"≥ {100 * wanted:g}", count(arm),
+            _level(i, wanted) + ("" if arm.is_complete else SO_FAR),
         ])  # fmt: skip
     return rows.table(
         "Success rate against what this project wants",
@@ -216,7 +217,7 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
             cells.append(Cell(signed(d.value * k, digits), note, tone))
             if tone:
                 settled.append(f"{metric} {'better' if tone == 'good' else 'worse'}")
-        of = asked_of(arm, base, len(mine))
+        of = missing_homes_text(arm, base, len(mine))
         so = (", ".join(settled) or "nothing settled") + (SO_FAR if of else "")
         rows.add([arm.label, *cells, Cell(str(len(mine)), of), so])
     return rows.table(

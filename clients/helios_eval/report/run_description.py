@@ -66,7 +66,7 @@ def section(
             f"The homes of {plural(len(changed), 'seed')} ({ranges(changed)}) were not "
             "the same in all episodes; agents are not compared in them."
         )
-    warnings += [w for b in benchmarks_of(arms) if (w := unlike(b, arms))]
+    warnings += [w for b in benchmarks_of(arms) if (w := different_homes_notice(b, arms))]
     errors = sum(r.cause == "system error" for r in records)
     if errors:
         what = plural(errors, "episode")
@@ -79,7 +79,7 @@ def section(
     return Section("run", "What was run", tuple(blocks))
 
 
-def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
+def different_homes_notice(benchmark: str, arms: Sequence[Arm]) -> str:
     """Notice that a benchmark's rows are not over the same homes; empty if they are."""
     homes = {a.label: {r.seed for r in a.records} for a in arms if a.benchmark == benchmark}
     if all(seeds == next(iter(homes.values())) for seeds in homes.values()):
@@ -251,7 +251,7 @@ def title(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> tuple[str, s
     )
     if len(worst) == 1:
         lead += f" The most frequent cause of failure: {worst[0]}."
-    lacking = sum(max(0, a.asked - len(a.records)) for a in arms)
+    lacking = sum(max(0, a.requested_episodes - len(a.records)) for a in arms)
     if lacking:
         lead += f" Not complete: {plural(lacking, 'episode')} of these are not played yet."
     return f"HELIOS evaluation: {benchmarks}", lead

@@ -40,12 +40,12 @@ def write_drawings(folder: Path, report: Report) -> None:
         for name, block in named(section):
             if name and isinstance(block, Graphic):
                 kept.add(folder / name)
-                write_file(folder / name, standing_alone(block.svg))
+                write_file(folder / name, standalone_svg(block.svg))
     for former in set(into.glob("*.svg")) - kept:
         former.unlink()
 
 
-def standing_alone(svg: str) -> str:
+def standalone_svg(svg: str) -> str:
     """Drawing of `plots` with size, colours and background, as a separate file.
 
     Raises ValueError for a drawing without a viewBox.

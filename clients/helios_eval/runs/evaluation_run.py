@@ -23,10 +23,10 @@ from helios_eval import run_folder
 from helios_eval.episodes import episode_record, failure_snapshot, home_presets, service_settings
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.episodes.service_settings import that_change
+from helios_eval.episodes.service_settings import differing_settings
 from helios_eval.provenance import commit, machine
 from helios_eval.report import write_report
-from helios_eval.report.requested_episodes import KEYS, commands_of, orders_of
+from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
 from helios_eval.runs import results
 from helios_eval.runs.process_pool import Outcome, play_all
@@ -64,7 +64,7 @@ class Run:
                 self.preset,
                 seed,
                 self.noise,
-                that_change(agent, self.settings),
+                differing_settings(agent, self.settings),
             )
             for seed in range(self.seed0, self.seed0 + self.episodes)
             for agent in self.agents
@@ -79,7 +79,7 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     with episodes that this run cannot continue, Conflict while another run plays into it, and
     KeyboardInterrupt after an interruption.
     """
-    with run_folder.held(asked.out):
+    with run_folder.locked_folder(asked.out):
         return _run(asked, console)
 
 
@@ -91,24 +91,26 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     missing = [spec for spec in specs if spec.key not in known]
     here = commit()
     began = time.time()
-    with run_folder.writing(asked.out):
-        note(asked, here, began, None)
+    with run_folder.write_errors_as_unavailable(asked.out):
+        write_run_description(asked, here, began, None)
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     try:
         if missing:
             with closing(_outcomes(asked, missing, here)) as outcomes, board:
                 for spec, came in outcomes:
-                    played = lost(spec, came, here) if isinstance(came, str) else came.record
-                    with run_folder.writing(asked.out):
+                    played = (
+                        failed_record(spec, came, here) if isinstance(came, str) else came.record
+                    )
+                    with run_folder.write_errors_as_unavailable(asked.out):
                         if not isinstance(came, str) and came.snapshot is not None:
                             _keep(asked.out, came.snapshot)
                         episode_record.append(asked.out, played)
                     known[spec.key] = played
                     board.add(played)
     finally:
-        with run_folder.writing(asked.out):
-            note(asked, here, began, time.time() - began)
+        with run_folder.write_errors_as_unavailable(asked.out):
+            write_run_description(asked, here, began, time.time() - began)
             if there := episode_record.read(asked.out):
                 results.write(asked.out, there, asked.picks)
                 write_report(asked.out)
@@ -123,7 +125,10 @@ def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[st
     its own; so is a setting added since then.
     """
     for agent in {r.agent for r in there} & set(asked.agents):
-        now, before = service_settings.ran_with(agent), former.get("ran_with", {}).get(agent, {})
+        now, before = (
+            service_settings.default_settings_of(agent),
+            former.get("ran_with", {}).get(agent, {}),
+        )
         for name in sorted(now.keys() & before.keys()):
             if now[name] != before[name]:
                 raise InvalidInput(
@@ -149,7 +154,7 @@ def _renewed(was: Noise, now: Noise) -> bool:
     return was.table == now.table and was.digest != now.digest
 
 
-def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
+def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
     """The record of an episode that could not be played."""
     return EpisodeRecord(
         benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
@@ -162,7 +167,7 @@ def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
     )  # fmt: skip
 
 
-def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
+def write_run_description(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     """Write `run.json`: the request, the commands, the program's version and the machine."""
     command = ["helios", *sys.argv[1:]]
     former = run_of(asked.out)
@@ -174,9 +179,9 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
         | {k: former[k] for k in _KEPT if k in former}
         | {
             "out": str(asked.out),
-            "asked": [*(o for o in orders_of(former) if o != order), order],
+            "asked": [*(o for o in requests_of(former) if o != order), order],
             "ran_with": former.get("ran_with", {})
-            | {agent: service_settings.ran_with(agent) for agent in asked.agents},
+            | {agent: service_settings.default_settings_of(agent) for agent in asked.agents},
             "command": command,
             "commands": [*before, command],
             "commit": here,

@@ -18,7 +18,7 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EPISODES, PACKED, EpisodeRecord, read
-from helios_eval.report.requested_episodes import commands_of, orders_of
+from helios_eval.report.requested_episodes import commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
 
 # Fields that may differ between two plays of an episode.
@@ -64,7 +64,7 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     }
     limits = max((r.get("picks", []) for r in described), key=len, default=[])
     together = {"commands": [c for r in described for c in commands_of(r)], "picks": limits}
-    together |= {"asked": [order for r in described for order in orders_of(r)]}
+    together |= {"asked": [order for r in described for order in requests_of(r)]}
     ran: dict[str, Any] = {}
     for r in described:
         ran = r.get("ran_with", {}) | ran

@@ -24,7 +24,7 @@ from pathlib import Path
 import psutil
 from helios_core.errors import HeliosError
 
-from helios_eval.episodes.episode_player import Played
+from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.worker import serve
 
@@ -32,7 +32,7 @@ _PREFIX = "helios-eval-"
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # for temporary files
 ATTEMPTS = 2  # per episode whose process dies
 
-Outcome = tuple[EpisodeSpec, "Played | str"]  # or the reason why it could not be played
+Outcome = tuple[EpisodeSpec, "PlayedEpisode | str"]  # or the reason why it could not be played
 
 
 @dataclass(eq=False)

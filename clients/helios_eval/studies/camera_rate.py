@@ -69,7 +69,7 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class Middles:
+class MaskDepthAgreement:
     """Agreement in depth of the masks with one true object."""
 
     at_m: tuple[float, float, float]  # its centre, world
@@ -103,7 +103,7 @@ def rate_of(
 
 def middles_of(
     observations: Sequence[Observation], name: str, center_m: NDArray[np.float64], near_m: float
-) -> Middles:
+) -> MaskDepthAgreement:
     """Agreement of the masks of a class with one object; `center_m` [3] in the world."""
     in_view = found = within = 0
     for seen in observations:
@@ -127,7 +127,7 @@ def middles_of(
         mask = max(own, key=lambda d: d.score).mask & (frame.depth_m > 0)
         within += bool(mask.any() and abs(np.median(frame.depth_m[mask]) - depth_m) < near_m)
     x, y, z = (float(c) for c in center_m)
-    return Middles((x, y, z), in_view, found, within)
+    return MaskDepthAgreement((x, y, z), in_view, found, within)
 
 
 class Camera:
@@ -194,7 +194,7 @@ class Camera:
             self._news.notify_all()
 
 
-def measure(given: argparse.Namespace) -> tuple[Rate, list[Middles]]:
+def measure(given: argparse.Namespace) -> tuple[Rate, list[MaskDepthAgreement]]:
     """Run the study. Raises HeliosError if the data set, the model or a reply is missing."""
     frames = dataset_frames(given.dataset)
     context = SearchContext("camera-rate", (SearchClass(given.name, Role.OBJECT, given.threshold),))

@@ -32,13 +32,13 @@ from helios_core.types import ObjectInstance, Role
 from helios_detector.vocabulary_matching import normalised
 from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.decisions.acceptance import paper, patient
-from helios_planner.search.object_search import is_on_any, place
+from helios_planner.search.object_search import is_on_any, place_probability
 from helios_planner.settings import Settings as PlannerSettings
 
 from helios_eval.calibration.statistics import auroc
 from helios_eval.episodes import service_settings
 from helios_eval.episodes.belief_truth import Role as BeliefRole
-from helios_eval.episodes.belief_truth import is_at, judged
+from helios_eval.episodes.belief_truth import is_at, judge_instances
 from helios_eval.episodes.episode_record import Belief
 from helios_eval.studies.recorded_walk import Walk, believed, walk
 
@@ -106,7 +106,7 @@ def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None
     if not things:
         return None
     if arm.by_place:
-        chosen = max(things, key=lambda o: o.score * place(o, starts))
+        chosen = max(things, key=lambda o: o.score * place_probability(o, starts))
     else:
         chosen = max(things, key=lambda o: (is_on_any(o, starts), o.score))
     return any(is_at(chosen, target, "object") for target in walked.targets)
@@ -119,7 +119,9 @@ def tell(walked: Walk, arms: Sequence[Arm], found: Mapping[str, Outcome]) -> Non
     for arm in arms:
         known = believed(walked.seen, arm.map, arm.thresholds)
         found[arm.name].picks.append(pick(arm, walked, known))
-        found[arm.name].beliefs.append(judged(known, walked.things, roles, len(walked.seen)))
+        found[arm.name].beliefs.append(
+            judge_instances(known, walked.things, roles, len(walked.seen))
+        )
 
 
 def row(outcome: Outcome, first: Outcome) -> dict[str, float]:

@@ -18,8 +18,8 @@ import numpy as np
 from helios_core.atomic_file import replacing
 from helios_core.errors import HeliosError, InvalidInput
 from helios_detector.simulation.frame_noise import load_noise
-from helios_detector.simulation.view_noise import SECTORS, Views, key_of, keys_of, latent
-from helios_detector.simulation.view_noise_table import Kind, ViewTable
+from helios_detector.simulation.view_noise import SECTORS, Views, key_of, keys_of, normal_draws
+from helios_detector.simulation.view_noise_table import Kind, ViewNoiseTable
 
 mpl.use("Agg")
 
@@ -30,22 +30,22 @@ DISTANCE_M = 2.5
 SAMPLES = 4000
 
 
-def view_table(name_or_path: str) -> ViewTable:
+def view_table(name_or_path: str) -> ViewNoiseTable:
     """Noise table of the format "views". Raises InvalidInput for another format."""
     table = load_noise(name_or_path)
-    if not isinstance(table, ViewTable):
+    if not isinstance(table, ViewNoiseTable):
         raise InvalidInput(f'{name_or_path!r} has no format = "views"; name a table like ovmm-v1')
     return table
 
 
-def alike(table: ViewTable) -> np.ndarray:
+def alike(table: ViewNoiseTable) -> np.ndarray:
     """Mean correlation [12] of draws for one object in two frames, by sectors between the views."""
     keys = np.array([key_of(str(n)) for n in range(SAMPLES)], np.uint64)
     purpose = keys_of(("miss",))
 
     def draws(sector: int, stamp_ns: int) -> np.ndarray:
         full = np.full(SAMPLES, sector)
-        return latent(Views(keys, full, full), purpose, table.shares, stamp_ns)[:, 0]
+        return normal_draws(Views(keys, full, full), purpose, table.shares, stamp_ns)[:, 0]
 
     first = [draws(sector, 1) for sector in range(SECTORS)]
     later = [draws(sector, 2) for sector in range(SECTORS)]
@@ -55,7 +55,7 @@ def alike(table: ViewTable) -> np.ndarray:
     ])  # fmt: skip
 
 
-def draw(table: ViewTable, path: Path) -> None:
+def draw(table: ViewNoiseTable, path: Path) -> None:
     """Write the plot."""
     from matplotlib import pyplot as plt
 
@@ -80,7 +80,7 @@ def draw(table: ViewTable, path: Path) -> None:
     plt.close(figure)
 
 
-def _rates(table: ViewTable, names: list[str], axes) -> None:
+def _rates(table: ViewNoiseTable, names: list[str], axes) -> None:
     rows = np.arange(len(names))
     for size, shade in zip(SIZES_PX, ("#08306b", "#2171b5", "#6baed6", "#c6dbef"), strict=True):
         n = len(names)
@@ -96,7 +96,7 @@ def _rates(table: ViewTable, names: list[str], axes) -> None:
         each.grid(axis="x", alpha=0.3)
 
 
-def _matrix(table: ViewTable, names: list[str], axes) -> None:
+def _matrix(table: ViewNoiseTable, names: list[str], axes) -> None:
     taken = {name for row in table.rows.values() for name in row.names}
     reported = [*(n for n in names if n in taken), *sorted(taken - set(names))]
     grid = np.full((len(names), len(reported)), np.nan)
@@ -112,7 +112,7 @@ def _matrix(table: ViewTable, names: list[str], axes) -> None:
     axes.figure.colorbar(shown, ax=axes, shrink=0.3, label="probability")
 
 
-def _scores(table: ViewTable, axes) -> None:
+def _scores(table: ViewNoiseTable, axes) -> None:
     u = (np.arange(SAMPLES) + 0.5) / SAMPLES
     for kind, color in COLORS.items():
         scores = [table.score(kind, x, 1000) for x in u]
@@ -127,7 +127,7 @@ def _scores(table: ViewTable, axes) -> None:
     axes.legend()
 
 
-def _by_pixels(table: ViewTable, axes) -> None:
+def _by_pixels(table: ViewNoiseTable, axes) -> None:
     pixels = np.geomspace(10, 100_000, 200).astype(np.int64)
     for name in ("mug", "remote control", "side table", "sofa"):
         rate = table.miss([name] * 200, pixels, np.full(200, DISTANCE_M))
@@ -142,7 +142,7 @@ def _by_pixels(table: ViewTable, axes) -> None:
     axes.grid(alpha=0.3)
 
 
-def _by_angle(table: ViewTable, axes) -> None:
+def _by_angle(table: ViewNoiseTable, axes) -> None:
     degrees = np.arange(SECTORS // 2 + 1) * 360 / SECTORS
     axes.plot(degrees, alike(table)[: len(degrees)], "o-")
     s = table.shares

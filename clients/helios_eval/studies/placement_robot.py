@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 MOST_STEPS = 150
 
 
-class Unheard:
+class NullListener:
     """Listener that ignores all events."""
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
@@ -30,13 +30,13 @@ class Unheard:
     def on_picks(self, picks: int) -> None: ...
 
 
-class WorldBody(RobotInterface):
+class SimulatedRobot(RobotInterface):
     """Robot in a simulated world; see the module.
 
     objects_in_world: the content of its object map.
     """
 
-    listener = Unheard()
+    listener = NullListener()
 
     def __init__(self, world: World, objects_in_world: Sequence[ObjectInstance]) -> None:
         self._world, self._objects = world, objects_in_world

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from helios_eval.episodes.home_presets import home_of
 from helios_eval.report.interval_statistics import paired_difference, sign_test, wilson
-from helios_eval.studies.placement_robot import WorldBody
+from helios_eval.studies.placement_robot import SimulatedRobot
 
 RULES: tuple[PlaceRule, ...] = ("paper", "flat")
 LAST_SEED = 999  # later seeds belong to published results
@@ -136,7 +136,7 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
     world = World(*_prepared(home, trial, item))
     try:
         furniture = as_instance(item)
-        body = WorldBody(world, [furniture])
+        body = SimulatedRobot(world, [furniture])
         settings = Settings(place_rule=rule)
         base = BaseController(body, settings)
         skills = Manipulation(body, base, settings, MapBelief(body, settings), attempts=1)
@@ -171,7 +171,7 @@ def _prepared(home: Home, trial: Trial, item: Receptacle) -> tuple[Home, Episode
     )
 
 
-def _hold(world: World, body: WorldBody, thing: str) -> bool:
+def _hold(world: World, body: SimulatedRobot, thing: str) -> bool:
     """Look at the object and pick it up; True on success."""
     base = BaseController(body, Settings())
     x, y, z = (float(v) for v in world.position_m(thing))

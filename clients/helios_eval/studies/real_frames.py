@@ -28,7 +28,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from helios_client.replay.class_thresholds import watch_list
+from helios_client.replay.class_thresholds import search_context_from_flags
 from helios_client.usage_errors import UsageError
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
@@ -39,7 +39,12 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.rgbd_folder import read_dataset
 
 from helios_eval.episodes import service_settings
-from helios_eval.studies.real_frames_beliefs import EpisodeProgress, Place, courses, names_in
+from helios_eval.studies.real_frames_beliefs import (
+    EpisodeProgress,
+    Place,
+    belief_progress,
+    names_in,
+)
 from helios_eval.studies.real_frames_pictures import draw_beliefs, draw_counts
 
 DEFAULT = "default"
@@ -98,7 +103,7 @@ def context_of(classes: str, thresholds: str, receptacles: str) -> SearchContext
 
     Raises UsageError.
     """
-    context = watch_list(classes, thresholds)
+    context = search_context_from_flags(classes, thresholds)
     wide = {name.strip() for name in receptacles.split(",") if name.strip()}
     if unknown := sorted(wide - {c.name for c in context.classes}):
         raise UsageError(f"--receptacles names {', '.join(unknown)}, which --classes does not")
@@ -140,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arms, data = arms_of(given.arms), read_dataset(given.dataset)
         detector = open_detector(given.detector, DetectorOptions())
         detector.warm_up()
-        found = courses(data, detector, context, given.place, arms)
+        found = belief_progress(data, detector, context, given.place, arms)
     except HeliosError as error:
         print(f"real_frames: {error.message}", file=sys.stderr)
         return 2 if isinstance(error, InvalidInput | UsageError) else 1

@@ -73,7 +73,7 @@ def frames_of(data: Dataset) -> Iterator[Frame]:
         )  # fmt: skip
 
 
-def courses(
+def belief_progress(
     data: Dataset,
     detector: DetectorBackend,
     context: SearchContext,

@@ -37,13 +37,13 @@ from helios_eval.studies.realism_judging import (
     PARAMETRIC,
     REALISTIC,
     Judged,
-    Sight,
+    Judgement,
     judged,
     names_for,
     rows_of,
     table,
 )
-from helios_eval.studies.realism_views import NotedDressing, ObserverCamera
+from helios_eval.studies.realism_views import ObserverCamera, RecordedFurnitureModels
 
 LEAST_PX = 400  # smaller objects are not judged
 LEAST_OPEN_BOX, LEAST_OPEN_PIXELS = 0.75, 0.35  # nor are occluded or cut-off ones
@@ -69,8 +69,10 @@ def judge_homes(
     kinds = [PARAMETRIC, REALISTIC] if given.furniture == "both" else [given.furniture]
     for looks in kinds:
         for seed in given.seeds:
-            dressing = NotedDressing(realistic().pack) if looks == REALISTIC else None
-            eye = ObserverCamera(generate_home(seed, preset, dressing), dressing)
+            furniture_models = (
+                RecordedFurnitureModels(realistic().pack) if looks == REALISTIC else None
+            )
+            eye = ObserverCamera(generate_home(seed, preset, furniture_models), furniture_models)
             try:
                 views = 0
                 for view in eye.views(right.keys()):
@@ -122,7 +124,7 @@ def _measure(given: argparse.Namespace) -> None:
     detector.warm_up()
     from helios_eval.studies.realism_pictures import Album, chart  # matplotlib takes a second
 
-    sights: list[Sight] = []
+    sights: list[Judgement] = []
     album, views, of_nothing = Album(), Counter[str](), Counter[str]()
 
     def keep(judged: Judged) -> None:

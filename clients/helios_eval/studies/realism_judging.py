@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from helios_core.types import Detection
-from helios_detector.vocabulary_matching import accepts, neighbours, normalised
+from helios_detector.vocabulary_matching import accepted_names, neighbours, normalised
 
 from helios_eval.studies.realism_views import Thing, View, iou
 
@@ -17,7 +17,7 @@ PARAMETRIC, REALISTIC = "parametric", "realistic"
 
 
 @dataclass(frozen=True)
-class Sight:
+class Judgement:
     """Result of the detector for one object in one image."""
 
     looks: str  # parametric or realistic
@@ -43,7 +43,7 @@ class Judged:
     view: View
     looks: str
     detections: tuple[Detection, ...]
-    sights: tuple[tuple[Thing, Sight], ...]
+    sights: tuple[tuple[Thing, Judgement], ...]
 
     @property
     def of_nothing(self) -> int:
@@ -62,25 +62,25 @@ def names_for(class_name: str, vocabulary: Iterable[str] | None) -> frozenset[st
     if vocabulary is None:
         return frozenset({class_name})
     known = {normalised(name): name for name in vocabulary}
-    same = accepts(class_name) & known.keys()
+    same = accepted_names(class_name) & known.keys()
     return frozenset(known[name] for name in same or (neighbours(class_name) & known.keys()))
 
 
 def judged(
     thing: Thing, looks: str, detections: Iterable[Detection], right: frozenset[str]
-) -> Sight:
+) -> Judgement:
     """Judgement by the best covering detection: of a correct name, else of a wrong one."""
     over = [d for d in detections if iou(d.box_xyxy, thing.box_xyxy) >= COVERS_IOU]
     over.sort(key=lambda d: (d.class_name in right, d.score), reverse=True)
     if not over:
-        return Sight(looks, thing.class_name, "", 0.0, False)
+        return Judgement(looks, thing.class_name, "", 0.0, False)
     best = over[0]
-    return Sight(looks, thing.class_name, best.class_name, best.score, best.class_name in right)
+    return Judgement(looks, thing.class_name, best.class_name, best.score, best.class_name in right)
 
 
-def rows_of(sights: Iterable[Sight]) -> dict[tuple[str, str], Row]:
+def rows_of(sights: Iterable[Judgement]) -> dict[tuple[str, str], Row]:
     """Counts by (class, looks)."""
-    groups: dict[tuple[str, str], list[Sight]] = {}
+    groups: dict[tuple[str, str], list[Judgement]] = {}
     for sight in sights:
         groups.setdefault((sight.class_name, sight.looks), []).append(sight)
     return {

@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 from helios_core.geometry import Matrix, Pinhole, project
 from helios_core.types import Frame, FrameId
-from helios_sim.assets import Dressing
+from helios_sim.assets import FurnitureReplacement
 from helios_sim.assets.asset_pack import Model
 from helios_sim.home import Home
 from helios_sim.home.home_types import Fixture, Receptacle, SceneObject, Shape
-from helios_sim.renderer import Painter
+from helios_sim.renderer import CameraRenderer
 from helios_sim.robot_model import CAMERA_HEIGHT_M, FOVY_DEG, MAX_DEPTH_M, camera_pose, pinhole
 from helios_sim.robot_sensors import DRAWN_GROUPS
 from numpy.typing import NDArray
@@ -55,8 +55,8 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class NotedDressing(Dressing):
-    """Dressing that records the model of each shape."""
+class RecordedFurnitureModels(FurnitureReplacement):
+    """Furniture models that record the model of each shape."""
 
     _made: list[tuple[object, Model]] = field(default_factory=list, repr=False)
 
@@ -75,7 +75,7 @@ class NotedDressing(Dressing):
 class ObserverCamera:
     """Camera that renders one home from anywhere. Holds a GL context: close it."""
 
-    def __init__(self, home: Home, dressing: NotedDressing | None) -> None:
+    def __init__(self, home: Home, furniture_models: RecordedFurnitureModels | None) -> None:
         self.home, self._pinhole, self._number = home, pinhole(), 0
         spec = home.spec()
         spec.visual.global_.offwidth = self._pinhole.width
@@ -85,9 +85,9 @@ class ObserverCamera:
         self._data = mujoco.MjData(self._model)
         self._camera = int(self._model.camera(CAMERA).id)
         size = (self._pinhole.width, self._pinhole.height)
-        self._painter = Painter(self._model, self._camera, size, DRAWN_GROUPS)
+        self._painter = CameraRenderer(self._model, self._camera, size, DRAWN_GROUPS)
         self._models: dict[str, Model | None] = {
-            thing.name: dressing.model_of(thing.shape) if dressing else None
+            thing.name: furniture_models.model_of(thing.shape) if furniture_models else None
             for thing in _things(home)
         }
         self._vertices = {
@@ -113,7 +113,7 @@ class ObserverCamera:
             FrameId("realism", self.home.seed, self._number), self._number, True, color, depth_m,
             self._pinhole, camera_pose(self._data, self._camera), np.eye(4),
         )  # fmt: skip
-        return View(frame, self._seen(self._painter.bodies(self._data), frame.T_world_cam))
+        return View(frame, self._seen(self._painter.body_ids(self._data), frame.T_world_cam))
 
     def _seen(self, bodies: NDArray[np.int32], T_world_cam: Matrix) -> tuple[Thing, ...]:
         out = []

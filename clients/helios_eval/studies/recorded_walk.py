@@ -10,7 +10,7 @@ from helios_core.types import ObjectInstance, Role, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 
-from helios_eval.episodes.belief_truth import TrueThing
+from helios_eval.episodes.belief_truth import TrueObject
 from helios_eval.episodes.episode_player import running_stack
 from helios_eval.episodes.episode_record import Setting
 from helios_eval.studies.map_growth.observation_log import Seen, by_helios, recorded
@@ -36,8 +36,8 @@ class Walk:
     object: str
     start: str
     goal: str
-    things: tuple[TrueThing, ...]
-    targets: tuple[TrueThing, ...]  # those of the object's class on a start receptacle
+    things: tuple[TrueObject, ...]
+    targets: tuple[TrueObject, ...]  # those of the object's class on a start receptacle
     seen: tuple[Seen, ...]
 
 
@@ -52,7 +52,7 @@ def walk(
     settings = {**_ONLY_LOOKS, **{THRESHOLDS[role]: least for role, least in thresholds.items()}}
     with running_stack(by_helios(preset, seed, settings)) as (thread, stack):
         task = thread.run(lambda world: world.episode)
-        things = thread.run(lambda world: tuple(world.things()))
+        things = thread.run(lambda world: tuple(world.object_states()))
         names = thread.run(lambda world: frozenset(world.tracker.targets.objects))
         seen = recorded(stack, task.instruction, max_steps, stride_px)
     if not seen:

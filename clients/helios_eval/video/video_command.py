@@ -40,12 +40,12 @@ def video(
     from rich.console import Console
 
     from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
-    from helios_eval.episodes.run_conditions import checked
-    from helios_eval.episodes.service_settings import that_change
+    from helios_eval.episodes.run_conditions import parse_condition
+    from helios_eval.episodes.service_settings import differing_settings
     from helios_eval.video.episode_recorder import film
     from helios_eval.video.progress import counted
 
-    under = checked(
+    under = parse_condition(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps,
@@ -61,7 +61,7 @@ def video(
         under.preset,
         seed,
         under.noise,
-        that_change(agent, under.settings),
+        differing_settings(agent, under.settings),
     )
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:

@@ -13,7 +13,7 @@ from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from numpy.typing import NDArray
 
 from helios_sim.assets import asset_pack as packs
-from helios_sim.assets.asset_pack import Look, Model, Pack
+from helios_sim.assets.asset_pack import Model, ModelVisual, Pack
 from helios_sim.assets.asset_report import attributions
 from helios_sim.assets.collision_boxes import levelled, merged_boxes
 from helios_sim.assets.flat_surfaces import flat_tops
@@ -83,7 +83,7 @@ def bake(
         there = _current(cache, recipe)
         if there is not None:
             return Baked(cache / "current", there, {}, fresh=False)
-        oven = _Oven(libraries)
+        oven = _ModelBaker(libraries)
         jobs = [(choice, keys) for choice in choices for keys in choice.keys]
         for done, (choice, keys) in enumerate(jobs):
             progress(done, len(jobs))
@@ -107,7 +107,7 @@ def _current(cache: Path, recipe: str) -> Pack | None:
     return pack if pack.digest == recipe else None
 
 
-class _Oven:
+class _ModelBaker:
     """Bakes models one by one; a model that serves several classes is baked once per kind."""
 
     def __init__(self, libraries: Sequence[Library]) -> None:
@@ -169,14 +169,14 @@ class _Oven:
             looks=tuple(self._look(part) for part in parts),
         )
 
-    def _look(self, part: Part) -> Look:
+    def _look(self, part: Part) -> ModelVisual:
         split, normals = with_normals(part)
         key = ""
         if part.picture is not None:
             key = hashlib.sha256(part.picture.tobytes()).hexdigest()[:16]
             self.pictures[key] = part.picture
         uv = np.zeros((len(normals), 2)) if split.uv is None else split.uv
-        return Look(
+        return ModelVisual(
             split.vertices.astype(np.float32),
             normals.astype(np.float32),
             uv.astype(np.float32),

@@ -30,7 +30,7 @@ BAKE_FIRST = "bake it with: helios assets bake"
 
 
 @dataclass(frozen=True)
-class Look:
+class ModelVisual:
     """Visual mesh of one material; vertices and normals [n, 3], uv [n, 2], faces [m, 3]."""
 
     vertices: NDArray[np.float32]
@@ -54,7 +54,7 @@ class Model:
     rgb: tuple[float, float, float]
     boxes: tuple[tuple[float, ...], ...]  # centre and half extents, 6 values each
     surfaces: tuple[tuple[float, ...], ...]  # centre x, y, half extents x, y, height
-    looks: tuple[Look, ...] = field(repr=False, compare=False)
+    looks: tuple[ModelVisual, ...] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,9 @@ def read_index(folder: Path) -> dict[str, Any]:
     return head
 
 
-def _packed(prefix: str, look: Look, size_m: tuple[float, float, float]) -> dict[str, NDArray[Any]]:
+def _packed(
+    prefix: str, look: ModelVisual, size_m: tuple[float, float, float]
+) -> dict[str, NDArray[Any]]:
     """Quantized arrays: positions in 1/65535 of twice the box, normals in 1/127, uv in 1/1024."""
     span = np.array(size_m) * 2
     return {
@@ -181,7 +183,7 @@ def _model(k: int, row: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> M
         normals = arrays[f"{prefix}n"].astype(np.float32)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
         looks.append(
-            Look(
+            ModelVisual(
                 vertices.astype(np.float32),
                 normals,
                 (arrays[f"{prefix}t"] / 1024.0).astype(np.float32),

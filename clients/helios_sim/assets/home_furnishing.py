@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.assets import asset_pack as packs
-from helios_sim.assets.asset_pack import Look, Model, Pack
+from helios_sim.assets.asset_pack import Model, ModelVisual, Pack
 from helios_sim.home.catalog import Catalog
 from helios_sim.home.color_palette import Palette
 from helios_sim.home.home_types import (
-    CollisionBox,
+    CollisionPrimitive,
     Material,
     Mesh,
     Picture,
@@ -38,7 +38,7 @@ _MOST_STRETCH = 1.5  # limit of the ratio of the largest to the smallest scale o
 
 
 @dataclass(frozen=True, eq=False)
-class Dressing:
+class FurnitureReplacement:
     """Wraps the makers of a catalog: a baked model that fits replaces each parametric shape.
 
     The home's random generator selects the model, so a home depends on seed, preset and pack.
@@ -49,7 +49,7 @@ class Dressing:
     name: str = packs.NAME
     _pictures: dict[str, Picture] = field(default_factory=dict, repr=False)
 
-    def over(self, catalog: Catalog) -> Catalog:
+    def applied_to(self, catalog: Catalog) -> Catalog:
         """Copy of the catalog with wrapped makers."""
         return replace(
             catalog,
@@ -94,7 +94,7 @@ class Dressing:
             model, scale = fitting[int(rng.integers(len(fitting)))]
             shape = self._shape(model, scale, drawn, origin_z=0.5)
             # A ball keeps its sphere as the collision shape.
-            return replace(shape, solids=drawn.solids) if _is_ball(drawn) else shape
+            return replace(shape, solids=drawn.collision_primitives) if _is_ball(drawn) else shape
 
         return made
 
@@ -112,8 +112,8 @@ class Dressing:
         return Shape(
             size_m=size,
             visuals=tuple(self._visual(look, scale, move) for look in model.looks),
-            solids=tuple(
-                CollisionBox(
+            collision_primitives=tuple(
+                CollisionPrimitive(
                     "box",
                     _vec3(np.array(box[3:]) * scale),
                     _vec3(np.array(box[:3]) * scale + move),
@@ -126,7 +126,9 @@ class Dressing:
             rolls=drawn.rolls,
         )
 
-    def _visual(self, look: Look, scale: NDArray[np.float64], move: NDArray[np.float64]) -> Visual:
+    def _visual(
+        self, look: ModelVisual, scale: NDArray[np.float64], move: NDArray[np.float64]
+    ) -> Visual:
         normals = look.normals / scale
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
         mesh = Mesh(
@@ -145,9 +147,9 @@ class Dressing:
         return self._pictures[key]
 
 
-def realistic(cache: Path | None = None) -> Dressing:
-    """Dressing of the pack in the user's cache. Raises as `asset_pack.read` does."""
-    return Dressing(packs.read(cache))
+def realistic(cache: Path | None = None) -> FurnitureReplacement:
+    """Furniture models of the pack in the user's cache. Raises as `asset_pack.read` does."""
+    return FurnitureReplacement(packs.read(cache))
 
 
 def furniture_scale(model: Model, drawn: Shape) -> NDArray[np.float64] | None:
@@ -195,7 +197,7 @@ def _surfaces(model: Model, scale: NDArray[np.float64]) -> tuple[Surface, ...]:
 
 
 def _is_ball(shape: Shape) -> bool:
-    return len(shape.solids) == 1 and shape.solids[0].kind == "sphere"
+    return len(shape.collision_primitives) == 1 and shape.collision_primitives[0].kind == "sphere"
 
 
 def _vec3(values: NDArray[np.float64]) -> Vec3:

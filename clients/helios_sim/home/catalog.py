@@ -27,13 +27,13 @@ class Catalog:
     look_alikes: tuple[tuple[str, ...], ...] = ()  # groups of classes that are easily confused
 
 
-class Dressing(Protocol):
+class FurnitureModels(Protocol):
     """Replacement of the makers of a catalog; `name` is appended to the preset name of a home."""
 
     @property
     def name(self) -> str: ...
 
-    def over(self, catalog: Catalog) -> Catalog: ...
+    def applied_to(self, catalog: Catalog) -> Catalog: ...
 
 
 # Receptacle class -> (stem of the body name, maker).

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home import freespace
-from helios_sim.home.furniture_placement import Furnisher, surface_points
+from helios_sim.home.furniture_placement import FurniturePlacer, surface_points
 from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface, Vec3
 
 _EDGE_M = 0.012
@@ -41,10 +41,10 @@ class _Disc:
     name: str
 
 
-class Scatter:
+class DistractorPlacer:
     """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
-    def __init__(self, furnisher: Furnisher) -> None:
+    def __init__(self, furnisher: FurniturePlacer) -> None:
         self._f, self._rng = furnisher, furnisher.rng
         passable = furnisher.passable()
         self._reach = {
@@ -289,8 +289,15 @@ def _to_edge(surface: Surface, point: Point) -> float:
 
 def _radius(shape: Shape) -> float:
     x, y, _ = shape.size_m
-    return x / 2 if x == y and len(shape.solids) > 0 and _is_round(shape) else math.hypot(x, y) / 2
+    return (
+        x / 2
+        if x == y and len(shape.collision_primitives) > 0 and _is_round(shape)
+        else math.hypot(x, y) / 2
+    )
 
 
 def _is_round(shape: Shape) -> bool:
-    return all(solid.kind in ("cylinder", "sphere") for solid in shape.solids) and not shape.rolls
+    return (
+        all(solid.kind in ("cylinder", "sphere") for solid in shape.collision_primitives)
+        and not shape.rolls
+    )

@@ -43,7 +43,7 @@ def surface_points(surface: Surface, inset_m: float = 0.06) -> NDArray[np.float6
     )
 
 
-class Furnisher:
+class FurniturePlacer:
     """Placement of furniture; holds the furniture placed so far and the remaining free space."""
 
     def __init__(

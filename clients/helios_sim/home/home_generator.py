@@ -15,14 +15,14 @@ from helios_sim.home import (
     room_recipes,
     room_recipes_ovmm,
 )
-from helios_sim.home.catalog import Dressing
+from helios_sim.home.catalog import FurnitureModels
 from helios_sim.home.color_palette import Palette, draw_palette, tinted
-from helios_sim.home.distractor_placement import Scatter
+from helios_sim.home.distractor_placement import DistractorPlacer
 from helios_sim.home.freespace import CELL_M
-from helios_sim.home.furniture_placement import Furnisher
+from helios_sim.home.furniture_placement import FurniturePlacer
 from helios_sim.home.generated_home import Home
 from helios_sim.home.home_types import Rgb, Room, RoomStyle, SceneObject
-from helios_sim.home.object_placement import Clutter
+from helios_sim.home.object_placement import ObjectPlacer
 from helios_sim.home.presets import HomePreset
 
 _ATTEMPTS = 60
@@ -38,10 +38,12 @@ _FLOOR_COLORS: dict[str, tuple[Rgb, ...]] = {
 }
 
 
-def generate_home(seed: int, preset: HomePreset, dressing: Dressing | None = None) -> Home:
+def generate_home(
+    seed: int, preset: HomePreset, furniture_models: FurnitureModels | None = None
+) -> Home:
     """Home of a seed. The same seed and preset give the same home in every process.
 
-    A dressing changes the furniture, and the preset's name to "ovmm-v1+…".
+    Furniture models change the furniture, and the preset's name to "ovmm-v1+…".
 
     Homes are drawn until one meets the preset's counts, all objects are at rest, and every object
     and receptacle is visible and within reach. Raises InvalidInput for a negative seed, Internal
@@ -49,11 +51,11 @@ def generate_home(seed: int, preset: HomePreset, dressing: Dressing | None = Non
     """
     if seed < 0:
         raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
-    if dressing is not None:
-        preset = replace(preset, name=f"{preset.name}+{dressing.name}")
+    if furniture_models is not None:
+        preset = replace(preset, name=f"{preset.name}+{furniture_models.name}")
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(preset.name.encode()), seed, attempt])
-        home = _draw(rng, seed, preset, dressing)
+        home = _draw(rng, seed, preset, furniture_models)
         if home is not None:
             return home
     raise Internal(
@@ -63,16 +65,19 @@ def generate_home(seed: int, preset: HomePreset, dressing: Dressing | None = Non
 
 
 def _draw(
-    rng: np.random.Generator, seed: int, preset: HomePreset, dressing: Dressing | None
+    rng: np.random.Generator,
+    seed: int,
+    preset: HomePreset,
+    furniture_models: FurnitureModels | None,
 ) -> Home | None:
     floor_plan = floor_plans.draw_plan(rng, preset)
     if floor_plan is None:
         return None
     rooms, doorways = floor_plan
     palette = draw_palette(rng)
-    furnisher = Furnisher(rooms, doorways, preset, palette, rng)
-    if dressing is not None:
-        furnisher.catalog = dressing.over(furnisher.catalog)
+    furnisher = FurniturePlacer(rooms, doorways, preset, palette, rng)
+    if furniture_models is not None:
+        furnisher.catalog = furniture_models.applied_to(furnisher.catalog)
     (room_recipes_ovmm if preset.catalog == "ovmm" else room_recipes).furnish_all(furnisher)
     same_as = furnisher.catalog.ovmm_class
     classes = {same_as.get(item.class_name, item.class_name) for item in furnisher.receptacles}
@@ -85,7 +90,7 @@ def _draw(
             room_recipes_ovmm.hang_more(furnisher, room)
     if preset.catalog == "ovmm":
         return _scattered(furnisher, seed)
-    clutter = Clutter(furnisher)
+    clutter = ObjectPlacer(furnisher)
     clutter.fill()
     home = _home(furnisher, seed, clutter.objects)
     if home is None:
@@ -99,7 +104,7 @@ def _draw(
     return home if enough and len(object_classes) >= preset.min_object_classes else None
 
 
-def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
+def _scattered(furnisher: FurniturePlacer, seed: int) -> Home | None:
     """Home whose objects are placed, settled and, where they fell, placed again.
 
     The furniture therefore does not depend on the physics. Exception: if `_ROUNDS` rounds do not
@@ -110,7 +115,7 @@ def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
     empty = _home(furnisher, seed, ())
     if empty is None:
         return None
-    scatter = Scatter(furnisher)
+    scatter = DistractorPlacer(furnisher)
     passable = furnisher.passable()
     for _ in range(_ROUNDS):
         scatter.top_up(count)
@@ -127,7 +132,7 @@ def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
     return None
 
 
-def _home(furnisher: Furnisher, seed: int, objects: Sequence[SceneObject]) -> Home | None:
+def _home(furnisher: FurniturePlacer, seed: int, objects: Sequence[SceneObject]) -> Home | None:
     """Home of the placed furniture and these objects; None if there is no start pose."""
     start = _start_pose(furnisher)
     if start is None:
@@ -154,7 +159,7 @@ def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
     )
 
 
-def _start_pose(furnisher: Furnisher) -> tuple[float, float, float] | None:
+def _start_pose(furnisher: FurniturePlacer) -> tuple[float, float, float] | None:
     """Random pose with space to turn, facing along the longest of eight free lines."""
     roomy = furnisher.passable() & (furnisher.clearance > furnisher.preset.robot_radius_m + 0.25)
     rows, columns = np.nonzero(roomy)
@@ -167,7 +172,7 @@ def _start_pose(furnisher: Furnisher) -> tuple[float, float, float] | None:
     return x, y, max(yaws, key=lambda yaw: _free_line_m(furnisher, x, y, yaw))
 
 
-def _free_line_m(furnisher: Furnisher, x: float, y: float, yaw: float) -> float:
+def _free_line_m(furnisher: FurniturePlacer, x: float, y: float, yaw: float) -> float:
     length = 0.0
     while length < 12.0:
         px, py = x + length * math.cos(yaw), y + length * math.sin(yaw)

@@ -200,13 +200,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder for one PNG per seed")
     parser.add_argument("--sheet", type=Path, help="file for one picture of all seeds")
     arguments = parser.parse_args()
-    dressing = None
+    furniture_models = None
     if arguments.furniture == "realistic":
         from helios_sim.assets import realistic
 
-        dressing = realistic()
+        furniture_models = realistic()
     preset = PRESETS[arguments.preset]
-    homes = [generate_home(seed, preset, dressing) for seed in arguments.seeds]
+    homes = [generate_home(seed, preset, furniture_models) for seed in arguments.seeds]
     if arguments.out:
         for home in homes:
             write_picture(arguments.out / f"home_{home.seed}.png", contact_sheet(home))

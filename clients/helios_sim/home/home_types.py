@@ -60,7 +60,7 @@ class Visual:
 
 
 @dataclass(frozen=True)
-class CollisionBox:
+class CollisionPrimitive:
     """Collision primitive; `half_extent`: half sizes, or (radius, half height) of a cylinder."""
 
     kind: SolidKind
@@ -89,7 +89,7 @@ class Shape:
 
     size_m: Vec3
     visuals: tuple[Visual, ...]
-    solids: tuple[CollisionBox, ...]
+    collision_primitives: tuple[CollisionPrimitive, ...]
     color: Rgb
     surfaces: tuple[Surface, ...] = ()
     mass_kg: float = 0.0

@@ -124,7 +124,8 @@ def _shifted_x(shape: Shape, by_m: float) -> Shape:
         for v in shape.visuals
     )
     solids = tuple(
-        replace(s, center=(s.center[0] + by_m, s.center[1], s.center[2])) for s in shape.solids
+        replace(s, center=(s.center[0] + by_m, s.center[1], s.center[2]))
+        for s in shape.collision_primitives
     )
     return replace(shape, visuals=visuals, solids=solids)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from helios_sim.home import floor_plans, freespace, textures, wall_meshes
 from helios_sim.home.home_types import (
-    CollisionBox,
+    CollisionPrimitive,
     Doorway,
     Fixture,
     Material,
@@ -62,7 +62,7 @@ def assemble(
     for k, piece in enumerate(pieces):
         half = (*piece.half_extent_xy, (piece.z1_m - piece.z0_m) / 2)
         center = (*piece.center_xy, (piece.z0_m + piece.z1_m) / 2)
-        model.solid(walls, CollisionBox("box", half, center), f"wall_piece_{k}")
+        model.solid(walls, CollisionPrimitive("box", half, center), f"wall_piece_{k}")
     model.draw(walls, [wall_meshes.wall_caps(pieces)], GROUP_STRUCTURE)
     blocked = [freespace.footprint(f) for f in (*receptacles, *fixtures) if _casts_shade(f)]
     ceiling = model.body("ceiling")
@@ -70,7 +70,7 @@ def assemble(
         floor = model.body(f"floor_{room.index}")
         half_x, half_y = (room.x1 - room.x0) / 2, (room.y1 - room.y0) / 2
         center = (*room.center_xy, -0.05)
-        model.solid(floor, CollisionBox("box", (half_x, half_y, 0.05), center), "")
+        model.solid(floor, CollisionPrimitive("box", (half_x, half_y, 0.05), center), "")
         paint = model.body(f"wall_{room.index}")
         if visuals:
             rng = np.random.default_rng([11, room.index, *_key(bounds)])
@@ -90,7 +90,7 @@ def assemble(
         body = model.body(item.name, (item.x, item.y, z), item.yaw_rad)
         # Fixtures at the ceiling are hidden together with it.
         model.draw(body, item.shape.visuals, GROUP_CEILING if z > 1.9 else GROUP_FURNITURE)
-        for solid in item.shape.solids:
+        for solid in item.shape.collision_primitives:
             model.solid(body, solid, "")
     for thing in objects:
         model.thing(thing)
@@ -128,14 +128,14 @@ class ModelBuilder:
         body.add_freejoint()
         shape = thing.shape
         self.draw(body, shape.visuals, GROUP_FURNITURE)
-        volumes = [_volume(solid) for solid in shape.solids]
-        for solid, volume in zip(shape.solids, volumes, strict=True):
+        volumes = [_volume(solid) for solid in shape.collision_primitives]
+        for solid, volume in zip(shape.collision_primitives, volumes, strict=True):
             geom = self.solid(body, solid, "")
             geom.mass = shape.mass_kg * volume / sum(volumes)
             geom.condim = 6
             geom.friction = [0.8, 0.005, 0.002]
 
-    def solid(self, body: mujoco.MjsBody, solid: CollisionBox, name: str) -> mujoco.MjsGeom:
+    def solid(self, body: mujoco.MjsBody, solid: CollisionPrimitive, name: str) -> mujoco.MjsGeom:
         """Add a collision geom."""
         geom = body.add_geom(type=_GEOMS[solid.kind])
         if name:
@@ -257,7 +257,7 @@ def _repeat_m(material: Material) -> float:
     return textures.PATTERNS[material.texture][0] if material.texture else 1.0
 
 
-def _volume(solid: CollisionBox) -> float:
+def _volume(solid: CollisionPrimitive) -> float:
     a, b, c = solid.half_extent
     if solid.kind == "box":
         return 8 * a * b * c

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home.catalog import OBJECTS
-from helios_sim.home.furniture_placement import Furnisher, surface_points
+from helios_sim.home.furniture_placement import FurniturePlacer, surface_points
 from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface
 
 _EDGE_M = 0.02
@@ -28,10 +28,10 @@ class _Disc:
     radius: float
 
 
-class Clutter:
+class ObjectPlacer:
     """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
-    def __init__(self, furnisher: Furnisher) -> None:
+    def __init__(self, furnisher: FurniturePlacer) -> None:
         self._f = furnisher
         self._rng = furnisher.rng
         passable = furnisher.passable()

@@ -39,7 +39,9 @@ def settled(home: Home, passable: NDArray[np.bool_]) -> tuple[SceneObject, ...]:
         up = float(body.xmat[8])
         yaw = math.atan2(float(body.xmat[3]), float(body.xmat[0]))
         # A ball has no upright orientation.
-        upright = up > _MAX_TILT_COS or (len(thing.shape.solids) == 1 and thing.shape.rolls)
+        upright = up > _MAX_TILT_COS or (
+            len(thing.shape.collision_primitives) == 1 and thing.shape.rolls
+        )
         if drift > _MAX_DRIFT_M or not upright:
             continue
         x, y, z = (float(value) for value in body.xpos)

@@ -3,18 +3,18 @@
 from collections.abc import Callable
 
 from helios_sim.home import decoration_shapes, floor_plans, wall_placement
-from helios_sim.home.furniture_placement import Furnisher
+from helios_sim.home.furniture_placement import FurniturePlacer
 from helios_sim.home.home_types import Fixture, Receptacle, Room
 from helios_sim.home.wall_placement import EAST, NORTH, SOUTH, WEST, side_of, wall_pose, wall_range
 
 
-def furnish_all(furnisher: Furnisher) -> None:
+def furnish_all(furnisher: FurniturePlacer) -> None:
     """Furnish each room by its kind."""
     for room in furnisher.rooms:
         _RECIPES[room.kind](furnisher, room)
 
 
-def _living_room(f: Furnisher, room: Room) -> None:
+def _living_room(f: FurniturePlacer, room: Room) -> None:
     sofa = f.receptacle("sofa", room, wall_placement.along_walls(f.rng))
     if sofa is not None:
         table = f.receptacle(
@@ -37,7 +37,7 @@ def _living_room(f: Furnisher, room: Room) -> None:
     f.fixture("plant", room, wall_placement.corners(f.rng))
 
 
-def _kitchen(f: Furnisher, room: Room) -> None:
+def _kitchen(f: FurniturePlacer, room: Room) -> None:
     counter = f.receptacle("kitchen counter", room, wall_placement.along_walls(f.rng))
     if counter is not None:
         if f.fixture("fridge", room, wall_placement.beside(f.rng, counter)) is None:
@@ -49,7 +49,7 @@ def _kitchen(f: Furnisher, room: Room) -> None:
     f.fixture("plant", room, wall_placement.corners(f.rng))
 
 
-def _bedroom(f: Furnisher, room: Room) -> None:
+def _bedroom(f: FurniturePlacer, room: Room) -> None:
     bed = f.receptacle("bed", room, wall_placement.along_walls(f.rng))
     if bed is not None:
         for _ in range(2):
@@ -65,7 +65,7 @@ def _bedroom(f: Furnisher, room: Room) -> None:
     f.fixture("plant", room, wall_placement.corners(f.rng))
 
 
-def _office(f: Furnisher, room: Room) -> None:
+def _office(f: FurniturePlacer, room: Room) -> None:
     desk = f.receptacle("desk", room, wall_placement.along_walls(f.rng))
     if desk is not None:
         f.fixture("chair", room, wall_placement.at_desk(f.rng, desk), beside=desk)
@@ -76,7 +76,7 @@ def _office(f: Furnisher, room: Room) -> None:
     f.fixture("plant", room, wall_placement.corners(f.rng))
 
 
-def _bathroom(f: Furnisher, room: Room) -> None:
+def _bathroom(f: FurniturePlacer, room: Room) -> None:
     stand = f.receptacle("washstand", room, wall_placement.along_walls(f.rng))
     if stand is not None:
         above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
@@ -85,7 +85,7 @@ def _bathroom(f: Furnisher, room: Room) -> None:
     f.receptacle("bench", room, wall_placement.along_walls(f.rng))
 
 
-def _dining_room(f: Furnisher, room: Room) -> None:
+def _dining_room(f: FurniturePlacer, room: Room) -> None:
     _dining_set(f, room)
     f.receptacle("dresser", room, wall_placement.along_walls(f.rng))
     f.receptacle("bench", room, wall_placement.along_walls(f.rng))
@@ -94,7 +94,7 @@ def _dining_room(f: Furnisher, room: Room) -> None:
     f.fixture("floor lamp", room, wall_placement.corners(f.rng))
 
 
-def _dining_set(f: Furnisher, room: Room) -> None:
+def _dining_set(f: FurniturePlacer, room: Room) -> None:
     table = f.receptacle("dining table", room, wall_placement.in_the_middle(f.rng))
     if table is None:
         return
@@ -103,7 +103,7 @@ def _dining_set(f: Furnisher, room: Room) -> None:
         f.fixture("chair", room, wall_placement.tucked_under(f.rng, table), beside=table)
 
 
-def above(f: Furnisher, room: Room, item: Receptacle, class_name: str, z_m: float) -> None:
+def above(f: FurniturePlacer, room: Room, item: Receptacle, class_name: str, z_m: float) -> None:
     """Hang a television or a mirror above a piece of furniture."""
     make = {"television": decoration_shapes.television, "mirror": decoration_shapes.mirror}[
         class_name
@@ -112,7 +112,7 @@ def above(f: Furnisher, room: Room, item: Receptacle, class_name: str, z_m: floa
 
 
 def mount(
-    f: Furnisher,
+    f: FurniturePlacer,
     room: Room,
     item: Receptacle,
     class_name: str,
@@ -126,7 +126,7 @@ def mount(
     return f.hang(class_name, room, pose, shape, z_m=z_m)
 
 
-def decorate(f: Furnisher, room: Room) -> None:
+def decorate(f: FurniturePlacer, room: Room) -> None:
     """Hang windows on outer walls and pictures on any wall, clear of tall furniture and doors."""
     used = [wall_use(f, room, side) for side in range(4)]
     outer = f.bounds
@@ -155,7 +155,7 @@ def decorate(f: Furnisher, room: Room) -> None:
             f.hang("picture", room, pose, shape, z_m=1.65 - shape.size_m[2] / 2)
 
 
-def wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
+def wall_use(f: FurniturePlacer, room: Room, side: int) -> list[tuple[float, float]]:
     """Intervals along a wall that are occupied by doorways and tall furniture."""
     at = {WEST: room.x0, EAST: room.x1, SOUTH: room.y0, NORTH: room.y1}[side]
     axis = 0 if side in (WEST, EAST) else 1
@@ -175,7 +175,7 @@ def wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
 
 
 def free_stretch(
-    f: Furnisher, room: Room, side: int, width: float, used: list[tuple[float, float]]
+    f: FurniturePlacer, room: Room, side: int, width: float, used: list[tuple[float, float]]
 ) -> float | None:
     """Random centre of a free interval of that width along a wall; None if none is found."""
     lo, hi = wall_range(room, side)
@@ -188,7 +188,7 @@ def free_stretch(
     return None
 
 
-_RECIPES: dict[str, Callable[[Furnisher, Room], None]] = {
+_RECIPES: dict[str, Callable[[FurniturePlacer, Room], None]] = {
     "living room": _living_room,
     "kitchen": _kitchen,
     "bedroom": _bedroom,

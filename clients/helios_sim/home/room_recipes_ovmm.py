@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from helios_sim.home import decoration_shapes, doors, floor_plans, room_fixtures, wall_placement
-from helios_sim.home.furniture_placement import Furnisher
+from helios_sim.home.furniture_placement import FurniturePlacer
 from helios_sim.home.home_types import Receptacle, Room, Shape
 from helios_sim.home.room_recipes import above, free_stretch, mount, wall_use
 from helios_sim.home.wall_placement import wall_pose
 
 
-def furnish_all(f: Furnisher) -> None:
+def furnish_all(f: FurniturePlacer) -> None:
     """Place door leaves, the required furniture of each room, then optional furniture and decor."""
     for door in f.doorways:
         if f.rng.random() < 0.8:
@@ -27,7 +27,7 @@ def furnish_all(f: Furnisher) -> None:
         f.hang("ceiling lamp", room, pose, shape, z_m=floor_plans.WALL_HEIGHT_M - shape.size_m[2])
 
 
-def _furnish_more(f: Furnisher) -> None:
+def _furnish_more(f: FurniturePlacer) -> None:
     """Place more receptacles, preferably of classes that are new in the home."""
     lo, hi = f.preset.receptacles
     wanted = min(hi, max(lo, round(3.2 * len(f.rooms) + float(f.rng.uniform(4.5, 8.5)))))
@@ -48,7 +48,7 @@ def _furnish_more(f: Furnisher) -> None:
         f.receptacle(class_name, room, poses)
 
 
-def _leaf(f: Furnisher, door: floor_plans.Doorway) -> None:
+def _leaf(f: FurniturePlacer, door: floor_plans.Doorway) -> None:
     shape = doors.door_leaf(f.rng, f.palette, door.width_m)
     for room, pose in doors.open_poses(f.rng, door, f.rooms, shape.size_m[0]):
         if f.stands_open(shape, room, pose):
@@ -56,7 +56,7 @@ def _leaf(f: Furnisher, door: floor_plans.Doorway) -> None:
             return
 
 
-def hang_more(f: Furnisher, room: Room) -> None:
+def hang_more(f: FurniturePlacer, room: Room) -> None:
     """Hang the wall fixtures of the room's kind, clear of windows and pictures."""
     for class_name, z_m in _HANGS.get(room.kind, ()):
         shape = f.catalog.fixtures[class_name](f.rng, f.palette)
@@ -69,7 +69,7 @@ def hang_more(f: Furnisher, room: Room) -> None:
                 break
 
 
-def _living_room(f: Furnisher, room: Room) -> None:
+def _living_room(f: FurniturePlacer, room: Room) -> None:
     sofa = f.receptacle("sofa", room, wall_placement.along_walls(f.rng))
     if sofa is not None:
         table = f.receptacle(
@@ -86,7 +86,7 @@ def _living_room(f: Furnisher, room: Room) -> None:
     f.fixture("floor lamp", room, wall_placement.corners(f.rng))
 
 
-def _kitchen(f: Furnisher, room: Room) -> None:
+def _kitchen(f: FurniturePlacer, room: Room) -> None:
     counter = f.receptacle("kitchen counter", room, wall_placement.along_walls(f.rng))
     if counter is not None:
         for name in ("cooker", "fridge"):
@@ -101,7 +101,7 @@ def _kitchen(f: Furnisher, room: Room) -> None:
         f.receptacle("stool", room, wall_placement.along_walls(f.rng))
 
 
-def _bedroom(f: Furnisher, room: Room) -> None:
+def _bedroom(f: FurniturePlacer, room: Room) -> None:
     bed = f.receptacle("bed", room, wall_placement.along_walls(f.rng))
     if bed is not None:
         f.receptacle("nightstand", room, wall_placement.beside(f.rng, bed))
@@ -114,7 +114,7 @@ def _bedroom(f: Furnisher, room: Room) -> None:
         f.receptacle(name, room, wall_placement.along_walls(f.rng))
 
 
-def _office(f: Furnisher, room: Room) -> None:
+def _office(f: FurniturePlacer, room: Room) -> None:
     desk = f.receptacle("desk", room, wall_placement.along_walls(f.rng))
     if desk is not None:
         f.receptacle(
@@ -125,7 +125,7 @@ def _office(f: Furnisher, room: Room) -> None:
     f.fixture("floor lamp", room, wall_placement.corners(f.rng))
 
 
-def _bathroom(f: Furnisher, room: Room) -> None:
+def _bathroom(f: FurniturePlacer, room: Room) -> None:
     stand = f.receptacle("washstand", room, wall_placement.along_walls(f.rng))
     if stand is not None:
         above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
@@ -137,11 +137,11 @@ def _bathroom(f: Furnisher, room: Room) -> None:
     _laundry(f, room)
 
 
-def _laundry_room(f: Furnisher, room: Room) -> None:
+def _laundry_room(f: FurniturePlacer, room: Room) -> None:
     _laundry(f, room)
 
 
-def _laundry(f: Furnisher, room: Room) -> None:
+def _laundry(f: FurniturePlacer, room: Room) -> None:
     """Place a washing machine and a hamper, once per home."""
     there = {item.class_name for item in f.receptacles}
     if "washing machine" not in there:
@@ -150,19 +150,19 @@ def _laundry(f: Furnisher, room: Room) -> None:
         f.receptacle("hamper", room, wall_placement.along_walls(f.rng))
 
 
-def _hallway(f: Furnisher, room: Room) -> None:
+def _hallway(f: FurniturePlacer, room: Room) -> None:
     f.receptacle("shoe rack", room, wall_placement.along_walls(f.rng))
     long = room.x1 - room.x0 > room.y1 - room.y0
     runner = decoration_shapes.rug(f.rng, f.palette, (float(f.rng.uniform(1.4, 2.0)), 0.7))
     f.lay("rug", room, (*room.center_xy, 0.0 if long else np.pi / 2), runner)
 
 
-def _dining_room(f: Furnisher, room: Room) -> None:
+def _dining_room(f: FurniturePlacer, room: Room) -> None:
     _dining_set(f, room)
     f.receptacle("sideboard", room, wall_placement.along_walls(f.rng))
 
 
-def _dining_set(f: Furnisher, room: Room) -> None:
+def _dining_set(f: FurniturePlacer, room: Room) -> None:
     table = f.receptacle("dining table", room, wall_placement.in_the_middle(f.rng))
     if table is None:
         return
@@ -173,12 +173,12 @@ def _dining_set(f: Furnisher, room: Room) -> None:
         f.receptacle("chair", room, wall_placement.pulled_out(f.rng, table), beside=table)
 
 
-def _rug(f: Furnisher, room: Room, item: Receptacle, size_m: tuple[float, float]) -> None:
+def _rug(f: FurniturePlacer, room: Room, item: Receptacle, size_m: tuple[float, float]) -> None:
     rug: Shape = decoration_shapes.rug(f.rng, f.palette, size_m)
     f.lay("rug", room, (item.x, item.y, item.yaw_rad), rug)
 
 
-_RECIPES: dict[str, Callable[[Furnisher, Room], None]] = {
+_RECIPES: dict[str, Callable[[FurniturePlacer, Room], None]] = {
     "living room": _living_room,
     "kitchen": _kitchen,
     "bedroom": _bedroom,

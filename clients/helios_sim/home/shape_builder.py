@@ -8,7 +8,7 @@ import numpy as np
 
 from helios_sim.home import mesh_primitives
 from helios_sim.home.home_types import (
-    CollisionBox,
+    CollisionPrimitive,
     Material,
     Mesh,
     Quat,
@@ -25,7 +25,7 @@ class ShapeBuilder:
 
     def __init__(self) -> None:
         self._meshes: dict[Material, list[Mesh]] = {}
-        self._solids: list[CollisionBox] = []
+        self._solids: list[CollisionPrimitive] = []
         self._surfaces: list[Surface] = []
 
     def box(
@@ -124,7 +124,7 @@ class ShapeBuilder:
         half = (size[0] / 2, size[1] / 2, size[2] / 2)
         if kind == "cylinder":
             half = (half[0], half[2], 0.0)
-        self._solids.append(CollisionBox(kind, half, center, _quat(tilt_rad)))
+        self._solids.append(CollisionPrimitive(kind, half, center, _quat(tilt_rad)))
 
     def surface(
         self,
@@ -163,7 +163,8 @@ def lowered(shape: Shape, by_m: float) -> Shape:
         for v in shape.visuals
     )
     solids = tuple(
-        replace(s, center=(s.center[0], s.center[1], s.center[2] - by_m)) for s in shape.solids
+        replace(s, center=(s.center[0], s.center[1], s.center[2] - by_m))
+        for s in shape.collision_primitives
     )
     return replace(shape, visuals=visuals, solids=solids)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from helios_sim.home import mesh_primitives
 from helios_sim.home.color_palette import Palette, tinted
-from helios_sim.home.home_types import CollisionBox, Material, Quat, Shape, Vec3
+from helios_sim.home.home_types import CollisionPrimitive, Material, Quat, Shape, Vec3
 
 Maker = Callable[[np.random.Generator, Palette], Shape]
 
@@ -19,7 +19,7 @@ def joined(shape: Shape, more: Shape) -> Shape:
     return replace(
         shape,
         visuals=(*shape.visuals, *more.visuals),
-        solids=(*shape.solids, *more.solids),
+        solids=(*shape.collision_primitives, *more.collision_primitives),
         surfaces=(*shape.surfaces, *more.surfaces),
     )
 
@@ -40,7 +40,7 @@ def scaled(shape: Shape, factor: float) -> Shape:
         ),
         solids=tuple(
             replace(s, half_extent=_times(s.half_extent, factor), center=_times(s.center, factor))
-            for s in shape.solids
+            for s in shape.collision_primitives
         ),
         mass_kg=shape.mass_kg * factor**3,
     )
@@ -57,7 +57,7 @@ def laid_down(shape: Shape) -> Shape:
             replace(v, mesh=mesh_primitives.transformed(v.mesh, turn, (0, 0, 0)))
             for v in shape.visuals
         ),
-        solids=tuple(_turned(s) for s in shape.solids),
+        solids=tuple(_turned(s) for s in shape.collision_primitives),
         rolls=True,
     )
 
@@ -103,7 +103,7 @@ def _times(values: Vec3, factor: float) -> Vec3:
     return values[0] * factor, values[1] * factor, values[2] * factor
 
 
-def _turned(solid: CollisionBox) -> CollisionBox:
+def _turned(solid: CollisionPrimitive) -> CollisionPrimitive:
     """Solid rotated by 90 degrees about x."""
     x, y, z = solid.center
     w, i, j, k = solid.quat

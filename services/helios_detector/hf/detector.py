@@ -17,7 +17,7 @@ from helios_detector.hf.model_runtime import HfModel, Placement, config_of, sour
 from helios_detector.hf.sam2_masks import BoxesToMasks
 from helios_detector.hf.text_prompts import Phrases, phrases_of
 from helios_detector.hf.zero_shot_detection import SETTING, Found, TextToBoxes
-from helios_detector.vocabulary_matching import Wanted
+from helios_detector.vocabulary_matching import SearchTarget
 
 BY_DEPTH = "depth"
 
@@ -113,7 +113,7 @@ class HfDetector(DetectorBackend):
         return [_by_depth(frame, box, phrases.wanted[c]) for _, c, box in picks]
 
 
-def _by_depth(frame: Frame, box: Box, want: Wanted) -> NDArray[np.bool_]:
+def _by_depth(frame: Frame, box: Box, want: SearchTarget) -> NDArray[np.bool_]:
     return box_to_mask(
         frame.depth_m, box, frame.camera, frame.T_world_cam, keep_surface=want.keep_surface
     )

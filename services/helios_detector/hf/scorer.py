@@ -28,7 +28,7 @@ TEXTS_REMEMBERED = 256
 HEADS = ("itc", "itm")
 
 
-class Tower(ABC):
+class EmbeddingModel(ABC):
     """Embedding of images and texts as unit vectors by one model family."""
 
     model_class = "AutoModel"
@@ -47,7 +47,7 @@ class Tower(ABC):
         return processor.tokenizer(texts, padding=True, truncation=True, return_tensors="pt")
 
 
-class Clip(Tower):
+class Clip(EmbeddingModel):
     """CLIP and models with the same interface."""
 
     def image(self, model: Any, inputs: dict[str, Any]) -> Any:
@@ -70,7 +70,7 @@ class Siglip(Clip):
         )  # fmt: skip
 
 
-class Blip2(Tower):
+class Blip2(EmbeddingModel):
     """BLIP-2's retrieval model: one vector per query token of the image."""
 
     model_class = "Blip2ForImageTextRetrieval"
@@ -109,7 +109,7 @@ class Blip2(Tower):
         return logits.float().softmax(-1)[:, 1]
 
 
-TOWERS: dict[str, type[Tower]] = {
+TOWERS: dict[str, type[EmbeddingModel]] = {
     "blip-2": Blip2, "clip": Clip, "siglip": Siglip, "siglip2": Siglip, "metaclip_2": Clip,
     "align": Clip, "altclip": Clip, "chinese_clip": Clip,
 }  # fmt: skip

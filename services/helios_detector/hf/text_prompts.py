@@ -10,14 +10,14 @@ from helios_core.types import SearchContext
 from numpy.typing import NDArray
 
 from helios_detector.backend import SEEN_SCORE
-from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
+from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
 
 
 @dataclass(frozen=True)
 class Phrases:
     """The prompts of one search context. Class i of `wanted` owns the texts with owner i."""
 
-    wanted: tuple[Wanted, ...]
+    wanted: tuple[SearchTarget, ...]
     landmarks: tuple[str, ...]  # extra classes, numbered after the wanted ones
     texts: tuple[str, ...]
     owner: NDArray[np.intp]  # [texts] index into wanted + landmarks

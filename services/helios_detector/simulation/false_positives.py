@@ -19,10 +19,10 @@ from helios_core.types import Frame
 from numpy.typing import NDArray
 
 from helios_detector.simulation.mask_errors import Box, Masked, trimmed
-from helios_detector.simulation.view_noise import Views, keys_of, latent, mixed, uniform
-from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulation.view_noise import Views, keys_of, mixed, normal_draws, uniform
+from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance
-from helios_detector.vocabulary_matching import Wanted, normalised
+from helios_detector.vocabulary_matching import SearchTarget, normalised
 
 STRIDE_PX = 8  # stride at which surfaces are sampled
 MOST_RIM_PX = 24  # largest image margin without false positives
@@ -33,10 +33,10 @@ _STANDARD = NormalDist()
 
 
 @dataclass(frozen=True)
-class Ghost:
+class FalsePositive:
     """One false positive as reported."""
 
-    want: Wanted
+    want: SearchTarget
     score: float
     box_xyxy: Box
     crop: NDArray[np.bool_]
@@ -57,10 +57,10 @@ class Cells:
 def ghosts(
     frame: Frame,
     truth: Truth,
-    wanted: tuple[Wanted, ...],
-    table: ViewTable,
+    wanted: tuple[SearchTarget, ...],
+    table: ViewNoiseTable,
     key_of_instance: Callable[[TruthInstance], int],
-) -> list[Ghost]:
+) -> list[FalsePositive]:
     """All false positives of a frame."""
     if table.level == 0 or table.file.scale.false == 0 or not wanted:
         return []
@@ -73,7 +73,7 @@ def ghosts(
     sectors, codes, _ = table.seen_from(eye_m, middles_m, None)
     views = Views(cells.keys, sectors, codes)
     purposes = keys_of([f"{what} {normalised(w.name)}" for w in wanted for what in WHAT])
-    z = latent(views, purposes[:: len(WHAT)], table.shares, frame.stamp_ns)
+    z = normal_draws(views, purposes[:: len(WHAT)], table.shares, frame.stamp_ns)
     out = []
     for k, want in enumerate(wanted):
         limit = _limits(cells, table, want)
@@ -81,21 +81,21 @@ def ghosts(
             one = np.s_[n : n + 1]
             own = Views(cells.keys[one], sectors[one], codes[one])
             rest = purposes[len(WHAT) * k + 1 : len(WHAT) * (k + 1)]
-            u_score, u_size = uniform(latent(own, rest, table.shares, frame.stamp_ns)[0])
+            u_score, u_size = uniform(normal_draws(own, rest, table.shares, frame.stamp_ns)[0])
             score = table.score("false", u_score, 1)
             if score < want.threshold:
                 continue
             masked = _blob(frame, truth, cells, int(n), int(purposes[len(WHAT) * k]), want, u_size,
                            table)  # fmt: skip
             if masked is not None:
-                out.append(Ghost(want, score, *masked))
+                out.append(FalsePositive(want, score, *masked))
     return out
 
 
 def surface_cells(
     frame: Frame,
     truth: Truth,
-    table: ViewTable,
+    table: ViewNoiseTable,
     key_of_instance: Callable[[TruthInstance], int],
 ) -> Cells | None:
     """The visible cells of surfaces that may carry false positives; None without any."""
@@ -134,7 +134,7 @@ def surface_cells(
     return Cells(keys, voxels[first], instances, of_point.ravel(), points_m, pixels)
 
 
-def _limits(cells: Cells, table: ViewTable, want: Wanted) -> NDArray[np.float64]:
+def _limits(cells: Cells, table: ViewNoiseTable, want: SearchTarget) -> NDArray[np.float64]:
     """[n] a cell's draw below this makes a false positive; -inf on surfaces of the wanted class."""
     f = table.file.false_positive
     limit = [
@@ -155,9 +155,9 @@ def _blob(
     cells: Cells,
     n: int,
     purpose: int,
-    want: Wanted,
+    want: SearchTarget,
     u_size: float,
-    table: ViewTable,
+    table: ViewNoiseTable,
 ) -> Masked | None:
     """Surface pixels within a ball around the false positive's position; None if too few or at the
     image border."""

@@ -21,7 +21,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_detector.simulation.view_noise_table import ViewTable, view_table
+from helios_detector.simulation.view_noise_table import ViewNoiseTable, view_table
 from helios_detector.vocabulary_matching import normalised
 
 _STANDARD = NormalDist()
@@ -130,7 +130,7 @@ def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
     return out
 
 
-def load_noise(name_or_path: str) -> NoiseTable | ViewTable:
+def load_noise(name_or_path: str) -> NoiseTable | ViewNoiseTable:
     """A table by name or from a file; a `ViewTable` if it contains `format = "views"`.
 
     Raises InvalidInput for a missing or invalid table.

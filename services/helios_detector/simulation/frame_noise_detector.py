@@ -16,13 +16,13 @@ from helios_detector.simulation.frame_noise import Draws, NoiseTable, hashed_vox
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
 from helios_detector.simulation.mask_errors import eroded, trimmed
 from helios_detector.simulator_truth import TruthSource, truth_of
-from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
+from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
 
 VOXEL_M = 0.15  # voxel within which a false positive keeps its position
 SUBSAMPLE_PX = 4
 
 
-class SimulatedDetector(DetectorBackend):
+class FrameNoiseDetector(DetectorBackend):
     """Detector with misses, class confusions, false positives and small masks; errors repeat for
     the same view."""
 
@@ -98,7 +98,7 @@ class SimulatedDetector(DetectorBackend):
         return not instance.graspable and not never
 
     def _imagined(
-        self, thing: Visible, frame: Frame, wanted: tuple[Wanted, ...], draws: Draws
+        self, thing: Visible, frame: Frame, wanted: tuple[SearchTarget, ...], draws: Draws
     ) -> list[Detection]:
         """False positives on a piece of furniture; a hash picks one position per class."""
         out: list[Detection] = []

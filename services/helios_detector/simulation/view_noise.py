@@ -109,7 +109,7 @@ def sectors_of(xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.minimum((turn * (SECTORS / math.tau)).astype(np.int64), SECTORS - 1)
 
 
-def latent(
+def normal_draws(
     views: Views, purposes: NDArray[np.uint64], shares: Shares, stamp_ns: int
 ) -> NDArray[np.float64]:
     """Standard normal draws [n, purposes]; each level repeats its term for the same key."""

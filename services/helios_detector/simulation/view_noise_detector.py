@@ -18,10 +18,10 @@ from helios_detector.lexical_scorer import household_names
 from helios_detector.simulation.false_positives import ghosts
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
 from helios_detector.simulation.mask_errors import Masked, eroded, leaked, partial
-from helios_detector.simulation.view_noise import Views, key_of, keys_of, latent, uniform
-from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulation.view_noise import Views, key_of, keys_of, normal_draws, uniform
+from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
-from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
+from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
 
 PURPOSES: tuple[str, ...] = (
     "miss", "confuse", "confuse as", "score", "twice", "twice score", "mask", "cut", "keep",
@@ -30,7 +30,7 @@ _PURPOSE_KEYS = keys_of(PURPOSES)
 
 
 @dataclass(frozen=True)
-class Verdict:
+class SimulatedResult:
     """The simulated result for one visible object."""
 
     thing: Visible
@@ -38,11 +38,11 @@ class Verdict:
     draws: Mapping[str, float]  # purpose -> uniform draw
 
 
-class ViewDetector(DetectorBackend):
+class ViewNoiseDetector(DetectorBackend):
     """Detector with misses, class confusions, second names, false positives and mask errors;
     errors persist for the same view."""
 
-    def __init__(self, source: TruthSource, table: ViewTable, seed: int = 0) -> None:
+    def __init__(self, source: TruthSource, table: ViewNoiseTable, seed: int = 0) -> None:
         self._source, self._table, self._seed = source, table, seed
         self.name = f"simulated:{table.name}@{table.digest}"
 
@@ -85,7 +85,9 @@ class ViewDetector(DetectorBackend):
             detections.append(detection(g.want.name, g.score, g.box_xyxy, g.crop, shape))
         return Findings(tuple(detections), tuple(seen.values()))
 
-    def verdicts(self, frame: Frame, truth: Truth, wanted: tuple[Wanted, ...]) -> list[Verdict]:
+    def verdicts(
+        self, frame: Frame, truth: Truth, wanted: tuple[SearchTarget, ...]
+    ) -> list[SimulatedResult]:
         """Results for every visible object, in the search context or not."""
         things = list(visible(truth))
         return verdicts(
@@ -96,7 +98,7 @@ class ViewDetector(DetectorBackend):
     def _key(self, instance: TruthInstance) -> int:
         return key_of(f"{self._seed}/{self._table.name}/{instance.key}")
 
-    def _masked(self, verdict: Verdict, frame: Frame, truth: Truth) -> Masked:
+    def _masked(self, verdict: SimulatedResult, frame: Frame, truth: Truth) -> Masked:
         """The object's box and mask as reported."""
         table, m, u = self._table, self._table.file.mask, verdict.draws
         box, crop = verdict.thing.box_xyxy, verdict.thing.crop
@@ -114,12 +116,12 @@ class ViewDetector(DetectorBackend):
 
 def verdicts(
     things: list[Visible],
-    table: ViewTable,
+    table: ViewNoiseTable,
     keys: list[int],
     eye_m: NDArray[np.float64],
     stamp_ns: int,
-    wanted: Sequence[Wanted] = (),
-) -> list[Verdict]:
+    wanted: Sequence[SearchTarget] = (),
+) -> list[SimulatedResult]:
     """Results for each object (with its key) seen from the camera position `eye_m` [3], world."""
     if not things:
         return []
@@ -127,9 +129,9 @@ def verdicts(
     pixels = np.array([t.pixels for t in things])
     sectors, cells, distance_m = table.seen_from(eye_m, centers_m, pixels)
     views = Views(np.array(keys, np.uint64), sectors, cells)
-    draws = uniform(latent(views, _PURPOSE_KEYS, table.shares, stamp_ns))
+    draws = uniform(normal_draws(views, _PURPOSE_KEYS, table.shares, stamp_ns))
     asked = [f"{what} {normalised(w.name)}" for w in wanted for what in ("as", "as, score")]
-    asked_draws = uniform(latent(views, keys_of(asked), table.shares, stamp_ns))
+    asked_draws = uniform(normal_draws(views, keys_of(asked), table.shares, stamp_ns))
     classes = [normalised(t.instance.class_name) for t in things]
     missed = draws[:, 0] < table.miss(classes, pixels, distance_m)
     out = []
@@ -138,12 +140,12 @@ def verdicts(
         names = () if missed[k] else named(thing.instance.class_name, thing.pixels, table, u)
         if names:
             names += also_named(thing, names, table, wanted, asked_draws[k].reshape(-1, 2))
-        out.append(Verdict(thing, names, u))
+        out.append(SimulatedResult(thing, names, u))
     return out
 
 
 def named(
-    class_name: str, pixels: int, table: ViewTable, u: Mapping[str, float]
+    class_name: str, pixels: int, table: ViewNoiseTable, u: Mapping[str, float]
 ) -> tuple[tuple[str, float], ...]:
     """Reported classes and scores, one or two, of an object that is not missed."""
     true = normalised(class_name)
@@ -163,8 +165,8 @@ def named(
 def also_named(
     thing: Visible,
     names: tuple[tuple[str, float], ...],
-    table: ViewTable,
-    wanted: Sequence[Wanted],
+    table: ViewNoiseTable,
+    wanted: Sequence[SearchTarget],
     draws: NDArray[np.float64],
 ) -> tuple[tuple[str, float], ...]:
     """Extra search classes reported for the object without a confusion entry, with scores.

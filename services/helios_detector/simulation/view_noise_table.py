@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from helios_detector.simulation.view_noise import SECTORS, Shares, sectors_of
-from helios_detector.vocabulary_matching import equals, normalised
+from helios_detector.vocabulary_matching import normalised, synonyms_of
 
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -163,7 +163,7 @@ class Confusion(_Part):
         for true, row in self.rows().items():
             if sum(row.values()) > 1:
                 raise ValueError(f"{true!r} is confused with probability {sum(row.values()):.2f}")
-            if same := equals(true) & row.keys():
+            if same := synonyms_of(true) & row.keys():
                 raise ValueError(f"{true!r} cannot be mistaken for {sorted(same)}: it is the same")
         return self
 
@@ -206,7 +206,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class ViewTable:
+class ViewNoiseTable:
     """The table at one level and correlation."""
 
     file: ViewTableFile
@@ -228,7 +228,7 @@ class ViewTable:
                 out[true] = Row(tuple(row), np.cumsum(values) / total, total)
         return out
 
-    def scaled(self, level: float, correlation: float | None = None) -> ViewTable:
+    def scaled(self, level: float, correlation: float | None = None) -> ViewNoiseTable:
         """The table with every rate multiplied by `level`; 0 gives ground truth. `correlation` 1
         redraws nothing per frame, 0 everything; None: the table's shares. Raises InvalidInput
         outside their ranges."""
@@ -238,7 +238,7 @@ class ViewTable:
             raise InvalidInput(f"the noise correlation is {correlation}; wanted 0 to 1")
         own = shares_of(self.file.persistence)
         shares = own if correlation is None else own.correlated(correlation)
-        return ViewTable(self.file, self.digest, shares, level)
+        return ViewNoiseTable(self.file, self.digest, shares, level)
 
     def rate(self, probability: float, scale: float = 1.0) -> float:
         """The rate min(1, level · scale · probability)."""
@@ -320,7 +320,7 @@ def shares_of(p: Persistence) -> Shares:
     return Shares(p.thing, p.side, p.view, p.frame)
 
 
-def view_table(data: dict[str, Any], digest: str) -> ViewTable:
+def view_table(data: dict[str, Any], digest: str) -> ViewNoiseTable:
     """The table from parsed TOML. Raises ValueError with the fault of the file."""
     file = ViewTableFile.model_validate(data)
-    return ViewTable(file, digest, shares_of(file.persistence))
+    return ViewNoiseTable(file, digest, shares_of(file.persistence))

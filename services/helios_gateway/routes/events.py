@@ -26,8 +26,8 @@ from helios_gateway.error_responses import (
     problem_of,
     problems,
 )
-from helios_gateway.event_hub import Event, Wanted, as_sse
-from helios_gateway.robot_registry import Served
+from helios_gateway.event_hub import Event, EventFilter, as_sse
+from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.settings import Settings
 
 TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
@@ -110,7 +110,7 @@ async def socket(
 
 async def _watch(
     viewer: HTTPConnection,
-    robot: Served,
+    robot: RobotEndpoint,
     settings: Settings,
     last_id: str | None,
     types: str,
@@ -120,11 +120,11 @@ async def _watch(
 
     Raises InvalidInput, NotFound, Unavailable.
     """
-    wanted = Wanted(_types(types), task_id)
+    wanted = EventFilter(_types(types), task_id)
     if not task_id:
-        stream = robot.live.events.watch(last_id, wanted)
+        stream = robot.monitor.events.watch(last_id, wanted)
     else:
-        stream = robot.live.events.watch(last_id, wanted.with_tasks())
+        stream = robot.monitor.events.watch(last_id, wanted.with_tasks())
         await anext(stream)  # from here on the stream includes the end of the task
         try:
             first = await anyio.to_thread.run_sync(
@@ -145,7 +145,7 @@ def _types(text: str) -> frozenset[str]:
     return types
 
 
-def _task_event(robot: Served, task_id: str, timeout_s: float) -> Event:
+def _task_event(robot: RobotEndpoint, task_id: str, timeout_s: float) -> Event:
     """Event with the current state of a task; without an id, because it is not from the stream."""
     with invalid_as_not_found():
         task = robot.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
@@ -154,7 +154,7 @@ def _task_event(robot: Served, task_id: str, timeout_s: float) -> Event:
 
 
 async def _until_ended(
-    stream: AsyncGenerator[Event | None], first: Event, wanted: Wanted
+    stream: AsyncGenerator[Event | None], first: Event, wanted: EventFilter
 ) -> AsyncGenerator[Event | None]:
     """Requested events of a started stream, until the task has ended.
 

@@ -17,11 +17,11 @@ from starlette.responses import JSONResponse
 from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, GatewayState, State, check, secured
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem, problem_of, problems
-from helios_gateway.robot_registry import Served
-from helios_gateway.uploaded_frames import FrameTaken, push_request, read_meta, taken
+from helios_gateway.robot_registry import RobotEndpoint
+from helios_gateway.uploaded_frames import FrameTaken, push_request, push_response, read_meta
 
 MOST_SENDERS = 8  # concurrent sockets
-TURN_S = 12.0  # time for the bridge to process earlier frames
+BRIDGE_QUEUE_S = 12.0  # time for the bridge to process earlier frames
 FAREWELL_S = 1.0  # time limit for sending the reason of a close
 GOING_AWAY, NOT_ALLOWED = 1001, 1008
 router = APIRouter(tags=["frames"])
@@ -77,20 +77,20 @@ async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None
 
 
 async def _push(
-    robot: Served, state: GatewayState, meta: str | bytes, color: bytes, depth: bytes | None
+    robot: RobotEndpoint, state: GatewayState, meta: str | bytes, color: bytes, depth: bytes | None
 ) -> FrameTaken:
     """Acknowledgements of the maps for one frame. Raises HeliosError."""
 
     def call() -> pb.PushReply:
         known = read_meta(meta)
         request = push_request(known, color, depth)
-        timeout_s = known.wait_s + TURN_S + state.settings.call_timeout_s
+        timeout_s = known.wait_s + BRIDGE_QUEUE_S + state.settings.call_timeout_s
         return robot.bus.call(PUSH, request, timeout_s)
 
-    return taken(await anyio.to_thread.run_sync(call, limiter=state.frame_threads))
+    return push_response(await anyio.to_thread.run_sync(call, limiter=state.frame_threads))
 
 
-async def _answer_frames(robot: Served, state: GatewayState, socket: WebSocket) -> _End:
+async def _answer_frames(robot: RobotEndpoint, state: GatewayState, socket: WebSocket) -> _End:
     """Answer frames until the sender is silent or its key is revoked; return the reason.
 
     Raises WebSocketDisconnect.

@@ -43,11 +43,11 @@ async def readyz(state: State, response: Response) -> api_models.Readiness:
 
     A stopped robot is a reason, too.
     """
-    reasons = state.robots.reasons()
+    reasons = state.robots.not_ready_reasons()
     served = state.robots.robots.values()
-    stopped = any(one.live.stopped for one in served)
+    stopped = any(one.monitor.stopped for one in served)
     response.status_code = 503 if reasons else 200
-    said = [one.live.stop_reason for one in served if one.live.stop_reason]
+    said = [one.monitor.stop_reason for one in served if one.monitor.stop_reason]
     return api_models.Readiness(
         ready=not reasons, stopped=stopped, stop_reason="; ".join(said), reasons=reasons
     )
@@ -67,7 +67,7 @@ async def prometheus(state: State) -> Response:
 
 @service_router.get("/status", summary="Every service", dependencies=secured(Scope.READ))
 async def status(robot: AddressedRobot) -> api_models.Status:
-    return robot.live.status()
+    return robot.monitor.status()
 
 
 @service_router.get(
@@ -80,7 +80,7 @@ def service_settings(
     robot: AddressedRobot, name: ServiceName, timeout_s: CallTimeout
 ) -> api_models.ServiceSettings:
     """Return the settings that a service was started with, their defaults and their meaning."""
-    known = [service.name for service in robot.live.status().services]
+    known = [service.name for service in robot.monitor.status().services]
     if name not in known:
         raise NotFound(f"there is no service {name!r}; there are: {', '.join(known)}")
     if name == ROUTER:
@@ -106,8 +106,8 @@ async def robots(state: State) -> api_models.RobotList:
     """
     return api_models.RobotList(robots=[
         api_models.RobotEntry(
-            name=name, connected=served.live.robot().connected,
-            ready=not served.live.reasons(), stopped=served.live.stopped,
+            name=name, connected=served.monitor.robot().connected,
+            ready=not served.monitor.not_ready_reasons(), stopped=served.monitor.stopped,
         )
         for name, served in state.robots.robots.items()
     ])  # fmt: skip

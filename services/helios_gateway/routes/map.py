@@ -8,7 +8,14 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.cached_responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
+from helios_gateway.cached_responses import (
+    JPEG,
+    NPZ,
+    PNG,
+    UNCHANGED,
+    conditional_response,
+    content_docs,
+)
 from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
 
@@ -28,7 +35,7 @@ router = APIRouter(
     responses=UNCHANGED,
 )
 def info(maps: Maps, request: Request) -> Response:
-    return tagged(request, maps.info_json())
+    return conditional_response(request, maps.info_json())
 
 
 @router.get(
@@ -38,7 +45,7 @@ def info(maps: Maps, request: Request) -> Response:
     responses=UNCHANGED,
 )
 def frontiers(maps: Maps, request: Request) -> Response:
-    return tagged(request, maps.frontiers_json())
+    return conditional_response(request, maps.frontiers_json())
 
 
 @router.get(
@@ -48,7 +55,7 @@ def frontiers(maps: Maps, request: Request) -> Response:
     responses=content_docs(PNG, "a picture for people"),
 )
 def occupancy_png(maps: Maps, request: Request, size_px: SizePx = 900) -> Response:
-    return tagged(request, maps.picture("occupancy", size_px))
+    return conditional_response(request, maps.picture("occupancy", size_px))
 
 
 @router.get(
@@ -66,7 +73,7 @@ def occupancy_npz(maps: Maps, request: Request) -> Response:
 
     Rows run along world y from the origin upwards, columns along x.
     """
-    return tagged(request, maps.npz(None))
+    return conditional_response(request, maps.npz(None))
 
 
 @router.get(
@@ -76,7 +83,7 @@ def occupancy_npz(maps: Maps, request: Request) -> Response:
     responses=content_docs(PNG, "a picture for people") | problems(404),
 )
 def value_png(maps: Maps, request: Request, layer: LayerName, size_px: SizePx = 900) -> Response:
-    return tagged(request, maps.picture(layer, size_px))
+    return conditional_response(request, maps.picture(layer, size_px))
 
 
 @router.get(
@@ -86,7 +93,7 @@ def value_png(maps: Maps, request: Request, layer: LayerName, size_px: SizePx = 
     responses=content_docs(NPZ, "value, explored, origin_m, cell_m") | problems(404),
 )
 def value_npz(maps: Maps, request: Request, layer: LayerName) -> Response:
-    return tagged(request, maps.npz(layer))
+    return conditional_response(request, maps.npz(layer))
 
 
 @router.get(
@@ -105,7 +112,7 @@ def cells(
     Red: 0 unknown, 128 free, 255 occupied. Green: 255 where seen since the search began.
     Blue: the layer's value, 255 at the layer's `max_value` (see `/v1/map`).
     """
-    return tagged(request, maps.cells(layer))
+    return conditional_response(request, maps.cells(layer))
 
 
 @router.get(
@@ -125,7 +132,7 @@ def objects(
         Query(allow_inf_nan=False, description="only those with a score Ψ from this on"),
     ] = None,
 ) -> Response:
-    return tagged(request, maps.objects_json(class_name, min_score))
+    return conditional_response(request, maps.objects_json(class_name, min_score))
 
 
 @router.get("/objects/{id}", summary="One object", responses=problems(404))
@@ -146,4 +153,4 @@ def camera(
     request: Request,
     raw: Annotated[bool, Query(description="without boxes")] = False,
 ) -> Response:
-    return tagged(request, robot.live.camera.jpeg(raw))
+    return conditional_response(request, robot.monitor.camera.jpeg(raw))

@@ -29,7 +29,7 @@ from helios_gateway.dependencies import AddressedRobot, State, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.map_archive import MAP2D_SUFFIX, MapFile, packed, unpacked
 from helios_gateway.message_conversion import finite
-from helios_gateway.robot_registry import Served
+from helios_gateway.robot_registry import RobotEndpoint
 
 ZIP = "application/zip"
 FILE_S = 60.0  # time limit of one save or load; a large home takes seconds
@@ -105,7 +105,7 @@ def load(
     """
     settings = state.settings
     maps = unpacked(file, settings.map_limit_bytes)
-    with no_task(robot, "the maps are being loaded", settings.call_timeout_s):
+    with planner_reserved(robot, "the maps are being loaded", settings.call_timeout_s):
         objects, ground = _load_both(robot, maps)
     return api_map_models.LoadedMaps(
         objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
@@ -113,7 +113,7 @@ def load(
     )  # fmt: skip
 
 
-def _load_both(robot: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
+def _load_both(robot: RobotEndpoint, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
     """Load both maps.
 
     Raises HeliosError if neither is loaded, and DeadlineExceeded if that is unknown.
@@ -132,7 +132,7 @@ def _load_both(robot: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.Loa
             raise
         return objects, ground
     finally:
-        robot.live.maps.on_change()
+        robot.monitor.maps.on_change()
 
 
 def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
@@ -161,7 +161,7 @@ def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
 
 
 @contextlib.contextmanager
-def no_task(robot: Served, why: str, timeout_s: float) -> Iterator[None]:
+def planner_reserved(robot: RobotEndpoint, why: str, timeout_s: float) -> Iterator[None]:
     """Keep the planner from starting a task until the context ends; new tasks wait and report why.
 
     Raises Conflict while a task is queued, running or paused.

@@ -13,8 +13,8 @@ from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps, secured
 from helios_gateway.error_responses import problems
-from helios_gateway.robot_registry import Served
-from helios_gateway.routes.map_file import FILE_S, no_task, put_back
+from helios_gateway.robot_registry import RobotEndpoint
+from helios_gateway.routes.map_file import FILE_S, planner_reserved, put_back
 
 Part = Literal["objects", "occupancy"]
 BOTH: tuple[Part, ...] = ("objects", "occupancy")
@@ -46,7 +46,7 @@ def reset(
     the maps is unknown: send the request again.
     """
     parts = BOTH if only is None else (only,)
-    with no_task(robot, "the maps are being emptied", timeout_s):
+    with planner_reserved(robot, "the maps are being emptied", timeout_s):
         try:
             if only is None:
                 _reset_both(robot)
@@ -57,7 +57,7 @@ def reset(
     return api_map_models.ResetMaps(reset=list(parts))
 
 
-def _reset_both(robot: Served) -> None:
+def _reset_both(robot: RobotEndpoint) -> None:
     """Empty both maps.
 
     Raises HeliosError if neither is empty, and DeadlineExceeded if that is unknown.
@@ -73,7 +73,7 @@ def _reset_both(robot: Served) -> None:
         raise
 
 
-def _reset(robot: Served, part: Part) -> None:
+def _reset(robot: RobotEndpoint, part: Part) -> None:
     try:
         robot.bus.call(METHODS[part], pb.Empty(), FILE_S)
     except DeadlineExceeded as error:

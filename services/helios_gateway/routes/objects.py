@@ -15,11 +15,11 @@ from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS
 
 from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.cached_responses import NPZ, PNG, Encoded, content_docs, tagged
+from helios_gateway.cached_responses import NPZ, PNG, Encoded, conditional_response, content_docs
 from helios_gateway.dependencies import AddressedRobot, CallTimeout, secured
 from helios_gateway.error_responses import NotFound, invalid_as_not_found, problems
 from helios_gateway.object_viewpoint import camera, look_at
-from helios_gateway.robot_registry import Served
+from helios_gateway.robot_registry import RobotEndpoint
 
 PLY = "application/octet-stream"
 Layer = Literal["color", "depth", "probability", "uncertainty"]
@@ -94,7 +94,7 @@ def points(
         box_size_m=[d.box_size_m.x, d.box_size_m.y, d.box_size_m.z],
         box_yaw_rad=d.box_yaw_rad,
     )  # fmt: skip
-    return tagged(request, Encoded.of(stream.getvalue(), NPZ))
+    return conditional_response(request, Encoded.of(stream.getvalue(), NPZ))
 
 
 @router.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
@@ -136,7 +136,7 @@ def view(
         center_m, size_m, _robot_side(robot, center_m) if azimuth_rad is None else azimuth_rad
     )
     rendered = _rendered(robot, T_world_cam, camera(size_px), layer, found.class_name, timeout_s)
-    return tagged(request, rendered)
+    return conditional_response(request, rendered)
 
 
 @router.get(
@@ -178,28 +178,35 @@ def view_from(
     lens = Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
     T_world_cam = camera_on_base(se2_to_se3(x_m, y_m, yaw_rad), z_m, down_rad)
     rendered = _rendered(robot, T_world_cam, lens, layer, class_name, timeout_s)
-    return tagged(request, rendered)
+    return conditional_response(request, rendered)
 
 
-def _detail(robot: Served, id: int, timeout_s: float) -> pb.ObjectDetail:
+def _detail(robot: RobotEndpoint, id: int, timeout_s: float) -> pb.ObjectDetail:
     """One instance of the object map with all details. Raises NotFound for an unknown id."""
     with invalid_as_not_found():
         return robot.bus.call(OBJECT_DETAIL, pb.ObjectRequest(object_id=id), timeout_s)
 
 
 def _exported(
-    robot: Served, request: Request, timeout_s: float, format: str, id: int = 0
+    robot: RobotEndpoint, request: Request, timeout_s: float, format: str, id: int = 0
 ) -> Response:
     """Response with the Gaussians of one object, or of all for id 0. Raises NotFound."""
     with invalid_as_not_found():
         reply = robot.bus.call(
             EXPORT_OBJECTS, pb.ExportRequest(format=format, object_id=id), timeout_s
         )
-    return tagged(request, Encoded.of(reply.data, PLY, x_gaussians=str(reply.gaussians)))
+    return conditional_response(
+        request, Encoded.of(reply.data, PLY, x_gaussians=str(reply.gaussians))
+    )
 
 
 def _rendered(
-    robot: Served, T_world_cam: Matrix, lens: Pinhole, layer: str, name: str, timeout_s: float
+    robot: RobotEndpoint,
+    T_world_cam: Matrix,
+    lens: Pinhole,
+    layer: str,
+    name: str,
+    timeout_s: float,
 ) -> Encoded:
     """PNG of a layer of the object map from a camera. Raises NotFound for an unknown class.
 
@@ -213,9 +220,9 @@ def _rendered(
         return Encoded.of(robot.bus.call(RENDER_OBJECTS, message, timeout_s).png, PNG)
 
 
-def _robot_side(robot: Served, center_m: np.ndarray) -> float:
+def _robot_side(robot: RobotEndpoint, center_m: np.ndarray) -> float:
     """Direction (rad) from a point to the robot; 0 if the robot's pose is unknown."""
-    state = robot.live.robot().state
+    state = robot.monitor.robot().state
     if state is None or state.pose is None:
         return 0.0
     return math.atan2(state.pose.y_m - center_m[1], state.pose.x_m - center_m[0])

@@ -17,7 +17,7 @@ from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
-from helios_gateway.robot_registry import Served
+from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.routes.objects import ObjectId
 
 RECALL_S = 12.0  # includes the loading of the text model
@@ -88,7 +88,7 @@ def _shows(found: api_map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
     return math.hypot(place.x_m - (x or 0.0), place.y_m - (y or 0.0)) <= reach_m
 
 
-def _recalled(robot: Served, request: pb.RecallRequest) -> pb.RecallReply:
+def _recalled(robot: RobotEndpoint, request: pb.RecallRequest) -> pb.RecallReply:
     """Past views from map2d; if it does not answer, none, with the error as the note."""
     try:
         return robot.bus.call(RECALL, request, RECALL_S)

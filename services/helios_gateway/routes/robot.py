@@ -31,7 +31,7 @@ router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.R
 
 @router.get("", name="robot", summary="How the robot is, and what it is", responses=problems())
 async def get_robot(robot: AddressedRobot) -> api_models.Robot:
-    return robot.live.robot()
+    return robot.monitor.robot()
 
 
 @router.post(
@@ -52,7 +52,7 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
         functools.partial(robot.bus.call, STOP, message, state.settings.stop_timeout_s),
         limiter=state.stop_threads,
     )
-    return robot.live.robot()
+    return robot.monitor.robot()
 
 
 @router.post(
@@ -68,7 +68,7 @@ def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robo
     the holder.
     """
     robot.bus.call(CLEAR_STOP, pb.Empty(), timeout_s)
-    return robot.live.robot()
+    return robot.monitor.robot()
 
 
 def stop_reason(body: bytes) -> str:

@@ -45,5 +45,5 @@ def _session(keys: ApiKeys, key: ApiKey | None) -> api_models.Session:
     return api_models.Session(
         required=keys.required,
         name=key.name if key else "",
-        scope=key.scope.spoken if key else None,
+        scope=key.scope.label if key else None,
     )

@@ -25,7 +25,7 @@ from helios_gateway import api_models, message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps, secured
 from helios_gateway.error_responses import invalid_as_not_found, problems
-from helios_gateway.robot_registry import Served
+from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.task_suggestions import suggestions as suggested
 
 router = APIRouter(tags=["tasks"], dependencies=secured(Scope.READ))
@@ -171,12 +171,12 @@ def suggestions(
     knows.
     """
     known = robot.bus.call(VOCABULARY, pb.Empty(), timeout_s)
-    now = robot.live.robot()
+    now = robot.monitor.robot()
     described, pose = now.description, now.state.pose if now.state else None
     has_arm = described is None or (described.can_pick and described.can_place)
     robot_xy = (pose.x_m, pose.y_m) if pose else None
     try:
-        believed = message_conversion.believed(maps.objects())
+        believed = message_conversion.suggestable_objects(maps.objects())
     except (Unavailable, DeadlineExceeded):
         believed = None
     return api_models.Suggestions(
@@ -185,7 +185,9 @@ def suggestions(
     )
 
 
-def _of_task(robot: Served, method: Method[pb.TaskRequest, M], id: str, timeout_s: float) -> M:
+def _of_task(
+    robot: RobotEndpoint, method: Method[pb.TaskRequest, M], id: str, timeout_s: float
+) -> M:
     """Planner's reply to a call about one task. Raises NotFound for an unknown id."""
     with invalid_as_not_found():
         return robot.bus.call(method, pb.TaskRequest(id=id), timeout_s)

@@ -20,9 +20,9 @@ from helios_gateway.dependencies import AddressedRobot, State, check, key_of, se
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem_of, problems
 from helios_gateway.message_conversion import finite, pose_of
 from helios_gateway.request_validation import errors_text
-from helios_gateway.robot_registry import Served
+from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.settings import Settings
-from helios_gateway.teleop.driver import TeleopDriver, check_may_drive, described
+from helios_gateway.teleop.driver import TeleopLease, check_may_drive, require_drivable
 from helios_gateway.teleop.limits import check_move
 from helios_gateway.teleop.messages import DriveRequest, DriveResult, TeleopCommand
 from helios_gateway.teleop.pacing import Command
@@ -61,7 +61,7 @@ async def drive(
     `standing`, `driving`, `blocked` and `refused`. The kind of a refusal is `invalid` for a
     wrong command and `conflict` if the robot cannot be driven now.
     """
-    driver = TeleopDriver(robot, _who(request), state.settings.call_timeout_s)
+    driver = TeleopLease(robot, _who(request), state.settings.call_timeout_s)
     return await anyio.to_thread.run_sync(
         _one_move, robot, driver, asked, limiter=state.teleop_threads
     )
@@ -78,7 +78,7 @@ async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None
     settings = state.settings
     with slot:
         await socket.accept()
-        driver = TeleopDriver(robot, _who(socket), settings.call_timeout_s)
+        driver = TeleopLease(robot, _who(socket), settings.call_timeout_s)
         session = TeleopSession(driver, settings, state.teleop_threads)
         end = await _driven(robot, socket, session, settings)
     if end is not None:
@@ -87,9 +87,9 @@ async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None
                 await socket.close(*end)
 
 
-def _one_move(robot: Served, driver: TeleopDriver, asked: DriveRequest) -> DriveResult:
+def _one_move(robot: RobotEndpoint, driver: TeleopLease, asked: DriveRequest) -> DriveResult:
     """Make one move under the driver's lease, then release the lease. Raises HeliosError."""
-    check_move(asked, described(robot))
+    check_move(asked, require_drivable(robot))
     driver.acquire()
     try:
         action = Forward(asked.forward_m) if asked.forward_m else Turn(asked.turn_rad)
@@ -105,7 +105,7 @@ def _one_move(robot: Served, driver: TeleopDriver, asked: DriveRequest) -> Drive
 
 
 async def _driven(
-    robot: Served, socket: WebSocket, session: TeleopSession, settings: Settings
+    robot: RobotEndpoint, socket: WebSocket, session: TeleopSession, settings: Settings
 ) -> tuple[int, str] | None:
     """Serve a driver until it disconnects, falls silent or loses its permission; the robot stops.
 
@@ -147,7 +147,7 @@ async def _commands(
 
 async def _tell(socket: WebSocket, session: TeleopSession) -> None:
     """Send each new state; skip those that a newer one has already replaced."""
-    await session.checked.wait()
+    await session.permission_checked.wait()
     while True:
         changed = session.changed
         try:

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from helios_gateway import viewer_scene
 from helios_gateway.api_keys import Scope
-from helios_gateway.cached_responses import Encoded, content_docs, tagged
+from helios_gateway.cached_responses import Encoded, conditional_response, content_docs
 from helios_gateway.dependencies import Maps, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.gaussian_arrays import ColorBy
@@ -36,7 +36,7 @@ def view3d(request: Request) -> Response:
     Parameters: `?playbackPath=/v1/objects.viser`, and viser's own, such as `darkMode` and
     `initialCameraPosition=X,Y,Z`. The page loads nothing from another host.
     """
-    out = tagged(request, Encoded.of(viewer_scene.page(), HTML))
+    out = conditional_response(request, Encoded.of(viewer_scene.page(), HTML))
     out.headers["content-security-policy"] = POLICY
     return out
 
@@ -63,4 +63,4 @@ def scene(
     viser also shows the file without the gateway:
     https://viser.studio/main/embedded_visualizations/
     """
-    return tagged(request, maps.scene(color))
+    return conditional_response(request, maps.scene(color))

@@ -15,19 +15,19 @@ from helios_core.task_states import HOLDS_ROBOT
 from helios_core.topics import ACT, LEASE, LIST_TASKS
 
 from helios_gateway.api_models import RobotDescription
-from helios_gateway.robot_registry import Served
+from helios_gateway.robot_registry import RobotEndpoint
 
 HAND_OVER_S = 1.5  # for the previous driver's last keyframe and release
 MOVE_S = 20.0  # time limit of one move; the bridge stops the robot after it
 KEYFRAME_M, KEYFRAME_RAD = 0.5, math.radians(30)  # longest drive and turn between two keyframes
 
 
-def described(at: Served) -> RobotDescription:
+def require_drivable(at: RobotEndpoint) -> RobotDescription:
     """Description of the robot.
 
     Raises Unavailable before the bridge has sent one, and Conflict for a robot that cannot drive.
     """
-    robot = at.live.robot().description
+    robot = at.monitor.robot().description
     if robot is None:
         raise Unavailable("the bridge has not described the robot yet; see /v1/status")
     if not robot.can_move:
@@ -35,14 +35,14 @@ def described(at: Served) -> RobotDescription:
     return robot
 
 
-def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
+def check_may_drive(at: RobotEndpoint, timeout_s: float) -> RobotDescription:
     """Description of the robot, if a person may drive it now.
 
     Raises the errors of `described`, and Conflict if the robot is stopped or a task holds it.
     """
-    robot = described(at)
-    if at.live.stopped:
-        why = at.live.stop_reason
+    robot = require_drivable(at)
+    if at.monitor.stopped:
+        why = at.monitor.stop_reason
         raise Conflict(f"the robot is stopped ({why}); clear the stop first")
     for task in at.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks:
         if task.state in HOLDS_ROBOT:
@@ -53,13 +53,13 @@ def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
     return robot
 
 
-class TeleopDriver:
+class TeleopLease:
     """Lease of one driver on the robot, and moves under it.
 
     For one thread at a time. Every call waits for the robot and raises HeliosError.
     """
 
-    def __init__(self, at: Served, who: str, timeout_s: float) -> None:
+    def __init__(self, at: RobotEndpoint, who: str, timeout_s: float) -> None:
         """who: driver's name, shown to others who request the lease. timeout_s: of one bus call."""
         self._at, self._timeout_s = at, timeout_s
         own = uuid.uuid4().hex
@@ -124,7 +124,7 @@ class TeleopDriver:
             self._since_rad += abs(result.turned_rad)
         return result
 
-    def look(self) -> None:
+    def take_keyframe(self) -> None:
         """Take a keyframe at the current pose if the robot moved since the last one."""
         if self._since_m or self._since_rad:
             self.move(Observe(), keyframe=True)

@@ -29,7 +29,7 @@ class Command:
     turn: float = 0.0
 
     @property
-    def stands(self) -> bool:
+    def is_zero(self) -> bool:
         return self.forward == 0.0 and self.turn == 0.0
 
     def of(self, axis: Axis) -> float:
@@ -54,7 +54,7 @@ class LatestCommand:
 
 
 @dataclass(frozen=True)
-class Moves:
+class MoveLimits:
     """Lengths of a robot's short moves, and its speed limits."""
 
     step_m: float
@@ -64,7 +64,7 @@ class Moves:
     turn_rad_s: float
 
     @classmethod
-    def of(cls, robot: RobotDescription, speed_m_s: float, turn_rad_s: float) -> Moves:
+    def of(cls, robot: RobotDescription, speed_m_s: float, turn_rad_s: float) -> MoveLimits:
         """Moves of about 0.1 m and 5°, within the robot's own limits."""
         low_m, low_rad = robot.min_forward_m or 0.0, robot.min_turn_rad or 0.0
         step_m = max(STEP_M, low_m)
@@ -114,9 +114,9 @@ class Pacer:
     Does not retry a failed move before its command is released.
     """
 
-    def __init__(self, moves: Moves) -> None:
+    def __init__(self, moves: MoveLimits) -> None:
         self._moves = moves
-        self._saved: dict[Axis, float] = dict.fromkeys(AXES, 1.0)  # moves that may start now
+        self._credits: dict[Axis, float] = dict.fromkeys(AXES, 1.0)  # moves that may start now
         self._at_s: float | None = None
         self._failed: dict[tuple[Axis, bool], str] = {}
 
@@ -134,12 +134,12 @@ class Pacer:
             ahead = share > 0
             if why_not := self._moves.why_not(axis, ahead):
                 self._failed[axis, ahead] = why_not
-            if (axis, ahead) not in self._failed and self._saved[axis] >= 1.0:
-                ready.append((self._saved[axis], axis, ahead))
+            if (axis, ahead) not in self._failed and self._credits[axis] >= 1.0:
+                ready.append((self._credits[axis], axis, ahead))
         if not ready:
             return None
         _, axis, ahead = max(ready, key=lambda r: r[0])
-        self._saved[axis] -= 1.0
+        self._credits[axis] -= 1.0
         return DueMove(axis, ahead, self._moves.action(axis, ahead))
 
     def failed(self, due: DueMove, reason: str) -> None:
@@ -166,4 +166,4 @@ class Pacer:
                 continue
             rate = self._moves.per_s(axis, ahead) * (abs(share) or 1.0)
             # After a slow move at most one further move is due at once.
-            self._saved[axis] = min(self._saved[axis] + rate * passed_s, 1.0)
+            self._credits[axis] = min(self._credits[axis] + rate * passed_s, 1.0)

@@ -21,9 +21,9 @@ from helios_gateway.api_models import RobotDescription, RobotPose
 from helios_gateway.error_responses import kind_of
 from helios_gateway.message_conversion import pose_of
 from helios_gateway.settings import Settings
-from helios_gateway.teleop.driver import TeleopDriver
+from helios_gateway.teleop.driver import TeleopLease
 from helios_gateway.teleop.messages import StateName, TeleopState
-from helios_gateway.teleop.pacing import Command, DueMove, LatestCommand, Moves, Pacer
+from helios_gateway.teleop.pacing import Command, DueMove, LatestCommand, MoveLimits, Pacer
 
 POLL_S = 0.02
 SETTLE_S = 0.4  # standing time before a last keyframe and the release of the lease
@@ -40,7 +40,7 @@ class TeleopSession:
 
     def __init__(
         self,
-        driver: TeleopDriver,
+        driver: TeleopLease,
         settings: Settings,
         threads: CapacityLimiter,
     ) -> None:
@@ -52,7 +52,9 @@ class TeleopSession:
         self._moved_s = -1e9  # end of the last move, monotonic
         self._state = TeleopState(state="standing")
         self.changed = anyio.Event()
-        self.checked = anyio.Event()  # set once `state` includes the first permission check
+        self.permission_checked = (
+            anyio.Event()
+        )  # set once `state` includes the first permission check
 
     @property
     def state(self) -> TeleopState:
@@ -76,7 +78,7 @@ class TeleopSession:
             await self._in_thread(may_drive)
         except HeliosError as error:
             self._tell_refusal(error)
-        self.checked.set()
+        self.permission_checked.set()
         try:
             while True:
                 await self._step()
@@ -88,7 +90,7 @@ class TeleopSession:
         """Make one move, or wait a moment."""
         now_s = time.monotonic()
         command = self._latest.now(now_s)
-        if command.stands:
+        if command.is_zero:
             await self._stand(now_s)
             return
         if self._refused:
@@ -144,7 +146,7 @@ class TeleopSession:
 
     async def _leave(self) -> None:
         """Take a last keyframe and release the lease; ignore errors."""
-        for last in (self._driver.look, self._driver.release):
+        for last in (self._driver.take_keyframe, self._driver.release):
             try:
                 await self._in_thread(last)
             except HeliosError:
@@ -152,7 +154,7 @@ class TeleopSession:
 
     def _pacer_of(self, robot: RobotDescription) -> Pacer:
         s = self._settings
-        return self._pacer or Pacer(Moves.of(robot, s.teleop_speed_m_s, s.teleop_turn_rad_s))
+        return self._pacer or Pacer(MoveLimits.of(robot, s.teleop_speed_m_s, s.teleop_turn_rad_s))
 
     def _tell(self, state: StateName, reason: str = "", pose: RobotPose | None = None) -> None:
         self._tell_state(TeleopState(state=state, reason=reason, pose=pose or self._state.pose))

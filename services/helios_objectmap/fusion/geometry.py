@@ -61,16 +61,16 @@ def _eroded(mask: Mask) -> Mask:
 
 
 @dataclass(frozen=True)
-class Sight:
+class DepthComparison:
     """Gaussians in view that a depth image contradicts or confirms: indices into a projection."""
 
     through: NDArray[np.intp]  # seen through: all surfaces around them are farther away
     there: NDArray[np.intp]  # confirmed: a surface lies at their depth
 
 
-def sight(
+def compare_with_depth(
     projection: Projection, depth_m: NDArray[np.float32], front_m: float = CARVE_FRONT_M
-) -> Sight:
+) -> DepthComparison:
     """Compare Gaussians with measured depth [h, w]. front_m: smallest difference that counts.
 
     A Gaussian is seen through only if all nine pixels around it are valid and farther, so that one
@@ -83,7 +83,7 @@ def sight(
         projection.uv, projection.depth_m, nearest, tolerance_m(nearest, front_m), depth_m,
         tolerance_m(depth_m, front_m), state,
     )  # fmt: skip
-    return Sight(np.flatnonzero(state == THROUGH), np.flatnonzero(state == THERE))
+    return DepthComparison(np.flatnonzero(state == THROUGH), np.flatnonzero(state == THERE))
 
 
 def reobserved(

@@ -101,12 +101,12 @@ def accumulate(
     took = np.empty(len(rows), np.int64)
     n = accumulate_kernel(
         rows, kappa, np.array(columns, np.int64), weights, np.float32(alpha_cpa),
-        store.positive, store.asked, took,
+        store.class_evidence, store.total_evidence, took,
     )  # fmt: skip
     return took[:n]
 
 
-def believe(
+def most_likely_columns(
     positive: NDArray[np.float32],
     asked: NDArray[np.float32],
     rows: NDArray[np.integer],
@@ -145,10 +145,10 @@ def score(mean: NDArray[np.floating], deviation: NDArray[np.floating], alpha_cs:
     """Score of an instance. mean, deviation: [n] E and sqrt(Var) of theta^c of its Gaussians."""
     class_score = float(mean.mean(dtype=np.float64))
     uncertainty = float(deviation.mean(dtype=np.float64))
-    return weighed(class_score, uncertainty, alpha_cs)
+    return score_from(class_score, uncertainty, alpha_cs)
 
 
-def weighed(class_score: float, uncertainty: float, alpha_cs: float) -> Score:
+def score_from(class_score: float, uncertainty: float, alpha_cs: float) -> Score:
     """Score of an instance from its class score and uncertainty."""
     return Score(class_score, uncertainty, class_score - alpha_cs * uncertainty)  # eq. 7
 

@@ -46,12 +46,12 @@ def add_votes(
     n = add_votes_kernel(
         rows, kappa, np.array(columns, np.int64), weights, sector_of(store.means[rows], eye_m),
         UNIT, MOST_VOTES * UNIT, WHOLE_KAPPA, side_views * UNIT, alpha_side,
-        store.votes, store.positive, store.asked, took,
+        store.votes, store.class_evidence, store.total_evidence, took,
     )  # fmt: skip
     return took[:n]
 
 
-def new_share(
+def expected_new_votes(
     votes_so_far: NDArray[np.uint16],
     means: Float32,
     kappas: Sequence[Float32],

@@ -25,7 +25,7 @@ Bands = NDArray[np.float64]  # [N_BANDS] numbers of detections, or shares of the
 
 
 @dataclass
-class Ended:
+class FormerDetections:
     """Detections of former instances of a class."""
 
     true: Bands = field(default_factory=lambda: np.zeros(N_BANDS))
@@ -42,7 +42,9 @@ def bands(depth_m: NDArray[np.floating]) -> NDArray[np.intp]:
     return np.searchsorted(np.array(BANDS_M), depth_m, side="right")
 
 
-def true_share(things: Iterable[tuple[Bands, float]], ended: Ended, by_distance: bool) -> Bands:
+def true_share(
+    things: Iterable[tuple[Bands, float]], ended: FormerDetections, by_distance: bool
+) -> Bands:
     """Share of true detections of a class, per band, or one value for all bands.
 
     things: detections and detection rate of each instance.

@@ -31,7 +31,7 @@ class Expected:
 
 
 @dataclass(frozen=True)
-class Member:
+class InstanceEvidence:
     """Gaussians of one instance: geometry and evidence."""
 
     means: Float32  # [n, 3] world, metres
@@ -43,7 +43,7 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Rates:
+class EvidenceParameters:
     """Weights with which evidence counts."""
 
     prior: float  # concentration of each class before any view
@@ -55,7 +55,7 @@ class Rates:
     side_views: float = 1.0  # with votes: views of a sector until it counts in full
 
 
-def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -> Float32:
+def kappa_at(project: Project, member: InstanceEvidence, view: View, max_depth_m: float) -> Float32:
     """Weight [n] that a view gives each Gaussian, summed over the pixels that see it.
 
     This is the content of Y* in eq. 12.
@@ -69,7 +69,7 @@ def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -
 
 
 def expected(
-    member: Member, wanted: int, kappas: Sequence[Float32], rates: Rates
+    member: InstanceEvidence, wanted: int, kappas: Sequence[Float32], rates: EvidenceParameters
 ) -> list[Expected]:
     """Outcome for each weight kappa [n] if such views show column `wanted` of the context.
 
@@ -99,17 +99,17 @@ def expected(
 
 def what_if(
     project: Project,
-    member: Member,
+    member: InstanceEvidence,
     wanted: int,
     views: Sequence[View],
-    rates: Rates,
+    rates: EvidenceParameters,
     max_depth_m: float,
 ) -> tuple[list[Expected], Expected]:
     """Outcome of each view alone, and of all views together."""
     kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
     if member.votes_so_far is not None:
         eyes_m = [view.T_world_cam[:3, 3] for view in views]
-        kappas, together = viewing_sectors.new_share(
+        kappas, together = viewing_sectors.expected_new_votes(
             member.votes_so_far, member.means, kappas, eyes_m, rates.side_views
         )
     else:

@@ -17,7 +17,7 @@ from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.instances.clustering import Regrouped, Voxels, components, distinct, relabel
 from helios_objectmap.instances.detector_precision import (
     N_BANDS,
-    Ended,
+    FormerDetections,
     bands,
     mean_share,
     true_share,
@@ -80,7 +80,7 @@ class InstanceRegistry:
     def __init__(self) -> None:
         self.records: dict[int, InstanceRecord] = {}
         self.next_label = NO_INSTANCE + 1
-        self.ended: dict[str, Ended] = {}  # class -> detections of its former instances
+        self.ended: dict[str, FormerDetections] = {}  # class -> detections of its former instances
         self._voxels: dict[str, Voxels] = {}  # only classes that have changed
         self._left: dict[str, set[int]] = {}  # class -> instances that lost Gaussians since `join`
 
@@ -154,7 +154,7 @@ class InstanceRegistry:
         for label in regrouped.regrouped:
             record = self.records.pop(label)
             if label not in lives_on:
-                ended = self.ended.setdefault(name, Ended())
+                ended = self.ended.setdefault(name, FormerDetections())
                 ended.add(record.detected_at, record.detection_rate * taken_out)
         self.records |= fresh
 
@@ -190,7 +190,7 @@ class InstanceRegistry:
                 record.detected_at[bands(far_m[k : k + 1] / seen[k].sum())] += weight
         return given
 
-    def trust(self, label: int, by_distance: bool) -> float:
+    def true_detection_share(self, label: int, by_distance: bool) -> float:
         """Estimated share of true detections of an instance."""
         record = self.records[label]
         things = (
@@ -198,7 +198,9 @@ class InstanceRegistry:
             for r in self.records.values()
             if r.class_name == record.class_name
         )
-        share = true_share(things, self.ended.get(record.class_name, Ended()), by_distance)
+        share = true_share(
+            things, self.ended.get(record.class_name, FormerDetections()), by_distance
+        )
         return mean_share(share, record.detected_at)
 
 
@@ -206,7 +208,7 @@ def _by_class(
     store: GaussianStore, rows: NDArray[np.integer]
 ) -> list[tuple[str, NDArray[np.integer]]]:
     """Rows grouped by their most likely class; rows without a class are left out."""
-    believed = store.believed[rows]
+    believed = store.class_column[rows]
     columns = distinct(believed)[0].tolist()
     return [(store.class_names[c], rows[believed == c]) for c in columns if c != OTHER]
 

@@ -12,7 +12,7 @@ from helios_core.types import ObjectInstance
 from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.fusion.semantics import Score, concentration_of, weighed
+from helios_objectmap.fusion.semantics import Score, concentration_of, score_from
 from helios_objectmap.gaussians import GaussianStore, InstanceGaussians
 from helios_objectmap.instances.registry import InstanceRecord
 
@@ -64,13 +64,13 @@ def believed(
     own = class_names.index(class_name)
     means, deviations, mine = np.zeros(len(columns)), np.zeros(len(columns)), np.empty(len(rows))
     beliefs_kernel(
-        rows, store.positive, store.asked, columns, own, prior, prior * n_classes, trust,
-        means, deviations, mine,
+        rows, store.class_evidence, store.total_evidence, columns, own, prior, prior * n_classes,
+        trust, means, deviations, mine,
     )  # fmt: skip
     mean, deviation = means / len(rows), deviations / len(rows)
     probabilities = dict(zip(class_names, mean.tolist(), strict=True))
     probabilities["other"] = max(0.0, 1.0 - float(mean.sum()))
-    scored = weighed(float(mean[own]), float(deviation[own]), alpha_cs)
+    scored = score_from(float(mean[own]), float(deviation[own]), alpha_cs)
     return Belief(rows, mine, trust, probabilities, scored)
 
 
@@ -145,9 +145,9 @@ def gaussians_of(
     store: GaussianStore, rows: NDArray[np.integer], prior: float, n_classes: int
 ) -> InstanceGaussians:
     """Copies of some Gaussians of the store. n_classes: see `concentration_of`."""
-    asked = store.asked[rows]
+    asked = store.total_evidence[rows]
     most_asked = asked.max(axis=1, initial=0)
-    concentration = concentration_of(store.positive[rows], most_asked, prior, n_classes)
+    concentration = concentration_of(store.class_evidence[rows], most_asked, prior, n_classes)
     return InstanceGaussians(
         store.means[rows],
         store.radius_m[rows],

@@ -50,7 +50,7 @@ class AcceptanceThresholds:
     """
 
     steps: tuple[AcceptanceThreshold, ...]
-    firm: int
+    strict_count: int
     patience: float | None = None
     by_place: bool = False
     at_last: float | None = None
@@ -88,7 +88,7 @@ def patient(threshold: float, place_known: bool) -> AcceptanceThresholds:
     return AcceptanceThresholds(steps, firm, PATIENCE, by_place=place_known)
 
 
-def in_the_end(within: AcceptanceThresholds, at_last: float) -> AcceptanceThresholds:
+def with_final_fallback(within: AcceptanceThresholds, at_last: float) -> AcceptanceThresholds:
     """The same thresholds and, after that share of the task's steps, any candidate at all.
 
     The paper does not define the case that everything was searched in vain or the steps run out.

@@ -76,7 +76,7 @@ def changes_of(texts: Mapping[str, str]) -> dict[str, float]:
     return changes
 
 
-def as_kept(decision: Decision, settings: Settings) -> Decision:
+def with_replay_settings(decision: Decision, settings: Settings) -> Decision:
     """The decision with the values needed to recompute it: the class score threshold of its
     candidates, and the τ of which its threshold is a share."""
     reads = _READS.get(decision.rule, {})

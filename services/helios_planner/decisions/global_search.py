@@ -118,7 +118,7 @@ def frontier_value(value: float, scale: float, distance_m: float, alpha_d: float
 
 
 @dataclass(frozen=True)
-class WayOption:
+class ExplorationOption:
     """A frontier of an exploration task: its length and the length of the path to it, in metres."""
 
     id: int
@@ -128,7 +128,7 @@ class WayOption:
     distance_m: float
 
 
-def nearest_by_way(frontiers: Sequence[WayOption]) -> Decision:
+def nearest_by_way(frontiers: Sequence[ExplorationOption]) -> Decision:
     """Decision for the frontier with the shortest path, for exploration tasks."""
     candidates = tuple(
         Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),

@@ -9,7 +9,7 @@ from numba import njit
 
 UNREACHED = np.float32(np.inf)
 # Steps of a descent: every direction of a step of at most 3 cells along an axis.
-STEPS = np.array(
+DESCENT_STEPS = np.array(
     [(r, c) for r in range(-3, 4) for c in range(-3, 4) if math.gcd(r, c) == 1], np.int64
 )
 SWEEP_RAD = math.radians(4)  # largest turn between two headings that are checked
@@ -138,8 +138,8 @@ def descend(arrival, row, column, out):
         n += 1
         here, slow = arrival[row, column], _slowness(arrival, row, column)
         best, best_row, best_column = 0.0, -1, -1
-        for k in range(STEPS.shape[0]):
-            down, right = STEPS[k]
+        for k in range(DESCENT_STEPS.shape[0]):
+            down, right = DESCENT_STEPS[k]
             r, c = row + down, column + right
             if r < 0 or c < 0 or r >= arrival.shape[0] or c >= arrival.shape[1]:
                 continue

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from helios_planner.motion_planning import kernels
 from helios_planner.motion_planning.costmap import GroundMap, Pose2, clearance_m, least_clearance_m
-from helios_planner.motion_planning.kernels import STEPS
+from helios_planner.motion_planning.kernels import DESCENT_STEPS
 from helios_planner.motion_planning.path_planner import NONE, MotionRules, Reach
 
 NODE_M = 0.1
@@ -27,8 +27,8 @@ KEPT_M = 0.025  # within this distance of a node the robot stands on it
 TURN_COST_M = 0.3  # cost of a radian of turning, in metres at full speed
 ALIGNED_RAD = math.radians(1.5)  # heading errors below this are not corrected
 
-_order = np.argsort(np.arctan2(STEPS[:, 0], STEPS[:, 1]))
-_STEPS = np.ascontiguousarray(STEPS[_order])  # rows, columns
+_order = np.argsort(np.arctan2(DESCENT_STEPS[:, 0], DESCENT_STEPS[:, 1]))
+_STEPS = np.ascontiguousarray(DESCENT_STEPS[_order])  # rows, columns
 _HEADINGS = np.arctan2(_STEPS[:, 0], _STEPS[:, 1]).astype(np.float64)
 
 

@@ -96,7 +96,7 @@ class PointGoal:
     def _stage(self) -> bool:
         """Look at the unknown ground where the known path ends; False when no path is left."""
         base = self._base
-        ground = walled(spacious(base.body.ground(), self.xy_m), self.walls)
+        ground = walled(padded_to_point(base.body.ground(), self.xy_m), self.walls)
         barred = base.way_ends(ground, self.xy_m, self._within_m)
         if barred is None:
             return False
@@ -144,7 +144,7 @@ def point_text(xy_m: XY) -> str:
     return f"({xy_m[0]:.2f}, {xy_m[1]:.2f}) m"
 
 
-def spacious(ground: GroundMap, xy_m: XY) -> GroundMap:
+def padded_to_point(ground: GroundMap, xy_m: XY) -> GroundMap:
     """Map that also covers the point, with unknown ground all around."""
     rows, columns = ground.occupancy.shape
     x_m, y_m = ground.origin_m

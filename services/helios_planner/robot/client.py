@@ -42,7 +42,7 @@ from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import DETECTIONS, MessageBuffer, Sighting
 from helios_planner.robot.detector_status import DetectorStatus
 from helios_planner.robot.interface import Frontier, ProgressListener, RobotInterface, WhatIf
-from helios_planner.robot.rpc import RETRY_S, Driver, RobotConnection, system_error
+from helios_planner.robot.rpc import RETRY_S, ActionSender, RobotConnection, system_error
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 
@@ -88,7 +88,7 @@ class RobotClient(RobotInterface):
         self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
         self._detector = DetectorStatus(bus)
         self._line = line
-        self._driver = Driver(line, settings, task_id, self._on_pause)
+        self._driver = ActionSender(line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
         self._context_id, self._max_steps = context_id, max_steps
         self.listener = self._listener = listener

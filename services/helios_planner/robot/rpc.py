@@ -41,7 +41,7 @@ def number_of(action_id: str) -> tuple[int, int]:
     return (int(parts[1] or 0), int(parts[2])) if parts else (0, 0)
 
 
-class Caller(Protocol):
+class RequestChannel(Protocol):
     """Sends requests: a bus, or a task's filter in front of it."""
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep: ...
@@ -53,7 +53,7 @@ class RobotConnection:
 
     def __init__(
         self,
-        bus: Caller,
+        bus: RequestChannel,
         settings: Settings,
         cancelled: threading.Event,
         on_wait: Callable[[str | None], None],
@@ -108,7 +108,7 @@ class RobotConnection:
             raise TaskCancelled
 
 
-class Driver:
+class ActionSender:
     """Actions of one task on the robot. `on_pause` receives the reason of a stop, and None when the
     task goes on."""
 

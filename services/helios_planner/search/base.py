@@ -20,14 +20,14 @@ from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.navigation.base_controller import BaseController, Outcome
 from helios_planner.robot.interface import Frontier, RobotInterface
 from helios_planner.search.candidate_beliefs import Belief
-from helios_planner.search.view_selection import Looking, Places
+from helios_planner.search.view_selection import PlaceSet, ViewPlanner
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
 PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers of the object and of the goal receptacle
 MOST_DOUBTS = 4  # rejections of one candidate in one search
 # Limits per search: candidates found out of reach, and the same for one candidate.
-MOST_WAITS, MOST_OF_ONE = 8, 3
+MAX_UNREACHABLE, MAX_UNREACHABLE_PER_CANDIDATE = 8, 3
 FRONTIER_REACH_M = 1.2  # a frontier is looked at from this near
 REVISIT_SPACING_M = 2.5  # between the viewpoints of a repeated search
 GRID_M = 0.2  # spacing of the considered places
@@ -40,7 +40,7 @@ class SearchTools:
     body: RobotInterface
     settings: Settings
     base: BaseController
-    looking: Looking
+    looking: ViewPlanner
     belief: Belief
     rng: np.random.Generator
     given_up: list[tuple[float, float]] = field(default_factory=list)  # remaining after a visit
@@ -72,8 +72,8 @@ class Search(ABC):
         self.tools, self.phase, self.name = tools, phase, name
         self.body, self.settings = tools.body, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
-        self.refused = Places(refused_m)  # permanently
-        self.waiting = Places(SAME_PLACE_M)  # until more ground is known
+        self.refused = PlaceSet(refused_m)  # permanently
+        self.unreachable = PlaceSet(SAME_PLACE_M)  # until more ground is known
         self.rounds = tools.settings.rounds  # times that the home is searched
         self._waited_at: list[tuple[float, float]] = []  # centres of unreachable candidates, m
         self._doubts: dict[int, int] = {}  # instance id -> rejections from near
@@ -91,7 +91,7 @@ class Search(ABC):
     def explore(self) -> bool:
         """Take one exploration step; False when nothing is left."""
 
-    def conclude(self) -> Decision:
+    def decide_and_publish(self) -> Decision:
         """Decide, publish the decision and return it: act on a candidate, or search on."""
         decision = self.decide()
         if not isinstance(decision, Decision):  # a custom search may return anything
@@ -120,7 +120,7 @@ class Search(ABC):
             return "from near it is no longer believed to be there"
         return f"from near it does not look like a {self.name}"
 
-    def accept_likeliest_after(self, after: float) -> None:
+    def accept_any_after_share(self, after: float) -> None:
         """Accept the most likely candidate when nothing is left, and after that share of the task's
         steps; never if it is 1 or more. A search without a threshold always accepts it."""
         return
@@ -130,7 +130,7 @@ class Search(ABC):
         return False
 
     @property
-    def at_last(self) -> bool:
+    def accepted_any_candidate(self) -> bool:
         """True if the most likely candidate is now accepted: no time is left to clear paths."""
         return False
 
@@ -146,7 +146,7 @@ class Search(ABC):
             if round_number > first:
                 self.next_round()
             while True:
-                decision = self.conclude()
+                decision = self.decide_and_publish()
                 if decision.do is Do.ACT:
                     self._acted_from = self.body.pose()
                     return self.chosen(decision)
@@ -159,7 +159,7 @@ class Search(ABC):
         """State that must outlive a restart, as JSON, for `recall`."""
         return {
             "round": self._round, "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
-            "refused": self.refused.memory(), "waiting": self.waiting.memory(),
+            "refused": self.refused.memory(), "waiting": self.unreachable.memory(),
             "doubts": list(self._doubts.items()),
         }  # fmt: skip
 
@@ -169,7 +169,7 @@ class Search(ABC):
         self._patrol.seen_from = [(x, y) for x, y in memory["patrol"]]
         self._doubts = {int(id): int(n) for id, n in memory.get("doubts", [])}
         self.refused.recall(memory["refused"])
-        self.waiting.recall(memory["waiting"])
+        self.unreachable.recall(memory["waiting"])
 
     def _not_found(self) -> TaskFailed:
         if self.phase is Phase.FIND_OBJECT:
@@ -184,7 +184,7 @@ class Search(ABC):
         said_first = [first] if used == self.body.budget_used() else []
         self.body.listener.on_phase(self.phase, self.name, "; ".join([*said_first, message]))
 
-    def say_first(self, why: str) -> None:
+    def set_message_prefix(self, why: str) -> None:
         """Set why it searches again. The reason precedes every message until the robot acts."""
         self._first = self.body.budget_used(), why
 
@@ -194,10 +194,10 @@ class Search(ABC):
         decision = give_up(what, thing, kind, reason)
         self.body.listener.on_decision(decision)
         self.tell(decision.why)
-        self.say_first(decision.why)
+        self.set_message_prefix(decision.why)
 
     # --- candidates ----------------------------------------------------------------------------
-    def leave(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
+    def reject_or_postpone(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
         """Leave a candidate for good or, if out of reach, until more ground is known."""
         if not out_of_reach:
             self.refused.add(candidate)
@@ -206,10 +206,12 @@ class Search(ABC):
         if self.body.pose() != self._acted_from:
             self._waited_at.append(middle)
         of_one = sum(math.dist(middle, m) < SAME_PLACE_M for m in self._waited_at)
-        if of_one > MOST_OF_ONE or len(self._waited_at) > MOST_WAITS:
+        if of_one > MAX_UNREACHABLE_PER_CANDIDATE or len(self._waited_at) > MAX_UNREACHABLE:
             self.refused.add(candidate)
-        elif self.at_last or not self.base.clear_way(middle, self._near_enough_m(candidate)):
-            self.waiting.add(candidate)
+        elif self.accepted_any_candidate or not self.base.clear_way(
+            middle, self._near_enough_m(candidate)
+        ):
+            self.unreachable.add(candidate)
             self._left_at = self.body.ground().version
 
     def doubt(self, candidate: ObjectInstance) -> None:
@@ -221,8 +223,8 @@ class Search(ABC):
 
     def end_waiting(self) -> bool:
         """Allow candidates that were out of reach again; True if the map has changed since."""
-        waited = bool(self.waiting.points)
-        self.waiting.clear()
+        waited = bool(self.unreachable.points)
+        self.unreachable.clear()
         return waited and self.body.ground().version != self._left_at
 
     def _near_enough_m(self, candidate: ObjectInstance) -> float:
@@ -232,7 +234,7 @@ class Search(ABC):
 
     def open(self, candidate: ObjectInstance) -> bool:
         """True if a candidate is neither refused nor waiting."""
-        return candidate not in self.refused and candidate not in self.waiting
+        return candidate not in self.refused and candidate not in self.unreachable
 
     def chosen(self, decision: Decision) -> ObjectInstance:
         """Instance that a decision chose. Raises TaskFailed if the belief no longer holds it."""
@@ -300,7 +302,7 @@ class Search(ABC):
         no frontier is in reach; False if there is none."""
         pose = self.body.pose()
         targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
-        targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
+        targets += [(float(p[0]), float(p[1])) for p in self.unreachable.points]
         return any(self.base.clear_way(t, FRONTIER_REACH_M) for t in targets)
 
     def patrol(self) -> bool:

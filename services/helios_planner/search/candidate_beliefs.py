@@ -23,7 +23,7 @@ from helios_planner.settings import Settings
 class Belief(ABC):
     """An agent's belief about objects: the instances of a class, and an estimate from near."""
 
-    answered: ClassVar[tuple[str, ...]]  # keyframe parts to be acknowledged before a decision
+    required_parts: ClassVar[tuple[str, ...]]  # keyframe parts to be acknowledged before a decision
 
     def __init__(self, body: RobotInterface, settings: Settings) -> None:
         self.body, self.settings = body, settings
@@ -38,7 +38,7 @@ class Belief(ABC):
     ) -> ObjectInstance | None:
         """Present estimate of an object in front of the robot; None if it is no longer there."""
 
-    def holds(self, thing: ObjectInstance) -> bool:
+    def still_supports(self, thing: ObjectInstance) -> bool:
         """True if driving on to the object is worth it. Beliefs with scores decide on arrival."""
         return True
 

@@ -10,7 +10,7 @@ import numpy as np
 from helios_core.printable_text import counted
 
 from helios_planner.decisions.decision import Decision, Do
-from helios_planner.decisions.global_search import WayOption, nearest_by_way
+from helios_planner.decisions.global_search import ExplorationOption, nearest_by_way
 from helios_planner.match_radii import SAME_PLACE_M
 from helios_planner.motion_planning.costmap import SPECK_M2, facing
 from helios_planner.motion_planning.path_planner import Reach
@@ -118,7 +118,7 @@ class Exploration:
             if all(math.dist(b.xy_m, g) > SAME_PLACE_M for g in self.given_up)
         ]  # fmt: skip
 
-    def _options(self) -> list[WayOption]:
+    def _options(self) -> list[ExplorationOption]:
         """Borders that can be driven near to, with the widest margin that reaches any."""
         borders = self._open()
         for level in self._base.levels:
@@ -128,13 +128,15 @@ class Exploration:
                 return options
         return []
 
-    def _option(self, border: Border, reached: Reach) -> WayOption | None:
+    def _option(self, border: Border, reached: Reach) -> ExplorationOption | None:
         place = reached.nearest(border.xy_m, FRONTIER_REACH_M)
         if place is None:
             return None
         way_m = _way_m(reached, place) + math.dist(place, border.xy_m)
         distance_m = self._body.pose().distance_m(border.xy_m)
-        return WayOption(self._id(border.xy_m), border.xy_m, border.size_m, way_m, distance_m)
+        return ExplorationOption(
+            self._id(border.xy_m), border.xy_m, border.size_m, way_m, distance_m
+        )
 
     def _id(self, xy_m: XY) -> int:
         """Number of a border, from 1; one at the place of an earlier border keeps its number."""

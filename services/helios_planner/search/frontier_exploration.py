@@ -46,7 +46,7 @@ class Explorer(ABC):
         return True
 
 
-class ByRule(Explorer):
+class RuleExplorer(Explorer):
     """Explorer that visits the frontier that a rule chose until it is gone."""
 
     def __init__(self, search: Search, layer: str, rule: FrontierRule) -> None:

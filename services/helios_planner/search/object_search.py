@@ -21,11 +21,13 @@ from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
-from helios_planner.search.view_selection import Places
+from helios_planner.search.view_selection import PlaceSet
 from helios_planner.task import Phase
 
-SOMEWHERE = 0.05  # score of an unseen start receptacle, which may be anywhere
-EXPECTED = 0.4  # score of a start receptacle still to be found, unless a known one has more
+UNSEEN_PLACE_SCORE = 0.05  # score of an unseen start receptacle, which may be anywhere
+EXPECTED_RECEPTACLE_SCORE = (
+    0.4  # score of a start receptacle still to be found, unless a known one has more
+)
 
 
 def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:
@@ -33,13 +35,13 @@ def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:
     return any(near_outline(start, thing.center_m, ON_OUTLINE_M) for start in starts)
 
 
-def place(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> float:
+def place_probability(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> float:
     """Relative probability, in (0, 1], that an object is on a start receptacle: the Ψ of the one
     under it against the highest Ψ known or expected. Beyond the paper: (0.05 + Ψ_here) / (0.05 +
     max(0.4, max Ψ))."""
-    likeliest = max([EXPECTED, *(start.score for start in starts)])
+    likeliest = max([EXPECTED_RECEPTACLE_SCORE, *(start.score for start in starts)])
     here = [max(s.score, 0.0) for s in starts if near_outline(s, thing.center_m, ON_OUTLINE_M)]
-    return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
+    return (UNSEEN_PLACE_SCORE + max(here, default=0.0)) / (UNSEEN_PLACE_SCORE + likeliest)
 
 
 class ObjectSearch(ScoredSearch):
@@ -60,7 +62,7 @@ class ObjectSearch(ScoredSearch):
         super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
-        self.visited = Places(SAME_PLACE_M)
+        self.visited = PlaceSet(SAME_PLACE_M)
         self._last_seen: tuple = ()
 
     def memory(self) -> dict[str, Any]:
@@ -92,7 +94,11 @@ class ObjectSearch(ScoredSearch):
         return self.start is None or is_on_any(candidate, self.body.objects(self.start))
 
     def place_of(self, candidate: ObjectInstance) -> float:
-        return 1.0 if self.start is None else place(candidate, self.body.objects(self.start))
+        return (
+            1.0
+            if self.start is None
+            else place_probability(candidate, self.body.objects(self.start))
+        )
 
     def relax(self) -> bool:
         self._last_seen = ()
@@ -157,7 +163,7 @@ class ObjectSearch(ScoredSearch):
     def _local_search(self, receptacle: ObjectInstance) -> None:
         """Look at a receptacle from all its gaze points, nearest first, and mark it as visited."""
         purpose = f"look for the {self.name} on the {receptacle.class_name}"
-        while points := self.looking.around(receptacle):
+        while points := self.looking.remaining_gaze_points(receptacle):
             outcome = self.looking.go_and_look(
                 receptacle, points[0], purpose, self._something_to_do
             )

@@ -16,7 +16,7 @@ from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
 
 
-class ByOwnRule(Explorer):
+class PluginRuleExplorer(Explorer):
     """Explorer that visits the frontier with the rule's highest score until it is gone."""
 
     def __init__(self, search: Search, layer: str, rule: ExplorationRule) -> None:
@@ -59,4 +59,4 @@ class OwnReceptacleSearch(ReceptacleSearch):
         self, tools: SearchTools, name: str, not_at: np.ndarray | None, rule: ExplorationRule
     ) -> None:
         super().__init__(tools, name, not_at, paper)
-        self._explorer = ByOwnRule(self, PLACE_LAYER, rule)
+        self._explorer = PluginRuleExplorer(self, PLACE_LAYER, rule)

@@ -18,7 +18,7 @@ from helios_planner.decisions.acceptance import (
     AcceptanceThresholds,
     Rule,
     act_or_look,
-    in_the_end,
+    with_final_fallback,
 )
 from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.explanations import less
@@ -26,7 +26,7 @@ from helios_planner.decisions.global_search import highest_value
 from helios_planner.match_radii import PICKED_PLACE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
-from helios_planner.search.frontier_exploration import ByRule, Explorer
+from helios_planner.search.frontier_exploration import Explorer, RuleExplorer
 from helios_planner.search.view_selection import BestView
 from helios_planner.task import Phase
 
@@ -37,7 +37,7 @@ class ScoredSearch(Search):
     """Search that acts on a candidate once its score Psi reaches the current threshold."""
 
     kind: str  # kind of the sought object, as decision records name it
-    what: Act  # action on an accepted candidate
+    action: Act  # action on an accepted candidate
 
     def __init__(
         self,
@@ -48,9 +48,9 @@ class ScoredSearch(Search):
         refused_m: float,
     ) -> None:
         super().__init__(tools, phase, name, refused_m)
-        self._standards, self._since = standards, tools.body.budget_used()
+        self._thresholds, self._since = standards, tools.body.budget_used()
         self._step = 0  # index into the acceptance thresholds
-        self._acted = standards.steps[0]  # acceptance threshold of the newest decision
+        self._decision_threshold = standards.steps[0]  # acceptance threshold of the newest decision
         self._views: dict[int, BestView | None] = {}
         self._remembered = CandidateMemory()
         self._from_memory = False  # True if its candidate is no longer in the object map
@@ -73,7 +73,7 @@ class ScoredSearch(Search):
         """True if the candidate lies on the receptacle that the instruction names."""
         return True
 
-    def place_of(self, candidate: ObjectInstance) -> float:
+    def place_probability(self, candidate: ObjectInstance) -> float:
         """Relative probability, in (0, 1], that the candidate lies on the named receptacle; 1 for
         the most likely receptacle."""
         return 1.0
@@ -90,12 +90,12 @@ class ScoredSearch(Search):
 
     @property
     def _standard(self) -> AcceptanceThreshold:
-        due = self._standards.least_at(self.body.budget_used(), self._since)
+        due = self._thresholds.least_at(self.body.budget_used(), self._since)
         self._step = max(self._step, due)
-        return self._standards.steps[self._step]
+        return self._thresholds.steps[self._step]
 
     def _place(self, candidate: ObjectInstance) -> float:
-        return self.place_of(candidate) if self._standards.by_place else 1.0
+        return self.place_probability(candidate) if self._thresholds.by_place else 1.0
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
         """True if the candidate keeps its least score after the views from near. These may lower a
@@ -104,7 +104,7 @@ class ScoredSearch(Search):
         needs no score."""
         if self._from_memory or near is None:
             return self._from_memory
-        least = replace(self._acted, score=self._least_near)
+        least = replace(self._decision_threshold, score=self._least_near)
         return any(o.id == near.id for o in self.candidates()) and self._meets(near, least)
 
     def why_not(self, near: ObjectInstance | None) -> str:
@@ -113,20 +113,23 @@ class ScoredSearch(Search):
         score, least = near.score * self._place(near), self._least_near
         if score < least:
             return f"from near its score is {less(score, least)}"
-        if not (self._acted.anywhere or self.in_place(near)):
+        if not (self._decision_threshold.anywhere or self.in_place(near)):
             return "from near it is not where it was said to be"
         return super().why_not(near)
 
     @property
     def _least_near(self) -> float:
         """Least score from near of the chosen candidate."""
-        threshold = self._standards.steps[self._standards.firm - 1].score
-        return min(self._acted.score, threshold) - self.settings.tau_inc
+        threshold = self._thresholds.steps[self._thresholds.strict_count - 1].score
+        return min(self._decision_threshold.score, threshold) - self.settings.tau_inc
 
     @property
     def at_last(self) -> bool:
         """True if the newest decision used the threshold that accepts any candidate."""
-        return self._standards.at_last is not None and self._acted is self._standards.steps[-1]
+        return (
+            self._thresholds.at_last is not None
+            and self._decision_threshold is self._thresholds.steps[-1]
+        )
 
     def _meets(self, thing: ObjectInstance, standard: AcceptanceThreshold) -> bool:
         sure = thing.score * self._place(thing) >= standard.score
@@ -134,15 +137,15 @@ class ScoredSearch(Search):
 
     def accept_likeliest_after(self, after: float) -> None:
         if after < 1:
-            self._standards = in_the_end(self._standards, after)
+            self._thresholds = with_final_fallback(self._thresholds, after)
 
     def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
-        doubtful = self._from_memory or not self._meets(thing, self._standards.steps[-2])
+        doubtful = self._from_memory or not self._meets(thing, self._thresholds.steps[-2])
         return self.at_last and doubtful
 
     def relax(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first search everything once more
-        last = self._standards.firm if again else len(self._standards.steps)
+        last = self._thresholds.strict_count if again else len(self._thresholds.steps)
         if self._step >= last - 1:
             return False
         self._step += 1
@@ -156,7 +159,7 @@ class ScoredSearch(Search):
     def recall(self, memory: Mapping[str, Any]) -> None:
         super().recall(memory)
         self._step, self._since = int(memory["standard"]), float(memory["since"])
-        self._acted = self._standards.steps[self._step]
+        self._decision_threshold = self._thresholds.steps[self._step]
         self._remembered.recall(memory.get("remembered", []))
 
     def decide(self) -> Decision:
@@ -165,7 +168,7 @@ class ScoredSearch(Search):
         self._views.clear()
         things = self.candidates()
         self._remembered.note(things)
-        self._acted = self._standard
+        self._decision_threshold = self._standard
         known_once = None if things or not self.at_last else self._remembered.best(self.open)
         self._from_memory = known_once is not None
         for thing in [known_once] if known_once else things:
@@ -177,7 +180,7 @@ class ScoredSearch(Search):
             )
             options.append(replace(option, place=place))
         return act_or_look(
-            options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
+            options, self.threshold, self.settings.tau_inc, self.kind, self.action, self.anywhere
         )
 
     def chosen(self, decision: Decision) -> ObjectInstance:
@@ -186,7 +189,7 @@ class ScoredSearch(Search):
 
     def conclude(self) -> Decision:
         """Look at candidates again as long as the decision orders it; returns the other one."""
-        while (decision := super().conclude()).do is Do.LOOK:
+        while (decision := super().decide_and_publish()).do is Do.LOOK:
             self._look_again(decision)
         return decision
 
@@ -215,7 +218,7 @@ class ReceptacleSearch(ScoredSearch):
         within = standards(s.tau_b, False)
         super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
         self._not_at = not_at
-        self._explorer: Explorer = ByRule(self, PLACE_LAYER, highest_value)
+        self._explorer: Explorer = RuleExplorer(self, PLACE_LAYER, highest_value)
 
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)
@@ -248,17 +251,17 @@ class CandidateMemory:
 
     def best(self, allowed: Callable[[ObjectInstance], bool]) -> ObjectInstance | None:
         """Candidate with the largest class score times views; None if none is allowed."""
-        return max(filter(allowed, self._things.values()), key=_spoken_for, default=None)
+        return max(filter(allowed, self._things.values()), key=_evidence_key, default=None)
 
     def memory(self) -> list[str]:
         """The best candidates as JSON, for `recall`; few, as every action stores them."""
-        best = heapq.nlargest(MOST_WRITTEN, self._things.values(), key=_spoken_for)
+        best = heapq.nlargest(MOST_WRITTEN, self._things.values(), key=_evidence_key)
         return [object_to_proto(c).SerializeToString().hex() for c in best]
 
     def recall(self, memory: Sequence[str]) -> None:
         self.note(object_from_proto(pb.ObjectInstance.FromString(bytes.fromhex(m))) for m in memory)
 
 
-def _spoken_for(c: ObjectInstance) -> tuple[float, int]:
+def _evidence_key(c: ObjectInstance) -> tuple[float, int]:
     """Sort key: class score times views; of equal ones the older."""
     return c.class_score * c.views, -c.id

@@ -29,7 +29,7 @@ MOST_GAZE_POINTS = 10  # of one candidate in one request to the object map
 
 
 @dataclass
-class Places:
+class PlaceSet:
     """Set of places, found by instance id and by position: ids change when instances merge."""
 
     same_m: float
@@ -66,7 +66,7 @@ class BestView:
     score: float
 
 
-class Looking:
+class ViewPlanner:
     """Views of the candidates of a task; records from where each was looked at on purpose."""
 
     def __init__(
@@ -84,7 +84,7 @@ class Looking:
         self._gains: dict[tuple, float] = {}
 
     # --- gaze points ---------------------------------------------------------------------------
-    def around(self, receptacle: ObjectInstance) -> list[GazePoint]:
+    def remaining_gaze_points(self, receptacle: ObjectInstance) -> list[GazePoint]:
         """Gaze points of a local search that are left, nearest first."""
         return self._left(receptacle, RECEPTACLE_RULES, 0.6 * RECEPTACLE_RULES.spacing_m)
 
@@ -117,7 +117,7 @@ class Looking:
             if math.dist(middle, candidate.center_m[:2]) < SAME_PLACE_M
         ]  # fmt: skip
 
-    def times(self, candidate: ObjectInstance) -> int:
+    def look_count(self, candidate: ObjectInstance) -> int:
         """Number of times that a candidate was looked at on purpose."""
         return len(self._done(candidate))
 
@@ -135,7 +135,7 @@ class Looking:
     # --- expected effect of views --------------------------------------------------------------
     def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
         """Expected gain of a local search (eq. 12); None if no gaze point can be reached."""
-        points = self.around(receptacle)[:MOST_GAZE_POINTS]
+        points = self.remaining_gaze_points(receptacle)[:MOST_GAZE_POINTS]
         if not points:
             return None
         key = (
@@ -151,7 +151,7 @@ class Looking:
 
     def best_view(self, thing: ObjectInstance, class_name: str) -> BestView | None:
         """Extra view with the best Psi' (eq. 11); None if none is left."""
-        if self.times(thing) >= self.settings.extra_views:
+        if self.look_count(thing) >= self.settings.extra_views:
             return None
         points = self.views_of(thing)[:MOST_GAZE_POINTS]
         if not points:

@@ -137,7 +137,7 @@ class TaskExecutor:
         moves needs no detector."""
         if self._task.instruction.kind.only_moves:
             return (MapPart.OCCUPANCY,)
-        return agent_named(self._task.agent).belief.answered
+        return agent_named(self._task.agent).belief.required_parts
 
     def _take_up(self, mission: Mission | MoveMission) -> None:
         """Settle the action in flight, and restore the mission's state."""

@@ -13,7 +13,7 @@ from helios_planner.agents import agent_named
 from helios_planner.decisions.decision import Act
 from helios_planner.decisions.explanations import less
 from helios_planner.instruction.parser import Instruction, Kind
-from helios_planner.manipulation import Done, Manipulation, Seen, look_after
+from helios_planner.manipulation import Manipulation, PlacementCheck, SkillOutcome, look_after
 from helios_planner.match_radii import SAME_THING_M
 from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
 from helios_planner.navigation.base_controller import Outcome, base_controller_for
@@ -21,7 +21,7 @@ from helios_planner.navigation.motion_monitor import Dropped
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import FRONTIER_REACH_M, Search, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
-from helios_planner.search.view_selection import STOP_RULES, Looking
+from helios_planner.search.view_selection import STOP_RULES, ViewPlanner
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 from helios_planner.tasks.run_control import LastAction
@@ -39,7 +39,7 @@ class Mission:
         base = base_controller_for(body, settings)
         belief = self.agent.belief(body, settings)
         self.tools = SearchTools(
-            body, settings, base, Looking(body, base, settings, self.agent.other_share), belief,
+            body, settings, base, ViewPlanner(body, base, settings, self.agent.other_share), belief,
             np.random.default_rng(settings.agent_seed),
         )  # fmt: skip
         attempts = settings.picks_per_object if self.agent.retries else 1
@@ -73,7 +73,7 @@ class Mission:
         if i.kind is Kind.FIND:
             search = self.agent.seek_object(self.tools, i.object, i.start)
             if isinstance(search, ScoredSearch):
-                search.what = Act.STOP  # for its explanations
+                search.action = Act.STOP  # for its explanations
             return self._show(self._begun(search))
         assert i.goal
         if self.placed:  # placed before a restart: nobody looked since
@@ -109,7 +109,7 @@ class Mission:
             search.recall(recalled)
         self.search = search
         if self._fell:
-            search.say_first(self._fell)
+            search.set_message_prefix(self._fell)
             self._fell = ""
         search.tell(f"looking for the {search.name}")
         return search
@@ -162,7 +162,7 @@ class Mission:
     def _pick(self, name: str, start: str | None) -> np.ndarray:
         """Search and pick until an object is held; returns where it was."""
         search = self.agent.seek_object(self.tools, name, start)
-        search.accept_likeliest_after(self.settings.pick_at_last)
+        search.accept_any_after_share(self.settings.pick_at_last)
         self._begun(search)
         while True:
             try:
@@ -177,14 +177,14 @@ class Mission:
             self._note_if_unsure(search, found)
             self.body.listener.on_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
             done = self.skills.pick(found, search.name, search.confirmed)
-            if done is Done.SUCCEEDED:
+            if done is SkillOutcome.SUCCEEDED:
                 return np.asarray(found.center_m)
             self._give_up(search, Act.PICK, found, done)
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
         """Search and place until the object is put down, then check if it is seen there."""
         search = self.agent.seek_receptacle(self.tools, goal, not_at)
-        search.accept_likeliest_after(self.settings.place_at_last)
+        search.accept_any_after_share(self.settings.place_at_last)
         search.rounds = self.settings.rounds_held
         self._begun(search)
         while True:
@@ -201,7 +201,7 @@ class Mission:
             name = self.instruction.object or ""
             before = list(self.tools.belief.known(name))
             done = self.skills.place(found, goal, search.confirmed)
-            if done is Done.SUCCEEDED:
+            if done is SkillOutcome.SUCCEEDED:
                 self.seen_at_goal = False  # until it is seen
                 receptacle = self.skills.placed_on or found
                 self.seen_at_goal = self._seen(name, receptacle, before)
@@ -215,18 +215,20 @@ class Mission:
             said = f"no surer {search.name} was found than this one ({found.score:.2f})"
             self.unsure[search.phase] = said
 
-    def _give_up(self, search: Search, what: Act, found: ObjectInstance, done: Done) -> None:
+    def _give_up(
+        self, search: Search, what: Act, found: ObjectInstance, done: SkillOutcome
+    ) -> None:
         """Leave or doubt a candidate, and publish the reason."""
         reason = self.skills.last_reason or "it did not work"
-        if done is Done.DOUBTED:
+        if done is SkillOutcome.DOUBTED:
             reason = search.why_not(self.skills.near)
-        elif done is Done.OUT_OF_REACH:
+        elif done is SkillOutcome.OUT_OF_REACH:
             reason = "no way leads to where it is in reach"
         search.give_up(what, found, reason)
-        if done is Done.DOUBTED:
+        if done is SkillOutcome.DOUBTED:
             search.doubt(found)
         else:
-            search.leave(found, done is Done.OUT_OF_REACH)
+            search.reject_or_postpone(found, done is SkillOutcome.OUT_OF_REACH)
 
     def _seen(
         self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]
@@ -237,30 +239,30 @@ class Mission:
         seen, thing = look_after(
             self.body, receptacle, before, lambda: self.tools.belief.known(name), least, surface_m
         )
-        if seen is Seen.BESIDE_IT and thing is not None:
+        if seen is PlacementCheck.BESIDE_IT and thing is not None:
             x, y, z = thing.center_m
             raise TaskFailed(
                 Cause.ROLLED_OFF,
                 f"the {name} was placed on the {receptacle.class_name} and is seen beside it, at "
                 f"({x:.2f}, {y:.2f}, {z:.2f}) m",
             )
-        return seen is Seen.ON_IT
+        return seen is PlacementCheck.ON_IT
 
     def _go_to(self, goal: str) -> None:
         search = self.agent.seek_receptacle(self.tools, goal, None)
         if isinstance(search, ScoredSearch):
-            search.what = Act.STOP  # for its explanations
+            search.action = Act.STOP  # for its explanations
         search = self._begun(search)
         looking, pose = self.tools.looking, self.body.pose
         while True:
             found = search.find()
-            points = looking.around(found) or looking.views_of(found)
+            points = looking.remaining_gaze_points(found) or looking.views_of(found)
             for gaze in points:
                 if looking.go_and_look(found, gaze, f"go to the {goal}") is Outcome.ARRIVED:
                     return
             if not points and pose().distance_m(found.center_m) < FRONTIER_REACH_M:
                 return
-            search.leave(found, out_of_reach=True)
+            search.reject_or_postpone(found, out_of_reach=True)
 
     def _show(self, search: Search) -> str:
         """Find an object and stop in front of it, or as near as a path leads. Its score from there
@@ -282,13 +284,13 @@ class Mission:
             worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
             search.give_up(Act.STOP, found, worse or search.why_not(None))
             if self.body.budget_used() == used:  # without a step, another try would end the same
-                search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)
+                search.reject_or_postpone(found, out_of_reach=stood is Outcome.UNREACHABLE)
 
     def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
         """Drive to the first reachable gaze point, as long as the belief supports the object."""
         go, purpose = self.tools.looking.go_and_look, f"show the {found.class_name}"
         for gaze in points:
-            outcome = go(found, gaze, purpose, lambda: not self.tools.belief.holds(found))
+            outcome = go(found, gaze, purpose, lambda: not self.tools.belief.still_supports(found))
             if outcome is not Outcome.UNREACHABLE:
                 return outcome
         return Outcome.UNREACHABLE

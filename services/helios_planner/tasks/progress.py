@@ -36,7 +36,7 @@ PHASES: Mapping[Kind, Sequence[Phase]] = {
 STEPS_A_PLACE = 25.0  # to go to a place and look, before this task has visited any
 STEPS_A_M = (1.0, 8.0)  # per metre of path: straight, or with many turns
 ROUNDS = 2  # a search may go over all places once more
-CREEP = 0.001  # least progress per step, as a share of the rest
+LEAST_PROGRESS_SHARE = 0.001  # least progress per step, as a share of the rest
 MOST_PROGRESS = 0.99  # before it has succeeded
 
 
@@ -62,7 +62,7 @@ class ProgressEstimate:
             self._took_s, self._counted = self._took_s + took_s, self._counted + 1
             self._recent_s.append(took_s)
         self._last_s, self._steps = now_s, steps
-        self._rise(self.progress + CREEP * max(MOST_PROGRESS - self.progress, 0.0))
+        self._rise(self.progress + LEAST_PROGRESS_SHARE * max(MOST_PROGRESS - self.progress, 0.0))
         self._rise_to_now()
 
     def on_rest(self) -> None:

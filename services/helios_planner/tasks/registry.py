@@ -18,7 +18,7 @@ from helios_core.topics import DECISION, PLAN, TASK, M, Topic
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
-from helios_planner.decisions.counterfactual import as_kept
+from helios_planner.decisions.counterfactual import with_replay_settings
 from helios_planner.decisions.decision import Decision
 from helios_planner.instruction.parser import Instruction
 from helios_planner.motion_planning.costmap import Pose2
@@ -397,7 +397,7 @@ class TaskReporter:
 
     def on_decision(self, decision: Decision) -> None:
         task = self._registry.known(self._id)
-        kept = as_kept(decision, self._settings)
+        kept = with_replay_settings(decision, self._settings)
         places = sum(c.kind in PLACES for c in decision.candidates)
         if places:
             self._pace.on_choice(places)

@@ -183,7 +183,7 @@ class Store:
         if not written:
             return False
         with self._lock:
-            was, missing = self._fault, self._proof.give()
+            was, missing = self._fault, self._proof.write()
             if missing:
                 self._failed(missing)
             elif was:

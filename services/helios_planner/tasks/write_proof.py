@@ -27,7 +27,7 @@ class WriteProof:
     def holds(self) -> bool:
         return self._path.is_file()
 
-    def give(self) -> str:
+    def write(self) -> str:
         """Write the proof; returns the error and its remedy, empty on success."""
         try:
             write_file(self._path, _TEXT)

@@ -93,7 +93,9 @@ def test_a_fault_in_act_names_driver_and_method_until_an_action_succeeds(
     assert stage.health.state == ("degraded", failed.value.message)
     if isinstance(gives, BaseException):
         assert "in act" in caplog.text  # the traceback
-    stage.bridge._publisher.look(keyframe=False)  # an image is no sign that it can drive again
+    stage.bridge._publisher.capture_and_wait(
+        keyframe=False
+    )  # an image is no sign that it can drive again
     assert stage.health.state[0] == "degraded"
     robot.gives.clear()
     assert stage.drive("good again").succeeded
@@ -146,7 +148,7 @@ def test_the_same_fault_fills_no_log(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.ERROR):
         for _ in range(20):
             with pytest.raises(HeliosError):
-                stage.bridge._publisher.look(keyframe=False)
+                stage.bridge._publisher.capture_and_wait(keyframe=False)
     assert caplog.text.count("Traceback") == 1
 
 
@@ -165,4 +167,4 @@ def test_an_image_with_a_field_of_a_wrong_type_is_refused(wrong: dict[str, Any],
     robot = Misbehaving()
     robot.gives["capture"] = replace(LineRobot().capture(), **wrong)
     with pytest.raises(InvalidInput, match=said):
-        Stage(robot).bridge._publisher.look(keyframe=False)
+        Stage(robot).bridge._publisher.capture_and_wait(keyframe=False)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from helios_client.supervision.child_process import ProcessSpec
-from helios_client.supervision.service_specs import ServiceSpecs, free_port
+from helios_client.supervision.service_specs import StackOptions, free_port
 from helios_client.supervision.up import Screen, up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
@@ -31,11 +31,11 @@ class Small:
         return
 
 
-class SmallStack(ServiceSpecs):
+class SmallStack(StackOptions):
     """The router, and services that need nothing else."""
 
-    def specs(self) -> tuple[ProcessSpec, ...]:
-        router, *_ = super().specs()
+    def processes(self) -> tuple[ProcessSpec, ...]:
+        router, *_ = super().processes()
         flags = ("--router", self.router)
         bad = ("--no-such-flag",) if self.preset == "wrong" else ()
         return router, *(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helios_client.replay.class_thresholds import DEFAULT_THRESHOLD, watch_list
+from helios_client.replay.class_thresholds import DEFAULT_THRESHOLD, search_context_from_flags
 from helios_client.usage_errors import UsageError
 from helios_core.types import Role
 from hypothesis import given
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 
 def test_classes_and_thresholds_by_name() -> None:
-    context = watch_list(" cup, dining  table", "dining table=0.35")
+    context = search_context_from_flags(" cup, dining  table", "dining table=0.35")
     assert [(c.name, c.threshold, c.role) for c in context.classes] == [
         ("cup", DEFAULT_THRESHOLD, Role.WATCH),
         ("dining table", 0.35, Role.WATCH),
@@ -19,7 +19,7 @@ def test_classes_and_thresholds_by_name() -> None:
 
 
 def test_names_may_be_in_any_case_and_with_underscores() -> None:
-    context = watch_list("Cup,Dining_Table", "DINING table=0.35")
+    context = search_context_from_flags("Cup,Dining_Table", "DINING table=0.35")
     assert [(c.name, c.threshold) for c in context.classes] == [
         ("cup", DEFAULT_THRESHOLD),
         ("dining table", 0.35),
@@ -29,19 +29,19 @@ def test_names_may_be_in_any_case_and_with_underscores() -> None:
 @pytest.mark.parametrize("classes", ["", ",", "cup,", "cup,cup", "cup, Cup"])
 def test_wrong_classes_are_wrong_use(classes: str) -> None:
     with pytest.raises(UsageError, match="--classes"):
-        watch_list(classes, "")
+        search_context_from_flags(classes, "")
 
 
 @pytest.mark.parametrize("text", ["cup", "cup=", "cup=x", "cup=1.5", "cup=nan", "=0.3", "fork=0.2"])
 def test_wrong_thresholds_are_wrong_use(text: str) -> None:
     with pytest.raises(UsageError, match="--thresholds"):
-        watch_list("cup", text)
+        search_context_from_flags("cup", text)
 
 
 @given(st.text(), st.text())
 def test_any_words_give_a_context_or_wrong_use(classes: str, thresholds: str) -> None:
     try:
-        context = watch_list(classes, thresholds)
+        context = search_context_from_flags(classes, thresholds)
     except UsageError:
         return
     assert context.classes

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from helios_client.cli import run
 from helios_client.commands.doctor import examine
-from helios_client.supervision.service_specs import ServiceSpecs
+from helios_client.supervision.service_specs import StackOptions
 from helios_client.version import helios_version
 
 from tests.support import free_port
@@ -172,7 +172,7 @@ def test_a_data_set_that_cannot_be_played_is_said(
 def test_the_doctor_names_what_is_missing_and_how_to_mend_it() -> None:
     absent = ("mujoco", "viser")
     found = examine(free_port(), lambda p: p not in absent, find_library=lambda _: None)
-    missing = {f.what.split()[1]: f.mend for f in found if not f.ok}
+    missing = {f.what.split()[1]: f.remedy for f in found if not f.ok}
     assert missing["mujoco"] == "pip install 'helios-ovmm[sim]'"
     assert "apt-get install" in " ".join(missing.values())
     assert missing["viser,"] == "pip install 'helios-ovmm[viewer]'"
@@ -200,7 +200,7 @@ def test_a_variable_makes_every_start_record(
     set_to: str | None, folder: Path | None, helios: Helios, monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:  # fmt: skip
-    started: list[ServiceSpecs] = []
+    started: list[StackOptions] = []
     monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, _: started.append(stack))
     if set_to is not None:
         monkeypatch.setenv("HELIOS_RECORD", set_to)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helios_client import cli
 from helios_client.supervision import flag_checks
-from helios_client.supervision.service_specs import ServiceSpecs
+from helios_client.supervision.service_specs import StackOptions
 from helios_client.usage_errors import UsageError
 
 from tests.support import free_port
@@ -91,7 +91,7 @@ def test_a_slip_is_wrong_use_before_anything_is_started(
 
 def test_the_scorer_is_passed_on_and_only_where_it_was_named() -> None:
     def argv(scorer: str | None) -> tuple[str, ...]:
-        specs = ServiceSpecs("sim", 7447, Path("state"), port=8080, scorer=scorer).specs()
+        specs = StackOptions("sim", 7447, Path("state"), port=8080, scorer=scorer).processes()
         return next(spec.argv for spec in specs if spec.name == "detector")
 
     assert " ".join(argv("a:B")).endswith("--scorer a:B")

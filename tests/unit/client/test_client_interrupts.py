@@ -6,7 +6,7 @@ import contextlib
 import signal
 
 import pytest
-from helios_client.interrupt_signals import NUMBERS, Bursts, noted_interrupts
+from helios_client.interrupt_signals import NUMBERS, BurstHandler, noted_interrupts
 
 from tests.support import wait_until
 
@@ -58,7 +58,7 @@ def test_an_interrupt_that_something_swallowed_is_raised_at_the_end() -> None:
 def test_of_a_burst_of_signals_the_first_raises_and_a_later_one_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bursts, now_s = Bursts(), 100.0
+    bursts, now_s = BurstHandler(), 100.0
     monkeypatch.setattr("helios_client.interrupt_signals.time.monotonic", lambda: now_s)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):

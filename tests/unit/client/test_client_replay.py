@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.replay.frame_answers import FrameAnswers
+from helios_client.replay.frame_answers import FrameAcks
 from helios_client.replay.results import Results, collect, stage_medians_ms
 from helios_client.supervision.service_table import ServiceTable
 from helios_core import proto as pb
@@ -30,7 +30,7 @@ def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> p
 
 
 def test_a_frame_counts_when_all_parts_have_answered() -> None:
-    tally = FrameAnswers()
+    tally = FrameAcks()
     for part in list(MapPart)[:-1]:
         tally.note_ack(ack(part, 1))
     assert tally.frames == 0
@@ -40,44 +40,44 @@ def test_a_frame_counts_when_all_parts_have_answered() -> None:
 
 
 def test_a_frame_that_the_detector_refused_is_over_once_its_occupancy_is_there() -> None:
-    tally = FrameAnswers()
+    tally = FrameAcks()
     tally.note_ack(ack("occupancy", 1))
     done = ack("observation", 1)
     done.accepted = True
     tally.note_detector(done)  # the maps still work on it
-    assert tally.over == 0
+    assert tally.finished_frames == 0
     refused = ack("observation", 1)
     refused.service, refused.accepted, refused.reason = "detector", False, "no model"
     tally.note_detector(refused)
-    assert tally.over == tally.frames == 1
+    assert tally.finished_frames == tally.frames == 1
     assert tally.refusals == {"detector: no model": 1}
 
 
 def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() -> None:
-    tally = FrameAnswers()
-    assert (tally.over, tally.mapped) == (0, 0)
+    tally = FrameAcks()
+    assert (tally.finished_frames, tally.occupancy_frames) == (0, 0)
     tally.note_ack(ack("occupancy", 1))
-    assert (tally.over, tally.mapped) == (0, 1)
+    assert (tally.finished_frames, tally.occupancy_frames) == (0, 1)
     tally.note_ack(ack("occupancy", 2))
-    assert (tally.over, tally.mapped) == (1, 2)
+    assert (tally.finished_frames, tally.occupancy_frames) == (1, 2)
     for part in MapPart:
         tally.note_ack(ack(part, 2))
-    assert (tally.over, tally.mapped, tally.frames) == (2, 2, 1)
+    assert (tally.finished_frames, tally.occupancy_frames, tally.frames) == (2, 2, 1)
 
 
 def test_refusals_are_counted_with_their_reason_and_not_timed() -> None:
-    tally = FrameAnswers()
+    tally = FrameAcks()
     tally.note_ack(ack("objects", 1, accepted=False, update_ms=99))
     assert tally.refusals == {"objectmap: another search context": 1}
     assert tally.median_ms() == {}
 
 
 def test_stages_are_medians_of_answers_and_of_what_services_report() -> None:
-    tally, board = FrameAnswers(), ServiceTable()
+    tally, board = FrameAcks(), ServiceTable()
     for seq, ms in enumerate((1.0, 9.0, 2.0)):
         tally.note_ack(ack("occupancy", seq, update_ms=ms))
     metrics = {"detect_ms_median": 31.5, "keyframes": 3.0}
-    board.note(pb.ServiceStatus(service="detector", state="ready", metrics=metrics))
+    board.on_status(pb.ServiceStatus(service="detector", state="ready", metrics=metrics))
     stages = stage_medians_ms(tally, board)
     assert (stages["occupancy"], stages["detect"]) == (2.0, 31.5)
     assert "keyframes" not in stages
@@ -95,7 +95,7 @@ def test_results_are_asked_for_and_written(tmp_path: Path) -> None:
     maps.serve(OBJECTS, lambda _: pb.ObjectsReply(objects=[worse, cup]))
     maps.serve(PICTURE, lambda request: pb.PictureReply(png=request.layer.encode()))
     maps.serve(SNAPSHOT, lambda _: snapshot)
-    tally = FrameAnswers()
+    tally = FrameAcks()
     tally.listen(client)
     for part, topic in (
         ("occupancy", MAP2D_ACK), ("value", MAP2D_ACK), ("objects", OBJECTMAP_ACK)
@@ -154,4 +154,4 @@ def test_a_disk_that_is_full_keeps_the_files_of_before_and_is_said(
 
 def test_a_map_that_is_not_there_is_an_error() -> None:
     with pytest.raises(Unavailable):
-        collect(MemoryBus(MemoryHub(), "robot"), FrameAnswers(), ServiceTable(), 1, 1.0)
+        collect(MemoryBus(MemoryHub(), "robot"), FrameAcks(), ServiceTable(), 1, 1.0)

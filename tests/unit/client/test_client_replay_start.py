@@ -9,13 +9,13 @@ from typing import cast
 import pytest
 from helios_client.interrupt_signals import Interrupts
 from helios_client.replay import run as module
-from helios_client.replay.frame_answers import FrameAnswers
+from helios_client.replay.frame_answers import FrameAcks
 from helios_client.replay.input_checks import CheckedInput
-from helios_client.replay.progress import Watch, waits_for
+from helios_client.replay.progress import ReplayMonitor, waits_for
 from helios_client.replay.results import unreadable_frames
 from helios_client.replay.run import ReplayJob
 from helios_client.supervision.service_table import ServiceRow, ServiceTable
-from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
+from helios_client.supervision.supervisor import ProcessInfo, ProcessState, Supervisor
 from helios_client.usage_errors import UsageError
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
@@ -32,7 +32,7 @@ class Processes:
         return ()
 
     def table(self) -> tuple[ProcessInfo, ...]:
-        return tuple(ProcessInfo(name, 7, 0, State.RUNNING, "") for name in NAMES)
+        return tuple(ProcessInfo(name, 7, 0, ProcessState.RUNNING, "") for name in NAMES)
 
 
 def status(service: str, state: str, reason: str = "", **metrics: float) -> pb.ServiceStatus:
@@ -42,18 +42,18 @@ def status(service: str, state: str, reason: str = "", **metrics: float) -> pb.S
 def board_of(*statuses: pb.ServiceStatus) -> ServiceTable:
     board = ServiceTable()
     for one in statuses:
-        board.note(one)
+        board.on_status(one)
     return board
 
 
 def play(
-    job: ReplayJob, board: ServiceTable, tally: FrameAnswers, *searches: str,
+    job: ReplayJob, board: ServiceTable, tally: FrameAcks, *searches: str,
     interrupts: Interrupts | None = None,
 ) -> None:  # fmt: skip
     """searches: what each looks for."""
     quiet = Console(quiet=True)
     known = CheckedInput(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
-    watch = Watch(job, known, board, quiet)
+    watch = ReplayMonitor(job, known, board, quiet)
     module._play(watch, cast(Supervisor, Processes()), tally, interrupts or Interrupts(), quiet)
 
 
@@ -67,7 +67,7 @@ def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_log
     loading = status("detector", "starting", "loading the model")
     board = board_of(status("bridge", "ready"), loading)
     with pytest.raises(DeadlineExceeded) as late:
-        play(job(tmp_path, start_s=0.1), board, FrameAnswers())
+        play(job(tmp_path, start_s=0.1), board, FrameAcks())
     said = late.value.message
     assert "not ready within 0.1 s" in said
     assert f"detector is starting (loading the model; log {tmp_path / 'logs/detector.log'})" in said
@@ -81,11 +81,11 @@ def test_a_first_frame_that_nobody_answers_ends_the_replay_with_what_the_service
     ready = [status(name, "ready") for name in NAMES[2:]]
     board = board_of(*ready, status("bridge", "ready", "keyframe a/0/1 waits for map2d/occupancy"))
     with pytest.raises(DeadlineExceeded, match=r"after 0 of 4.*waits for map2d/occupancy"):
-        play(job(tmp_path, start_s=60, patience_s=0.1), board, FrameAnswers())
+        play(job(tmp_path, start_s=60, patience_s=0.1), board, FrameAcks())
 
 
 def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
-    tally = FrameAnswers()
+    tally = FrameAcks()
     for part in MapPart:
         tally.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
     tally.note_state(pb.RobotState(finished=True))
@@ -98,10 +98,10 @@ def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_re
     monkeypatch.setattr("helios_client.replay.progress.TROUBLE_S", 0.0)
     loading = status("detector", "waiting", "loading onnx:a")
     with pytest.raises(DeadlineExceeded, match="loading onnx:a"):
-        play(job(tmp_path, start_s=0.3), board_of(loading), FrameAnswers())
+        play(job(tmp_path, start_s=0.3), board_of(loading), FrameAcks())
     missing = status("detector", "waiting", "a is not there")
     with pytest.raises(Unavailable, match="detector: a is not there"):
-        play(job(tmp_path, start_s=60), board_of(missing), FrameAnswers())
+        play(job(tmp_path, start_s=60), board_of(missing), FrameAcks())
 
 
 def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
@@ -110,7 +110,7 @@ def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
     refused = {"contexts_unknown": 1, "classes_refused": 1}
     board = board_of(status("detector", "degraded", "'cup' is not painted", **refused))
     with pytest.raises(UsageError, match=r"recorded knows nothing.*'cup' is not painted"):
-        play(job(tmp_path, start_s=60), board, FrameAnswers(), "cup", "cup")
+        play(job(tmp_path, start_s=60), board, FrameAcks(), "cup", "cup")
 
 
 def test_a_class_that_is_not_known_is_reported_once_and_the_others_go_on(
@@ -118,7 +118,7 @@ def test_a_class_that_is_not_known_is_reported_once_and_the_others_go_on(
 ) -> None:
     figures = {"contexts_sought": 1, "classes_refused": 1}
     board = board_of(status("detector", "degraded", "'cup' is not painted", **figures))
-    classes = Watch(
+    classes = ReplayMonitor(
         job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup", "box"}),), {}), board, Console()
     ).classes
     for over in (False, False, True):
@@ -132,10 +132,10 @@ def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
         *(status(name, "ready") for name in NAMES[1:]),
         status("detector", "degraded", "'cup' is not painted", **refused),
     )
-    tally = FrameAnswers()
+    tally = FrameAcks()
     tally.note_state(pb.RobotState(finished=True))
     play(job(tmp_path, start_s=60), board, tally, "cup", "box")
-    watch = Watch(
+    watch = ReplayMonitor(
         job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}), board,
         Console(quiet=True),
     )  # fmt: skip
@@ -146,7 +146,7 @@ def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
 def test_an_interrupt_ends_it_with_what_came_so_far_and_before_that_with_nothing(
     tmp_path: Path,
 ) -> None:
-    tally, interrupts = FrameAnswers(), Interrupts()
+    tally, interrupts = FrameAcks(), Interrupts()
     interrupts.note()
     with pytest.raises(KeyboardInterrupt):
         play(job(tmp_path), board_of(), tally, interrupts=interrupts)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.replay.input_selection import default_detector, what_to_seek
-from helios_client.supervision.service_specs import RECORDED, ServiceSpecs
+from helios_client.replay.input_selection import default_detector, search_and_detector
+from helios_client.supervision.service_specs import RECORDED_DETECTOR, StackOptions
 from helios_client.supervision.service_table import ServiceRow, is_ready
 from helios_client.usage_errors import UsageError
 
@@ -14,9 +14,9 @@ TAPE, FOLDER = Path("tour.mcap"), Path("folder")
 
 
 def test_a_recording_needs_no_words() -> None:
-    assert what_to_seek(TAPE, None, "", None) == (None, RECORDED)
-    assert what_to_seek(TAPE, None, "", "onnx:x") == (None, "onnx:x")
-    context, detector = what_to_seek(TAPE, "cup", "cup=0.3", "onnx:x")
+    assert search_and_detector(TAPE, None, "", None) == (None, RECORDED_DETECTOR)
+    assert search_and_detector(TAPE, None, "", "onnx:x") == (None, "onnx:x")
+    context, detector = search_and_detector(TAPE, "cup", "cup=0.3", "onnx:x")
     assert context is not None
     assert (context.classes[0].threshold, detector) == (0.3, "onnx:x")
 
@@ -27,7 +27,7 @@ def test_a_recording_needs_no_words() -> None:
         (FOLDER, None, "", "onnx:x"),
         (FOLDER, "cup", "", None),
         (TAPE, "cup", "", None),
-        (TAPE, "cup", "", RECORDED),
+        (TAPE, "cup", "", RECORDED_DETECTOR),
         (TAPE, None, "cup=0.3", None),
     ],
 )
@@ -35,22 +35,22 @@ def test_what_is_missing_is_asked_for(
     source: Path, classes: str | None, thresholds: str, detector: str | None
 ) -> None:
     with pytest.raises(UsageError):
-        what_to_seek(source, classes, thresholds, detector)
+        search_and_detector(source, classes, thresholds, detector)
 
 
 def test_detectors_that_need_not_be_named() -> None:
     assert default_detector("sim", None) == "simulated"
-    assert default_detector("replay", TAPE) == RECORDED
+    assert default_detector("replay", TAPE) == RECORDED_DETECTOR
     with pytest.raises(UsageError):
         default_detector("replay", FOLDER)
 
 
 def test_a_replay_and_a_recorder_are_called_so(tmp_path: Path) -> None:
-    stack = ServiceSpecs(
-        "replay", 7447, tmp_path, detector=RECORDED, source=TAPE, from_s=2.0, to_s=5.0, rate=1.0,
-        record=tmp_path / "out",
+    stack = StackOptions(
+        "replay", 7447, tmp_path, detector=RECORDED_DETECTOR, source=TAPE, from_s=2.0, to_s=5.0,
+        rate=1.0, record=tmp_path / "out",
     )  # fmt: skip
-    specs = {spec.name: " ".join(spec.argv) for spec in stack.specs()}
+    specs = {spec.name: " ".join(spec.argv) for spec in stack.processes()}
     assert "--from-s 2.0 --to-s 5.0 --rate 1.0" in specs["bridge"]
     assert "--contexts" in specs["bridge"]
     assert "-m helios_replay " in specs["detector"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.service_specs import ServiceSpecs
+from helios_client.supervision.service_specs import StackOptions
 from helios_core.agent_presets import AGENT_NAMES, DEFAULT_AGENT, service_settings
 from helios_core.settings import ServiceSettings
 from helios_objectmap.settings import ObjectMapSettings
@@ -19,7 +19,7 @@ SETTINGS: dict[str, type[ServiceSettings]] = {
 
 def flags_of(service: str, agent: str | None) -> list[str]:
     """What the service's process is called with, after `python -m MODULE`."""
-    specs = ServiceSpecs("sim", 7447, Path("state"), port=8080, agent=agent).specs()
+    specs = StackOptions("sim", 7447, Path("state"), port=8080, agent=agent).processes()
     (flags,) = (spec.argv[3:] for spec in specs if spec.name == service)
     return list(flags)
 

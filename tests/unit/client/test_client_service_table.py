@@ -10,7 +10,7 @@ from helios_client.supervision.service_table import (
     as_json,
     is_ready,
 )
-from helios_client.supervision.supervisor import ProcessInfo, State
+from helios_client.supervision.supervisor import ProcessInfo, ProcessState
 from helios_core import proto as pb
 
 
@@ -22,7 +22,7 @@ class Clock:
 
 
 def running(name: str = "map2d", pid: int = 7, restarts: int = 0, reason: str = "") -> ProcessInfo:
-    return ProcessInfo(name, pid, restarts, State.RUNNING, reason)
+    return ProcessInfo(name, pid, restarts, ProcessState.RUNNING, reason)
 
 
 def row(board: ServiceTable, info: ProcessInfo) -> ServiceRow:
@@ -35,19 +35,19 @@ def test_a_process_that_has_not_spoken_is_starting() -> None:
 
 def test_a_service_is_what_it_says() -> None:
     board = ServiceTable()
-    board.note(pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame"))
+    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame"))
     assert row(board, running()) == ServiceRow("map2d", "waiting", "for a frame", 0, 7)
 
 
 def test_the_word_of_an_earlier_process_does_not_count() -> None:
     board = ServiceTable()
-    board.note(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
+    board.on_status(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
     assert row(board, running()).state == "starting"
 
 
 def test_a_restart_is_reported_with_its_reason() -> None:
     board = ServiceTable()
-    board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     reported = row(board, running(restarts=1, reason="ended by SIGKILL"))
     assert (reported.state, reported.restarts) == ("ready", 1)
     assert "ended by SIGKILL" in reported.reason
@@ -56,15 +56,15 @@ def test_a_restart_is_reported_with_its_reason() -> None:
 def test_a_silent_service_is_degraded() -> None:
     clock = Clock()
     board = ServiceTable(clock)
-    board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     clock.now_s = SILENT_S + 1
     assert row(board, running()).state == "degraded"
 
 
 def test_a_process_that_is_down_is_so_whatever_it_said() -> None:
     board = ServiceTable()
-    board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
-    down = row(board, ProcessInfo("map2d", 0, 3, State.RESTARTING, "no model"))
+    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    down = row(board, ProcessInfo("map2d", 0, 3, ProcessState.RESTARTING, "no model"))
     assert (down.state, down.reason, down.pid) == ("restarting", "no model", 0)
 
 

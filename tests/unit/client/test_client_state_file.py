@@ -69,7 +69,7 @@ def test_a_corrupt_file_does_not_count(tmp_path: Path, text: str) -> None:
 
 
 def test_a_directory_is_held_by_one(tmp_path: Path) -> None:
-    with state_file.lock(tmp_path), pytest.raises(state_file.InUse):
+    with state_file.lock(tmp_path), pytest.raises(state_file.StateDirLocked):
         state_file.lock(tmp_path)
     state_file.lock(tmp_path).close()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from helios_client.supervision.child_process import ProcessSpec
-from helios_client.supervision.supervisor import STEADY_S, State, Supervisor, restart_delay_s
+from helios_client.supervision.supervisor import STEADY_S, ProcessState, Supervisor, restart_delay_s
 
 from tests.support import wait_until
 
@@ -75,7 +75,11 @@ def test_a_killed_process_is_started_again_at_once(bench: Bench) -> None:
     os.kill(first.pid, signal.SIGKILL)
     wait_for_ending(supervisor)
     again = supervisor.table()[0]
-    assert (again.state, again.restarts, again.reason) == (State.RUNNING, 1, "ended by SIGKILL")
+    assert (again.state, again.restarts, again.reason) == (
+        ProcessState.RUNNING,
+        1,
+        "ended by SIGKILL",
+    )
     assert again.pid != first.pid
     assert is_alive(again.pid)
 
@@ -91,16 +95,16 @@ def test_a_process_that_keeps_failing_is_started_less_and_less_often(bench: Benc
     supervisor = bench("import sys; print('no model at x'); sys.exit(1)")
     supervisor.start()
     wait_for_ending(supervisor)  # the first restart comes in the same check
-    assert supervisor.table()[0].state is State.RUNNING
+    assert supervisor.table()[0].state is ProcessState.RUNNING
     for failures in (2, 3, 4):
         wait_for_ending(supervisor)
         row = supervisor.table()[0]
         assert (row.state, row.pid, row.reason) == (
-            State.RESTARTING, 0, "exit status 1; last log line: no model at x",
+            ProcessState.RESTARTING, 0, "exit status 1; last log line: no model at x",
         )  # fmt: skip
         bench.clock.now_s += restart_delay_s(failures) - 0.01
         supervisor.check()
-        assert supervisor.table()[0].state is State.RESTARTING
+        assert supervisor.table()[0].state is ProcessState.RESTARTING
         bench.clock.now_s += 0.02
         supervisor.check()
         assert supervisor.table()[0].restarts == failures
@@ -114,7 +118,7 @@ def test_a_process_that_ran_steadily_is_forgiven(bench: Bench) -> None:
         os.kill(supervisor.table()[0].pid, signal.SIGKILL)
         wait_for_ending(supervisor)
         assert supervisor.table()[0].restarts == restarts
-        assert supervisor.table()[0].state is State.RUNNING
+        assert supervisor.table()[0].state is ProcessState.RUNNING
 
 
 def test_wrong_use_is_reported_and_not_repeated(bench: Bench) -> None:
@@ -124,7 +128,7 @@ def test_wrong_use_is_reported_and_not_repeated(bench: Bench) -> None:
     bench.clock.now_s += 60
     assert supervisor.check() == ()
     row = supervisor.table()[0]
-    assert (row.state, row.restarts, row.reason) == (State.STOPPED, 0, "wrong setting: seed")
+    assert (row.state, row.restarts, row.reason) == (ProcessState.STOPPED, 0, "wrong setting: seed")
 
 
 def test_a_process_that_ran_steadily_is_tried_every_5_s_when_its_settings_are_spoilt(
@@ -144,7 +148,7 @@ def test_a_process_that_ran_steadily_is_tried_every_5_s_when_its_settings_are_sp
     for restarts in (1, 2):
         wait_for_ending(supervisor)
         row = supervisor.table()[0]
-        assert (row.state, row.reason) == (State.RESTARTING, "keys.toml is no TOML")
+        assert (row.state, row.reason) == (ProcessState.RESTARTING, "keys.toml is no TOML")
         bench.clock.now_s += 4.9
         supervisor.check()
         assert supervisor.table()[0].restarts == restarts
@@ -155,14 +159,14 @@ def test_a_process_that_ran_steadily_is_tried_every_5_s_when_its_settings_are_sp
     good.touch()
     bench.clock.now_s += 5.1
     supervisor.check()
-    assert supervisor.table()[0].state is State.RUNNING
+    assert supervisor.table()[0].state is ProcessState.RUNNING
 
 
 def test_without_restart_an_ended_process_stays_down(bench: Bench) -> None:
     supervisor = bench("print('done')", restart=False)
     supervisor.start()
     wait_for_ending(supervisor)
-    assert supervisor.table()[0].state is State.STOPPED
+    assert supervisor.table()[0].state is ProcessState.STOPPED
 
 
 def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> None:
@@ -205,7 +209,7 @@ def test_stop_ends_also_what_ignores_it_and_its_children(bench: Bench) -> None:
     pids.append(int(logs[1].read_text().split()[0]))
     supervisor.stop()
     wait_until(lambda: not any(map(is_alive, pids)), 5, "all are gone")
-    assert {row.state for row in supervisor.table()} == {State.STOPPED}
+    assert {row.state for row in supervisor.table()} == {ProcessState.STOPPED}
     assert supervisor.check() == ()
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 import pytest
 from helios_client.supervision import state_file
-from helios_client.supervision.service_specs import ServiceSpecs
+from helios_client.supervision.service_specs import StackOptions
 from helios_client.supervision.up import Screen
 from helios_client.supervision.up import up as run_up
 from helios_core.errors import Conflict
@@ -173,4 +173,4 @@ def test_a_port_that_may_not_be_used_is_told_from_one_in_use(
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
     with pytest.raises(Conflict, match=r"port 80: Permission denied .*1024.* with --port"):
-        run_up(ServiceSpecs("sim", 7447, tmp_path, port=80), Screen())
+        run_up(StackOptions("sim", 7447, tmp_path, port=80), Screen())

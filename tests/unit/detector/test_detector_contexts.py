@@ -135,17 +135,17 @@ def test_a_context_that_the_back_end_cannot_take_is_kept_and_tried_again(
     moody.fault = fault
     rig.look_for()
     rig.bus.publish(KEYFRAME, rig.frame())  # held
-    rig.service.seek_again()
+    rig.service.retry_context()
     assert rig.observations == []
     assert (rig.count("contexts_refused"), rig.count("context_retries")) == (1, 1)
     assert rig.health.state[0] == "degraded"
     assert f"search context c1 is not sought: {said}" in rig.health.state[1]
     moody.fault = None
-    rig.service.seek_again()
+    rig.service.retry_context()
     assert [o.context_id for o in rig.observations] == ["c1"]
     assert rig.health.state == ("ready", "")
     asked = len(moody.asked)
-    rig.service.seek_again()
+    rig.service.retry_context()
     assert len(moody.asked) == asked  # there is nothing left to ask
 
 
@@ -159,7 +159,7 @@ def test_a_keyframe_that_goes_well_does_not_hide_a_context_that_is_not_sought():
     assert rig.health.state == (
         "degraded", "search context c2 is not sought: the text model is away"
     )  # fmt: skip
-    rig.service.seek_again()
+    rig.service.retry_context()
     assert moody.asked == ["c1", "c2"]  # too early to ask again
 
 
@@ -170,7 +170,7 @@ def test_a_newer_context_takes_the_place_of_one_that_waits(monkeypatch: pytest.M
     rig.look_for()
     moody.fault = None
     rig.look_for(context_of("bowl", id="c2"))
-    rig.service.seek_again()
+    rig.service.retry_context()
     assert moody.asked == ["c1", "c2"]
     rig.bus.publish(KEYFRAME, rig.frame())
     assert [o.context_id for o in rig.observations] == ["c2"]
@@ -179,7 +179,7 @@ def test_a_newer_context_takes_the_place_of_one_that_waits(monkeypatch: pytest.M
 
 def test_a_context_is_not_asked_for_again_while_the_back_end_is_at_it():
     rig, moody = moody_rig()
-    moody.meanwhile = rig.service.seek_again
+    moody.meanwhile = rig.service.retry_context
     rig.look_for()
     assert moody.asked == ["c1"]
     assert rig.count("context_retries") == 0
@@ -192,6 +192,6 @@ def test_a_context_that_the_back_end_calls_wrong_is_said_and_not_tried_again(
     rig, moody = moody_rig()
     moody.fault = InvalidInput("no mugs, please; ask for cups")
     rig.look_for()
-    rig.service.seek_again()
+    rig.service.retry_context()
     assert moody.asked == ["c1"]
     assert "search context c1 is not sought: no mugs, please" in rig.health.state[1]

@@ -19,7 +19,7 @@ from helios_core.types import Detection, Observation
 from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.detection_filtering import box_of, near_box
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.output_checks import held_findings, held_judgement
+from helios_detector.output_checks import checked_findings, checked_judgement
 from helios_detector.service import DetectorService
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from hypothesis import given, settings
@@ -36,14 +36,14 @@ def detection(score: float = 0.5, box: tuple[int, int, int, int] = (5, 5, 15, 15
 
 def test_good_findings_pass_as_they_are():
     good = Findings((detection(0.0), detection(1.0)), (Seen("mug", 0.3),))
-    held, wrong = held_findings(good, SHAPE)
+    held, wrong = checked_findings(good, SHAPE)
     assert held is good
     assert not wrong
 
 
 @pytest.mark.parametrize(("score", "sent"), [(1.7, 1.0), (-0.2, 0.0), (float("inf"), 1.0)])
 def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: float):
-    held, wrong = held_findings(Findings((detection(score),), (Seen("mug", score),)), SHAPE)
+    held, wrong = checked_findings(Findings((detection(score),), (Seen("mug", score),)), SHAPE)
     assert [d.score for d in held.detections] == [sent]
     assert [s.score for s in held.seen] == [sent]
     assert wrong.counts == {"scores_clipped": 2}
@@ -61,13 +61,13 @@ def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: flo
     ],
 )
 def test_what_fits_no_image_is_left_out_and_counted(bad: Detection):
-    held, wrong = held_findings(Findings((bad, detection()), ()), SHAPE)
+    held, wrong = checked_findings(Findings((bad, detection()), ()), SHAPE)
     assert len(held.detections) == 1
     assert wrong.counts == {"detections_refused": 1}
 
 
 def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
-    held, wrong = held_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
+    held, wrong = checked_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
     assert held.detections[0].box_xyxy == (8, 5, 15, 15)
     assert wrong.counts == {"boxes_widened": 1}
     assert wrong.sentence == ""
@@ -84,7 +84,7 @@ def test_whatever_a_back_end_gives_can_be_sent_and_read(
     frame = frame_of()
     mask = np.zeros(frame.depth_m.shape, bool)
     mask[8:12, 8:12] = True
-    held, _ = held_findings(
+    held, _ = checked_findings(
         Findings((Detection("mug", score, box, mask),), ()), frame.depth_m.shape
     )
     sent = observation_to_proto(Observation(frame, "c", held.detections, {}, "d"))
@@ -94,10 +94,12 @@ def test_whatever_a_back_end_gives_can_be_sent_and_read(
 
 
 def test_a_scorers_numbers_are_cut_and_what_is_none_is_left_out():
-    held, wrong = held_judgement(Judgement({"pick": 1.5, "place": 0.5}), {"pick", "place"})
+    held, wrong = checked_judgement(Judgement({"pick": 1.5, "place": 0.5}), {"pick", "place"})
     assert held.scores == {"pick": 1.0, "place": 0.5}
     assert wrong.counts == {"scores_clipped": 1}
-    held, wrong = held_judgement(Judgement({"pick": float("nan"), "place": 0.5}), {"pick", "place"})
+    held, wrong = checked_judgement(
+        Judgement({"pick": float("nan"), "place": 0.5}), {"pick", "place"}
+    )
     assert held.scores == {"place": 0.5}
     assert "nan as the score of 'pick', wanted a number from 0 to 1" in wrong.sentence
 

@@ -28,7 +28,7 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import ZenohBus
-from helios_detector.detector_fleet import HOME, Fleet, RobotSlot
+from helios_detector.detector_fleet import FLEET_BUS, Fleet, RobotSlot
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.model_set import Models
 from helios_detector.model_usage import ModelUsage
@@ -235,7 +235,7 @@ def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_af
 
 def test_no_robot_has_the_name_under_which_detectors_meet():
     with pytest.raises(InvalidInput, match="no robot can be called"):
-        robot_names(HOME)
+        robot_names(FLEET_BUS)
 
 
 def test_the_simulators_detectors_serve_one_robot():

@@ -9,8 +9,8 @@ import json
 import numpy as np
 from detector_scene import context_of, looking
 from helios_detector.simulation.frame_noise import load_noise
-from helios_detector.simulation.view_noise_detector import ViewDetector
-from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulation.view_noise_detector import ViewNoiseDetector
+from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from test_detector_view_simulated import NamedTruth
 
 DIGESTS = {"ovmm-v1": "f9dc2c4a9c5c2cf0"}
@@ -29,9 +29,9 @@ def test_the_simulated_detector_says_what_it_said():
 def said(level: float) -> str:
     """A hash of everything that is found on the way."""
     table = load_noise("ovmm-v1")
-    assert isinstance(table, ViewTable)
+    assert isinstance(table, ViewNoiseTable)
     truth = NamedTruth()
-    detector = ViewDetector(truth, table.scaled(level), seed=5)
+    detector = ViewNoiseDetector(truth, table.scaled(level), seed=5)
     context = context_of("mug", "bowl", "teapot", "book", "table", threshold=0.05)
     reported: list[list[object]] = []
     for n, x in enumerate(np.linspace(-2, 1, 60), 1):

@@ -12,7 +12,7 @@ from helios_core.types import Detection
 from helios_detector.coco_classes import COCO_NAMES
 from helios_eval.studies import realism
 from helios_eval.studies.realism import main
-from helios_eval.studies.realism_judging import Row, Sight, judged, names_for, rows_of, table
+from helios_eval.studies.realism_judging import Judgement, Row, judged, names_for, rows_of, table
 from helios_eval.studies.realism_views import ObserverCamera, Thing, iou, looking, outline_of
 from helios_sim.home import PRESETS, generate_home
 
@@ -49,9 +49,9 @@ def test_a_right_name_beats_a_stronger_wrong_one_and_what_is_elsewhere_does_not_
 
 def test_the_table_says_shares_and_what_things_are_taken_for():
     sights = [
-        Sight("parametric", "chair", "chair", 0.9, True),
-        Sight("parametric", "chair", "bench", 0.5, False),
-        Sight("realistic", "chair", "", 0.0, False),
+        Judgement("parametric", "chair", "chair", 0.9, True),
+        Judgement("parametric", "chair", "bench", 0.5, False),
+        Judgement("realistic", "chair", "", 0.0, False),
     ]
     rows = rows_of(sights)
     assert rows["chair", "parametric"] == Row(2, 1, (("bench", 1),))

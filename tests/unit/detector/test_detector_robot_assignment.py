@@ -55,10 +55,10 @@ def test_when_somebody_comes_or_goes_nobody_takes_anything_for_a_moment():
 def test_a_detector_of_another_list_is_a_stranger_and_shares_nothing():
     one, stranger = member("a"), Members("b", ("ada",))
     one.change(stranger.me, True, 0.0)
-    assert one.strangers
+    assert one.has_other_lists
     assert all(one.takes(r, 1.0) for r in ROBOTS)
     one.change(stranger.me, False, 1.0)
-    assert not one.strangers
+    assert not one.has_other_lists
 
 
 def test_keyframes_are_taken_oldest_first_and_once():

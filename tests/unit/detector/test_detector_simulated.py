@@ -16,7 +16,7 @@ from helios_detector.simulation.frame_noise import (
     hashed_voxels,
     load_noise,
 )
-from helios_detector.simulation.frame_noise_detector import SimulatedDetector
+from helios_detector.simulation.frame_noise_detector import FrameNoiseDetector
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.simulator_truth import truth_of
 
@@ -27,8 +27,8 @@ NEVER = replace(DEMO.miss_by_pixels, at=(1.0,), value=(0.0,))
 FAITHFUL = replace(DEMO, miss_by_pixels=NEVER, miss_by_distance=NEVER, confusion={}, redrawn=0.0)
 
 
-def simulated(truth: SceneTruth, table: NoiseTable = DEMO, seed: int = 0) -> SimulatedDetector:
-    return SimulatedDetector(truth, table, seed)
+def simulated(truth: SceneTruth, table: NoiseTable = DEMO, seed: int = 0) -> FrameNoiseDetector:
+    return FrameNoiseDetector(truth, table, seed)
 
 
 def names(detections) -> list[str]:

@@ -15,12 +15,12 @@ from helios_detector.simulation.view_noise import (
     Views,
     key_of,
     keys_of,
-    latent,
+    normal_draws,
     sectors_of,
     uniform,
 )
-from helios_detector.simulation.view_noise_detector import Verdict, verdicts
-from helios_detector.simulation.view_noise_table import ViewTable, view_table
+from helios_detector.simulation.view_noise_detector import SimulatedResult, verdicts
+from helios_detector.simulation.view_noise_table import ViewNoiseTable, view_table
 from helios_detector.simulator_truth import TruthInstance
 from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
@@ -28,12 +28,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 _loaded = load_noise("ovmm-v1")
-assert isinstance(_loaded, ViewTable)
+assert isinstance(_loaded, ViewNoiseTable)
 # Far from every end of a rate, so that the claims hold whatever the shipped scales are.
 _MILD = _loaded.file.scale.model_copy(
     update={"confuse": 0.5, "second": 0.5, "miss": 1.0, "false": 1.0}
 )
-TABLE: ViewTable = replace(_loaded, file=_loaded.file.model_copy(update={"scale": _MILD}))
+TABLE: ViewNoiseTable = replace(_loaded, file=_loaded.file.model_copy(update={"scale": _MILD}))
 CORRELATIONS = (0.0, None, 1.0)
 KEYS = [key_of(f"thing {n}") for n in range(3000)]
 PURPOSE = keys_of(("miss",))
@@ -49,7 +49,9 @@ def at(angle_deg: float, distance_m: float = 2.5) -> np.ndarray:
     return np.array([distance_m * math.cos(turn), distance_m * math.sin(turn), 0.0])
 
 
-def look(table: ViewTable, thing: Visible, eye_m: np.ndarray, stamp_ns: int = 1) -> list[Verdict]:
+def look(
+    table: ViewNoiseTable, thing: Visible, eye_m: np.ndarray, stamp_ns: int = 1
+) -> list[SimulatedResult]:
     """The same thing, 3000 times with different luck."""
     return verdicts([thing] * len(KEYS), table, KEYS, eye_m, stamp_ns)
 
@@ -62,7 +64,7 @@ def about(count: int, probability: float, of: int) -> bool:
 def draws(sector: int, shares: Shares, stamp_ns: int = 1, cell: int = 0) -> np.ndarray:
     n = len(KEYS)
     views = Views(np.array(KEYS, np.uint64), np.full(n, sector), np.full(n, sector + 12 * cell))
-    return latent(views, PURPOSE, shares, stamp_ns)[:, 0]
+    return normal_draws(views, PURPOSE, shares, stamp_ns)[:, 0]
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:
@@ -145,7 +147,7 @@ def test_the_same_view_gives_the_same_error():
 def test_a_look_alike_stays_wrong_from_one_side():
     """With the table's own shares: in the next frame, and mostly in the next sector."""
 
-    def wrong(verdict: Verdict) -> bool:
+    def wrong(verdict: SimulatedResult) -> bool:
         return bool(verdict.names) and verdict.names[0][0] != "mug"
 
     first = [wrong(v) for v in look(TABLE, seen_thing(), at(40), 1)]
@@ -185,7 +187,7 @@ def test_rates_grow_with_the_level_and_what_is_missed_at_a_low_level_is_at_a_hig
     ],
 )
 def test_each_kind_of_error_has_one_scale_with_an_end(kind, rate, most):
-    def scaled(by: float) -> ViewTable:
+    def scaled(by: float) -> ViewNoiseTable:
         scale = TABLE.file.scale.model_copy(update={kind: by})
         return replace(TABLE, file=TABLE.file.model_copy(update={"scale": scale}))
 
@@ -223,7 +225,7 @@ def test_sectors_are_12_of_30_degrees():
 
 def test_draws_are_the_same_on_every_machine():
     views = Views(keys_of(("a",)), np.array([4]), np.array([77]))
-    z = latent(views, keys_of(("miss", "score")), Shares(0.3, 0.4, 0.2, 0.1), 123456789)
+    z = normal_draws(views, keys_of(("miss", "score")), Shares(0.3, 0.4, 0.2, 0.1), 123456789)
     assert z[0] == pytest.approx([1.9081309387766416, 0.047867777442039655], abs=1e-9)
 
 

@@ -27,15 +27,15 @@ from helios_detector.model_loading import open_detector
 from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector, visible
 from helios_detector.simulation.mask_errors import eroded, leaked, partial
-from helios_detector.simulation.view_noise_detector import ViewDetector
-from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulation.view_noise_detector import ViewNoiseDetector
+from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth
 from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
 
 _loaded = load_noise("ovmm-v1")
-assert isinstance(_loaded, ViewTable)
-NOISE: ViewTable = _loaded
+assert isinstance(_loaded, ViewNoiseTable)
+NOISE: ViewNoiseTable = _loaded
 CONTEXT = context_of("mug", "bowl", "teapot", threshold=0.05)
 
 
@@ -55,13 +55,13 @@ class NamedTruth(SceneTruth):
         return Truth(ids, moved)
 
 
-def scaled(table: ViewTable = NOISE, **scale: float) -> ViewTable:
+def scaled(table: ViewNoiseTable = NOISE, **scale: float) -> ViewNoiseTable:
     whole = {"confuse": 0.0, "second": 0.0, "miss": 0.0, "false": 0.0} | scale
     file = table.file.model_copy(update={"scale": table.file.scale.model_copy(update=whole)})
     return replace(table, file=file)
 
 
-def haunted(on_structure: float, on_furniture: float) -> ViewTable:
+def haunted(on_structure: float, on_furniture: float) -> ViewNoiseTable:
     """Nothing errs but false things, which are where the rates say."""
     table = scaled(false=1.0).scaled(1, 1.0)
     false = table.file.false_positive.model_copy(
@@ -85,14 +85,14 @@ def middle_m(d: Detection, frame: Frame) -> np.ndarray:
 def test_whatever_stands_in_a_home_may_be_sought():
     ovmm = CATALOGS["ovmm"]
     things = {normalised(n) for n in (*ovmm.objects, *ovmm.receptacles, *ovmm.fixtures)}
-    assert things <= set(ViewDetector(NamedTruth(), NOISE).vocabulary())
+    assert things <= set(ViewNoiseDetector(NamedTruth(), NOISE).vocabulary())
 
 
 def test_level_0_is_the_truth_exactly():
     truth = NamedTruth()
     for n, x in enumerate(np.linspace(-2, 1, 12), 1):
         frame = truth.frame(looking(float(x)), n)
-        got = ViewDetector(truth, NOISE.scaled(0), seed=n).detect(frame, CONTEXT)
+        got = ViewNoiseDetector(truth, NOISE.scaled(0), seed=n).detect(frame, CONTEXT)
         exact = GroundTruthDetector(truth).detect(frame, CONTEXT)
         assert reported(got) == reported(exact)
         assert got.seen == exact.seen
@@ -104,7 +104,7 @@ def test_the_same_seed_errs_the_same_and_another_seed_does_not():
     truth = NamedTruth()
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 30), 1)]
     runs = [
-        [reported(ViewDetector(truth, NOISE, s).detect(f, CONTEXT)) for f in frames]
+        [reported(ViewNoiseDetector(truth, NOISE, s).detect(f, CONTEXT)) for f in frames]
         for s in (1, 1, 2)
     ]
     assert runs[0] == runs[1] != runs[2]
@@ -115,7 +115,7 @@ def test_body_numbers_do_not_matter():
         here, there = NamedTruth(), NamedTruth(shift=37)
         frame = here.frame(looking(0.1 * n), n)
         there.frame(looking(0.1 * n), n)
-        found = [ViewDetector(t, NOISE, n).detect(frame, CONTEXT) for t in (here, there)]
+        found = [ViewNoiseDetector(t, NOISE, n).detect(frame, CONTEXT) for t in (here, there)]
         assert reported(found[0]) == reported(found[1])
 
 
@@ -137,7 +137,7 @@ def fingerprint() -> str:
     truth = NamedTruth()
     table = NOISE.scaled(2.0)
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 8), 1)]
-    return str([reported(ViewDetector(truth, table, 5).detect(f, CONTEXT)) for f in frames])
+    return str([reported(ViewNoiseDetector(truth, table, 5).detect(f, CONTEXT)) for f in frames])
 
 
 def test_nothing_changes_when_other_things_enter_the_picture():
@@ -148,7 +148,7 @@ def test_nothing_changes_when_other_things_enter_the_picture():
         frames = [t.frame(looking(0.4), n) for t in (alone, together)]
         found = []
         for truth, frame in zip((alone, together), frames, strict=True):
-            detector = ViewDetector(truth, table, n)
+            detector = ViewNoiseDetector(truth, table, n)
             verdicts = detector.verdicts(frame, truth.segmentation(frame.stamp_ns), ())
             named = {v.thing.instance.name: v.names for v in verdicts}
             found.append({k: v for k, v in named.items() if k in ("mug 2", "bowl 3")})
@@ -162,7 +162,7 @@ def test_false_things_stay_where_they_are_while_the_camera_passes():
     for seed in range(30):
         for n, x in enumerate((0.45, 0.50, 0.55), 1):
             frame = truth.frame(looking(x), n)
-            found = ViewDetector(truth, table, seed).detect(frame, context_of("teapot"))
+            found = ViewNoiseDetector(truth, table, seed).detect(frame, context_of("teapot"))
             if len(found.detections) == 1:
                 places.setdefault(seed, []).append(middle_m(found.detections[0], frame))
     lasting = [np.array(p) for p in places.values() if len(p) == 3]
@@ -174,7 +174,9 @@ def test_false_things_stay_where_they_are_while_the_camera_passes():
 def test_false_things_lie_on_walls_and_on_furniture(structure, furniture, host):
     truth = NamedTruth()
     frame = truth.frame(looking(0.2))
-    found = ViewDetector(truth, haunted(structure, furniture)).detect(frame, context_of("teapot"))
+    found = ViewNoiseDetector(truth, haunted(structure, furniture)).detect(
+        frame, context_of("teapot")
+    )
     ids = truth.ids[frame.stamp_ns]
     assert found.detections
     assert all((ids[d.mask] == host.id).all() for d in found.detections)
@@ -184,13 +186,13 @@ def test_false_things_lie_on_walls_and_on_furniture(structure, furniture, host):
 def test_nothing_false_lies_on_a_thing_of_its_own_kind_or_on_what_can_be_picked():
     truth = NamedTruth()
     frame = truth.frame(looking(0.2))
-    detector = ViewDetector(truth, haunted(0.0, 1.0))
+    detector = ViewNoiseDetector(truth, haunted(0.0, 1.0))
     role = SearchContext("c", (SearchClass("table", Role.GOAL_RECEPTACLE, 0.05),))
     assert {d.score for d in detector.detect(frame, role).detections} != set()
     assert len(detector.detect(frame, role).detections) == 1  # the table itself
     things = NamedTruth((MUG, BOWL))
     frame = things.frame(looking(0.2))
-    haunts = ViewDetector(things, haunted(1.0, 1.0)).detect(frame, context_of("teapot"))
+    haunts = ViewNoiseDetector(things, haunted(1.0, 1.0)).detect(frame, context_of("teapot"))
     assert haunts.detections == ()
 
 
@@ -201,7 +203,9 @@ def test_the_rate_of_false_things_is_that_of_the_table():
     context = context_of("ball", threshold=0.0)
 
     def count(rate: float, seed: int) -> int:
-        return len(ViewDetector(truth, haunted(rate, 0.0), seed).detect(frame, context).detections)
+        return len(
+            ViewNoiseDetector(truth, haunted(rate, 0.0), seed).detect(frame, context).detections
+        )
 
     sure = np.mean([count(1.0, seed) for seed in range(40)])
     counts = [count(per_cell, seed) for seed in range(150)]
@@ -217,7 +221,7 @@ def test_a_thing_may_be_reported_under_two_names_at_one_place():
     doubled = 0
     for seed in range(80):
         table = scaled(second=0.5).scaled(1, 1.0)
-        found = ViewDetector(truth, table, seed).detect(frame, context)
+        found = ViewNoiseDetector(truth, table, seed).detect(frame, context)
         own = [d for d in found.detections if (truth.ids[frame.stamp_ns][d.mask] == MUG.id).any()]
         if len(own) == 2:
             doubled += 1
@@ -264,7 +268,7 @@ def test_the_stated_shares_of_masks_are_partial_or_leak():
     kinds = {"partial": 0, "leak": 0, "whole": 0}
     table, context = scaled().scaled(1, 1.0), context_of("mug", threshold=0.0)
     for seed in range(300):
-        (d,) = ViewDetector(truth, table, seed).detect(frame, context).detections
+        (d,) = ViewNoiseDetector(truth, table, seed).detect(frame, context).detections
         outside = (d.mask & ~inside).any()
         smaller = (d.mask & inside).sum() < whole
         kinds["leak" if outside else "partial" if smaller else "whole"] += 1
@@ -279,7 +283,7 @@ def test_the_scorer_follows_what_was_reported_and_bears_names_it_does_not_know()
     values = {"near": [], "far": []}
     for seed in range(60):
         frame = truth.frame(looking(0.5), seed + 1)
-        found = ViewDetector(truth, NOISE, seed).detect(frame, context_of("mug"))
+        found = ViewNoiseDetector(truth, NOISE, seed).detect(frame, context_of("mug"))
         for layer, value in scorer.score(frame, found.seen, prompts).items():
             assert 0 <= value <= 1
             values[layer].append(value)
@@ -291,7 +295,7 @@ def test_the_scorer_follows_what_was_reported_and_bears_names_it_does_not_know()
 
 def test_unknown_classes_in_the_truth_are_reported_as_they_are():
     truth = NamedTruth((Box(3, "flurb", (1.0, -0.5, 0.0), (2.0, 0.5, 0.9)),))
-    found = ViewDetector(truth, NOISE.scaled(0)).detect(truth.frame(), context_of("flurb"))
+    found = ViewNoiseDetector(truth, NOISE.scaled(0)).detect(truth.frame(), context_of("flurb"))
     assert {s.class_name for s in found.seen} == {"flurb"}
 
 
@@ -316,7 +320,7 @@ def test_any_thing_may_be_taken_for_the_asked_one_and_furniture_never_for_a_thin
     things = [k for k, i in truth.segmentation(frame.stamp_ns).instances.items() if i.graspable]
     hits = 0
     for seed in range(60):
-        for found in ViewDetector(truth, table, seed).detect(frame, context).detections:
+        for found in ViewNoiseDetector(truth, table, seed).detect(frame, context).detections:
             shown = truth.ids[frame.stamp_ns][found.mask]
             assert np.isin(shown, things).all()
             hits += 1

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from eval_constructed_records import record
 from helios_core.errors import Unavailable
-from helios_eval.episodes.episode_player import Played
+from helios_eval.episodes.episode_player import PlayedEpisode
 
 
 def serve(connection: Connection, commit: str, folder: str) -> None:
@@ -34,4 +34,4 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
         elif spec.agent == "hangs":
             time.sleep(3600)
         else:
-            connection.send(Played(record(spec.seed, agent=spec.agent)))
+            connection.send(PlayedEpisode(record(spec.seed, agent=spec.agent)))

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from helios_eval.episodes import episode_record, failure_snapshot
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord, Noise
-from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 
 NOISE = Noise(table="synthetic", digest="0" * 64, level=1.0, correlation=None)
 OBJECTS = ("mug", "toy animal", "spray bottle", "book", "sushi mat")
@@ -108,11 +108,11 @@ def kept(episode: EpisodeRecord) -> FailureSnapshot:
         instruction=episode.instruction, cause=episode.cause, message=episode.message,
         occupancy=grid, origin_m=(0.0, 0.0), cell_m=cell_m,
         trajectory_m=path, start_pose=(2.0, 2.2, 0.6),
-        candidates=(Marked(episode.object_class, (6.2, 5.9, 0.8), (0.1, 0.1, 0.1)),),
-        goals=(Marked("bed", (2.5, 6.5, 0.3), (1.9, 1.2, 0.6)),),
+        candidates=(MarkedObject(episode.object_class, (6.2, 5.9, 0.8), (0.1, 0.1, 0.1)),),
+        goals=(MarkedObject("bed", (2.5, 6.5, 0.3), (1.9, 1.2, 0.6)),),
         beliefs=(
-            Marked(episode.object_class, (5.4, 2.4, 0.8), (0.2, 0.2, 0.2), 0.58, 0.66),
-            Marked("bed", (2.6, 6.4, 0.4), (1.6, 1.1, 0.4), 0.71, 0.8),
+            MarkedObject(episode.object_class, (5.4, 2.4, 0.8), (0.2, 0.2, 0.2), 0.58, 0.66),
+            MarkedObject("bed", (2.6, 6.4, 0.4), (1.6, 1.1, 0.4), 0.71, 0.8),
         ),
         camera_jpeg=cv2.imencode(".jpg", camera)[1].tobytes(),
     )  # fmt: skip

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
-from helios_eval.episodes.belief_truth import Role, TrueThing, judged
+from helios_eval.episodes.belief_truth import Role, TrueObject, judge_instances
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +22,7 @@ class Thing:
 MUG = Thing("mug", (1.0, 2.0, 0.80), (0.10, 0.10, 0.12))
 TABLE = Thing("coffee table", (1.0, 2.0, 0.20), (1.2, 0.6, 0.40))
 TURNED = Thing("counter", (4.0, 0.0, 0.45), (2.0, 0.6, 0.90), math.pi / 2)
-HOME: tuple[TrueThing, ...] = (MUG, TABLE, TURNED)
+HOME: tuple[TrueObject, ...] = (MUG, TABLE, TURNED)
 ROLES: dict[str, Role] = {"mug": "object", "coffee table": "start", "counter": "goal"}
 
 
@@ -35,7 +35,7 @@ def instance(class_name: str, *center_m: float, **figures: float) -> ObjectInsta
 
 
 def is_right(seen: ObjectInstance) -> bool:
-    (belief,) = judged([seen], HOME, ROLES, 1)
+    (belief,) = judge_instances([seen], HOME, ROLES, 1)
     return belief.correct
 
 
@@ -82,14 +82,16 @@ def test_the_right_place_of_another_class_is_wrong():
 @pytest.mark.parametrize("spelling", ["Coffee_Table", "coffee-table", " COFFEE  table "])
 def test_spelling_does_not_matter(spelling):
     seen = instance(spelling, 1.0, 2.0, 0.4)
-    (belief,) = judged([seen], HOME, ROLES, 1)
+    (belief,) = judge_instances([seen], HOME, ROLES, 1)
     assert (belief.correct, belief.role) == (True, "start")
-    (belief,) = judged([instance("coffee table", 1.0, 2.0, 0.4)], HOME, {spelling: "goal"}, 1)
+    (belief,) = judge_instances(
+        [instance("coffee table", 1.0, 2.0, 0.4)], HOME, {spelling: "goal"}, 1
+    )
     assert (belief.correct, belief.role) == (True, "goal")
 
 
 def test_a_kind_of_it_is_not_it():
-    (belief,) = judged([instance("table", 1.0, 2.0, 0.4)], HOME, {"table": "goal"}, 1)
+    (belief,) = judge_instances([instance("table", 1.0, 2.0, 0.4)], HOME, {"table": "goal"}, 1)
     assert not belief.correct
 
 
@@ -99,7 +101,7 @@ def test_classes_without_a_role_are_left_out_and_the_order_is_kept():
         instance("cat", 0, 0, 0),
         instance("mug", 1, 2, 0.8),
     ]
-    beliefs = judged(seen, HOME, ROLES, 42)
+    beliefs = judge_instances(seen, HOME, ROLES, 42)
     assert [(b.correct, b.step, b.role) for b in beliefs] == [
         (False, 42, "object"),
         (True, 42, "object"),
@@ -110,12 +112,16 @@ def test_classes_without_a_role_are_left_out_and_the_order_is_kept():
 
 
 def test_two_instances_of_one_thing_are_both_right():
-    beliefs = judged([instance("mug", 1, 2, 0.8), instance("mug", 1.05, 2, 0.8)], HOME, ROLES, 0)
+    beliefs = judge_instances(
+        [instance("mug", 1, 2, 0.8), instance("mug", 1.05, 2, 0.8)], HOME, ROLES, 0
+    )
     assert [b.correct for b in beliefs] == [True, True]
 
 
 def test_an_empty_home_makes_every_belief_wrong():
-    assert [b.correct for b in judged([instance("mug", 1, 2, 0.8)], [], ROLES, 0)] == [False]
+    assert [b.correct for b in judge_instances([instance("mug", 1, 2, 0.8)], [], ROLES, 0)] == [
+        False
+    ]
 
 
 small = st.floats(-3, 3)
@@ -128,7 +134,7 @@ def test_turning_the_whole_home_changes_nothing(dx, dy, dz, turn_rad, role):
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         seen = instance("shelf", c * dx - s * dy, s * dx + c * dy, dz)
         shelf = Thing("shelf", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0), yaw_rad)
-        return judged([seen], [shelf], {"shelf": role}, 0)[0].correct
+        return judge_instances([seen], [shelf], {"shelf": role}, 0)[0].correct
 
     margin_m = 0.10 if role == "object" else 0.15
     near_an_edge = any(

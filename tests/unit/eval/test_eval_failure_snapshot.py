@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.episodes import failure_snapshot
-from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,8 +20,9 @@ KEPT = FailureSnapshot(
     cause="object not found", message="nowhere",
     occupancy=np.array([[-1, 0, 100], [0, 0, 0]], np.int8), origin_m=(-1.5, 2.0), cell_m=0.025,
     trajectory_m=np.array([[0.0, 0.0], [0.5, 0.25]]), start_pose=(0.0, 0.0, 1.5),
-    candidates=(Marked("mug_1", (1.0, 2.0, 0.8), (0.1, 0.1, 0.1)),), goals=(),
-    beliefs=(Marked("mug", (1.1, 2.0, 0.8), (0.1, 0.1, 0.1), 0.61, 0.7),), camera_jpeg=b"\xff\xd8",
+    candidates=(MarkedObject("mug_1", (1.0, 2.0, 0.8), (0.1, 0.1, 0.1)),), goals=(),
+    beliefs=(MarkedObject("mug", (1.1, 2.0, 0.8), (0.1, 0.1, 0.1), 0.61, 0.7),),
+    camera_jpeg=b"\xff\xd8",
 )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from helios_eval.report.agent_groups import arms_of, pairs
 from helios_eval.report.report_model import Table
 from helios_eval.report.requested_episodes import commands_of
 from helios_eval.runs import merge_runs
-from helios_eval.runs.evaluation_run import Run, note
+from helios_eval.runs.evaluation_run import Run, write_run_description
 from synthetic_episodes import NOISE, episode, write
 
 SWEPT = {"objectmap.alpha_cs": 0.1}
@@ -94,7 +94,7 @@ def test_a_folder_tells_every_command_that_was_given_in_it(
     )
     for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
         monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])
-        note(asked, "0" * 7, 0.0, None)
+        write_run_description(asked, "0" * 7, 0.0, None)
     reported = [c[-1] for c in commands_of(merge_runs.run([tmp_path]))]
     assert reported == ["alpha_d=0.1", "tau_g=0.3"]
 

@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
-from helios_eval.episodes.episode_player import Played, play
+from helios_eval.episodes.episode_player import PlayedEpisode, play
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
 from helios_eval.runs.process_pool import play_all
@@ -25,11 +25,11 @@ def facts(record: EpisodeRecord) -> dict:
 
 
 @pytest.fixture(scope="module")
-def here() -> Played:
+def here() -> PlayedEpisode:
     return play(spec(), "here")
 
 
-def test_an_episode_is_the_same_in_any_process(here: Played) -> None:
+def test_an_episode_is_the_same_in_any_process(here: PlayedEpisode) -> None:
     """Also as the second one of a process, beside another one."""
     again = [came for _, came in play_all([spec()] * 3, 2, "there")]
     assert len(again) == 3
@@ -42,7 +42,7 @@ def test_an_episode_is_the_same_in_any_process(here: Played) -> None:
         assert came.snapshot.beliefs == here.snapshot.beliefs
 
 
-def test_the_record_says_what_happened(here: Played) -> None:
+def test_the_record_says_what_happened(here: PlayedEpisode) -> None:
     record = here.record
     assert (record.steps, record.success, record.state) == (16, False, "failed")
     assert record.cause == "object not found"
@@ -54,7 +54,7 @@ def test_the_record_says_what_happened(here: Played) -> None:
     assert stages <= set(record.stage_ms)
 
 
-def test_a_failed_episode_is_kept_for_a_picture(here: Played) -> None:
+def test_a_failed_episode_is_kept_for_a_picture(here: PlayedEpisode) -> None:
     kept = here.snapshot
     assert kept is not None
     assert {-1, 0, 100} == set(kept.occupancy.ravel().tolist())

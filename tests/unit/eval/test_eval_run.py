@@ -17,7 +17,7 @@ from helios_core.errors import Conflict, InvalidInput, Unavailable
 from helios_eval import run_folder
 from helios_eval.episodes import episode_record as records
 from helios_eval.episodes import service_settings
-from helios_eval.episodes.episode_player import Played
+from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import EpisodeSpec, noise_of
 from helios_eval.runs import evaluation_run as runs
@@ -50,7 +50,7 @@ class Stage:
             if k == self.end_before:
                 raise self.end
             self.played.append((spec.seed, spec.agent))
-            yield spec, Played(recorded(spec))
+            yield spec, PlayedEpisode(recorded(spec))
 
 
 def recorded(spec: EpisodeSpec) -> EpisodeRecord:
@@ -173,9 +173,9 @@ def test_a_run_never_goes_on_from_an_agent_with_other_settings(
 ) -> None:
     run(asked(tmp_path, 1), quiet())
     stage.played.clear()
-    now = service_settings.ran_with("helios-paper")
+    now = service_settings.default_settings_of("helios-paper")
     assert now["planner.tau_g"] == "0.5"
-    assert service_settings.ran_with("helios") != now
+    assert service_settings.default_settings_of("helios") != now
 
     def changed(_: str) -> dict[str, str]:
         return now | {"planner.is_new": "1"}
@@ -200,7 +200,10 @@ def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
 
 # --- the folder -----------------------------------------------------------------------------------
 def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None:
-    with run_folder.held(tmp_path), pytest.raises(Conflict, match="another run plays into"):
+    with (
+        run_folder.locked_folder(tmp_path),
+        pytest.raises(Conflict, match="another run plays into"),
+    ):
         run(asked(tmp_path), quiet())
     assert not stage.played
     assert not (tmp_path / runs.RUN).exists()  # what the other one noted stays

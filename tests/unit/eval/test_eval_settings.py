@@ -6,7 +6,7 @@ import pytest
 from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import AGENT_SETTINGS
 from helios_eval.episodes import episode_spec, home_presets, service_settings
-from helios_eval.episodes.run_conditions import checked
+from helios_eval.episodes.run_conditions import parse_condition
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
 
@@ -29,13 +29,13 @@ def test_a_default_is_no_setting() -> None:
     found = service_settings.parsed(["alpha_d=0.001", "margins_m=0.08,0.05,0.025", "tau_g=0.6"])
     defaults = Settings()
     found["planner.margins_m"] = ",".join(map(str, defaults.margins_m))
-    assert service_settings.that_change("helios-paper", found) == {"planner.tau_g": 0.6}
+    assert service_settings.differing_settings("helios-paper", found) == {"planner.tau_g": 0.6}
 
 
 def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> None:
     found = service_settings.parsed(["evidence=hindsight", "tau_b=0.5"])
-    assert service_settings.that_change("helios", found) == {"planner.tau_b": 0.5}
-    assert service_settings.that_change("helios-paper", found) == {
+    assert service_settings.differing_settings("helios", found) == {"planner.tau_b": 0.5}
+    assert service_settings.differing_settings("helios-paper", found) == {
         "objectmap.evidence": "hindsight"
     }
 
@@ -43,13 +43,13 @@ def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> 
 def test_of_a_run_that_is_over_what_its_house_ran_with_counts() -> None:
     ran = {"planner.tau_g": "0.6", "planner.margins_m": str((0.1, 0.2))}
     given = {"planner.tau_g": 0.6, "planner.margins_m": "0.1,0.2", "planner.tau_b": 0.5}
-    assert service_settings.that_change("helios-paper", given, ran) == {}
-    assert service_settings.that_change("helios-paper", {"planner.tau_g": 0.5}, ran)
+    assert service_settings.differing_settings("helios-paper", given, ran) == {}
+    assert service_settings.differing_settings("helios-paper", {"planner.tau_g": 0.5}, ran)
 
 
 def test_a_setting_of_another_version_is_one_that_changes_something() -> None:
     given = {"planner.gone": 1, "gone.tau_g": 0.5, "planner.alpha_d": -1.0}
-    assert service_settings.that_change("helios-paper", given) == given
+    assert service_settings.differing_settings("helios-paper", given) == given
 
 
 def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
@@ -92,7 +92,7 @@ def test_names_are_taken_in_any_case_each_once() -> None:
         "trusting",
     ]
     assert home_presets.check_kind("Demo_V1") == "demo-v1"
-    under = checked(
+    under = parse_condition(
         ["Helios-Paper"], "ovmm", semantics="Ground-Truth", preset="DEMO-v1", table=None, level=1.0,
         correlation=None, sensor="none", assignments=[], max_steps=None,
     )  # fmt: skip

@@ -12,10 +12,10 @@ import pytest
 from helios_client.usage_errors import UsageError
 from helios_core.types import ObjectInstance, Role
 from helios_eval.episodes.belief_truth import Role as BeliefRole
-from helios_eval.episodes.belief_truth import judged
+from helios_eval.episodes.belief_truth import judge_instances
 from helios_eval.studies.evidence_rules import Outcome, arm_of, main, pick, row, tell
 from helios_eval.studies.recorded_walk import Walk, believed, walk
-from helios_sim.ground_truth import TrueThing
+from helios_sim.ground_truth import TrueObjectState
 
 LOW: dict[Role, float] = dict.fromkeys(
     (Role.OBJECT, Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE), 0.2
@@ -67,7 +67,7 @@ def test_what_lies_on_a_start_receptacle_is_picked_before_what_is_surer(agent: s
     table = thing("coffee table", (1.0, 1.0, 0.4), (1.0, 0.6, 0.1), score=0.4)
     there = thing("mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), score=0.3)
     elsewhere = thing("mug", (4.0, 4.0, 0.5), (0.1, 0.1, 0.1), score=0.6)
-    true = TrueThing("mug_0", "mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), 0.0, True)
+    true = TrueObjectState("mug_0", "mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), 0.0, True)
     task = Walk(0, "mug", "coffee table", "counter", (true,), (true,), ())
     assert pick(arm, task, [table, there, elsewhere]) is True
     assert pick(arm, task, [table, elsewhere]) is False
@@ -93,7 +93,7 @@ def test_maps_are_reported_the_same_frames_and_the_detector_s_thresholds(walked:
     tell(walked, [arm], {arm.name: found})
     roles: dict[str, BeliefRole] = {walked.goal: "goal", walked.start: "start"}
     roles[walked.object] = "object"
-    assert found.beliefs == [judged(known, walked.things, roles, len(walked.seen))]
+    assert found.beliefs == [judge_instances(known, walked.things, roles, len(walked.seen))]
 
 
 def test_the_walk_picks_nothing_and_knows_what_is_meant(walked: Walk) -> None:

@@ -13,7 +13,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
 from helios_eval.studies import object_map_growth
 from helios_eval.studies.map_growth import full_scene, long_run, observation_log, update_cost
-from helios_eval.studies.map_growth.long_run import Hours, Sample
+from helios_eval.studies.map_growth.long_run import LongRunResult, Sample
 from helios_eval.studies.map_growth.simulated_walk import Walk, context_of, record
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import ObjectMapService
@@ -92,7 +92,7 @@ def test_a_full_map_keeps_nothing_of_the_frames_it_has_seen(walk):
 @pytest.mark.parametrize(("slope_mb", "steady"), [(0.0, True), (2.0, False)])
 def test_memory_that_grows_until_the_end_is_not_steady(slope_mb, steady):
     samples = tuple(Sample(100 * k, 300 + slope_mb * k, 1000, 10) for k in range(1, 81))
-    run = Hours(2.0, samples)
+    run = LongRunResult(2.0, samples)
     assert run.is_steady == steady
     assert run.summary()["robot_hours"] == pytest.approx(8000 * 2 / 3600, abs=0.01)
 

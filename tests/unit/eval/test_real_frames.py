@@ -14,7 +14,12 @@ from helios_core.types import Detection, Frame, Role, SearchContext
 from helios_detector.backend import DetectorBackend, Findings
 from helios_eval.studies import real_frames
 from helios_eval.studies.real_frames import arms_of, context_of, figures, place, table
-from helios_eval.studies.real_frames_beliefs import EpisodeProgress, Seen, courses, frames_of
+from helios_eval.studies.real_frames_beliefs import (
+    EpisodeProgress,
+    Seen,
+    belief_progress,
+    frames_of,
+)
 from helios_eval.studies.real_frames_pictures import (
     belief_curves,
     count_curves,
@@ -72,7 +77,9 @@ class Painter(DetectorBackend):
 def test_the_thing_at_a_place_is_reported_by_its_name_in_every_arm(folder):
     places = [place("mine=cup@0,0,1.0")]
     arms = arms_of(["size_agreement=on"])
-    found = courses(read_dataset(folder), Painter(), context_of("cup", "", ""), places, arms)
+    found = belief_progress(
+        read_dataset(folder), Painter(), context_of("cup", "", ""), places, arms
+    )
     plain, by_size = found["default"], found["size_agreement=on"]
     assert len(plain.seen) == len(plain.gaussians) == 3
     assert plain.frames == [0, 1, 2]
@@ -92,7 +99,7 @@ def test_frames_carry_what_the_folder_says(folder):
 def test_a_map_that_is_full_takes_no_more_frames(folder):
     fine = arms_of(["stride_px=1"])["stride_px=1"]
     arms = {"fine": fine, "small": fine.model_copy(update={"max_gaussians": 100})}
-    found = courses(read_dataset(folder), Painter(), context_of("cup", "", ""), [], arms)
+    found = belief_progress(read_dataset(folder), Painter(), context_of("cup", "", ""), [], arms)
     assert (found["fine"].is_full, found["fine"].frames) == (False, [0, 1, 2])
     assert (found["small"].is_full, found["small"].frames) == (True, [0])
     assert found["small"].gaussians == found["fine"].gaussians[:1]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import research_questions
-from helios_eval.report.agent_groups import arms_of, drawn
+from helios_eval.report.agent_groups import arms_of, plainest_arms
 from helios_eval.report.report_model import Paragraph, Row, Table
 from helios_eval.report.requested_episodes import seeds_asked
 from synthetic_episodes import NOISE, episode
@@ -153,6 +153,6 @@ def test_a_drawing_shows_every_agent_before_the_settings_of_one() -> None:
     records = [*wins("trusting", 1, 2), *wins("helios-paper", 1, 2)]
     for k in range(5):
         records += wins("helios-paper", 1, 2, settings={"planner.tau_g": k / 10})
-    shown = drawn(arms_of(records), 3)
+    shown = plainest_arms(arms_of(records), 3)
     assert shown[0].label == "helios-paper"
     assert "trusting" in [arm.label for arm in shown]

@@ -9,7 +9,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.calibration import statistics
 from helios_eval.report.interval_statistics import (
-    FEWEST,
+    MIN_DIFFERING_PAIRS,
     discordant,
     mean_sem,
     paired_difference,
@@ -97,7 +97,7 @@ def test_an_interval_wants_six_homes_that_differ(homes, differ, why):
         paired_ratio(first, second),
     ):
         assert found.has_bounds == (why == "")
-        assert found.has_bounds or not found.sure
+        assert found.has_bounds or not found.excludes_zero
     assert paired_difference(first, second).value == pytest.approx(differ / homes)
 
 
@@ -105,15 +105,15 @@ def test_the_fewest_are_those_with_which_an_exact_test_can_tell_at_all():
     def p_of_unanimous(homes: int) -> float:
         return sign_test(np.ones(homes), np.zeros(homes))
 
-    assert p_of_unanimous(FEWEST) <= 0.05 < p_of_unanimous(FEWEST - 1)
+    assert p_of_unanimous(MIN_DIFFERING_PAIRS) <= 0.05 < p_of_unanimous(MIN_DIFFERING_PAIRS - 1)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40))
 def test_what_is_sure_has_bounds_with_width_or_is_unanimous(pairs):
     first, second = np.array(pairs, dtype=np.float64).T
     found = paired_difference(first, second, draws=200)
-    if found.sure:
-        assert sum(discordant(first, second)) >= FEWEST
+    if found.excludes_zero:
+        assert sum(discordant(first, second)) >= MIN_DIFFERING_PAIRS
         assert found.high > found.low or sign_test(first, second) <= 0.05
 
 

@@ -6,8 +6,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 
@@ -34,30 +34,30 @@ def backend(hub: MemoryHub) -> Backend:
 
 
 @pytest.fixture
-def live(hub: MemoryHub) -> Iterator[BusListener]:
+def live(hub: MemoryHub) -> Iterator[RobotMonitor]:
     """Without its ticker: tests call `tick`."""
-    live = BusListener(MemoryBus(hub), PATIENT)
+    live = RobotMonitor(MemoryBus(hub), PATIENT)
     yield live
     live.close()
 
 
 @pytest.fixture(scope="session")
-def served() -> dict[str, Served]:
+def served() -> dict[str, RobotEndpoint]:
     """The robots of the one application: empty between tests."""
     return {}
 
 
 @pytest.fixture(scope="session")
-def app(served: dict[str, Served]) -> FastAPI:
+def app(served: dict[str, RobotEndpoint]) -> FastAPI:
     """Without keys. One for all tests of a process: its first requests make the routes."""
     return create_app(RobotRegistry(served), PATIENT)
 
 
 @pytest.fixture
 def client(
-    app: FastAPI, served: dict[str, Served], hub: MemoryHub, live: BusListener
+    app: FastAPI, served: dict[str, RobotEndpoint], hub: MemoryHub, live: RobotMonitor
 ) -> Iterator[TestClient]:
-    served["robot"] = Served(MemoryBus(hub), live)
+    served["robot"] = RobotEndpoint(MemoryBus(hub), live)
     with TestClient(app, "http://localhost", raise_server_exceptions=False) as client:
         yield client
     served.clear()

@@ -14,12 +14,12 @@ from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
 from helios_core.geometry import se2_to_se3
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.request_limits import MOST_LARGE
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.routes.frames import MOST_SENDERS
 from helios_gateway.settings import Settings
-from helios_gateway.uploaded_frames import taken
+from helios_gateway.uploaded_frames import push_response
 from helios_gateway.web_app import create_app
 from starlette.testclient import WebSocketDenialResponse
 
@@ -101,12 +101,13 @@ def test_places_are_given_back(client: TestClient, bridge: Bridge) -> None:
 
 @pytest.mark.parametrize(("scope", "may"), [("", False), ("read", False), ("operate", True)])
 def test_frames_need_a_key_that_may_operate(
-    hub: MemoryHub, live: BusListener, bridge: Bridge, tmp_path: Path, scope: str, may: bool
+    hub: MemoryHub, live: RobotMonitor, bridge: Bridge, tmp_path: Path, scope: str, may: bool
 ) -> None:
     file = tmp_path / "keys.toml"
     keys = {name: add_key(file, name, name) for name in ("read", "operate")}
     app = create_app(
-        RobotRegistry({"robot": Served(MemoryBus(hub), live)}), Settings.load(["--keys", str(file)])
+        RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}),
+        Settings.load(["--keys", str(file)]),
     )
     header = {"authorization": f"Bearer {keys[scope]}"} if scope else {}
     client = TestClient(app, "http://localhost", headers=header)
@@ -167,7 +168,7 @@ YES, NO = pb.Ack(accepted=True), pb.Ack(reason="no")
 def test_integrated_means_that_every_map_has_taken_it(
     acks: list[pb.Ack], unanswered: list[str], integrated: bool
 ) -> None:
-    assert taken(pb.PushReply(acks=acks, unanswered=unanswered)).integrated is integrated
+    assert push_response(pb.PushReply(acks=acks, unanswered=unanswered)).integrated is integrated
 
 
 def test_depth_in_other_units_becomes_metres(client: TestClient, bridge: Bridge) -> None:

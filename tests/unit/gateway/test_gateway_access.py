@@ -14,8 +14,8 @@ from helios_client.commands.api_keys import add_key
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.api_keys import ApiKeys, Scope
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.service import check_open
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
@@ -29,9 +29,10 @@ TASK = {"instruction": "move the mug to the kitchen counter"}
 class Door:
     """An application with these flags, and clients with or without a key."""
 
-    def __init__(self, hub: MemoryHub, live: BusListener, *flags: str) -> None:
+    def __init__(self, hub: MemoryHub, live: RobotMonitor, *flags: str) -> None:
         self.app: FastAPI = create_app(
-            RobotRegistry({"robot": Served(MemoryBus(hub), live)}), Settings.load(list(flags))
+            RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}),
+            Settings.load(list(flags)),
         )
 
     def client(self, key: str = "", **headers: str) -> TestClient:
@@ -52,7 +53,7 @@ def keys(file: Path) -> dict[str, str]:
 
 @pytest.fixture
 def door(
-    hub: MemoryHub, backend: Backend, live: BusListener, keys: dict[str, str], file: Path
+    hub: MemoryHub, backend: Backend, live: RobotMonitor, keys: dict[str, str], file: Path
 ) -> Door:
     backend.serve_settings("planner", {"agent": "helios"})
     return Door(hub, live, "--keys", str(file))
@@ -225,7 +226,7 @@ def test_a_large_body_is_not_read_before_its_key_is_known(
 
 
 def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
-    hub: MemoryHub, backend: Backend, live: BusListener
+    hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     client = Door(hub, live, "--requests-per-s", "3").client()
     answers = [client.get("/v1/robot") for _ in range(20)]
@@ -236,7 +237,7 @@ def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
 
 
 def test_requests_at_the_same_time_are_bounded(
-    hub: MemoryHub, backend: Backend, live: BusListener
+    hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     door = Door(hub, live, "--max-requests", "1", "--body-timeout-s", "30")
 
@@ -267,7 +268,7 @@ def test_requests_at_the_same_time_are_bounded(
 
 
 def test_a_body_that_dribbles_is_given_up(
-    hub: MemoryHub, backend: Backend, live: BusListener
+    hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     door = Door(hub, live, "--body-timeout-s", "0.05")
 
@@ -285,7 +286,7 @@ def test_a_body_that_dribbles_is_given_up(
 
 
 def test_pages_of_listed_sites_may_ask_and_others_may_not(
-    hub: MemoryHub, backend: Backend, live: BusListener
+    hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     door = Door(hub, live, "--origins", "https://ops.example")
     ours, theirs = (

@@ -12,8 +12,8 @@ import pytest
 import schemathesis
 from helios_client.commands.api_keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings as GatewaySettings
 from helios_gateway.web_app import create_app
 from hypothesis import HealthCheck, given, settings
@@ -60,7 +60,7 @@ class Rig:
     def __init__(self) -> None:
         hub = MemoryHub()
         patient = ["--silent-after-s", "3600"]
-        live = BusListener(MemoryBus(hub), GatewaySettings.load(patient))
+        live = RobotMonitor(MemoryBus(hub), GatewaySettings.load(patient))
         self.backend = Backend(hub)
         self.backend.start()
         self.backend.serve_settings("planner", {"agent": "helios"})
@@ -70,7 +70,7 @@ class Rig:
         file = Path(tempfile.mkdtemp()) / "keys.toml"
         self.key = add_key(file, "tester", "admin")
         flags = [*patient, "--keys", str(file), "--requests-per-s", "1000000"]
-        fleet = RobotRegistry({"robot": Served(MemoryBus(hub), live)})
+        fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
         self.app = create_app(fleet, GatewaySettings.load(flags))
         self.answered: Counter[str] = Counter()
 

@@ -14,7 +14,7 @@ from helios_core.errors import Unavailable
 from helios_core.topics import TASK
 from helios_gateway.api_map_models import MapChange
 from helios_gateway.api_models import HealthAnswer, RobotPose
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.event_hub import KEEPALIVE, EventHub, as_sse
 
 from tests.gateway_backend import Backend
@@ -156,12 +156,12 @@ def test_numbers_that_are_not_finite_become_null() -> None:
     asyncio.run(run())
 
 
-def types_since(live: BusListener, past: int) -> list[str]:
+def types_since(live: RobotMonitor, past: int) -> list[str]:
     return [event.type for event in live.events._past][past:]
 
 
 def test_tasks_decisions_and_plans_are_reported_at_once(
-    live: BusListener, backend: Backend
+    live: RobotMonitor, backend: Backend
 ) -> None:
     live.tick()
     past = len(live.events._past)
@@ -172,7 +172,7 @@ def test_tasks_decisions_and_plans_are_reported_at_once(
 
 
 def test_the_pose_is_reported_once_a_tick_and_a_stop_at_once(
-    live: BusListener, backend: Backend
+    live: RobotMonitor, backend: Backend
 ) -> None:
     live.tick()
     past = len(live.events._past)
@@ -188,7 +188,7 @@ def test_the_pose_is_reported_once_a_tick_and_a_stop_at_once(
     assert types_since(live, past) == ["robot", "robot", "ready"]
 
 
-def test_a_service_that_goes_is_reported_once(live: BusListener, backend: Backend) -> None:
+def test_a_service_that_goes_is_reported_once(live: RobotMonitor, backend: Backend) -> None:
     live.tick()
     past = len(live.events._past)
     backend.report("detector", 4102, "waiting", "waits for a model")

@@ -7,8 +7,8 @@ import json
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 
@@ -18,13 +18,15 @@ INSTRUCTION = "move the mug to the kitchen counter"
 
 
 def test_robots_are_told_apart_and_stopped_one_by_one(
-    hub: MemoryHub, backend: Backend, live: BusListener
+    hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     other = Backend(hub, "spot")
     other.start()
     bus = MemoryBus(hub, "spot")
-    spot = BusListener(bus, Settings.load(["--silent-after-s", "3600"]))
-    fleet = RobotRegistry({"robot": Served(MemoryBus(hub), live), "spot": Served(bus, spot)})
+    spot = RobotMonitor(bus, Settings.load(["--silent-after-s", "3600"]))
+    fleet = RobotRegistry(
+        {"robot": RobotEndpoint(MemoryBus(hub), live), "spot": RobotEndpoint(bus, spot)}
+    )
     client = TestClient(create_app(fleet, Settings.load([])), "http://localhost")
     client.post("/v1/robots/spot/tasks", json={"instruction": INSTRUCTION})
     assert len(client.get("/v1/robots/spot/tasks").json()["tasks"]) == 1

@@ -16,9 +16,9 @@ from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import LOAD_MAP2D, LOAD_OBJECTS, Method
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.map_archive import MapFile, packed, unpacked
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 from hypothesis import given
@@ -184,12 +184,14 @@ def test_a_map_of_another_kind_is_a_plain_refusal(client: TestClient, backend: B
 
 
 def test_a_map_is_larger_than_other_bodies_and_needs_the_highest_scope(
-    hub: MemoryHub, backend: Backend, live: BusListener, tmp_path: Path
+    hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
     keys = {scope: add_key(file, scope, scope) for scope in ("read", "operate", "admin")}
     flags = ["--keys", str(file), "--body-limit-bytes", "10", "--map-limit-bytes", "2000"]
-    app = create_app(RobotRegistry({"robot": Served(MemoryBus(hub), live)}), Settings.load(flags))
+    app = create_app(
+        RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}), Settings.load(flags)
+    )
     client = TestClient(app, "http://localhost")
 
     def sent(scope: str, data: bytes) -> int:

@@ -10,8 +10,8 @@ from fastapi.testclient import TestClient
 from helios_client.commands.api_keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.api_move_models import GoRequest
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.routes.moves import EXPLORE, HOME, sentence_to
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
@@ -73,8 +73,8 @@ def test_only_who_may_submit_tasks_may_move_the_robot(hub: MemoryHub, tmp_path: 
     backend = Backend(hub)
     backend.start()
     settings = Settings.load(["--keys", str(file)])
-    live = BusListener(MemoryBus(hub), settings)
-    app = create_app(RobotRegistry({"robot": Served(MemoryBus(hub), live)}), settings)
+    live = RobotMonitor(MemoryBus(hub), settings)
+    app = create_app(RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}), settings)
     with TestClient(app, base_url="http://localhost") as client:
         for path, body in (("go", {"x_m": 1, "y_m": 2}), ("explore", {}), ("home", None)):
             for scope, status in (("read", 403), ("operate", 202)):

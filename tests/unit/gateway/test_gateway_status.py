@@ -6,7 +6,7 @@ import pytest
 from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core.topics import status_topic
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.service_registry import ServiceRegistry
 
 from tests.gateway_backend import Backend
@@ -44,7 +44,7 @@ def test_a_known_service_that_was_never_seen_is_down_with_a_reason(roster: Servi
     names = [s.name for s in roster.services()]
     assert names == ["router", "bridge", "detector", "objectmap", "map2d", "planner", "gateway"]
     assert state_of(roster, "map2d") == ("down", "it has not been seen; start it")
-    assert len(roster.reasons()) == 5
+    assert len(roster.not_ready_reasons()) == 5
 
 
 def test_its_own_word_counts_while_it_is_alive(roster: ServiceRegistry) -> None:
@@ -124,7 +124,7 @@ def test_a_latched_stop_is_in_the_way_and_said(backend: Backend, client: TestCli
 
 
 def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
-    backend: Backend, client: TestClient, live: BusListener
+    backend: Backend, client: TestClient, live: RobotMonitor
 ) -> None:
     for reason in ("child on the floor", "a cat\x1b[31m"):  # the second says more of one stop
         said = reason.replace("\x1b", "\ufffd")

@@ -16,7 +16,7 @@ from helios_client.commands.api_keys import add_key
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -47,7 +47,7 @@ def test_a_task_s_end_ends_a_stream_that_does_not_tell_of_it(
 
 
 def test_a_task_that_ends_while_it_is_asked_for_ends_the_stream(
-    app: FastAPI, client: TestClient, hub: MemoryHub, backend: Backend, live: BusListener
+    app: FastAPI, client: TestClient, hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     backend.submit(INSTRUCTION)
     backend.submit(INSTRUCTION)
@@ -74,7 +74,7 @@ def test_a_task_that_ends_while_it_is_asked_for_ends_the_stream(
 
 
 def test_a_stream_of_a_task_that_there_is_not_leaves_no_viewer(
-    client: TestClient, backend: Backend, live: BusListener
+    client: TestClient, backend: Backend, live: RobotMonitor
 ) -> None:
     assert client.get("/v1/events?task_id=none").status_code == 404
     assert live.events.viewers == 0

@@ -7,7 +7,7 @@ from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
 from helios_core.topics import ROBOT_DESCRIPTION
 from helios_detector.coco_classes import COCO_NAMES
-from helios_gateway.task_suggestions import Believed, suggestions
+from helios_gateway.task_suggestions import KnownObject, suggestions
 from helios_sim.home.catalogs import CATALOGS
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from tests.gateway_backend import Backend
 from tests.gateway_home import description
 
-MUG = Believed("mug", 0.7, (1.5, 1.4, 0.5), (0.1, 0.1, 0.1))
-TABLE = Believed("coffee table", 0.8, (1.7, 1.5, 0.2), (1.0, 0.6, 0.4))
-COUNTER = Believed("kitchen counter", 0.6, (7.4, 0.4, 0.45), (2.9, 0.6, 0.9))
+MUG = KnownObject("mug", 0.7, (1.5, 1.4, 0.5), (0.1, 0.1, 0.1))
+TABLE = KnownObject("coffee table", 0.8, (1.7, 1.5, 0.2), (1.0, 0.6, 0.4))
+COUNTER = KnownObject("kitchen counter", 0.6, (7.4, 0.4, 0.45), (2.9, 0.6, 0.9))
 EXAMPLE = "Move the mug from the coffee table to the kitchen counter"
 KNOWN = ("bowl", "coffee_table", "kitchen_counter", "mug", "sofa")
 
@@ -56,25 +56,25 @@ def test_of_a_fresh_home_no_list_of_names_is_read_out_by_the_alphabet() -> None:
 
 
 def test_of_what_is_about_as_sure_the_nearest_comes_first() -> None:
-    far = Believed("cup", 0.73, (9.0, 9.0, 0.5), (0.1, 0.1, 0.1))
+    far = KnownObject("cup", 0.73, (9.0, 9.0, 0.5), (0.1, 0.1, 0.1))
     reported = suggestions(False, KNOWN, False, [far, MUG], 1, (1.0, 1.0))
     assert reported == ["Find the mug"]
     assert suggestions(False, KNOWN, False, [far, MUG], 1, (8.0, 9.0)) == ["Find the cup"]
 
 
 def test_what_is_doubtful_is_no_task() -> None:
-    doubtful = Believed("vase", 0.1, MUG.center_m, MUG.size_m)
+    doubtful = KnownObject("vase", 0.1, MUG.center_m, MUG.size_m)
     assert suggestions(False, [], True, [doubtful], 3) == []
 
 
 NUMBERS = st.floats(-1e3, 1e3)
 PLACES = st.tuples(NUMBERS, NUMBERS, NUMBERS)
-THINGS = st.builds(Believed, st.sampled_from(KNOWN), NUMBERS, PLACES, PLACES)
+THINGS = st.builds(KnownObject, st.sampled_from(KNOWN), NUMBERS, PLACES, PLACES)
 
 
 @given(st.booleans(), st.booleans(), st.lists(THINGS, max_size=8), st.integers(1, 20))
 def test_any_home_gets_at_most_so_many_each_once(
-    any_name: bool, has_arm: bool, believed: list[Believed], most: int
+    any_name: bool, has_arm: bool, believed: list[KnownObject], most: int
 ) -> None:
     reported = suggestions(any_name, KNOWN, has_arm, believed, most)
     assert len(reported) == len(set(reported)) <= most

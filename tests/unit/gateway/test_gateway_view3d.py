@@ -14,10 +14,10 @@ from helios_client.commands.api_keys import add_key
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway import viewer_scene
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.class_colors import class_rgb
 from helios_gateway.gaussian_arrays import OTHER_RGB, Gaussians, colored
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 from hypothesis import given
@@ -107,11 +107,11 @@ def test_the_page_speaks_to_this_gateway_alone(client: TestClient) -> None:
 
 
 def test_nothing_of_it_is_told_without_a_key(
-    hub: MemoryHub, backend: Backend, live: BusListener, tmp_path: Path
+    hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
     key = add_key(file, "tablet", "read")
-    fleet = RobotRegistry({"robot": Served(MemoryBus(hub), live)})
+    fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
     app = create_app(fleet, Settings.load(["--keys", str(file)]))
     client = TestClient(app, "http://localhost")
     for path in ("/v1/view3d", "/v1/objects.viser"):

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from helios_gateway.api_map_models import MapChange
-from helios_gateway.bus_listener import BusListener
+from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.cached_responses import Encoded
 from helios_gateway.event_hub import EventHub, as_sse
 
@@ -33,7 +33,7 @@ def encoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def test_each_version_of_each_picture_is_encoded_once(
-    live: BusListener, backend: Backend, encoded: Counter[str]
+    live: RobotMonitor, backend: Backend, encoded: Counter[str]
 ) -> None:
     def look(_: int) -> set[str]:
         maps = live.maps

@@ -14,8 +14,8 @@ from helios_client.commands.api_keys import add_key
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import LEASE, ROBOT_DESCRIPTION
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 from starlette.testclient import WebSocketDenialResponse
@@ -257,13 +257,13 @@ def test_a_move_beyond_the_limits_is_refused(
 
 
 def test_a_key_that_may_only_look_drives_nothing(
-    hub: MemoryHub, live: BusListener, backend: Backend, tmp_path: Path
+    hub: MemoryHub, live: RobotMonitor, backend: Backend, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
     look, operate = (
         {"authorization": f"Bearer {add_key(file, scope, scope)}"} for scope in ("read", "operate")
     )
-    fleet = RobotRegistry({"robot": Served(MemoryBus(hub), live)})
+    fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
     client = TestClient(create_app(fleet, Settings.load(["--keys", str(file)])), "http://localhost")
     assert client.post("/v1/robot/drive", json={"turn_rad": 0.2}, headers=look).status_code == 403
     with (
@@ -281,9 +281,9 @@ def test_a_key_that_may_only_look_drives_nothing(
 
 
 def test_a_socket_that_says_nothing_is_closed(
-    hub: MemoryHub, live: BusListener, backend: Backend
+    hub: MemoryHub, live: RobotMonitor, backend: Backend
 ) -> None:
-    fleet = RobotRegistry({"robot": Served(MemoryBus(hub), live)})
+    fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
     quick = Settings.load(["--teleop-idle-s", "0.05"])
     with TestClient(create_app(fleet, quick), "http://localhost") as client, driver(client) as one:
         assert one.receive_json()["state"] == "standing"

@@ -6,11 +6,11 @@ import math
 
 import pytest
 from helios_core.robot import Forward, Turn
-from helios_gateway.teleop.pacing import STAND, Command, LatestCommand, Moves, Pacer
+from helios_gateway.teleop.pacing import STAND, Command, LatestCommand, MoveLimits, Pacer
 from hypothesis import given
 from hypothesis import strategies as st
 
-MOVES = Moves(step_m=0.1, back_m=0.0, step_rad=0.1, speed_m_s=0.3, turn_rad_s=0.6)
+MOVES = MoveLimits(step_m=0.1, back_m=0.0, step_rad=0.1, speed_m_s=0.3, turn_rad_s=0.6)
 SHARES = st.floats(-1, 1) | st.just(0.0)
 
 
@@ -91,7 +91,7 @@ def test_a_step_is_within_the_robots_own_limits(low: float, high: float, back: f
     reported = description()
     reported.min_forward_m, reported.max_forward_m, reported.max_back_m = low, low + high, back
     reported.min_turn_rad, reported.max_turn_rad = low, low + high
-    moves = Moves.of(robot_description(reported), 0.3, 0.6)
+    moves = MoveLimits.of(robot_description(reported), 0.3, 0.6)
     assert moves.step_m <= reported.max_forward_m
     assert moves.back_m <= back
     assert moves.step_m >= min(low, reported.max_forward_m)

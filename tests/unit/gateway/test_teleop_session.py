@@ -6,10 +6,10 @@ import anyio
 import pytest
 from anyio import CapacityLimiter
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.settings import Settings
-from helios_gateway.teleop.driver import TeleopDriver
+from helios_gateway.teleop.driver import TeleopLease
 from helios_gateway.teleop.pacing import Command
 from helios_gateway.teleop.session import TeleopSession
 
@@ -18,9 +18,9 @@ from tests.gateway_backend import Backend
 
 @pytest.mark.parametrize("then", [Command(), Command(forward=-1.0)], ids=["let go", "turned round"])
 def test_a_command_that_changed_while_no_thread_was_free_moves_nothing(
-    hub: MemoryHub, live: BusListener, backend: Backend, then: Command
+    hub: MemoryHub, live: RobotMonitor, backend: Backend, then: Command
 ) -> None:
-    driver = TeleopDriver(Served(MemoryBus(hub), live), "", 5.0)
+    driver = TeleopLease(RobotEndpoint(MemoryBus(hub), live), "", 5.0)
     settings = Settings.load(["--teleop-hold-s", "2"])
 
     async def drive() -> None:

@@ -12,8 +12,8 @@ from helios_client.http.requests import arrays
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.topics import RESERVE
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings as GatewaySettings
 from helios_gateway.web_app import create_app
 from helios_objectmap.service import ObjectMapService
@@ -33,9 +33,10 @@ def front_door(rig: Rig) -> Iterator[TestClient]:
     rig.bus.serve(RESERVE, lambda _: pb.ReserveReply(token="r"))
     rig.scorer.serve(rig.bus)
     settings = GatewaySettings.load([])
-    live = BusListener(rig.bus, settings)
+    live = RobotMonitor(rig.bus, settings)
     yield TestClient(
-        create_app(RobotRegistry({"robot": Served(rig.bus, live)}), settings), "http://localhost"
+        create_app(RobotRegistry({"robot": RobotEndpoint(rig.bus, live)}), settings),
+        "http://localhost",
     )
     live.close()
 

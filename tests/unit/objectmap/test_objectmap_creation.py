@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import geometry
-from helios_objectmap.fusion.geometry import reobserved, sight
+from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.rendering import cpu
 from helios_objectmap.rendering.renderer import Projection, Rendering
 
@@ -60,7 +60,7 @@ def one_gaussian(z: float) -> Projection:
 
 
 def through(z: float, depth, front_m: float = 0.10) -> list[int]:
-    return sight(one_gaussian(z), depth, front_m).through.tolist()
+    return compare_with_depth(one_gaussian(z), depth, front_m).through.tolist()
 
 
 def test_a_gaussian_is_seen_through_beyond_10_cm_only():
@@ -70,9 +70,9 @@ def test_a_gaussian_is_seen_through_beyond_10_cm_only():
 
 
 def test_a_gaussian_is_there_where_a_surface_is_and_neither_behind_one_nor_unmeasured():
-    assert sight(one_gaussian(1.0), measured(1.05), 0.10).there.tolist() == [0]
+    assert compare_with_depth(one_gaussian(1.0), measured(1.05), 0.10).there.tolist() == [0]
     for depth_m in (0.5, 1.2, 0.0):
-        assert not len(sight(one_gaussian(1.0), measured(depth_m), 0.10).there)
+        assert not len(compare_with_depth(one_gaussian(1.0), measured(depth_m), 0.10).there)
 
 
 def test_invalid_depth_or_an_edge_beside_it_is_not_seen_through():

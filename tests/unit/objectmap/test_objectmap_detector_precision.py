@@ -11,7 +11,7 @@ from helios_objectmap import persistence
 from helios_objectmap.camera import View
 from helios_objectmap.instances.detector_precision import (
     N_BANDS,
-    Ended,
+    FormerDetections,
     bands,
     mean_share,
     true_share,
@@ -43,7 +43,7 @@ FROM = [(0.0, 0.0), (0.1, 0.3), (0.2, -0.3), (0.3, 0.5), (0.4, -0.5)]
 def test_the_share_of_true_detections_is_a_beta_mean_over_what_is_and_what_ended(seed):
     rng = np.random.default_rng(seed)
     things = [(rng.uniform(0, 4, N_BANDS), rng.random()) for _ in range(rng.integers(0, 6))]
-    ended = Ended()
+    ended = FormerDetections()
     for _ in range(3):
         ended.add(rng.uniform(0, 2, N_BANDS), 0.25)
     for by_distance in (False, True):
@@ -78,7 +78,7 @@ def mug_near(objects: ObjectMap, place):
 
 
 def trust_in(objects: ObjectMap, label: int) -> float:
-    return objects.memory().registry.trust(label, False)
+    return objects.content().registry.true_detection_share(label, False)
 
 
 def test_a_class_whose_detections_are_not_repeated_is_trusted_less_and_a_repeated_one_more():
@@ -124,24 +124,28 @@ def test_what_was_taken_out_does_not_count_as_false():
 
 def test_a_file_keeps_what_was_learnt():
     objects = built(BY_CLASS, [{3: "mug"}, {}, {}, {4: "mug"}, {}])
-    data = persistence.written(persistence.arrays_of(objects.memory(), None))
+    data = persistence.to_bytes(persistence.arrays_of(objects.content(), None))
     again = ObjectMap(BY_CLASS)
-    again.recall(persistence.read(data, again.no_viewpoints()).memory)
-    registries = objects.memory().registry, again.memory().registry
+    again.load_content(persistence.read(data, again.empty_viewpoints()).memory)
+    registries = objects.content().registry, again.content().registry
     for by_distance in (False, True):
-        known, kept = ([r.trust(label, by_distance) for label in r.records] for r in registries)
+        known, kept = (
+            [r.true_detection_share(label, by_distance) for label in r.records] for r in registries
+        )
         assert kept == known
 
 
 def test_a_file_of_an_earlier_build_has_its_detections_at_a_middle_distance():
     objects = built(BY_CLASS, [{3: "mug"}] * 3)
-    arrays = persistence.arrays_of(objects.memory(), None)
+    arrays = persistence.arrays_of(objects.content(), None)
     header = json.loads(arrays["header"].tobytes())
     del header["ended"]
     header["records"] = {k: r[:4] for k, r in header["records"].items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    read = persistence.read(persistence.written(arrays), objects.no_viewpoints()).memory.registry
-    for label, record in objects.memory().registry.records.items():
+    read = persistence.read(
+        persistence.to_bytes(arrays), objects.empty_viewpoints()
+    ).memory.registry
+    for label, record in objects.content().registry.records.items():
         assert read.records[label].detected_at.tolist() == [0, record.detected, 0]
         assert read.records[label].history == record.history
 

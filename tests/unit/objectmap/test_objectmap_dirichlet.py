@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helios_objectmap.fusion import semantics
-from helios_objectmap.fusion.semantics import accumulate, believe, score
+from helios_objectmap.fusion.semantics import accumulate, most_likely_columns, score
 from helios_objectmap.gaussians import OTHER, GaussianStore
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -66,12 +66,12 @@ def test_accumulated_evidence_gives_the_concentration_of_eq_3(n, classes, alpha_
     everything = np.ones((n, classes), np.float32)
     for _ in range(3):
         kappa = rng.uniform(0, 5, (n, classes + 1)).astype(np.float32)
-        before = store.positive.copy(), store.asked.copy()
+        before = store.class_evidence.copy(), store.total_evidence.copy()
         accumulate(store, np.arange(n), kappa, list(range(classes)), everything, alpha_cpa)
-        assert (store.positive >= before[0]).all()
-        assert (store.asked >= before[1]).all()
+        assert (store.class_evidence >= before[0]).all()
+        assert (store.total_evidence >= before[1]).all()
         gamma = reference_update(gamma, kappa.astype(float), alpha_cpa)
-    rebuilt = semantics.concentration_of(store.positive, store.asked[:, 0], 1.0)
+    rebuilt = semantics.concentration_of(store.class_evidence, store.total_evidence[:, 0], 1.0)
     assert np.allclose(rebuilt, gamma, rtol=1e-4, atol=1e-3)  # float32 sums
 
 
@@ -83,16 +83,16 @@ def test_accumulate_is_linear_in_alpha_cpa(alpha_cpa, factor):
     everything = np.ones((2, 1), np.float32)
     accumulate(once, np.arange(2), kappa, [0], everything, alpha_cpa)
     accumulate(more, np.arange(2), kappa, [0], everything, alpha_cpa * factor)
-    assert np.allclose(more.positive, once.positive * factor, rtol=1e-5)
-    assert np.allclose(more.asked, once.asked * factor, rtol=1e-5)
+    assert np.allclose(more.class_evidence, once.class_evidence * factor, rtol=1e-5)
+    assert np.allclose(more.total_evidence, once.total_evidence * factor, rtol=1e-5)
 
 
 def test_evidence_is_in_proportion_to_the_weight_of_the_view():
     store = store_of(3, ["a"])
     kappa = np.ones((3, 2), np.float32)
     accumulate(store, np.arange(3), kappa, [0], np.array([[1.0], [0.5], [0.0]], np.float32), 3.0)
-    assert store.asked[:, 0].tolist() == [6.0, 3.0, 0.0]
-    assert store.positive[:, 0].tolist() == [3.0, 1.5, 0.0]
+    assert store.total_evidence[:, 0].tolist() == [6.0, 3.0, 0.0]
+    assert store.class_evidence[:, 0].tolist() == [3.0, 1.5, 0.0]
 
 
 def test_score_is_the_mean_less_the_mean_deviation():
@@ -104,7 +104,7 @@ def test_score_is_the_mean_less_the_mean_deviation():
 
 def believed(positive, asked, context):
     positive, asked = np.array([positive], np.float32), np.array([asked], np.float32)
-    return believe(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0]
+    return most_likely_columns(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0]
 
 
 def test_equal_beliefs_go_to_other_and_then_to_the_first_class():
@@ -151,7 +151,7 @@ def test_the_most_likely_class_is_that_of_the_reference(columns, seed, prior, na
     asked = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
     positive, asked = (share * asked).astype(np.float32), asked.astype(np.float32)
     rows = rng.permutation(40)
-    got = believe(positive, asked, rows, context, prior, len(context) + 1, named_from)
+    got = most_likely_columns(positive, asked, rows, context, prior, len(context) + 1, named_from)
     for row, column in zip(rows, got, strict=True):
         expected, lead = reference_belief(
             positive[row].astype(float), asked[row].astype(float), context, prior, named_from

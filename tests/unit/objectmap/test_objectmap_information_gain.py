@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helios_objectmap.camera import View
-from helios_objectmap.instances.information_gain import Member, Rates, what_if
+from helios_objectmap.instances.information_gain import (
+    EvidenceParameters,
+    InstanceEvidence,
+    what_if,
+)
 from helios_objectmap.rendering import cpu
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +17,7 @@ from scipy import stats
 from test_objectmap_renderer import VIEW, reference_kappa, scenes
 
 
-def reference(member: Member, wanted: int, views: list[View], rates: Rates):
+def reference(member: InstanceEvidence, wanted: int, views: list[View], rates: EvidenceParameters):
     """(Psi', information gain) after some views, in plain float64; "other" is class 0."""
     hits = member.positive.astype(float)
     other = np.maximum(member.asked - hits.sum(axis=1), 0)[:, None]
@@ -38,12 +42,12 @@ def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
     means, radius_m, opacity = scene
     hits = rng.uniform(0, 10, (len(means), classes)).astype(np.float32)
     asked = (hits.sum(axis=1) + rng.uniform(0, 10, len(means))).astype(np.float32)
-    member = Member(means, radius_m, opacity, hits, asked)
+    member = InstanceEvidence(means, radius_m, opacity, hits, asked)
     wanted = int(rng.integers(classes))
     shifted = np.eye(4)
     shifted[:3, 3] = rng.uniform(-0.2, 0.2, 3)
     views = [VIEW, View(60.0, 60.0, 23.5, 17.5, 48, 36, shifted)]
-    rates = Rates(1.0, 3.0, 1.0, other, int(rng.choice([0, 4])))
+    rates = EvidenceParameters(1.0, 3.0, 1.0, other, int(rng.choice([0, 4])))
     alone, together = what_if(cpu.project, member, wanted, views, rates, 100.0)
     for got, seen in [(alone[0], views[:1]), (alone[1], views[1:]), (together, views)]:
         psi, gain = reference(member, wanted, seen, rates)
@@ -55,12 +59,13 @@ def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
 def test_half_for_something_else_expects_less_than_the_optimist():
     n = 20
     means = np.stack([np.zeros(n), np.zeros(n), np.linspace(1, 1.1, n)], axis=1).astype(np.float32)
-    member = Member(
+    member = InstanceEvidence(
         means, np.full(n, 0.02, np.float32), np.full(n, 0.9, np.float32),
         np.zeros((n, 2), np.float32), np.zeros(n, np.float32),
     )  # fmt: skip
     best, half = (
-        what_if(cpu.project, member, 0, [VIEW], Rates(1, 3, 1, o), 8.0)[1] for o in (0.0, 0.5)
+        what_if(cpu.project, member, 0, [VIEW], EvidenceParameters(1, 3, 1, o), 8.0)[1]
+        for o in (0.0, 0.5)
     )
     assert best.psi > half.psi
     assert best.information_gain > half.information_gain > 0
@@ -68,7 +73,9 @@ def test_half_for_something_else_expects_less_than_the_optimist():
 
 def test_no_views_change_nothing():
     three = np.ones(3, np.float32)
-    member = Member(np.ones((3, 3), np.float32), three, three, np.ones((3, 2), np.float32), three)
-    alone, together = what_if(cpu.project, member, 0, [], Rates(1.0, 3.0, 1.0), 8.0)
+    member = InstanceEvidence(
+        np.ones((3, 3), np.float32), three, three, np.ones((3, 2), np.float32), three
+    )
+    alone, together = what_if(cpu.project, member, 0, [], EvidenceParameters(1.0, 3.0, 1.0), 8.0)
     assert alone == []
     assert together.information_gain == 0

@@ -13,8 +13,8 @@ from helios_core.codec import context_to_proto, observation_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
-from helios_gateway.bus_listener import BusListener
-from helios_gateway.robot_registry import RobotRegistry, Served
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 from helios_objectmap.service import ObjectMapService
@@ -38,8 +38,8 @@ def client() -> Iterator[TestClient]:
         o = observe(SCENE, looking_at(x, y, tuple(MUG_CENTER)), seq=seq)
         bus.publish(OBSERVATION, observation_to_proto(o))
     settings = Settings.load(["--silent-after-s", "3600"])
-    live = BusListener(MemoryBus(hub), settings)
-    app = create_app(RobotRegistry({"robot": Served(MemoryBus(hub), live)}), settings)
+    live = RobotMonitor(MemoryBus(hub), settings)
+    app = create_app(RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}), settings)
     with TestClient(app, "http://localhost") as client:
         yield client
     live.close()

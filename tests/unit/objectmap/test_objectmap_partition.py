@@ -36,29 +36,29 @@ class Scene:
         store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
         gone = np.flatnonzero(rng.random(len(store)) < rng.choice([0.1, 0.6]))  # a few, or many
         self.registry.leave(store, gone, VOXEL_M.__getitem__)
-        store.believed[gone] = OTHER
-        new = store.believed.copy()
+        store.class_column[gone] = OTHER
+        new = store.class_column.copy()
         flips = rng.random(len(store)) < 0.2
         flips[gone] = False
         new[flips] = rng.integers(OTHER, len(CLASSES), flips.sum())
-        changed = np.flatnonzero(new != store.believed)
+        changed = np.flatnonzero(new != store.class_column)
         self.registry.leave(store, changed, VOXEL_M.__getitem__)
-        store.believed[changed] = new[changed]
+        store.class_column[changed] = new[changed]
         self.registry.join(store, changed, VOXEL_M.__getitem__)
         store.remove(gone)
 
     def check(self) -> None:
         store = self.store
         for column, name in enumerate(CLASSES):
-            rows = np.flatnonzero(store.believed == column)
+            rows = np.flatnonzero(store.class_column == column)
             everything = components(store.means[rows], VOXEL_M[name])
             assert (store.instance[rows] != NO_INSTANCE).all()
             assert parts(rows, store.instance[rows]) == parts(rows, everything)
-        assert (store.instance[store.believed == OTHER] == NO_INSTANCE).all()
+        assert (store.instance[store.class_column == OTHER] == NO_INSTANCE).all()
         present = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
         assert present == set(self.registry.records)
         for label in present:
-            column = store.believed[store.instances.rows_of(np.array([label]))[0]]
+            column = store.class_column[store.instances.rows_of(np.array([label]))[0]]
             assert self.registry.records[label].class_name == CLASSES[column]
 
 
@@ -80,7 +80,7 @@ def grown(means, order, voxel_m):
         new = store.append(
             means[rows], np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0
         )
-        store.believed[new] = 0
+        store.class_column[new] = 0
         registry.join(store, np.arange(new.start, new.stop), lambda _: voxel_m)
     labels = np.empty(len(means), np.int64)
     labels[order] = store.instance
@@ -101,7 +101,7 @@ def test_what_is_far_from_a_change_keeps_its_label_and_is_not_touched():
     for x in (0.0, 2.0, 0.05):
         at = np.full((3, 3), x, np.float32)
         new = store.append(at, np.full(3, 0.01, np.float32), 0.9, np.zeros((3, 3), np.uint8), 0)
-        store.believed[new] = 0
+        store.class_column[new] = 0
         rows = np.arange(new.start, new.stop)
         touched = registry.join(store, rows, lambda _: 0.07)
     assert store.instance.tolist() == [1, 1, 1, 2, 2, 2, 1, 1, 1]
@@ -115,7 +115,7 @@ def test_a_merged_instance_has_the_views_of_the_part_seen_most_often(views):
     for x, seen in ((0.0, views[0]), (0.2, views[1]), (0.1, None)):
         at = np.full((2, 3), x, np.float32)
         new = store.append(at, np.full(2, 0.01, np.float32), 0.9, np.zeros((2, 3), np.uint8), 0)
-        store.believed[new] = 0
+        store.class_column[new] = 0
         registry.join(store, np.arange(new.start, new.stop), lambda _: 0.07)
         if seen is not None:
             registry.records[int(store.instance[new][0])].views = seen
@@ -129,7 +129,7 @@ def row_of_mugs(places) -> tuple[GaussianStore, InstanceRegistry]:
     means = np.repeat(np.array([[x, 0.01, 0.01] for x in places], np.float32), 2, axis=0)
     n = len(means)
     store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
-    store.believed[:] = 0
+    store.class_column[:] = 0
     registry.join(store, np.arange(n), VOXEL_M.__getitem__)
     return store, registry
 
@@ -139,7 +139,7 @@ def test_an_instance_splits_when_its_middle_empties_and_the_larger_part_keeps_th
     assert set(store.instance.tolist()) == {1}
     for rows in ([2], [3]):  # the second voxel: first half of it, then all
         registry.leave(store, np.array(rows), VOXEL_M.__getitem__)
-        store.believed[rows] = OTHER
+        store.class_column[rows] = OTHER
         touched = registry.join(store, np.empty(0, np.int64), VOXEL_M.__getitem__)
     assert store.instance.tolist() == [2, 2, 0, 0, 1, 1, 1, 1]
     assert touched == {1, 2}
@@ -149,7 +149,7 @@ def test_an_instance_splits_when_its_middle_empties_and_the_larger_part_keeps_th
 def test_an_instance_that_loses_all_its_gaussians_is_no_more():
     store, registry = row_of_mugs([0.01, 0.5])
     registry.leave(store, np.array([0, 1]), VOXEL_M.__getitem__)
-    store.believed[:2] = OTHER
+    store.class_column[:2] = OTHER
     assert registry.join(store, np.empty(0, np.int64), VOXEL_M.__getitem__) == {1}
     assert registry.records.keys() == {2}
 

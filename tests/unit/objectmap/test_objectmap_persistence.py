@@ -137,7 +137,7 @@ def test_a_damaged_file_never_changes_what_is_known(rig, share):
 def test_no_flipped_bit_of_the_directory_of_a_file_is_anything_but_refused(rig, bit):
     """There a ZIP says how its parts are packed, encrypted and named."""
     data = rig.saved()
-    viewpoints = ObjectMap(SETTINGS).no_viewpoints()
+    viewpoints = ObjectMap(SETTINGS).empty_viewpoints()
     for at in range(data.rindex(b"PK\x01\x02") - 300, len(data)):
         damaged = bytearray(data)
         damaged[at] ^= bit
@@ -158,7 +158,7 @@ def test_a_file_that_is_whole_but_makes_no_sense_is_refused(rig, array, value, s
         arrays = {name: file[name] for name in file.files}
     arrays[array][0] = value
     with pytest.raises(InvalidInput, match=said):
-        persistence.read(persistence.written(arrays), ObjectMap(SETTINGS).no_viewpoints())
+        persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
 
 
 def test_a_file_that_unpacks_to_more_than_any_map_is_not_unpacked(rig):

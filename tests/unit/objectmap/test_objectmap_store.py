@@ -64,12 +64,12 @@ def test_removal_keeps_the_others_with_all_that_is_known_of_them(n, share, seed)
     store = GaussianStore()
     store.column("a")
     appended(store, rng.uniform(-3, 3, (n, 3)))
-    store.positive[:, 0] = np.arange(n)
+    store.class_evidence[:, 0] = np.arange(n)
     store.instances.move(np.arange(n), np.arange(n) % 3)
     means = store.means.copy()
     gone = np.flatnonzero(rng.random(n) < share)
     store.remove(rng.permutation(gone))
-    left = store.positive[:, 0].astype(int)
+    left = store.class_evidence[:, 0].astype(int)
     assert sorted(left) == sorted(set(range(n)) - set(gone.tolist()))
     assert np.array_equal(store.means, means[left])
     assert np.array_equal(store.instance, left % 3)
@@ -135,16 +135,16 @@ def test_a_new_column_has_no_evidence_and_a_dropped_one_is_forgotten():
     store = GaussianStore()
     store.column("a")
     appended(store, [(0, 0, 1)] * 3000)
-    store.positive[:] = 5
+    store.class_evidence[:] = 5
     assert store.column("b") == 1
-    assert store.asked.shape == (3000, 2)
-    assert not store.positive[:, 1].any()
-    store.positive[:, 1] = 7
-    store.believed[:10] = 1
+    assert store.total_evidence.shape == (3000, 2)
+    assert not store.class_evidence[:, 1].any()
+    store.class_evidence[:, 1] = 7
+    store.class_column[:10] = 1
     store.drop_columns(["a"])
     assert store.class_names == ["b"]
-    assert (store.positive == 7).all()
-    assert store.believed[:11].tolist() == [0] * 10 + [-1]
+    assert (store.class_evidence == 7).all()
+    assert store.class_column[:11].tolist() == [0] * 10 + [-1]
 
 
 def test_too_many_go_by_belief_first_and_then_by_when_they_were_seen():

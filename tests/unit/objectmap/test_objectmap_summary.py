@@ -22,8 +22,10 @@ def scene(seed: int, n: int) -> GaussianStore:
         store.column(name)
     means = rng.normal(0, [0.1, 0.3, 0.05], (n, 3)).astype(np.float32)
     store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
-    store.asked[:] = rng.uniform(0, 30, (n, 1))
-    store.positive[:] = store.asked * rng.dirichlet(np.ones(len(NAMES) + 1), n)[:, 1:]
+    store.total_evidence[:] = rng.uniform(0, 30, (n, 1))
+    store.class_evidence[:] = (
+        store.total_evidence * rng.dirichlet(np.ones(len(NAMES) + 1), n)[:, 1:]
+    )
     return store
 
 
@@ -38,7 +40,7 @@ def test_an_instance_is_described_as_its_gaussians_say(seed, n, prior):
     record = InstanceRecord("table", views=4.2, detected=2.1)
     o = describe(3, record, shape_of(store.means, belief), belief)
 
-    mean, deviation = marginal(store.positive[rows], store.asked[rows], prior, 4)
+    mean, deviation = marginal(store.class_evidence[rows], store.total_evidence[rows], prior, 4)
     scored = score(mean[:, 1], deviation[:, 1], 0.7)
     assert o.score == pytest.approx(scored.psi, abs=1e-5)
     assert (o.class_score, o.uncertainty) == pytest.approx(

@@ -15,7 +15,7 @@ from helios_objectmap.fusion.viewing_sectors import (
     UNIT,
     WHOLE_KAPPA,
     add_votes,
-    new_share,
+    expected_new_votes,
     sector_of,
 )
 from helios_objectmap.gaussians import GaussianStore
@@ -84,8 +84,8 @@ def test_evidence_is_that_of_the_twin(seed, classes, count):
         take(store, view)
     positive, asked = reference(means, views, classes)
     rounding = ALPHA / FULL * count / UNIT  # of a vote to a whole number of UNIT
-    assert np.allclose(store.positive, positive, atol=rounding)
-    assert np.allclose(store.asked, asked, atol=rounding)
+    assert np.allclose(store.class_evidence, positive, atol=rounding)
+    assert np.allclose(store.total_evidence, asked, atol=rounding)
 
 
 def test_sides_are_sectors_of_30_degrees_around_the_thing_whatever_the_height():
@@ -104,13 +104,15 @@ def test_one_side_never_counts_more_than_alpha_side_and_all_never_more_than_thei
     for spread_rad, sides in ((math.pi / SECTORS * 0.9, 1), (math.pi, SECTORS)):
         store = store_of(np.zeros((5, 3)), 2)
         for view in views_of(rng, 5, 2, count, spread_rad):
-            before = store.asked.copy()
+            before = store.total_evidence.copy()
             take(store, view)
-            assert (store.asked >= before - 1e-4).all()
-            assert (store.asked <= ALPHA * sides + 1e-3).all()
-            assert (store.positive >= -1e-3).all()
-            assert (store.positive.sum(axis=1) <= store.asked.max(axis=1) * 2 + 1e-3).all()
-            assert (store.positive <= store.asked + 1e-3).all()
+            assert (store.total_evidence >= before - 1e-4).all()
+            assert (store.total_evidence <= ALPHA * sides + 1e-3).all()
+            assert (store.class_evidence >= -1e-3).all()
+            assert (
+                store.class_evidence.sum(axis=1) <= store.total_evidence.max(axis=1) * 2 + 1e-3
+            ).all()
+            assert (store.class_evidence <= store.total_evidence + 1e-3).all()
 
 
 @settings(max_examples=20, deadline=None)
@@ -124,8 +126,8 @@ def test_the_order_of_views_does_not_matter(seed, count):
     for k in rng.permutation(count):
         take(other, views[k])
     assert np.array_equal(one.votes, other.votes)
-    assert np.allclose(one.positive, other.positive, atol=1e-4)
-    assert np.allclose(one.asked, other.asked, atol=1e-4)
+    assert np.allclose(one.class_evidence, other.class_evidence, atol=1e-4)
+    assert np.allclose(one.total_evidence, other.total_evidence, atol=1e-4)
 
 
 def test_a_view_is_one_vote_however_many_pixels_and_less_where_there_is_hardly_any():
@@ -143,8 +145,8 @@ def test_a_side_that_is_reported_for_hours_keeps_counting_in_full_by_its_mean():
     for k in range(3 * MOST_VOTES):
         kappa = np.array([[1, 3] if k % 2 else [3, 1]], np.float32)
         take(store, (kappa, np.ones((1, 1), np.float32), eye_m))
-    assert store.asked[0, 0] == pytest.approx(ALPHA, abs=1e-3)
-    assert store.positive[0, 0] == pytest.approx(ALPHA / 2, rel=0.01)
+    assert store.total_evidence[0, 0] == pytest.approx(ALPHA, abs=1e-3)
+    assert store.class_evidence[0, 0] == pytest.approx(ALPHA / 2, rel=0.01)
 
 
 # What-ifs ---------------------------------------------------------------------------------------
@@ -163,7 +165,9 @@ def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_sid
         take(store, view)
     ((_, _, eye_m),) = views_of(rng, n, 1, 1)
     seen = rng.choice([0, 0.1, 5], n).astype(np.float32)
-    (alone,), together = new_share(store.votes[:, 0, :, 1], store.means, [seen], [eye_m], FULL)
+    (alone,), together = expected_new_votes(
+        store.votes[:, 0, :, 1], store.means, [seen], [eye_m], FULL
+    )
     assert np.allclose(alone, together, atol=1e-6)
 
     side = sector_of(store.means, eye_m)
@@ -173,11 +177,11 @@ def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_sid
     mean = (own + new) / np.maximum(reported + new, 1e-9)
     shown = new + (vote - new) * mean
     kappa = np.stack([vote - shown, shown], axis=1) * np.maximum(seen, WHOLE_KAPPA)[:, None]
-    before = store.positive.copy(), store.asked.copy()
+    before = store.class_evidence.copy(), store.total_evidence.copy()
     take(store, (kappa.astype(np.float32), np.ones((n, 1), np.float32), eye_m))
     rounding = 2 * ALPHA / FULL / UNIT
-    assert np.allclose(store.positive - before[0], ALPHA * alone[:, None], atol=rounding)
-    assert np.allclose(store.asked - before[1], ALPHA * alone[:, None], atol=rounding)
+    assert np.allclose(store.class_evidence - before[0], ALPHA * alone[:, None], atol=rounding)
+    assert np.allclose(store.total_evidence - before[1], ALPHA * alone[:, None], atol=rounding)
 
 
 @settings(max_examples=20, deadline=None)
@@ -191,14 +195,16 @@ def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each
     for view in views_of(rng, n, 1, reported):
         take(store, view)
     views = [(k, np.ones((n, 1), np.float32), e) for k, _, e in views_of(rng, n, 1, count, 0.5)]
-    before = store.asked[:, 0].copy()
-    alone, together = new_share(
+    before = store.total_evidence[:, 0].copy()
+    alone, together = expected_new_votes(
         store.votes[:, 0, :, 1], store.means, [k.sum(axis=1) for k, _, _ in views],
         [e for _, _, e in views], FULL,
     )  # fmt: skip
     for view in views:
         take(store, view)
-    assert np.allclose(store.asked[:, 0] - before, ALPHA * together, atol=2 * ALPHA * count / UNIT)
+    assert np.allclose(
+        store.total_evidence[:, 0] - before, ALPHA * together, atol=2 * ALPHA * count / UNIT
+    )
     assert (together <= np.sum(alone, axis=0) + 1e-5).all()
 
 
@@ -230,8 +236,8 @@ def view_from(x, y) -> View:
 def again_of(objects: ObjectMap, chosen) -> ObjectMap:
     """The map from its file, in a map of other settings."""
     again = ObjectMap(chosen)
-    data = persistence.written(persistence.arrays_of(objects.memory(), None))
-    again.recall(persistence.read(data, again.no_viewpoints()).memory)
+    data = persistence.to_bytes(persistence.arrays_of(objects.content(), None))
+    again.load_content(persistence.read(data, again.empty_viewpoints()).memory)
     again.set_context(CONTEXT)
     return again
 
@@ -268,8 +274,8 @@ def test_a_what_if_foretells_a_real_view_of_a_new_side(reported):
 def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_nothing():
     plain = built(SETTINGS)
     other = built(SETTINGS.model_copy(update={"side_views": 1.0, "alpha_side": 1.0}))
-    assert plain.memory().store.votes.nbytes == 0
-    mine, theirs = (persistence.arrays_of(m.memory(), None) for m in (plain, other))
+    assert plain.content().store.votes.nbytes == 0
+    mine, theirs = (persistence.arrays_of(m.content(), None) for m in (plain, other))
     assert "store.votes" not in mine
     assert mine.keys() == theirs.keys()
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
@@ -278,12 +284,12 @@ def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_no
 def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(reported):
     chosen = SIDES.model_copy(update={"side_views": 3.0})
     one, other = again_of(reported, chosen), again_of(reported, chosen)
-    assert np.array_equal(one.memory().store.votes, reported.memory().store.votes)
+    assert np.array_equal(one.content().store.votes, reported.memory().store.votes)
     other = again_of(other, chosen)
     more = [(0.1, 0.3), (0.3, 0.5)]
     for objects in (one, other):
         built(chosen, more, objects, 20)
-    mine, theirs = (persistence.arrays_of(m.memory(), None) for m in (one, other))
+    mine, theirs = (persistence.arrays_of(m.content(), None) for m in (one, other))
     assert mine["store.votes"].any()
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
@@ -291,18 +297,18 @@ def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(r
 def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_the_map(reported):
     by_views = again_of(reported, SETTINGS)
     assert [o.score for o in by_views.objects()] == [o.score for o in reported.objects()]
-    assert by_views.memory().store.votes.nbytes == 0
+    assert by_views.content().store.votes.nbytes == 0
     by_sides = again_of(built(SETTINGS), SIDES)
-    assert not by_sides.memory().store.votes.any()
+    assert not by_sides.content().store.votes.any()
     for objects, chosen in ((by_views, SETTINGS), (by_sides, SIDES)):
-        store = objects.memory().store
-        before = store.asked.copy()
+        store = objects.content().store
+        before = store.total_evidence.copy()
         built(chosen, [(0.5, 0.5)], objects, start=20)
-        grown = store.asked[: len(before)] - before
+        grown = store.total_evidence[: len(before)] - before
         assert grown.min() >= -1e-4
         one_vote = SIDES.alpha_side / SIDES.side_views
         assert (grown.max() > 3 * one_vote) == (chosen is SETTINGS)
-    assert by_sides.memory().store.votes.any()
+    assert by_sides.content().store.votes.any()
 
 
 def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
@@ -315,14 +321,14 @@ def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
     for votes in wrong.values():
         with pytest.raises(InvalidInput):
             persistence.read(
-                persistence.written(arrays | {"store.votes": np.ascontiguousarray(votes)}),
+                persistence.to_bytes(arrays | {"store.votes": np.ascontiguousarray(votes)}),
                 reported.no_viewpoints(),
             )
 
 
 def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_others(reported):
     objects = again_of(reported, SIDES.model_copy(update={"max_classes": 2}))
-    store = objects.memory().store
+    store = objects.content().store
 
     def votes_by_place() -> dict[bytes, bytes]:
         table = store.votes[:, store.class_names.index("table")]
@@ -335,7 +341,7 @@ def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_ot
     assert left.items() <= before.items()
     column = store.column("a new class")
     assert not store.votes[:, column].any()
-    store.believed[store.believed == store.class_names.index("mug")] = -1
+    store.class_column[store.class_column == store.class_names.index("mug")] = -1
     store.drop_columns(["mug"])
     assert votes_by_place() == left
     store.append(

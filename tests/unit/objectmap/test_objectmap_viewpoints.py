@@ -20,7 +20,7 @@ def made() -> Viewpoints:
 
 
 def weigh(points: Viewpoints, T_world_cam, update: int = 1, born=BORN) -> list[float]:
-    look = points.look(T_world_cam)
+    look = points.locate(T_world_cam)
     out = points.weights(look, ["mug"], born)[:, 0].tolist()
     points.mark(look, ["mug"], update)
     return out
@@ -75,7 +75,7 @@ def test_weights_along_a_path_add_up_to_its_length_at_any_rate(step_m, heading):
 def test_a_view_counts_once_per_class_and_anew_for_gaussians_made_later():
     points = made()
     assert weigh(points, pose(), update=3, born=np.array([0, 7])) == [1.0, 1.0]
-    look = points.look(pose())
+    look = points.locate(pose())
     weights = points.weights(look, ["mug", "bowl"], np.array([0, 3, 4]))
     assert weights.tolist() == [[0, 1], [0, 1], [1, 1]]
 
@@ -85,18 +85,18 @@ def test_only_viewpoints_that_counted_since_a_gaussian_was_made_take_weight():
     weigh(points, pose(), update=1)
     weigh(points, pose(x=0.06), update=5)
     # 2 cm from the second one and 8 cm from the first.
-    look = points.look(pose(x=0.08))
+    look = points.locate(pose(x=0.08))
     got = points.weights(look, ["mug"], np.array([0, 3, 6]))[:, 0]
     assert got == pytest.approx([0.0, 0.0, 1.0])
-    look = points.look(pose(x=-0.04))
+    look = points.locate(pose(x=-0.04))
     assert points.weights(look, ["mug"], np.array([0, 3, 6]))[:, 0] == pytest.approx([0.4, 1, 1])
 
 
 def test_differences_between_a_look_and_former_viewpoints():
     points = made()
-    first = points.look(pose()).viewpoint
-    here = points.look(pose(x=0.07))
-    got = points.between(here, np.array([first, here.viewpoint, NEVER]))
+    first = points.locate(pose()).viewpoint
+    here = points.locate(pose(x=0.07))
+    got = points.difference_from(here, np.array([first, here.viewpoint, NEVER]))
     assert got == pytest.approx([0.7, 0.0, 1.0])
 
 

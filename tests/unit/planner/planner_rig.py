@@ -18,7 +18,7 @@ from helios_planner.motion_planning.base_placement import GazePoint
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.search.object_search import ObjectSearch
-from helios_planner.search.view_selection import Looking
+from helios_planner.search.view_selection import ViewPlanner
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
 from planner_flat import flat
@@ -83,7 +83,7 @@ class Rig:
         self.settings = Settings(**settings)
         self.tools = Mission(self.world, parse("find the mug"), self.settings).tools
         if looks is not None:
-            self.tools.looking = cast(Looking, looks)
+            self.tools.looking = cast(ViewPlanner, looks)
         self.search = ObjectSearch(
             self.tools, "mug", "coffee table", global_search.by_objective, paper
         )

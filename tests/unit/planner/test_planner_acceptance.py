@@ -7,9 +7,9 @@ from helios_planner.decisions.acceptance import (
     PATIENCE,
     AcceptanceThreshold,
     Rule,
-    in_the_end,
     paper,
     patient,
+    with_final_fallback,
 )
 from helios_planner.decisions.decision import ANY_SCORE
 from hypothesis import given
@@ -67,7 +67,7 @@ def test_the_same_holds_until_at_last_anything_does(
     rule: Rule, tau: float, used: float, since: float, at_last: float, known: bool
 ) -> None:
     usual = rule(tau, known)
-    to_the_end = in_the_end(usual, at_last)
+    to_the_end = with_final_fallback(usual, at_last)
     now = to_the_end.steps[to_the_end.least_at(used, since)]
     if used < at_last:
         assert now == usual.steps[usual.least_at(used, since)]

@@ -13,7 +13,7 @@ from helios_core.robot import Observe, Pick
 from helios_planner.agents import AGENTS, agent_named
 from helios_planner.decisions.decision import Do
 from helios_planner.instruction.parser import parse
-from helios_planner.manipulation import Done
+from helios_planner.manipulation import SkillOutcome
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.detections import Sighting
 from helios_planner.robot.interface import WhatIf
@@ -122,9 +122,9 @@ def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
     mission.tools.base.look_around()
     search = mission.agent.seek_object(mission.tools, "mug", "coffee table")
     wrong = next(o for o in world.objects("mug") if o.id == stuck.id)
-    assert mission.skills.pick(wrong, "mug") is Done.FAILED
+    assert mission.skills.pick(wrong, "mug") is SkillOutcome.FAILED
     assert world.picks == Settings().picks_per_object
-    search.leave(wrong, out_of_reach=False)
+    search.reject_or_postpone(wrong, out_of_reach=False)
     assert isinstance(search, ObjectSearch)
     assert [o.id for o in search.candidates()] == [3]
     search.next_round()
@@ -219,11 +219,11 @@ def test_what_is_out_of_reach_is_tried_again_once_more_ground_is_known_and_only_
     search = mission.agent.seek_object(mission.tools, "mug", None)
     found = search.find()
     for _ in range(50):  # asking costs nothing while the robot stands
-        search.leave(found, out_of_reach=True)
+        search.reject_or_postpone(found, out_of_reach=True)
         assert not search.open(found)
         assert not search.end_waiting()
         assert search.open(found)
-    search.leave(found, out_of_reach=True)
+    search.reject_or_postpone(found, out_of_reach=True)
     world.act(Observe())
     assert search.end_waiting()
     assert search.open(found)
@@ -243,6 +243,6 @@ def test_a_thing_behind_unknown_ground_is_gone_to_look_at_at_once(
     monkeypatch.setattr(mission.tools.base, "clear_way", clear_way)
     search = mission.agent.seek_object(mission.tools, "mug", None)
     found = search.find()
-    search.leave(found, out_of_reach=True)
+    search.reject_or_postpone(found, out_of_reach=True)
     assert looked == [pytest.approx((2.9, 6.5), abs=0.05)]
     assert search.open(found)

@@ -11,8 +11,8 @@ from helios_core.robot import Place
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import paper
 from helios_planner.decisions.decision import DecisionRule
-from helios_planner.manipulation import Done, Manipulation
-from helios_planner.match_radii import GROWN_M
+from helios_planner.manipulation import Manipulation, SkillOutcome
+from helios_planner.match_radii import RECEPTACLE_SHIFT_M
 from helios_planner.search.base import MOST_DOUBTS
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.scored_search import ReceptacleSearch
@@ -99,9 +99,9 @@ def test_what_is_doubted_again_and_again_is_left(
 ) -> None:
     asked: list[int] = []
 
-    def doubting(_: Manipulation, thing: ObjectInstance, *__: object) -> Done:
+    def doubting(_: Manipulation, thing: ObjectInstance, *__: object) -> SkillOutcome:
         asked.append(thing.id)
-        return Done.DOUBTED
+        return SkillOutcome.DOUBTED
 
     monkeypatch.setattr(Manipulation, skill, doubting)
     with pytest.raises(TaskFailed):
@@ -115,7 +115,7 @@ def test_only_what_may_still_be_chosen_is_confirmed() -> None:
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
     (thing,) = rig.known
     assert search.confirmed(thing)
-    search.leave(thing, out_of_reach=False)
+    search.reject_or_postpone(thing, out_of_reach=False)
     assert not search.confirmed(thing)
 
 
@@ -124,7 +124,7 @@ def test_what_is_gone_is_not_taken_for_another_one_beside_it() -> None:
     world.things[5].center_m = np.array([2.7, 6.62, 0.85])
     world.things[5].views.append((2.2, 5.5, 1.6))
     gone = replace(world.objects("counter")[0], id=9, center_m=np.array([2.1, 6.62, 0.85]))
-    assert MapBelief(world, Settings()).from_near(gone, "counter", GROWN_M) is None
+    assert MapBelief(world, Settings()).from_near(gone, "counter", RECEPTACLE_SHIFT_M) is None
 
 
 def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
@@ -135,7 +135,7 @@ def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
     for id in (2, 5):
         world.things[id].views.append((2.2, 5.5, 1.6))
     left_end = replace(world.objects("counter")[0], center_m=np.array([1.5, 6.6, 0.85]))
-    whole = belief.from_near(left_end, "counter", GROWN_M)
+    whole = belief.from_near(left_end, "counter", RECEPTACLE_SHIFT_M)
     assert whole is not None
     assert whole.id == left_end.id == 2
     assert belief.from_near(left_end, "counter", 0.3) is None

@@ -14,7 +14,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Tilt
 from helios_core.topics import ACT, GET_STATE, LEASE
 from helios_planner.robot import rpc
-from helios_planner.robot.rpc import MOST_IN_VAIN, RECENT, Driver, RobotConnection
+from helios_planner.robot.rpc import MOST_IN_VAIN, RECENT, ActionSender, RobotConnection
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed, TimeIsUp
 from helios_planner.tasks.registry import TaskReporter
@@ -64,7 +64,7 @@ WAITED: list[str | None] = []  # for what, newest last; None: it came
 
 def drive(robot: Robot, actions: int) -> None:
     line = RobotConnection(robot.bus, Settings(), threading.Event(), WAITED.append)
-    driver = Driver(line, Settings(), "task", lambda _: None)
+    driver = ActionSender(line, Settings(), "task", lambda _: None)
     for _ in range(actions):
         driver.do(Tilt(0.3))
 
@@ -154,7 +154,9 @@ def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
     MemoryBus(robot.hub).serve(LEASE, lease)
     line = RobotConnection(robot.bus, Settings(away_s=0.001), threading.Event(), WAITED.append)
     WAITED.clear()
-    assert Driver(line, Settings(away_s=0.001), "task", lambda _: None).do(Tilt(0.3)).succeeded
+    assert (
+        ActionSender(line, Settings(away_s=0.001), "task", lambda _: None).do(Tilt(0.3)).succeeded
+    )
     assert WAITED == ["the bridge: teleop drives the robot for 10 s more", None]
 
 
@@ -172,7 +174,7 @@ def test_a_task_whose_time_is_over_gives_the_robot_back(monkeypatch: pytest.Monk
     hold = PauseControl(limit_s=5.0, ends_s=105.0, cancelled=cancelled)
     store, reporter = (create_autospec(c, instance=True) for c in (Store, TaskReporter))
     bus = TaskCalls(robot.bus, Journal(store, "task", Entry()), hold, reporter, 1.0)
-    driver = Driver(
+    driver = ActionSender(
         RobotConnection(bus, Settings(), cancelled, WAITED.append),
         Settings(),
         "task",

@@ -14,7 +14,7 @@ from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.robot.interface import WhatIf
-from helios_planner.search.view_selection import MOST_GAZE_POINTS, VIEW_RULES, BestView, Looking
+from helios_planner.search.view_selection import MOST_GAZE_POINTS, VIEW_RULES, BestView, ViewPlanner
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat
@@ -23,7 +23,7 @@ from planner_things import Thing
 from planner_world import FakeWorld
 
 
-def seen_counter(**settings: Any) -> tuple[FakeWorld, Looking, ObjectInstance]:
+def seen_counter(**settings: Any) -> tuple[FakeWorld, ViewPlanner, ObjectInstance]:
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
     tools = Mission(world, parse("find the counter"), Settings(**settings)).tools
     tools.base.look_around()
@@ -47,7 +47,7 @@ def test_the_gain_of_a_local_search_is_that_of_the_views_that_are_left_now(
 ) -> None:
     """As many are left as before, at other places."""
     world, looking, thing = seen_counter()
-    here = looking.around(thing)[:3]
+    here = looking.remaining_gaze_points(thing)[:3]
     there = [replace(g, pose=replace(g.pose, x_m=g.pose.x_m + 0.5)) for g in here]
     gains = iter([1.0, 2.0])
     world.what_if = lambda *args, **kwargs: WhatIf((), (next(gains),))

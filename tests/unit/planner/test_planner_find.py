@@ -11,7 +11,7 @@ from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.base_placement import GazePoint
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import BaseController
-from helios_planner.search.view_selection import Looking
+from helios_planner.search.view_selection import ViewPlanner
 from helios_planner.settings import Settings
 from helios_planner.task import TaskFailed
 from helios_planner.tasks.mission import Mission
@@ -52,10 +52,10 @@ def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
     there was any, a way is sought anew."""
     wide = Box(1.0, 3.9, 4.2, 6.9, 0.5)
     world = flat([mug(4, x=2.6, y=5.4, z=0.55)], Pose2(1.5, 1.5, 1.2), [wide])
-    stops_at, clear_way = Looking.stops_at, BaseController.clear_way
+    stops_at, clear_way = ViewPlanner.stops_at, BaseController.clear_way
     sought, asked = list[int](), list[tuple[float, float]]()
 
-    def seek(looking: Looking, thing: ObjectInstance) -> list[GazePoint]:
+    def seek(looking: ViewPlanner, thing: ObjectInstance) -> list[GazePoint]:
         sought.append(thing.id)
         return stops_at(looking, thing)
 
@@ -64,7 +64,7 @@ def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
         was_unknown = clear_way(base, target, within_m)
         return was_unknown or (math.dist(target, (2.6, 5.4)) < 0.05 and len(sought) == 1)
 
-    monkeypatch.setattr(Looking, "stops_at", seek)
+    monkeypatch.setattr(ViewPlanner, "stops_at", seek)
     monkeypatch.setattr(BaseController, "clear_way", watched)
     assert "found the mug at (2.60, 5.40" in run(world, "find the mug", agent)
     assert asked[-1] == pytest.approx((2.6, 5.4), abs=0.05)

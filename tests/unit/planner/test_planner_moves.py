@@ -12,7 +12,7 @@ from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.unknown_borders import borders_of
-from helios_planner.navigation.point_goal import spacious, state_of, walled
+from helios_planner.navigation.point_goal import padded_to_point, state_of, walled
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.move_mission import MoveMission
@@ -230,7 +230,7 @@ def test_a_spacious_map_covers_the_point_and_keeps_what_was_known(
 ) -> None:
     occupancy = np.zeros((rows, columns), np.int8)
     ground = GroundMap(occupancy, np.zeros((rows, columns), np.float32), 0.1, (0.05, -0.3))
-    more = walled(spacious(ground, (x_m, y_m)), walls)
+    more = walled(padded_to_point(ground, (x_m, y_m)), walls)
     assert more.inside(more.cells_of(np.array([[x_m, y_m]])))[0]
     known = ground.centres_of(np.argwhere(occupancy == 0))
     cells = more.cells_of(known)

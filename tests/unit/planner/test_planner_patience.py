@@ -236,7 +236,7 @@ def test_when_all_candidates_are_forgotten_the_one_of_most_views_is_gone_back_to
     assert found.views == 20
     assert search.accepted_as_likeliest(found)
     assert search.confirmed(None)
-    search.leave(found, out_of_reach=False)  # it did not work: the next one
+    search.reject_or_postpone(found, out_of_reach=False)  # it did not work: the next one
     assert search.chosen(search.decide()).views == 1
     rig.known = [instance(counter(), id=9, score=0.1)]
     search.refused.clear()
@@ -252,12 +252,12 @@ def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
     monkeypatch.setattr(rig.tools.base, "clear_way", lambda *at: bool(cleared.append(at)) or True)
     rig.known = [instance(counter(), score=0.3)]
     search.decide()
-    search.leave(rig.known[0], out_of_reach=True)
+    search.reject_or_postpone(rig.known[0], out_of_reach=True)
     assert cleared
     assert search.candidates()
     rig.world.steps = int(0.95 * rig.world.max_steps)
     search.decide()
-    search.leave(rig.known[0], out_of_reach=True)
+    search.reject_or_postpone(rig.known[0], out_of_reach=True)
     assert len(cleared) == 1
     assert not search.candidates()
 

@@ -13,8 +13,8 @@ from helios_planner.manipulation import (
     PAPER_RELEASE_HEIGHT_M,
     PLACE_INSET_M,
     RELEASE_HEIGHT_M,
-    Done,
     Manipulation,
+    SkillOutcome,
 )
 from helios_planner.motion_planning.base_placement import (
     OTHER_SIDE_M,
@@ -148,7 +148,7 @@ def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
     (thing,) = world.objects("mug")
     reached = mission.tools.base.reach()
     assert stand_for(thing.center_m, reached, ROBOT, 0.74) is None
-    assert mission.skills.pick(thing, "mug") is Done.SUCCEEDED
+    assert mission.skills.pick(thing, "mug") is SkillOutcome.SUCCEEDED
     assert low.views == []  # the object map was told that it is no longer there
     assert world.contacts == 0
 
@@ -181,7 +181,7 @@ def test_a_robot_that_drifts_faces_what_it_picks_and_looks_at_it(
     mission = Mission(world, parse("find the mug"), Settings())
     mission.tools.base.look_around()
     (thing,) = world.objects("mug")
-    assert mission.skills.pick(thing, "mug") is Done.FAILED
+    assert mission.skills.pick(thing, "mug") is SkillOutcome.FAILED
     assert len(seen) == mission.skills.attempts
     for aside_rad, off_rad in seen:
         assert abs(aside_rad) < np.radians(5)  # the least that it can turn
@@ -241,7 +241,7 @@ def test_the_last_try_does_with_the_place_that_was_chosen_from_afar(
     world = flat([counter(), mug()], Pose2(2.2, 5.0, 1.57))
     mission, goal = placing(world)
     monkeypatch.setattr(Manipulation, "_point_from_here", lambda *_: None)
-    assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
+    assert mission.skills.place(goal, "counter") is SkillOutcome.SUCCEEDED
     (point,) = put_points(world)
     assert point[2] == pytest.approx(0.9 + RELEASE_HEIGHT_M, abs=0.02)
 
@@ -251,6 +251,6 @@ def test_on_a_narrow_board_half_the_distance_from_the_edge_will_do() -> None:
     board.graspable = False
     world = flat([board, mug()], Pose2(2.2, 4.2, 1.57), [Box(1.2, 5.5, 3.2, 5.7, 0.9)])
     mission, goal = placing(world)
-    assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
+    assert mission.skills.place(goal, "counter") is SkillOutcome.SUCCEEDED
     (point,) = put_points(world)
     assert abs(point[1] - 5.6) <= 0.1 - PLACE_INSET_M / 2

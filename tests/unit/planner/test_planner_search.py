@@ -14,7 +14,7 @@ from helios_planner.decisions.global_search import ChosenFrontier
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.robot.interface import Frontier
-from helios_planner.search.base import MOST_OF_ONE, MOST_WAITS
+from helios_planner.search.base import MAX_UNREACHABLE, MAX_UNREACHABLE_PER_CANDIDATE
 from helios_planner.search.scored_search import ReceptacleSearch
 from planner_flat import coffee_table
 from planner_rig import TABLE_XY, Looks, Rig, instance
@@ -140,7 +140,9 @@ def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
 
 
 @pytest.mark.parametrize("way_cleared", [True, False])
-@pytest.mark.parametrize(("apart_m", "times"), [(0.0, MOST_OF_ONE), (2.0, MOST_WAITS)])
+@pytest.mark.parametrize(
+    ("apart_m", "times"), [(0.0, MAX_UNREACHABLE_PER_CANDIDATE), (2.0, MAX_UNREACHABLE)]
+)
 def test_what_is_out_of_reach_again_and_again_is_left_for_good(
     apart_m: float, times: int, way_cleared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,9 +154,9 @@ def test_what_is_out_of_reach_again_and_again_is_left_for_good(
         thing = replace(thing, center_m=center_m, id=thing.id + bool(apart_m))
         assert thing not in rig.search.refused
         rig.world._pose = Pose2(1.0 + 0.1 * k, 1.0, 0.0)
-        rig.search.leave(thing, out_of_reach=True)
+        rig.search.reject_or_postpone(thing, out_of_reach=True)
         rig.search._acted_from = rig.world.pose()
-        rig.search.waiting.clear()
+        rig.search.unreachable.clear()
         rig.world._pose = replace(rig.world.pose(), yaw_rad=0.1 + k)
     assert thing in rig.search.refused
 

@@ -10,7 +10,7 @@ from helios_core.errors import Unavailable
 from helios_core.robot import Action, ActionResult, Place
 from helios_core.types import ObjectInstance
 from helios_planner.instruction.parser import parse
-from helios_planner.manipulation import Seen, seen_after
+from helios_planner.manipulation import PlacementCheck, seen_after
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 from helios_planner.tasks.mission import Mission
@@ -35,28 +35,30 @@ HIGH_BESIDE = (2.0, 3.2, 0.95)
 @pytest.mark.parametrize(
     ("before", "now", "seen"),
     [
-        ([], [ON], Seen.ON_IT),
-        ([], [BESIDE], Seen.BESIDE_IT),
-        ([], [BESIDE, ON], Seen.ON_IT),  # another one lies there
-        ([], [HIGH_BESIDE], Seen.NOWHERE),  # the counter may be longer than is known
-        ([], [FAR], Seen.NOWHERE),
-        ([], [], Seen.NOWHERE),
-        ([BESIDE], [BESIDE], Seen.NOWHERE),  # it was there before
-        ([ON], [ON], Seen.NOWHERE),
+        ([], [ON], PlacementCheck.ON_IT),
+        ([], [BESIDE], PlacementCheck.BESIDE_IT),
+        ([], [BESIDE, ON], PlacementCheck.ON_IT),  # another one lies there
+        ([], [HIGH_BESIDE], PlacementCheck.NOWHERE),  # the counter may be longer than is known
+        ([], [FAR], PlacementCheck.NOWHERE),
+        ([], [], PlacementCheck.NOWHERE),
+        ([BESIDE], [BESIDE], PlacementCheck.NOWHERE),  # it was there before
+        ([ON], [ON], PlacementCheck.NOWHERE),
     ],
 )
 def test_what_was_not_there_before_is_what_was_placed(
-    before: list[tuple[float, float, float]], now: list[tuple[float, float, float]], seen: Seen
+    before: list[tuple[float, float, float]],
+    now: list[tuple[float, float, float]],
+    seen: PlacementCheck,
 ) -> None:
     was, is_now = ([thing("mug", p, SIZE) for p in points] for points in (before, now))
     got, found = seen_after(COUNTER, was, is_now, 0.3, COUNTER.top_m)
     assert got is seen
-    assert (found is None) == (seen is Seen.NOWHERE)
+    assert (found is None) == (seen is PlacementCheck.NOWHERE)
 
 
 def test_what_is_hardly_believed_does_not_count() -> None:
     doubtful = [thing("mug", BESIDE, SIZE, class_score=0.2)]
-    assert seen_after(COUNTER, [], doubtful, 0.3, COUNTER.top_m) == (Seen.NOWHERE, None)
+    assert seen_after(COUNTER, [], doubtful, 0.3, COUNTER.top_m) == (PlacementCheck.NOWHERE, None)
 
 
 def mission(rolls: bool = False, blind: bool = False) -> Mission:

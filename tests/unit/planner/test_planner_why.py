@@ -9,7 +9,12 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import act_or_look, best_view
-from helios_planner.decisions.counterfactual import SETTINGS, as_kept, changes_of, recompute
+from helios_planner.decisions.counterfactual import (
+    SETTINGS,
+    changes_of,
+    recompute,
+    with_replay_settings,
+)
 from helios_planner.decisions.decision import (
     Act,
     Decision,
@@ -51,7 +56,7 @@ def thing(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0
 
 def kept(decision: Decision) -> Decision:
     """As it comes back from the store."""
-    reported = as_kept(decision, USED)
+    reported = with_replay_settings(decision, USED)
     return decision_from_proto(decision_to_proto(reported, a_task(), 0, None, 1.0))
 
 

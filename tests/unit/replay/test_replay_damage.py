@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from helios_client.replay.input_checks import examine
-from helios_client.replay.run import Pace, ReplayJob
+from helios_client.replay.run import PlaybackOptions, ReplayJob
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
@@ -250,6 +250,6 @@ def test_a_strict_replay_refuses_a_recording_that_is_cut_off(
     screen = Console(quiet=True)
     job = ReplayJob(cut, SEARCH, "paint", tmp_path)
     assert examine(job, screen).frames < FRAMES
-    strict = replace(job, pace=Pace(strict=True))
+    strict = replace(job, pace=PlaybackOptions(strict=True))
     with pytest.raises(InvalidInput, match=r"is cut off.*without --strict"):
         examine(strict, screen)

@@ -15,7 +15,7 @@ from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_STATE
 from helios_replay import ReplayDriver
 from helios_replay.format_detection import mcap_files, open_source
 from helios_replay.mcap_recording import Recording
-from helios_replay.replay_source import Part
+from helios_replay.replay_source import PlaybackRange
 
 from tests.support import wait_until
 from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, description, frame
@@ -62,10 +62,10 @@ def test_searches_and_what_was_held_come_with_their_keyframes(tmp_path: Path) ->
     recorded.bus.publish(CONTEXT, context("two"))
     recorded.look(2, "two")
     recorded.close()
-    source = Recording(sorted(tmp_path.glob("*.mcap")), Part())
+    source = Recording(sorted(tmp_path.glob("*.mcap")), PlaybackRange())
     assert [[c.id for c in source.contexts_before(i)] for i in range(3)] == [["one"], ["two"], []]
     assert [source.state_after(i).held for i in range(-1, 3)] == ["", "cup", "cup", "cup"]
-    part = Recording(sorted(tmp_path.glob("*.mcap")), Part(from_s=source.shots[2].time_s))
+    part = Recording(sorted(tmp_path.glob("*.mcap")), PlaybackRange(from_s=source.shots[2].time_s))
     assert [c.id for c in part.contexts_before(0)] == ["one", "two"]
 
 
@@ -127,11 +127,11 @@ def test_what_is_held_is_known_to_the_maps_when_it_was_then(
 def test_parts_of_it(recording: tuple[Path, list[pb.Frame]]) -> None:
     path, sent = recording
     times_s = [shot.time_s for shot in open_source(path).shots]
-    part = open_source(path, Part(from_s=times_s[1], to_s=times_s[2]))
+    part = open_source(path, PlaybackRange(from_s=times_s[1], to_s=times_s[2]))
     assert [part.read(i).recorded for i in range(len(part.shots))] == sent[1:3]
-    assert len(open_source(path, Part(limit=2)).shots) == 2
+    assert len(open_source(path, PlaybackRange(limit=2)).shots) == 2
     with pytest.raises(InvalidInput, match="no frame from 1e"):
-        open_source(path, Part(from_s=1e9))
+        open_source(path, PlaybackRange(from_s=1e9))
 
 
 class FakeClock:

@@ -15,7 +15,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import R_BODY_CAM, camera_on_base, quaternion_from_rotation, se2_to_se3
 from helios_replay import ReplayDriver
 from helios_replay.format_detection import open_source
-from helios_replay.replay_source import Part
+from helios_replay.replay_source import PlaybackRange
 from helios_replay.ros_images import depth_of
 from helios_replay.ros_poses import slerp
 
@@ -182,7 +182,7 @@ def test_images_and_tf_of_a_bag(packed: bool, plugin: StoragePlugin, tmp_path: P
 
 def test_a_topic_of_poses_instead_of_tf(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "bag", tf=False, pose_topic=True)
-    source = open_source(path, Part(topics="pose=/slam/pose"))
+    source = open_source(path, PlaybackRange(topics="pose=/slam/pose"))
     assert source.shots[1].T_world_cam[:3, 3] == pytest.approx([0.2, 0.1, HEIGHT_M])
     assert source.shots[0].T_world_cam[:3, :3] == pytest.approx(R_BODY_CAM)
     with pytest.raises(InvalidInput, match="neither tf nor"):
@@ -192,7 +192,7 @@ def test_a_topic_of_poses_instead_of_tf(tmp_path: Path) -> None:
 def test_a_topic_of_poses_stands_above_tf(tmp_path: Path) -> None:
     """Its frame is the camera, which tf hangs below the base, for ever."""
     path = write_bag(tmp_path / "bag", pose_topic=True)
-    source = open_source(path, Part(topics="pose=/slam/pose"))
+    source = open_source(path, PlaybackRange(topics="pose=/slam/pose"))
     for k, shot in enumerate(source.shots):
         wanted = base(k) @ camera_on_base(np.eye(4), HEIGHT_M, 0.0)
         np.testing.assert_allclose(shot.T_world_cam, wanted, atol=1e-9)
@@ -205,14 +205,14 @@ def test_a_frame_with_two_parents_is_refused_unless_a_topic_says_where_it_is(
     with pytest.raises(InvalidInput, match="optical hangs below base_link and below gripper") as e:
         open_source(path)
     assert "--topics pose=" in e.value.message
-    assert len(open_source(path, Part(topics="pose=/slam/pose")).shots) == SHOTS
+    assert len(open_source(path, PlaybackRange(topics="pose=/slam/pose")).shots) == SHOTS
 
 
 def test_images_without_a_pose_are_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """The only pose is taken for images up to 0.5 s after it."""
-    topics = Part(topics="pose=/slam/pose")
+    topics = PlaybackRange(topics="pose=/slam/pose")
     whole = write_bag(tmp_path / "whole", tf=False, pose_topic=True)
     part = write_bag(tmp_path / "part", tf=False, pose_topic=True, shots=10, poses=1)
     with caplog.at_level(logging.WARNING, "helios_replay"):
@@ -254,7 +254,7 @@ def test_what_is_not_clear_is_asked_for(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"--topics color=") as error:
         open_source(path)
     assert "/rear/color/image_raw" in error.value.message
-    named = open_source(path, Part(topics="color=/cam/color/image_raw"))
+    named = open_source(path, PlaybackRange(topics="color=/cam/color/image_raw"))
     assert len(named.shots) == SHOTS
 
 
@@ -270,7 +270,7 @@ def test_what_is_not_clear_is_asked_for(tmp_path: Path) -> None:
 def test_wrong_topics_are_said(topics: str, words: str, tmp_path: Path) -> None:
     path = write_bag(tmp_path / "bag")
     with pytest.raises(InvalidInput, match=words) as error:
-        open_source(path, Part(topics=topics))
+        open_source(path, PlaybackRange(topics=topics))
     assert "\n" not in error.value.message
 
 

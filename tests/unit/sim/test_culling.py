@@ -48,7 +48,7 @@ def test_pictures_are_the_same_as_with_everything_drawn(world: World):
         drawn = {}
         for painter._cull in (True, False):
             color, depth_m = painter.color_and_depth(data, 10.0)
-            drawn[painter._cull] = (color, depth_m, painter.bodies(data))
+            drawn[painter._cull] = (color, depth_m, painter.body_ids(data))
         for culled, whole in zip(drawn[True], drawn[False], strict=True):
             assert np.array_equal(culled, whole)
         shown = np.isin(model.geom_group, DRAWN_GROUPS)

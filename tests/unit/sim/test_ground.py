@@ -24,8 +24,8 @@ def walled() -> NavigableArea:
 
 def test_points_lie_in_their_cells():
     points = np.array([[-1.0, -2.0], [2.999, 1.999], [-1.001, 0.0], [3.0, 0.0], [0.0, 2.0]])
-    assert OPEN.holds(points).tolist() == [True, True, False, False, False]
-    assert walled().holds(np.array([[1.05, 0.99], [1.05, 1.01]])).tolist() == [False, True]
+    assert OPEN.contains(points).tolist() == [True, True, False, False, False]
+    assert walled().contains(np.array([[1.05, 0.99], [1.05, 1.01]])).tolist() == [False, True]
 
 
 @given(st.floats(-0.9, 2.9), st.floats(-1.9, 1.9), st.floats(-0.9, 2.9), st.floats(-1.9, 1.9))

@@ -8,7 +8,7 @@ from collections import Counter
 import mujoco
 import numpy as np
 import pytest
-from helios_sim.episode_tracker import episode_of, ground_of, targets_of
+from helios_sim.episode_tracker import episode_of, navigable_area_of, targets_of
 from helios_sim.home import PRESETS, Home, generate_home, physics_settling
 from helios_sim.home import freespace as fs
 from helios_sim.home.catalog_ovmm import OVMM, OVMM_CLASS
@@ -157,7 +157,7 @@ def test_a_benchmark_task_has_a_candidate_a_goal_and_places_to_see_them(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
-    ground = ground_of(home, OVMM_V1.robot_radius_m)
+    ground = navigable_area_of(home, OVMM_V1.robot_radius_m)
     for k in range(5):
         episode = home.sample_episode(np.random.default_rng(k))
         assert episode.start_receptacle_class != episode.goal_receptacle_class

@@ -113,7 +113,8 @@ def test_a_surface_is_the_top_of_a_solid(name: str) -> None:
         for surface in shape.surfaces:
             assert (0.07 if name in OVMM_FURNITURE else 0.3) <= surface.height_m <= 1.25
             tops = [
-                s.center[2] + s.half_extent[1 if s.kind == "cylinder" else 2] for s in shape.solids
+                s.center[2] + s.half_extent[1 if s.kind == "cylinder" else 2]
+                for s in shape.collision_primitives
             ]
             assert min(abs(top - surface.height_m) for top in tops) < 1e-6
 
@@ -124,7 +125,7 @@ def test_there_is_as_much_room_above_a_surface_as_it_says(name: str) -> None:
         shape = make_shape(name, seed)
         builder = ModelBuilder(visuals=False)
         body = builder.body("furniture")
-        for solid in shape.solids:
+        for solid in shape.collision_primitives:
             builder.solid(body, solid, "")
         model = builder.finish((-1, -1, 1, 1)).compile()
         data = mujoco.MjData(model)
@@ -141,7 +142,7 @@ def test_legs_of_chairs_and_stools_collide_and_the_space_between_them_is_empty()
         shape = make(rng, draw_palette(rng))
         builder = ModelBuilder(visuals=False)
         body = builder.body("seat")
-        for solid in shape.solids:
+        for solid in shape.collision_primitives:
             builder.solid(body, solid, "")
         model = builder.finish((-1, -1, 1, 1)).compile()
         data = mujoco.MjData(model)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from helios_core.robot import Action, Forward, Observe, Pick, Place, Tilt, Turn
-from helios_sim.action_limits import refusal
+from helios_sim.action_limits import limit_violation
 from helios_sim.robot_model import description
 
 ROBOT = description()
@@ -26,7 +26,7 @@ NOWHERE = (math.nan, math.inf, -math.inf)
 )  # fmt: skip
 def test_what_lies_within_the_limits_may_begin(action: Action) -> None:
     """A point too far away too: reaching for it is a try that counts."""
-    assert refusal(action, ROBOT) == ""
+    assert limit_violation(action, ROBOT) == ""
 
 
 @pytest.mark.parametrize(
@@ -39,18 +39,18 @@ def test_what_lies_within_the_limits_may_begin(action: Action) -> None:
     ],
 )  # fmt: skip
 def test_what_lies_beyond_is_refused(action: Action) -> None:
-    assert "outside" in refusal(action, ROBOT)
+    assert "outside" in limit_violation(action, ROBOT)
 
 
 def test_a_robot_that_cannot_move_back_is_not_asked_to() -> None:
-    assert "back 0.1 m" in refusal(Forward(-0.1), replace(ROBOT, max_back_m=0.0))
+    assert "back 0.1 m" in limit_violation(Forward(-0.1), replace(ROBOT, max_back_m=0.0))
 
 
 @pytest.mark.parametrize("x", NOWHERE)
 def test_what_is_no_number_is_refused(x: float) -> None:
     """NaN is above no limit: a pick there would take whatever comes first."""
     for action in (Forward(x), Turn(x), Tilt(x)):
-        assert refusal(action, ROBOT)
+        assert limit_violation(action, ROBOT)
     for point in ((x, 0.0, 0.0), (0.0, x, 0.0), (0.0, 0.0, x)):
-        assert "finite" in refusal(Pick(point, "mug"), ROBOT)
-        assert "finite" in refusal(Place(point), ROBOT)
+        assert "finite" in limit_violation(Pick(point, "mug"), ROBOT)
+        assert "finite" in limit_violation(Place(point), ROBOT)

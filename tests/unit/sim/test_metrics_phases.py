@@ -8,7 +8,7 @@ import numpy as np
 from helios_sim.navigable_area import NavigableArea
 from helios_sim.ovmm_metrics import (
     Progress,
-    Released,
+    ReleaseResult,
     Step,
     Targets,
     advance,
@@ -26,7 +26,7 @@ TARGETS = Targets(
 )
 AT_MUG = Step((1.05, 1.05), {"mug_0": 2e-3})
 AT_SOFA = Step((3.0, 1.0), {"sofa_0": 0.3})
-ON_SOFA = Released("mug_0", True, {"sofa_0": 0.45}, 0.5)
+ON_SOFA = ReleaseResult("mug_0", True, {"sofa_0": 0.45}, 0.5)
 
 
 def run(*steps: Step) -> Progress:

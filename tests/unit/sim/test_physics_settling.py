@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helios_sim.gripper import Graspable, Gripper, Rest
+from helios_sim.gripper import Graspable, Gripper, RestState
 
 DT_S = 0.01
 ENOUGH = 167  # steps: 50 / 30 s
@@ -33,7 +33,7 @@ TURNS = Moment(angular_rad_s=0.051)
 FALLS = Moment(on=())
 
 
-def settled(moments: Sequence[Moment]) -> Rest:
+def settled(moments: Sequence[Moment]) -> RestState:
     """What the gripper says of such a course; the last moment lasts for ever."""
     data = SimpleNamespace(qvel=np.zeros(6), body_awake=[True], xpos=np.zeros((1, 3)))
     count = 0
@@ -69,9 +69,9 @@ def test_only_what_it_touches_all_the_while_holds_it() -> None:
     """What it only brushed counts as met."""
     both = replace(STILL, on=((SOFA, 0.4), (FLOOR, 0.0)))
     rest = settled([both, *[STILL] * (ENOUGH - 1)])
-    assert (rest.at_rest, rest.on, rest.met) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
+    assert (rest.at_rest, rest.on, rest.touched_any_time) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
     late = settled([*[STILL] * (ENOUGH - 1), both])
-    assert (late.at_rest, late.on, late.met) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
+    assert (late.at_rest, late.on, late.touched_any_time) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
 
 
 def test_the_height_is_that_of_the_end() -> None:

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 from helios_core.geometry import Pinhole, invert, se2_to_se3
-from helios_sim.odometry_drift import Drift, moved
+from helios_sim.odometry_drift import DriftingOdometry, moved
 from helios_sim.sensor_noise import (
     SENSORS,
-    SensorRealism,
+    SensorErrorModel,
     incidence_cos,
     sensed_color,
     sensed_depth,
@@ -19,7 +19,7 @@ from helios_sim.sensor_noise import (
 
 CAMERA = Pinhole(470.0, 470.0, 319.5, 239.5, 640, 480)
 NONE, REALISTIC = SENSORS["none"], SENSORS["realistic"]
-NOISE = SensorRealism("noise", inverse_depth_noise_per_m=1.425e-3)
+NOISE = SensorErrorModel("noise", inverse_depth_noise_per_m=1.425e-3)
 
 
 def flat(z_m: float) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_the_same_seed_and_stamp_give_the_same_picture_and_others_do_not():
 
 
 def test_depth_comes_in_steps_that_grow_with_its_square():
-    steps = SensorRealism("steps", inverse_depth_step_per_m=2.85e-3)
+    steps = SensorErrorModel("steps", inverse_depth_step_per_m=2.85e-3)
     ramp = np.repeat(np.linspace(3.9, 4.1, 640, dtype=np.float32)[None], 480, 0)
     found = np.unique(sensed_depth(ramp, CAMERA, steps, 0, 0))
     assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 2.85e-3 * 16), rel=0.1)
@@ -66,7 +66,7 @@ def test_depth_comes_in_steps_that_grow_with_its_square():
 
 def test_nothing_is_measured_outside_the_range_or_where_nothing_is():
     depth = np.concatenate([flat(z)[:120] for z in (0.2, 2.0, 7.0, 0.0)])
-    exact = SensorRealism("range", min_depth_m=0.3, max_depth_m=6.0)
+    exact = SensorErrorModel("range", min_depth_m=0.3, max_depth_m=6.0)
     sensed = sensed_depth(depth, CAMERA, exact, 0, 0)
     assert [sensed[row, 0] for row in (60, 180, 300, 420)] == [0.0, pytest.approx(2.0), 0.0, 0.0]
 
@@ -74,14 +74,14 @@ def test_nothing_is_measured_outside_the_range_or_where_nothing_is():
 def test_an_edge_throws_a_shadow_on_what_lies_behind():
     depth = flat(3.0)
     depth[:, :320] = 1.5
-    edges = SensorRealism("edges", edge_per_m=0.03, edge_px=2)
+    edges = SensorErrorModel("edges", edge_per_m=0.03, edge_px=2)
     lost = sensed_depth(depth, CAMERA, edges, 0, 0) == 0
     assert np.flatnonzero(lost[240]).tolist() == [320, 321]
 
 
 def test_a_slanted_surface_is_no_edge():
     floor = _floor_depth()
-    edges = SensorRealism("edges", edge_per_m=0.03, edge_px=2)
+    edges = SensorErrorModel("edges", edge_per_m=0.03, edge_px=2)
     assert not (sensed_depth(floor, CAMERA, edges, 0, 0)[floor > 0] == 0).any()
 
 
@@ -106,7 +106,7 @@ def test_the_angle_of_incidence_is_that_of_the_plane():
 
 
 def test_a_grazing_surface_is_not_measured():
-    grazing = SensorRealism("grazing", grazing_cos=0.3)
+    grazing = SensorErrorModel("grazing", grazing_cos=0.3)
     floor = _floor_depth()
     sensed = sensed_depth(floor, CAMERA, grazing, 0, 0)
     down = np.abs(np.arange(480) - CAMERA.cy) / CAMERA.fy
@@ -123,7 +123,7 @@ def test_a_smear_keeps_brightness():
     assert (sensed_color(color, REALISTIC, 0, 3) == 77).all()
 
 
-def drive(drift: Drift, rounds: int) -> None:
+def drive(drift: DriftingOdometry, rounds: int) -> None:
     """Squares of 1 m, with whole turns."""
     for k in range(4 * rounds):
         corner = (0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)
@@ -133,46 +133,46 @@ def drive(drift: Drift, rounds: int) -> None:
 
 
 def test_without_drift_the_robot_knows_where_it_is():
-    drift = Drift(NONE, 0, (0.0, 0.0, 0.0))
+    drift = DriftingOdometry(NONE, 0, (0.0, 0.0, 0.0))
     drift.follow((1.0, 2.0, 0.5))
-    assert drift.believed == (1.0, 2.0, 0.5)
-    assert np.array_equal(drift.T_believed_true, np.eye(4))
+    assert drift.estimated_pose == (1.0, 2.0, 0.5)
+    assert np.array_equal(drift.T_estimated_true, np.eye(4))
 
 
 def test_drift_is_a_random_walk_by_the_way():
-    sensor = SensorRealism("drift", drift_m=0.01)
+    sensor = SensorErrorModel("drift", drift_m=0.01)
     ends = []
     for seed in range(200):
-        drift = Drift(sensor, seed, (0.0, 0.0, 0.0))
+        drift = DriftingOdometry(sensor, seed, (0.0, 0.0, 0.0))
         drive(drift, 4)
-        ends.append(drift.believed[:2])
+        ends.append(drift.estimated_pose[:2])
     assert np.std(ends, axis=0) == pytest.approx([0.01 * math.sqrt(16)] * 2, rel=0.2)
     assert np.abs(np.mean(ends, axis=0)).max() < 0.01
 
 
 def test_turning_drifts_the_heading():
-    sensor = SensorRealism("drift", turn_drift_rad=0.01)
+    sensor = SensorErrorModel("drift", turn_drift_rad=0.01)
     yaws = []
     for seed in range(200):
-        drift = Drift(sensor, seed, (0.0, 0.0, 0.0))
+        drift = DriftingOdometry(sensor, seed, (0.0, 0.0, 0.0))
         for k in range(1, 21):
             drift.follow((0.0, 0.0, 0.5 * k))
-        yaws.append(drift.believed[2] - 10.0)
+        yaws.append(drift.estimated_pose[2] - 10.0)
     assert np.std(yaws) == pytest.approx(0.01 * math.sqrt(10), rel=0.2)
 
 
 def test_points_go_from_belief_to_truth_as_the_robot_stands():
     """What lies half a metre before the believed base lies half a metre before the true one."""
-    drift = Drift(REALISTIC, 3, (0.0, 0.0, 0.0))
+    drift = DriftingOdometry(REALISTIC, 3, (0.0, 0.0, 0.0))
     drive(drift, 10)
     drift.follow((0.3, 0.2, 1.0))
-    T_world_base, T_true = se2_to_se3(*drift.believed), se2_to_se3(0.3, 0.2, 1.0)
+    T_world_base, T_true = se2_to_se3(*drift.estimated_pose), se2_to_se3(0.3, 0.2, 1.0)
     ahead = np.array([0.5, 0.1, 0.8, 1.0])
     x, y, z, _ = T_world_base @ ahead
     assert np.allclose(drift.true_point_m((x, y, z)), (T_true @ ahead)[:3])
-    assert np.allclose(drift.T_believed_true @ T_true, T_world_base)
+    assert np.allclose(drift.T_estimated_true @ T_true, T_world_base)
     assert not np.allclose(T_world_base, T_true, atol=1e-3)
-    assert np.allclose(invert(drift.T_believed_true) @ drift.T_believed_true, np.eye(4))
+    assert np.allclose(invert(drift.T_estimated_true) @ drift.T_estimated_true, np.eye(4))
 
 
 def test_motion_between_poses():

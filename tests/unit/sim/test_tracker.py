@@ -6,7 +6,7 @@ import pytest
 from helios_sim.episode_events import PlaceTried
 from helios_sim.episode_tracker import EpisodeTracker, episode_of
 from helios_sim.home import Home
-from helios_sim.ovmm_metrics import Released
+from helios_sim.ovmm_metrics import ReleaseResult
 from helios_sim.robot_model import BASE_BODY
 
 
@@ -17,7 +17,7 @@ def tracker(sim_home: Home) -> EpisodeTracker:
 
 def released_on(tracker: EpisodeTracker, body: str) -> PlaceTried:
     name = next(iter(tracker.targets.objects))
-    tracker.place_tried(name, Released(name, True, {body: 0.2}, 0.25), "")
+    tracker.place_tried(name, ReleaseResult(name, True, {body: 0.2}, 0.25), "")
     (event,) = tracker.events
     assert isinstance(event, PlaceTried)
     return event

@@ -42,7 +42,7 @@ def test_a_closed_world_still_tells_how_it_went_but_shows_nothing(sim_home: Home
     world.close()
     world.close()
     assert world.progress.steps == 1
-    assert len(world.things()) > 0
+    assert len(world.object_states()) > 0
     with pytest.raises(Unavailable):
         world.capture()
 

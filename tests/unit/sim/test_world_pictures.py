@@ -13,7 +13,7 @@ from helios_core.robot import Observe, Tilt, Turn
 from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.home.floor_plans import WALL_HALF_M
-from helios_sim.past_frame_truth import REMEMBERED_CAPTURES
+from helios_sim.past_frame_truth import MAX_STORED_CAPTURES
 from helios_sim.renderer import metric_depth
 from helios_sim.robot_model import CAMERA_HEIGHT_M, MAX_DEPTH_M
 from helios_sim.world import World
@@ -123,7 +123,7 @@ def test_a_stamp_that_is_not_remembered_is_refused(world: World):
     first = world.capture().stamp_ns
     with pytest.raises(InvalidInput, match="no capture with stamp 5"):
         world.segmentation(5)
-    for _ in range(REMEMBERED_CAPTURES):
+    for _ in range(MAX_STORED_CAPTURES):
         world.capture()
     with pytest.raises(InvalidInput):
         world.segmentation(first)

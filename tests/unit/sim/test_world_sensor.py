@@ -13,7 +13,7 @@ from helios_sim.episode_tracker import episode_of
 from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.robot_model import CAMERA_HEIGHT_M
-from helios_sim.sensor_noise import SENSORS, SensorRealism
+from helios_sim.sensor_noise import SENSORS, SensorErrorModel
 from helios_sim.world import World
 
 
@@ -37,8 +37,8 @@ def test_poses_drift_together_and_the_truth_does_not(realistic: World, world: Wo
     assert np.allclose(shot.T_world_cam, expected, atol=1e-6)
     off_m = np.linalg.norm(shot.T_world_base[:2, 3] - realistic.trajectory_m[-1])
     assert 1e-3 < off_m < 0.2
-    assert np.allclose(realistic.T_believed_true @ world.state().T_world_base, state.T_world_base)
-    assert np.array_equal(world.T_believed_true, np.eye(4))
+    assert np.allclose(realistic.T_estimated_true @ world.state().T_world_base, state.T_world_base)
+    assert np.array_equal(world.T_estimated_true, np.eye(4))
     assert realistic.progress == world.progress
     truth = realistic.segmentation(shot.stamp_ns).ids
     assert np.array_equal(truth, world.segmentation(world.capture().stamp_ns).ids)
@@ -54,7 +54,7 @@ def test_the_robot_says_how_far_it_sees(realistic: World, world: World):
 
 
 def test_a_pick_is_meant_where_the_robot_believes_itself(sim_home: Home):
-    sensor = SensorRealism("lost", drift_m=0.02)
+    sensor = SensorErrorModel("lost", drift_m=0.02)
     world = World(sim_home, episode_of(sim_home, 0), sensor=sensor)
     try:
         name = next(iter(world.tracker.targets.objects))
@@ -63,7 +63,7 @@ def test_a_pick_is_meant_where_the_robot_believes_itself(sim_home: Home):
         dx, dy = world.state().T_world_base[:2, 3] - world.trajectory_m[-1]
         assert math.hypot(dx, dy) > 0.01
         x, y, z = (float(v) for v in world.position_m(name))
-        above = z + 0.5 * next(t.size_m[2] for t in world.things() if t.name == name) + 0.149
+        above = z + 0.5 * next(t.size_m[2] for t in world.object_states() if t.name == name) + 0.149
         miss = world.act(Pick((x + 3 * dx, y + 3 * dy, above), "thing"), "miss")
         assert not miss.succeeded
         assert f"({x + 3 * dx:.2f}, {y + 3 * dy:.2f}, {above:.2f})" in miss.reason

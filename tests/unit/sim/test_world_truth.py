@@ -18,7 +18,7 @@ from helios_sim.world import World
 
 
 def test_all_things_are_listed_where_they_stand(world: World, sim_home: Home):
-    things = {thing.name: thing for thing in world.things()}
+    things = {thing.name: thing for thing in world.object_states()}
     assert len(things) == len(sim_home.receptacles) + len(sim_home.fixtures) + len(sim_home.objects)
     for item in sim_home.receptacles:
         there = things[item.name]
@@ -37,7 +37,7 @@ def test_a_carried_and_dropped_thing_is_listed_where_it_is(world: World):
     name = next(iter(world.tracker.targets.objects))
     oracle = GroundTruthSolver(world)
     assert oracle.fetch(name)
-    held = next(thing for thing in world.things() if thing.name == name)
+    held = next(thing for thing in world.object_states() if thing.name == name)
     assert held.on == ""
     x, y = world.trajectory_m[-1]
     assert math.hypot(held.center_m[0] - x, held.center_m[1] - y) < 0.3
@@ -45,7 +45,7 @@ def test_a_carried_and_dropped_thing_is_listed_where_it_is(world: World):
     x, y = world.trajectory_m[-1]
     yaw = math.atan2(*world.state().T_world_base[1::-1, 0])
     world.act(Place((x + 0.6 * math.cos(yaw), y + 0.6 * math.sin(yaw), 0.02)), "drop")
-    dropped = next(thing for thing in world.things() if thing.name == name)
+    dropped = next(thing for thing in world.object_states() if thing.name == name)
     assert dropped.on == ""
     assert dropped.center_m[2] < 0.3
     picked, placed = (e for e in world.events if isinstance(e, PickTried | PlaceTried))

@@ -91,7 +91,7 @@ def test_an_image_is_posed_where_the_robot_was_when_it_was_taken(stage: Stage) -
     driver = stage.driver()
     before = driver._link.read()
     stage.world.x, stage.world.yaw = 0.4, 0.3
-    capture = driver._eyes.capture(before)
+    capture = driver._cameras.capture(before)
     assert capture.T_world_base[:3, 3] == pytest.approx([0.4, 0.0, 0.0], abs=1e-6)
     assert yaw_of(capture.T_world_base) == pytest.approx(0.3, abs=1e-6)
 

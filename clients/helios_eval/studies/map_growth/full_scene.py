@@ -51,5 +51,5 @@ def _map(tape: Sequence[Seen], full_scene: bool) -> Growth:
         grown.update(seen.observation, seen.context, seen.held)
         cpu_ms.append((time.process_time() - began) * 1e3)
         gaussians.append(len(grown))
-        mb.append(sum(a.nbytes for a in grown.memory().store.arrays().values()) / 1e6)
+        mb.append(sum(a.nbytes for a in grown.content().store.arrays().values()) / 1e6)
     return Growth(np.array(gaussians), np.array(mb), np.array(cpu_ms))

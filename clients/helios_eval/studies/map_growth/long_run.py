@@ -45,7 +45,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Hours:
+class LongRunResult:
     """Result of a run."""
 
     every_s: float  # robot time between frames
@@ -82,7 +82,7 @@ def measure(
     every_s: float,
     max_gaussians: int | None = None,
     say: Callable[[str], object] = print,
-) -> Hours:
+) -> LongRunResult:
     """Run the frames through a new process.
 
     Raises HeliosError if the service refuses a frame or does not reply.
@@ -96,7 +96,7 @@ def measure(
         try:
             bus = process.bus()
             robot = _Robot(bus, psutil.Process(process.ready(bus)))
-            return Hours(every_s, robot.live(walks, frames, every_s, say))
+            return LongRunResult(every_s, robot.live(walks, frames, every_s, say))
         finally:
             if bus is not None:
                 bus.close()

@@ -11,7 +11,7 @@ from helios_core.atomic_file import replacing
 from matplotlib.axes import Axes
 
 from helios_eval.studies.map_growth.full_scene import Growth
-from helios_eval.studies.map_growth.long_run import Hours
+from helios_eval.studies.map_growth.long_run import LongRunResult
 from helios_eval.studies.map_growth.update_cost import Cost
 
 mpl.use("Agg")
@@ -59,7 +59,7 @@ def scene(runs: Mapping[str, Growth], path: Path) -> None:
     _finish(figure, tuple(axes), path)
 
 
-def hours(run: Hours, path: Path) -> None:
+def hours(run: LongRunResult, path: Path) -> None:
     """Draw memory and Gaussians over hours of robot time."""
     from matplotlib import pyplot as plt
 

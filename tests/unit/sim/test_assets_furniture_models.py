@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 import pytest
 from helios_client.cli import run
-from helios_client.supervision.service_specs import ServiceSpecs
+from helios_client.supervision.service_specs import StackOptions
 from helios_core.errors import Unavailable
-from helios_sim.assets import Dressing, realistic
+from helios_sim.assets import FurnitureReplacement, realistic
 from helios_sim.assets.asset_baking import bake
 from helios_sim.assets.asset_pack import Model
 from helios_sim.assets.home_furnishing import FURNITURE_SCALE, furniture_scale, thing_scale
@@ -23,7 +23,7 @@ from helios_sim.episode_tracker import episode_of
 from helios_sim.home import PRESETS, Home, generate_home
 from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.color_palette import draw_palette
-from helios_sim.home.home_types import CollisionBox, Receptacle, Shape, Surface
+from helios_sim.home.home_types import CollisionPrimitive, Receptacle, Shape, Surface
 from helios_sim.settings import Settings
 from helios_sim.world import World
 from pydantic import ValidationError
@@ -34,7 +34,7 @@ DEMO = PRESETS["demo-v1"]
 
 
 @pytest.fixture(scope="module")
-def dressing(tmp_path_factory: pytest.TempPathFactory) -> Dressing:
+def furniture_models(tmp_path_factory: pytest.TempPathFactory) -> FurnitureReplacement:
     folder = tmp_path_factory.mktemp("furniture")
     write_library(folder / "source")
     bake(folder / "source", folder / "cache", CHOICES)
@@ -42,11 +42,11 @@ def dressing(tmp_path_factory: pytest.TempPathFactory) -> Dressing:
 
 
 @pytest.fixture(scope="module")
-def homes(dressing: Dressing) -> list[Home]:
-    return [generate_home(seed, DEMO, dressing) for seed in (0, 1)]
+def homes(furniture_models: FurnitureReplacement) -> list[Home]:
+    return [generate_home(seed, DEMO, furniture_models) for seed in (0, 1)]
 
 
-def dressed(home: Home) -> list[Receptacle]:
+def baked_furniture(home: Home) -> list[Receptacle]:
     return [
         item
         for item in home.receptacles
@@ -54,20 +54,24 @@ def dressed(home: Home) -> list[Receptacle]:
     ]
 
 
-def test_a_dressed_home_has_baked_furniture_and_says_so(homes: list[Home]) -> None:
+def test_a_home_with_furniture_models_names_them(homes: list[Home]) -> None:
     for home in homes:
         assert home.preset.name == "demo-v1+sweethome3d"
-        assert {item.class_name for item in dressed(home)} & {"dining table", "nightstand"}
+        assert {item.class_name for item in baked_furniture(home)} & {"dining table", "nightstand"}
         assert len(home.objects) >= DEMO.objects[0]
 
 
-def test_the_same_seed_and_pack_give_the_same_home(dressing: Dressing, homes: list[Home]) -> None:
-    assert generate_home(1, DEMO, dressing).structure_hash() == homes[1].structure_hash()
+def test_the_same_seed_and_pack_give_the_same_home(
+    furniture_models: FurnitureReplacement, homes: list[Home]
+) -> None:
+    assert generate_home(1, DEMO, furniture_models).structure_hash() == homes[1].structure_hash()
 
 
-def test_an_undressed_home_does_not_know_of_it(homes: list[Home], sim_home: Home) -> None:
+def test_a_home_without_furniture_models_has_no_baked_furniture(
+    homes: list[Home], sim_home: Home
+) -> None:
     assert sim_home.preset is DEMO
-    assert not dressed(sim_home)
+    assert not baked_furniture(sim_home)
     assert generate_home(0, DEMO, None).structure_hash() == sim_home.structure_hash()
 
 
@@ -100,7 +104,7 @@ def test_it_is_drawn_with_its_own_picture(homes: list[Home]) -> None:
 def shape(size: tuple[float, float, float], *surfaces: Surface, ball: bool = False) -> Shape:
     kind = "sphere" if ball else "box"
     return Shape(
-        size, (), (CollisionBox(kind, (1, 1, 1), (0, 0, 0)),), (1, 1, 1), surfaces, rolls=ball
+        size, (), (CollisionPrimitive(kind, (1, 1, 1), (0, 0, 0)),), (1, 1, 1), surfaces, rolls=ball
     )
 
 
@@ -139,8 +143,10 @@ def test_things_keep_their_proportions_and_balls_take_the_drawn_size() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGS))
-def test_every_dressed_shape_stays_within_its_limits(dressing: Dressing, name: str) -> None:
-    catalog, wrapped = CATALOGS[name], dressing.over(CATALOGS[name])
+def test_every_baked_shape_stays_within_its_limits(
+    furniture_models: FurnitureReplacement, name: str
+) -> None:
+    catalog, wrapped = CATALOGS[name], furniture_models.applied_to(CATALOGS[name])
     for class_name in ("dining table", "nightstand", "dresser", "coffee table"):
         for seed in range(6):
             rng = np.random.default_rng(seed)
@@ -153,7 +159,7 @@ def test_every_dressed_shape_stays_within_its_limits(dressing: Dressing, name: s
             for surface in got.surfaces:
                 assert surface.height_m <= got.size_m[2] + 1e-6
             if got.color != drawn.color:
-                keys = dressing.pack.of_class(class_name)
+                keys = furniture_models.pack.of_class(class_name)
                 scales = [np.array(got.size_m) / m.size_m for m in keys]
                 low, high = FURNITURE_SCALE
                 assert any((s > low - 1e-6).all() and (s < high + 1e-6).all() for s in scales)
@@ -166,6 +172,6 @@ def test_other_kinds_of_furniture_are_refused() -> None:
 
 def test_the_stack_passes_the_furniture_on_and_refuses_other_kinds() -> None:
     assert run(["up", "--furniture", "golden"]) == 2
-    stack = ServiceSpecs("sim", 7447, Path("state"), furniture="realistic")
-    (world,) = (spec for spec in stack.specs() if spec.name == "world")
+    stack = StackOptions("sim", 7447, Path("state"), furniture="realistic")
+    (world,) = (spec for spec in stack.processes() if spec.name == "world")
     assert "--furniture realistic" in " ".join(world.argv)
