@@ -1,4 +1,4 @@
-"""`python -m helios_map2d`: settings, session, run."""
+"""Entry point of the 2D map service: `python -m helios_map2d`."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ log = logging.getLogger(__name__)
 
 
 class MapHost:
-    """The maps, from the moment their kernels are compiled; a stop need not wait for that."""
+    """Host that compiles the kernels in a thread and then starts the service.
+
+    `close` does not wait for the compilation.
+    """
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
         self._bus, self._health, self._settings = bus, health, settings
         self._ending = threading.Event()
         self._service: Map2DService | None = None
-        # Settings that no map can have end the process here, not when a robot describes itself.
+        # Invalid settings end the process here, not only when the robot's description arrives.
         settings.rules(robot_max_depth_m=settings.max_depth_m, robot_radius_m=0.3)
         health.waiting("compiling its kernels; a minute at the first start")
         threading.Thread(target=self._start, name="warm up", daemon=True).start()
@@ -38,7 +41,7 @@ class MapHost:
         try:
             if until_warm(self._health, warm_up, self._ending) and not self._ending.is_set():
                 self._service = Map2DService(self._bus, self._settings, self._health)
-        except Exception as error:  # in a thread nobody else would hear of it
+        except Exception as error:  # else lost in this thread
             log.exception("the maps could not be started")
             self._health.degraded(
                 f"the maps could not be started ({type(error).__name__}: {str(error)[:200]}); "

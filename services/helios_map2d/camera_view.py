@@ -1,8 +1,8 @@
-"""One camera view laid over the grid: its window of cells and its azimuth bins.
+"""Projection of a camera view onto the grid: its window of cells and its azimuth bins.
 
-An image column is not a direction on the ground when the camera is tilted or rolled, so every
-measured point is binned by its own azimuth around the camera. The "diamond angle" stands in for
-the azimuth: it rises monotonically with it and costs one division instead of an arctangent.
+If the camera is tilted or rolled, an image column is not one direction on the ground. So each
+measured point is binned by its own azimuth around the camera. The "diamond angle" replaces the
+azimuth: it rises monotonically with it and needs one division instead of an arctangent.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from helios_map2d.grid import Box, GridSpec
 SATURATED_M = 65.5
 MAX_AZIMUTH_BINS = 1440
 MIN_AZIMUTH_BINS = 96
-LEAST_AHEAD = 0.1  # a view whose axis is less than this horizontal looks straight up or down
+LEAST_AHEAD = 0.1  # a smaller horizontal part of the optical axis: straight up or down
 RAYS_PER_CELL = 1.0
 Ray = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class View:
-    """Where a camera stands on the grid and which cells it may touch.
+    """Depth image with the camera's place on the grid and the cells that it may change.
 
     `heading` is the unit horizontal direction of view in the world: the optical axis, or the
-    image's upward direction when the camera looks straight up or down.
+    image's upward direction if the camera looks straight up or down.
     """
 
-    depth_m: NDArray[np.float32]  # [h, w], NaN, infinite and <= 0 are "not measured"
+    depth_m: NDArray[np.float32]  # [h, w]; NaN, infinite and <= 0 mean "not measured"
     camera: Pinhole
     T_world_cam: NDArray[np.float64]  # [4, 4]
     min_depth_m: float
@@ -43,26 +43,26 @@ class View:
     heading: tuple[float, float]
     half_fov_rad: float
     azimuth_bins: int
-    seen_bins: tuple[int, int]  # those that it may touch, half open
+    seen_bins: tuple[int, int]  # bins that it may see, half open
     range_cells: int
-    pixel_step: int  # every so many pixels of a row, and rows, are looked at
+    pixel_step: int  # step between processed pixels of a row, and between processed rows
     window: Box
-    spans: NDArray[np.int32]  # [window rows, 2] the columns that it may touch, half open
+    spans: NDArray[np.int32]  # [window rows, 2] columns that it may change, half open
 
     @property
     def camera_xy_cells(self) -> tuple[float, float]:
-        """The camera's place in cells, column and row, not rounded."""
+        """Camera position in cells (column, row), not rounded."""
         x_m, y_m = self.T_world_cam[0, 3], self.T_world_cam[1, 3]
         origin_x, origin_y = self.grid.origin_m
         return (x_m - origin_x) / self.grid.cell_m, (y_m - origin_y) / self.grid.cell_m
 
 
 def check_pose(T: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    """`T` as float64 [4, 4]; InvalidInput unless it is finite and a rigid motion."""
+    """`T` as float64 [4, 4]. Raises InvalidInput if it is not finite or not rigid."""
     pose = np.ascontiguousarray(T, dtype=np.float64)
     if pose.shape != (4, 4):
         raise InvalidInput(f"{name} has shape {pose.shape}, wanted (4, 4): send a rigid transform")
-    a, b, c, last = pose.tolist()  # plain numbers: numpy takes longer over so few
+    a, b, c, last = pose.tolist()  # plain floats: faster than numpy for so few numbers
     if not all(map(math.isfinite, (*a, *b, *c, *last))):
         raise InvalidInput(f"{name} holds NaN or infinity: send the pose only once it is known")
     pairs = ((a, a, 1), (b, b, 1), (c, c, 1), (a, b, 0), (a, c, 0), (b, c, 0))
@@ -79,7 +79,7 @@ def check_pose(T: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 
 
 def check_depth(depth_m: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
-    """Depth as contiguous float32 [h, w]; InvalidInput when it does not fit its camera."""
+    """Depth as contiguous float32 [h, w]. Raises InvalidInput if it does not fit its camera."""
     depth = np.asarray(depth_m)
     wanted = (camera.height, camera.width)
     if depth.shape != wanted:
@@ -95,8 +95,8 @@ def check_depth(depth_m: NDArray[np.float32], camera: Pinhole) -> NDArray[np.flo
 
 
 def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The image itself, or a copy with 0 in place of what is saturated: infinite, or at the end of
-    16 bits of millimetres. It is no evidence that nothing stands before it."""
+    """The depth image, with 0 in place of saturated values: infinite, or at the limit of 16 bits of
+    millimetres. Such a value is no evidence of free space in front of it."""
     if not any_from(depth_m, np.float32(SATURATED_M)):
         return depth_m
     return np.where(depth_m >= SATURATED_M, np.float32(0), depth_m)
@@ -104,10 +104,10 @@ def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @njit(cache=True, nogil=True)
 def any_from(depth_m, least_m):
-    """Whether anything in float32 [h, w] is at least so far."""
+    """True if any value of float32 [h, w] is at least `least_m`."""
     for v in range(depth_m.shape[0]):
         row, found = depth_m[v], False
-        for u in range(row.size):  # without a way out, so that it runs in SIMD
+        for u in range(row.size):  # no early exit, so that it runs in SIMD
             found |= row[u] >= least_m
         if found:
             return True
@@ -116,8 +116,8 @@ def any_from(depth_m, least_m):
 
 @dataclass(frozen=True)
 class Reach:
-    """What a camera may see: its checked pose, its rays to the image's corners at the largest
-    depth, in world axes (m), and the world cells that it may touch."""
+    """Extent of a camera view: the checked pose, the rays to the image corners at the largest depth
+    in world axes (m), and the world cells that the view may change."""
 
     T_world_cam: NDArray[np.float64]
     rays_m: list[Ray]
@@ -133,9 +133,9 @@ def view_of(
     max_depth_m: float,
     rays_per_cell: float = RAYS_PER_CELL,
 ) -> View:
-    """Check an image and its pose, and lay it over the grid: see `laid`.
+    """View of an image after checks of image and pose; see `laid`.
 
-    Raises InvalidInput when sizes disagree or the pose is not a rigid motion.
+    Raises InvalidInput if sizes disagree or the pose is not rigid.
     """
     reach = reach_of(camera, T_world_cam, grid.cell_m, max_depth_m)
     depth = check_depth(depth_m, camera)
@@ -151,9 +151,9 @@ def laid(
     max_depth_m: float,
     rays_per_cell: float,
 ) -> View:
-    """Lay a checked image over the grid; `reach` is that of the same largest depth.
+    """View of a checked image, cut to the grid. `reach` is for the same largest depth.
 
-    What it may touch beyond the grid is left out. `rays_per_cell`: see `pixel_step`.
+    `rays_per_cell`: see `pixel_step`.
     """
     depth = measured(depth_m)
     pose, rays = reach.T_world_cam, reach.rays_m
@@ -183,15 +183,15 @@ def laid(
 def reach_of(
     camera: Pinhole, T_world_cam: NDArray[np.float64], cell_m: float, max_depth_m: float
 ) -> Reach:
-    """What a view may touch. Raises InvalidInput for a pose that is none."""
+    """Extent of a camera view. Raises InvalidInput if the pose is not rigid."""
     pose = check_pose(T_world_cam, "T_world_cam")
     rays = corner_rays(camera, pose, max_depth_m)
     return Reach(pose, rays, box_of(rays, pose, cell_m))
 
 
 def pixel_step(camera: Pinhole, cell_m: float, max_depth_m: float, rays_per_cell: float) -> int:
-    """Every so many pixels of a row, and every so many rows, are looked at: as many as still leave
-    `rays_per_cell` across a cell at the largest depth (nearer there are more). 0 rays: all."""
+    """Step between processed pixels of a row, and between processed rows: the largest step with
+    `rays_per_cell` rays across a cell at the largest depth. 0 rays: step 1."""
     if rays_per_cell <= 0:
         return 1
     finest_px = min(camera.fx, camera.fy) * cell_m / max_depth_m
@@ -199,7 +199,7 @@ def pixel_step(camera: Pinhole, cell_m: float, max_depth_m: float, rays_per_cell
 
 
 def corner_rays(camera: Pinhole, T_world_cam: NDArray[np.float64], depth_m: float) -> list[Ray]:
-    """From the camera to the image's corners at a depth, in world axes."""
+    """Vectors from the camera to the image corners at a depth, in world axes."""
     (a, b, c), (d, e, f), (g, h, i) = T_world_cam[:3, :3].tolist()
     us = [(u - camera.cx) / camera.fx for u in (-0.5, camera.width - 0.5)]
     vs = [(v - camera.cy) / camera.fy for v in (-0.5, camera.height - 0.5)]
@@ -208,7 +208,7 @@ def corner_rays(camera: Pinhole, T_world_cam: NDArray[np.float64], depth_m: floa
 
 
 def box_of(rays_m: list[Ray], T_world_cam: NDArray[np.float64], cell_m: float) -> Box:
-    """The world cells around a camera and the ends of its rays, and one more on each side."""
+    """World cells around a camera and the ends of its rays, plus one cell on each side."""
     x_m, y_m = T_world_cam[:2, 3].tolist()
     xs, ys = [0.0, *(x for x, _, _ in rays_m)], [0.0, *(y for _, y, _ in rays_m)]
     return Box(
@@ -224,22 +224,22 @@ def bins_of(
     heading: tuple[float, float],
     bins: int,
 ) -> tuple[int, int]:
-    """The azimuth bins that an image may touch, half open, with two more at either side."""
+    """Azimuth bins that an image may see, half open, plus two bins on each side."""
     c, s = heading
-    down = T_world_cam[2, :3].tolist()  # the vertical in the camera's axes
+    down = T_world_cam[2, :3].tolist()  # the vertical in camera axes
     ahead = abs(down[2]) if down[2] else 1e-9
     sign = math.copysign(1.0, down[2])
     u = camera.fx * sign * down[0] / ahead + camera.cx
     v = camera.fy * sign * down[1] / ahead + camera.cy
     overhead = -1 <= u <= camera.width and -1 <= v <= camera.height
     if overhead or math.hypot(*T_world_cam[:2, 2].tolist()) < LEAST_AHEAD:
-        return 0, bins  # all around, and what lies straight below or above
+        return 0, bins  # the view contains the point straight below or above: all directions
     angles = [diamond(c * x + s * y, c * y - s * x) * bins / 4 for x, y, _ in rays_m]
     return max(0, math.floor(min(angles)) - 2), min(bins, math.floor(max(angles)) + 3)
 
 
 def diamond(forward: float, left: float) -> float:
-    """0..4, rising with the azimuth from -pi to pi; 2 is straight ahead."""
+    """Diamond angle, 0..4, which rises with the azimuth from -pi to pi; 2 is straight ahead."""
     a = left / ((abs(forward) + abs(left)) or 1.0)
     if forward >= 0:
         return 2 + a
@@ -249,7 +249,7 @@ def diamond(forward: float, left: float) -> float:
 def spans_of(
     rays_m: list[Ray], T_world_cam: NDArray[np.float64], grid: GridSpec, window: Box
 ) -> NDArray[np.int32]:
-    """The columns of each row of `window` within two cells of the ground under a view: [rows, 2].
+    """Columns in each row of `window` within two cells of the ground under a view: [rows, 2].
 
     A view lies within the convex hull of its camera and the ends of its corner rays.
     """
@@ -266,13 +266,13 @@ def spans_of(
 
 @njit(cache=True, nogil=True)
 def spans_between(points, columns, spans):
-    """The columns of each row within two cells of the convex hull of `points` float64 [n, 2]
-    (column, row): half open, into `spans` int32 [rows, 2]."""
+    """Write to `spans` int32 [rows, 2] the columns of each row within two cells of the convex hull
+    of `points` float64 [n, 2] (column, row), half open."""
     for row in range(spans.shape[0]):
         bottom, top = row - 2.0, row + 3.0
         low, high = np.inf, -np.inf
         for i in range(points.shape[0]):
-            for j in range(i):  # every segment between two points lies within the hull
+            for j in range(i):  # segments between two points lie within the hull
                 x0, y0 = points[i]
                 x1, y1 = points[j]
                 if y0 > y1:

@@ -1,4 +1,4 @@
-"""The map of one world epoch: folds frames and observations in, publishes immutable versions."""
+"""2D map of one world epoch: fusion of frames and observations, and publication of versions."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, small_pi
 
 
 class EpochMap:
-    """The 2D maps of one world epoch, centred on the first pose that it is given.
+    """2D map layers of one world epoch, on a grid centred on the first pose.
 
-    Not thread-safe: its owner calls it under one lock. `published` is an immutable version that
-    anyone may read without the lock.
+    Not thread-safe: the owner calls it under one lock. `published` is an immutable version that
+    other threads may read without the lock.
     """
 
     def __init__(
@@ -47,8 +47,8 @@ class EpochMap:
         self.context_id = ""
         self.frame_id: FrameId | None = None
         self.stamp_ns = 0
-        self.robot_pose: tuple[float, float, float] | None = None  # of the newest frame
-        self._reported_pose: tuple[float, float, float] | None = None  # before there is one
+        self.robot_pose: tuple[float, float, float] | None = None  # from the newest frame
+        self._reported_pose: tuple[float, float, float] | None = None  # used without a frame
         self.trajectory = Trajectory(rules.trajectory_step_m)
         self.version = first_version + 1
         self.tiles = PublishedTiles()
@@ -56,13 +56,13 @@ class EpochMap:
         self.published = self.publish()
 
     def integrate_frame(self, frame: Frame, *, holding: bool = False) -> bool:
-        """Fold a posed depth image into occupancy, explored area and frontiers.
+        """Fuse a posed depth image into occupancy, explored area and frontiers.
 
-        Returns False when this very frame is in the map already (nothing changes). A keyframe may
-        come late; a stream frame older than the newest is refused with Conflict, since what it saw
+        Returns False, and changes nothing, if the map already contains this frame. A keyframe may
+        arrive late; a stream frame older than the newest frame raises Conflict, because its content
         is out of date. Raises InvalidInput, and changes nothing, for a pose that is not rigid,
         sizes that disagree, or a place to which the map cannot grow. Pixels that are NaN, infinite,
-        zero or negative count as not measured. `holding`: the robot has something in its hand.
+        zero or negative count as not measured. `holding`: True if the robot holds an object.
         """
         if self.order.has(frame.id.seq):
             return False
@@ -87,12 +87,11 @@ class EpochMap:
         return True
 
     def integrate_values(self, observation: Observation) -> bool:
-        """Fold an observation's layer scores into the value layers of the present search, and
-        keep its view where the scorer embeds images, or the detector names something.
+        """Fuse an observation's layer scores into the value layers of the current search.
 
-        Returns False when this observation is in the map already. Raises Conflict when it belongs
-        to another search context, InvalidInput as `integrate_frame` does or for a score that is
-        not finite.
+        Also stores the view, if it has an image embedding or a located detection. Returns False if
+        the map already contains this observation. Raises Conflict if it belongs to another search
+        context, and InvalidInput as `integrate_frame` does or for a score that is not finite.
         """
         self.check_search(observation)
         frame = observation.frame
@@ -113,9 +112,9 @@ class EpochMap:
         return True
 
     def set_layer(self, name: str, scored: Sequence[tuple[Cone, float]]) -> None:
-        """Make a value layer anew of views and their scores, in the order given.
+        """Rebuild a value layer from views and their scores, in the given order.
 
-        Raises InvalidInput, and changes nothing, where the map cannot grow to what a view saw.
+        Raises InvalidInput, and changes nothing, if the map cannot grow to the extent of a view.
         """
         values = self.stack.values
         for cone, _ in scored:
@@ -132,9 +131,9 @@ class EpochMap:
         self.published = self.publish(ground_changed=False)
 
     def reset_search(self, context: SearchContext) -> bool:
-        """Begin a search: forget what was searched and every value; keep the occupancy.
+        """Begin a search: clear the explored area and all values, but keep the occupancy.
 
-        Returns False when this context is the present one already.
+        Returns False if this context is already the current one.
         """
         if context.id == self.context_id:
             return False
@@ -151,16 +150,16 @@ class EpochMap:
         return True
 
     def go_on_from(self, version: int) -> None:
-        """Publish again with a version above this one."""
+        """Publish again, with a version above `version`."""
         self.version = max(self.version, version) + 1
         self.published = self.publish()
 
     def continue_as(
         self, other: EpochMap | None, reported_pose: tuple[float, float, float] | None
     ) -> None:
-        """Belong to the epoch and the place of another map, or of none yet: frames go on there.
+        """Continue the frame order and robot pose of another map; without one, reset both.
 
-        told_pose: where the robot says that it is (x, y in m, yaw in rad), if it has.
+        reported_pose: pose that the robot reports (x, y in m, yaw in rad), if known.
         """
         self.frame_id, self.stamp_ns, self.robot_pose = None, 0, None
         self._reported_pose = reported_pose
@@ -175,12 +174,12 @@ class EpochMap:
         tiles: Mapping[Tile, GroundTile],
         layers: Mapping[str, Mapping[Tile, ValueTile]],
     ) -> None:
-        """Take tiles of ground and values for what is known, in place of nothing."""
+        """Fill an empty map with tiles of ground and values."""
         self.stack.restore(tiles, layers)
         self.tiles.take(tiles, layers)
 
     def publish(self, *, ground_changed: bool = True) -> MapSnapshot:
-        """The present version. ground_changed: whether anything but the value layers has."""
+        """Present version of the map. ground_changed: False if only value layers have changed."""
         robot_m = self._robot_m()
         return MapSnapshot(
             map_id=self.map_id,
@@ -199,11 +198,11 @@ class EpochMap:
         )
 
     def check(self, frame: Frame) -> None:
-        """Raises InvalidInput for a frame that cannot be folded in."""
+        """Raise InvalidInput for a frame that cannot be fused."""
         self._prepared(frame)
 
     def check_search(self, observation: Observation) -> None:
-        """Raises Conflict for an observation of another search than the present one."""
+        """Raise Conflict for an observation of another search than the current one."""
         if observation.context_id != self.context_id:
             raise Conflict(
                 f"the observation belongs to search context {observation.context_id!r}, the map is "
@@ -211,8 +210,10 @@ class EpochMap:
             )
 
     def _prepared(self, frame: Frame) -> tuple[View, tuple[float, float, float]]:
-        """Check a frame and make room for it; the frame over the grid, and the robot's x, y (m) and
-        yaw (rad)."""
+        """Check a frame and grow the grid for it.
+
+        Returns its view and the robot's x, y (m), yaw (rad).
+        """
         T_world_base = check_pose(frame.T_world_base, "T_world_base")
         depth_m = check_depth(frame.depth_m, frame.camera)
         x_m, y_m = T_world_base[:2, 3].tolist()
@@ -225,12 +226,12 @@ class EpochMap:
         return view, (x_m, y_m, float(yaw_of(T_world_base)))
 
     def _publish_values(self, names: Iterable[str], changed: Box) -> None:
-        """New tiles of the layers within a box of world cells."""
+        """Renew the tiles of some layers within a box of world cells."""
         self.stack.values_changed(changed)
         self.tiles.retile_values(names, self.stack.values, changed, self.version)
 
     def _robot_m(self) -> tuple[float, float]:
-        """Where the robot is (world x, y); the middle of the map while nobody knows."""
+        """Position of the robot (world x, y); the middle of the map if it is not known."""
         pose = self.robot_pose or self._reported_pose
         if pose is not None:
             return pose[:2]

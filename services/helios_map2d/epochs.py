@@ -1,4 +1,4 @@
-"""Which map a frame belongs to: one per world, the earlier ones parked."""
+"""Maps by world: the present map, and the parked maps of earlier worlds."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from helios_map2d.layers.parameters import MapRules
 
 
 class EpochMaps:
-    """The present map and the parked ones of earlier worlds.
+    """The present map and the parked maps of earlier worlds.
 
-    A frame of a new world (a reboot of the robot, or a jump of its localisation) parks the present
-    map and starts a fresh one under the same search context; a robot that started anew with the
-    same origin is in the same world, and its map goes on. Frames of a parked or earlier world are
-    refused, unless it is the one that the robot itself says it is in (`robot_key`): then it was a
-    stranger's frame that parked the map, and it comes back. At most `most_parked` maps are kept.
+    A frame of a new world (after a reboot of the robot or a jump of its localisation) parks the
+    present map and starts an empty one with the same search context. A robot that restarts with the
+    same origin stays in the same world, and its map continues. Frames of a parked or earlier world
+    are refused, except for the world that the robot itself reports (`robot_key`): then another
+    robot's frame had parked that map, and the map is restored. At most `most_parked` maps are
+    stored.
     """
 
     def __init__(
@@ -36,22 +37,21 @@ class EpochMaps:
         self._context: SearchContext | None = None
         self._parked: ParkedMaps[EpochMap] = ParkedMaps(most_parked)
         self._first_version = first_version
-        self.robot_key: WorldId | None = None  # the world that the robot itself is in
+        self.robot_key: WorldId | None = None  # world that the robot itself reports
         self._starts = RobotStarts()
         self._robot_pose: tuple[float, float, float] | None = None  # x, y (m), yaw (rad) there
 
     @property
     def version(self) -> int:
-        """Rises with every change, over epochs too."""
+        """Map version; it rises with every change, also across epochs."""
         return self.current.published.version if self.current else self._first_version
 
     def state_for(self, frame: Frame, observation: Observation | None = None) -> EpochMap:
-        """The map that a frame, or an observation of it, belongs to; starts one when its world is
-        new.
+        """Map that a frame, or an observation of it, belongs to; a new map for a new world.
 
-        Raises Conflict for a world, or a start of the robot, that is over and for an observation of
-        another search, InvalidInput for a frame that can't start a map: what is refused parks
-        nothing.
+        Raises Conflict for a world or a start of the robot that is over, and for an observation of
+        another search. Raises InvalidInput for a frame that cannot start a map. A refused frame
+        parks no map.
         """
         key, boot_id = frame.world, frame.id.robot_boot_id
         if self.current is not None and key == self.key:
@@ -91,9 +91,11 @@ class EpochMaps:
         boot_id: str = "",
         pose: tuple[float, float, float] | None = None,
     ) -> None:
-        """Note the world that the robot itself is in, and where (x, y in m, yaw in rad) if it says
-        so; where nothing is known yet but a kept map is of that world, it goes on. boot_id: of this
-        start of the robot, where the world is named by its origin."""
+        """Record the world that the robot reports, and its pose there (x, y in m, yaw in rad).
+
+        If there is no present map but a stored map of that world, the stored map continues.
+        boot_id: start of the robot, if the origin names the world.
+        """
         self.robot_key, self._robot_pose = key, pose
         boot_id = boot_id or key.robot_boot_id
         if self.current is None:
@@ -103,20 +105,23 @@ class EpochMaps:
         self._starts.note_robot(boot_id)
 
     def is_of_another_world(self, state: EpochMap) -> bool:
-        """Whether a map is parked, and the robot says that it is not in its world."""
+        """True if a map is parked and the robot reports another world than the map's."""
         of = self._parked.world_of(state) or self.robot_key
         return self.robot_key is not None and of != self.robot_key
 
     def keep(self, key: WorldId, state: EpochMap) -> None:
-        """Park a map, in place of one of the same world; where nothing is known yet and the robot
-        is in that world, it goes on. Later versions rise from this map's."""
+        """Park a map, in place of one of the same world.
+
+        It becomes the present map if there is none and the robot is in that world. Later versions
+        are higher than this map's.
+        """
         self._parked.put(key, state)
         self._first_version = max(self._first_version, state.version)
         if self.current is None and key == self.robot_key:
             self._brought_back(key, self._starts.present)
 
     def replace(self, state: EpochMap) -> None:
-        """Take a map in place of the present one, in its world. Raises Conflict without any."""
+        """Replace the present map, in its world. Raises Conflict if no world is known."""
         key = self.key or self.robot_key
         if key is None:
             raise Conflict("no robot has said where it is; start its bridge, then load the map")
@@ -132,15 +137,16 @@ class EpochMaps:
         self.current, self.key = state, key
 
     def _go_on_in(self, boot_id: str) -> None:
-        """The present map is taken up by a start of the robot, which may be another one than
-        before: then it stands elsewhere, and its frames are numbered anew."""
+        """Continue the present map with a start of the robot.
+
+        After a restart the robot may stand elsewhere, and its frame numbers restart.
+        """
         if self._starts.begin(boot_id) and self.current is not None:
             self.current.continue_as(None, self._robot_pose if self.robot_key == self.key else None)
             self.current.go_on_from(self.version)
 
     def _brought_back(self, key: WorldId, boot_id: str) -> EpochMap | None:
-        """The map that is kept of the robot's own world, in place of the present one; None when
-        there is none."""
+        """Make the parked map of a world the present one and return it; None if there is none."""
         back = self._parked.take_back(key)
         if back is None:
             return None
@@ -158,10 +164,10 @@ class EpochMaps:
         return back
 
     def _reported_pose(self, key: WorldId) -> tuple[float, float, float] | None:
-        """Where the robot itself says that it is in a world."""
+        """Pose that the robot reports in a world; None if it reports another world."""
         return self._robot_pose if key == self.robot_key else None
 
     def reset_search(self, context: SearchContext) -> bool:
-        """Begin a search in the present map and those to come; whether it is a new one there."""
+        """Begin a search in the present and later maps. Returns True if that resets the map."""
         self._context = context
         return self.current is not None and self.current.reset_search(context)

@@ -1,18 +1,19 @@
-"""Which frame is the newest, when frames come late, twice, or from a stranger."""
+"""Selection of the newest frame, where frames may arrive late, twice, or from another robot."""
 
 from __future__ import annotations
 
 from collections import deque
 
 REMEMBERED_FRAMES = 4096
-STRANGER_AFTER = 3  # frames in a row that say otherwise
+STRANGER_AFTER = 3  # number of consecutive older frames that discredit the newest one
 
 
 class FrameOrder:
-    """Follows the numbers of the frames of one epoch.
+    """Tracker of the frame numbers of one epoch.
 
-    The highest number is the newest. When `STRANGER_AFTER` frames in a row are older than it but
-    rise among themselves, it was no frame of this robot, and the last of them is the newest.
+    The frame with the highest number is the newest. If `STRANGER_AFTER` consecutive frames have
+    lower but rising numbers, that frame was not from this robot, and the last of them becomes the
+    newest.
     """
 
     def __init__(self, newest: int | None = None) -> None:
@@ -21,11 +22,11 @@ class FrameOrder:
         self._older: list[int] = []
 
     def has(self, seq: int) -> bool:
-        """Whether this very frame was taken."""
+        """True if this frame was fused."""
         return seq in self._seen
 
     def is_newest(self, seq: int) -> bool:
-        """Note a frame that is not taken yet; whether it is the newest now."""
+        """Record a frame before it is fused. Returns True if it is now the newest."""
         if self.newest is None or seq > self.newest:
             self.newest = seq
             self._older.clear()
@@ -42,5 +43,5 @@ class FrameOrder:
         return True
 
     def take(self, seq: int) -> None:
-        """Remember a frame as taken."""
+        """Record a frame as fused."""
         self._seen.append(seq)

@@ -1,9 +1,9 @@
-"""The square grid under every map layer: world metres to cells and back.
+"""Grid of all map layers: conversion between world metres, cells and tiles.
 
-World cells are counted from the world's origin: cell (row, column) spans y in [row, row + 1) and
-x in [column, column + 1) times the cell size. A grid is a window on them that may grow; so the
-place of a cell never depends on where a map began or how far it has grown. Tiles are squares of
-`TILE` world cells, counted alike.
+World cells are numbered from the world's origin: cell (row, column) spans y in [row, row + 1) and
+x in [column, column + 1) times the cell size. A grid is a window of world cells that may grow. So
+the world cell of a place does not depend on the start or the size of a map. Tiles are squares of
+`TILE` world cells a side, numbered in the same way.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 TILE = 64
-Tile = tuple[int, int]  # row, column of a tile, counted from the world's origin
+Tile = tuple[int, int]  # row, column of a tile, from the world's origin
 
 
 @dataclass(frozen=True)
 class GridSpec:
-    """A grid of square cells, axis-aligned with the world.
+    """Grid of square cells, aligned with the world axes.
 
-    Arrays over the grid are indexed `[row, column]`: the row counts along world y, the column
-    along world x. `corner` is the world cell (row, column) of cell (0, 0).
+    Arrays over the grid are indexed `[row, column]`: rows along world y, columns along world x.
+    `corner` is the world cell (row, column) of cell (0, 0).
     """
 
     cell_m: float
@@ -34,7 +34,7 @@ class GridSpec:
 
     @staticmethod
     def centred_on(x_m: float, y_m: float, cell_m: float, size_cells: int) -> GridSpec:
-        """A square grid of whole tiles around a point, of at least `size_cells` a side."""
+        """Square grid of whole tiles around a point, at least `size_cells` a side."""
         half = size_cells / 2
         row, column = math.floor(y_m / cell_m), math.floor(x_m / cell_m)
         around = Box(
@@ -45,7 +45,7 @@ class GridSpec:
 
     @staticmethod
     def over(box: Box, cell_m: float) -> GridSpec:
-        """The grid of a box of world cells."""
+        """Grid over a box of world cells."""
         return GridSpec(cell_m, box.rows, box.columns, (box.row_lo, box.column_lo))
 
     @property
@@ -58,27 +58,27 @@ class GridSpec:
         return self.corner[1] * self.cell_m, self.corner[0] * self.cell_m
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Row and column of a world point, which may lie outside."""
+        """Row and column of a world point, which may lie outside the grid."""
         return (
             math.floor(y_m / self.cell_m) - self.corner[0],
             math.floor(x_m / self.cell_m) - self.corner[1],
         )
 
     def centre_of(self, row: int, column: int) -> tuple[float, float]:
-        """World x, y of a cell's centre, metres."""
+        """World x, y (m) of a cell's centre."""
         x_m = (self.corner[1] + column + 0.5) * self.cell_m
         return x_m, (self.corner[0] + row + 0.5) * self.cell_m
 
     def crop(self, box: Box) -> GridSpec:
-        """The grid of a sub-array `array[box.slices]`."""
+        """Grid of the sub-array `array[box.slices]`."""
         return GridSpec.over(self.to_world(box), self.cell_m)
 
     def to_world(self, box: Box) -> Box:
-        """A box of this grid's cells in world cells."""
+        """Box of world cells for a box of this grid's cells."""
         return box.moved(*self.corner)
 
     def to_local(self, box: Box) -> Box:
-        """A box of world cells in this grid's."""
+        """Box of this grid's cells for a box of world cells."""
         return box.moved(-self.corner[0], -self.corner[1])
 
     @property
@@ -88,7 +88,7 @@ class GridSpec:
 
 @dataclass(frozen=True)
 class Box:
-    """A half-open box of cells: rows [row_lo, row_hi), columns [column_lo, column_hi)."""
+    """Half-open box of cells: rows [row_lo, row_hi), columns [column_lo, column_hi)."""
 
     row_lo: int
     row_hi: int
@@ -117,7 +117,7 @@ class Box:
 
     @property
     def tiled(self) -> Box:
-        """The smallest box of whole tiles around this one."""
+        """Smallest box of whole tiles around this box."""
         return Box(
             self.row_lo // TILE * TILE, -(-self.row_hi // TILE) * TILE,
             self.column_lo // TILE * TILE, -(-self.column_hi // TILE) * TILE,
@@ -125,7 +125,7 @@ class Box:
 
     @property
     def tiles(self) -> Iterator[Tile]:
-        """The tiles that a box of world cells touches."""
+        """Tiles that intersect this box of world cells."""
         around = self.tiled
         for row in range(around.row_lo // TILE, around.row_hi // TILE):
             for column in range(around.column_lo // TILE, around.column_hi // TILE):
@@ -133,7 +133,7 @@ class Box:
 
     @staticmethod
     def of_tile(tile: Tile) -> Box:
-        """The world cells of a tile."""
+        """World cells of a tile."""
         row, column = tile[0] * TILE, tile[1] * TILE
         return Box(row, row + TILE, column, column + TILE)
 
@@ -147,7 +147,7 @@ class Box:
         )  # fmt: skip
 
     def union(self, other: Box | None) -> Box:
-        """The smallest box that holds both; an empty or missing one adds nothing."""
+        """Smallest box that contains both; an empty box or None adds nothing."""
         if other is None or other.empty:
             return self
         if self.empty:
@@ -160,7 +160,7 @@ class Box:
         )
 
     def grown(self, cells: int, within: Box | None = None) -> Box:
-        """This box with a margin on every side, cut to `within`."""
+        """Box with a margin on every side, cut to `within`."""
         out = Box(
             self.row_lo - cells, self.row_hi + cells,
             self.column_lo - cells, self.column_hi + cells,
@@ -168,7 +168,7 @@ class Box:
         return out if within is None else out.cut(within)
 
     def cut(self, within: Box) -> Box:
-        """What two boxes have in common; may be empty."""
+        """Intersection of two boxes; may be empty."""
         return Box(
             max(self.row_lo, within.row_lo), min(self.row_hi, within.row_hi),
             max(self.column_lo, within.column_lo), min(self.column_hi, within.column_hi),
@@ -180,14 +180,14 @@ EMPTY = Box(0, 0, 0, 0)
 
 @dataclass(frozen=True)
 class TileMask:
-    """Some tiles: `mask` uint8 [tile rows, tile columns] is 1 for those, `first` is its corner."""
+    """Set of tiles: `mask` uint8 [tile rows, tile columns] is 1 for each; `first` is its corner."""
 
     mask: NDArray[np.uint8]
     first: Tile
 
     @staticmethod
     def of(tiles: Iterable[Tile]) -> TileMask:
-        """These tiles."""
+        """Mask of the given tiles."""
         places = np.array(list(tiles), np.int64).reshape(-1, 2)
         if not len(places):
             return TileMask(np.zeros((0, 0), np.uint8), (0, 0))
@@ -200,9 +200,9 @@ class TileMask:
 def carried_over(
     array: NDArray, old: GridSpec, new: GridSpec, known: Box, fill: int = 0
 ) -> NDArray:
-    """An array over `old` as one over the larger grid `new`; only `known` (world cells) is copied.
+    """Copy of an array over `old` for the larger grid `new`; copies only `known` (world cells).
 
-    What is zero costs no memory until it is written: the system hands out zeroed pages lazily.
+    Zeros use no memory until they are written, because the system allocates zeroed pages lazily.
     """
     out = np.zeros(new.shape, array.dtype) if fill == 0 else np.full(new.shape, fill, array.dtype)
     kept = known.cut(old.to_world(old.whole))

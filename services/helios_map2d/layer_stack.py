@@ -1,6 +1,6 @@
-"""All layers of one map over one grid: what a view changes in them, and what follows by tile.
+"""All layers of one map over one grid: fusion of views, and the resulting changes by tile.
 
-The grid grows where a view needs it to; world cells keep their place whatever it does.
+The grid grows when a view needs it; the numbering of world cells never changes.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from helios_map2d.snapshots.tiles import GroundTile, ValueTile
 
 
 class LayerStack:
-    """Occupancy, what was searched, values, open ground and frontiers over `grid`.
+    """Occupancy, explored area, values, open ground and frontiers over `grid`.
 
-    `known` is a box of world cells that holds all that is known. A robot whose body has
-    `footprint_radius_m` (0: none) leaves free ground where it stands.
+    `known` is a box of world cells that contains all known cells. Ground under the robot's
+    footprint of `footprint_radius_m` (0: no body) becomes free.
     """
 
     def __init__(
@@ -58,28 +58,28 @@ class LayerStack:
         )
 
     def reach_of(self, frame: Frame) -> Reach:
-        """What a frame may touch. Raises InvalidInput for a pose that is none."""
+        """Extent of a frame's view. Raises InvalidInput if the pose is not rigid."""
         return reach_of(frame.camera, frame.T_world_cam, self.rules.cell_m, self.rules.max_depth_m)
 
     def view_of(self, depth_m: NDArray[np.float32], camera: Pinhole, reach: Reach) -> View:
-        """A checked depth image laid over the grid."""
+        """View of a checked depth image on the grid."""
         return laid(depth_m, camera, reach, self.grid, self.rules.min_depth_m,
                     self.rules.max_depth_m, self.rules.rays_per_cell)  # fmt: skip
 
     def cone(self, view: View) -> Cone:
-        """What a score of a view is spread over."""
+        """Cone over which a view's score is spread."""
         return self._exploring.cone(view)
 
     def make_room_for(self, reach: Reach, robot_m: tuple[float, float]) -> None:
-        """Grow the grid where a frame, or the robot at `robot_m` (world x, y), may change what it
-        does not hold. Raises InvalidInput when it would be larger than the rules allow."""
+        """Grow the grid to all cells that a frame, or the robot at `robot_m` (world x, y), may
+        change. Raises InvalidInput if the grid would exceed the rules' limit."""
         row, column = self.grid.cell_of(*robot_m)
         self.make_room(reach.box.union(self.grid.to_world(self._around(row, column))))
 
     def make_room(self, needed: Box) -> None:
-        """Grow the grid where it does not hold a box of world cells with a margin.
+        """Grow the grid so that it contains a box of world cells and a margin.
 
-        Raises InvalidInput when it would be larger than the rules allow.
+        Raises InvalidInput if the grid would exceed the rules' limit.
         """
         margin = max(TILE, self.ground.reach + 2)
         grid = grown_for(self.grid, needed, margin, self.rules.most_cells)
@@ -95,11 +95,11 @@ class LayerStack:
     def fold(
         self, view: View, robot_m: tuple[float, float], *, holding: bool
     ) -> list[tuple[Tile, bool, bool]]:
-        """Fold a view into occupancy, what was searched and open ground; the grid has room for it.
+        """Fuse a view into occupancy, explored area and open ground; it must fit the grid.
 
-        Returns the tiles that changed, and of each whether what others see of it did, and whether
-        heights of obstacles did. `robot_m` is where the robot stands (world x, y); `holding`: it
-        has something in its hand.
+        Returns the changed tiles, each with two flags: its published content has changed, and its
+        obstacle heights have changed. `robot_m`: position of the robot (world x, y); `holding`:
+        True if it holds an object.
         """
         row, column = self.grid.cell_of(*robot_m)
         box = self.grid.to_local(
@@ -131,7 +131,7 @@ class LayerStack:
         tiles: Mapping[Tile, GroundTile],
         layers: Mapping[str, Mapping[Tile, ValueTile]],
     ) -> None:
-        """Take tiles of ground and values for what is known, in place of nothing."""
+        """Fill empty layers with tiles of ground and values."""
         for place in {*tiles, *(place for values in layers.values() for place in values)}:
             self.make_room(Box.of_tile(place))
         layer, everything = self.occupancy, EMPTY
@@ -153,21 +153,21 @@ class LayerStack:
         self.known = self.known.union(self.values.box)
 
     def values_changed(self, changed: Box) -> None:
-        """Layers have changed within a box of world cells."""
+        """Note that value layers have changed within a box of world cells."""
         self.known = self.known.union(changed)
         self.frontiers.values_changed(changed)
 
     def find_frontiers(
         self, robot_m: tuple[float, float], *, ground_changed: bool
     ) -> tuple[Frontier, ...]:
-        """The frontiers as they are now; ground_changed: whether anything but values has."""
+        """Present frontiers. ground_changed: False if only values have changed."""
         values = {name: layer.value for name, layer in self.values.layers.items()}
         if not ground_changed:
             return self.frontiers.revalued(values)
         return self.frontiers.find(self.occupancy.occupancy, self.ground, robot_m, values)
 
     def known_grid(self, robot_m: tuple[float, float]) -> GridSpec:
-        """The grid of what is known; of the robot's cell while nothing is."""
+        """Grid of the known cells; of the robot's cell while none is known."""
         known = self.known
         if known.empty:
             row, column = self.grid.cell_of(*robot_m)
@@ -175,7 +175,7 @@ class LayerStack:
         return GridSpec.over(known, self.grid.cell_m)
 
     def _around(self, row: int, column: int) -> Box:
-        """The cells around the robot's that a frame may change without seeing them."""
+        """Cells around the robot that a frame may change without seeing them."""
         near_m = max(self._footprint_radius_m, self.rules.frontiers.blind_radius_m)
         near_m = max(near_m, self._exploring.reach_m(self.rules.max_depth_m))
         margin = int(near_m / self.rules.cell_m) + 2
@@ -188,8 +188,10 @@ class LayerStack:
         searched: NDArray[np.uint8],
         came_of_it: NDArray[np.uint8],
     ) -> list[tuple[Tile, bool, bool]]:
-        """Follow up on a change within `box`, of whole tiles on the grid: the tiles that changed,
-        and of each whether what others see of it did, and whether heights of obstacles did."""
+        """Update known box and frontiers after a change within `box` (whole tiles of the grid).
+
+        Returns the changed tiles with their flags, as `fold` does.
+        """
         changed = np.zeros((box.rows // TILE, box.columns // TILE), np.uint8)
         border = np.zeros((box.rows // TILE + 2, box.columns // TILE + 2), np.uint8)
         extent = change_kernels.note_changes(
@@ -197,7 +199,7 @@ class LayerStack:
             (box.row_lo, box.column_lo), came_of_it, changed, border, TILE,
         )  # fmt: skip
         other = Box(*extent)
-        if not other.empty:  # what becomes known is other than before
+        if not other.empty:  # cells that become known are among the changed cells
             self.known = self.known.union(
                 self.grid.to_world(other.moved(box.row_lo, box.column_lo))
             )

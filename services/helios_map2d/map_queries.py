@@ -1,4 +1,4 @@
-"""What others ask of the newest version; none of it holds the lock of the maps."""
+"""Queries of the newest published version; none of them holds the lock of the maps."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ EMPTY_MAP = "the map is empty: no keyframe has come yet; give the robot a task, 
 
 
 class MapQueries:
-    """Methods over the published version of the present map."""
+    """Handlers of queries of the present map's published version."""
 
     def __init__(self, maps: Callable[[], EpochMaps | None]) -> None:
         self._maps = maps
         self._encoded = CachedEncoding()
 
     def snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
-        """The whole map; without arrays while it is the version that the asker has."""
+        """Whole map; without arrays if the caller already has its version."""
         published = published_of(self._maps())
         if published is None:
             return pb.MapSnapshot()
@@ -40,12 +40,12 @@ class MapQueries:
         return self._encoded.of(published, request.layers)
 
     def changes(self, request: pb.MapChangesRequest) -> pb.MapChanges:
-        """The next chunk of what a viewer has not seen; empty while there is no map."""
+        """Next chunk of changes for a viewer; empty while there is no map."""
         published = published_of(self._maps())
         return pb.MapChanges() if published is None else changes_after(published, request)
 
     def picture(self, request: pb.PictureRequest) -> pb.PictureReply:
-        """A PNG; Unavailable while there is no map."""
+        """Picture of the map as PNG. Raises Unavailable while there is no map."""
         published = known(self._maps())
         things = [
             Marked(o.label, (o.center_m.x, o.center_m.y), (o.size_m.x, o.size_m.y), o.score)
@@ -61,7 +61,7 @@ class MapQueries:
         return pb.PictureReply(png=png_of(pixels, published), version=published.version)
 
     def sight(self, request: pb.SightRequest) -> pb.SightReply:
-        """Which points can be seen from an eye; Unavailable while there is no map."""
+        """Visibility of points from a viewpoint. Raises Unavailable while there is no map."""
         published = known(self._maps())
         eye_m = (request.x_m, request.y_m, request.z_m)
         return pb.SightReply(
@@ -69,7 +69,7 @@ class MapQueries:
         )
 
     def path_cost(self, request: pb.PathCostRequest) -> pb.PathCostReply:
-        """Cost and clearance along a way; Unavailable while there is no map."""
+        """Cost and clearance along a path. Raises Unavailable while there is no map."""
         maps = self._maps()
         published = known(maps)
         radius_m = request.radius_m
@@ -86,13 +86,13 @@ class MapQueries:
 
 
 def published_of(maps: EpochMaps | None) -> MapSnapshot | None:
-    """The newest version of the present map."""
+    """Newest version of the present map; None while there is no map."""
     state = maps.current if maps is not None else None
     return state.published if state is not None else None
 
 
 def known(maps: EpochMaps | None) -> MapSnapshot:
-    """The newest version with something in it. Raises Unavailable when there is none."""
+    """Newest version of the present map. Raises Unavailable if there is none or it is empty."""
     published = published_of(maps)
     if published is None or published.empty:
         raise Unavailable(EMPTY_MAP)
@@ -100,7 +100,7 @@ def known(maps: EpochMaps | None) -> MapSnapshot:
 
 
 def points_of(numbers: object) -> NDArray[np.float64]:
-    """x, y, x, y … as [n, 2]. Raises InvalidInput for an odd number of them."""
+    """Points [n, 2] of x, y, x, y …. Raises InvalidInput for an odd count."""
     flat = np.array(numbers, np.float64)
     if flat.size % 2:
         raise InvalidInput(f"the path has {flat.size} numbers; send x, y, x, y …")

@@ -1,8 +1,8 @@
-"""The shell of the 2D maps: keyframes, observations and searches in; versions out.
+"""The 2D map service: it fuses keyframes and observations, and publishes versions of the map.
 
-Every keyframe is answered with an Ack of part "occupancy", every observation with one of part
-"value"; a refusal says why. What comes before it can be used waits: keyframes for the robot's
-description (its size, its camera's range), observations for their search context.
+It acknowledges every keyframe with an Ack of part "occupancy" and every observation with one of
+part "value"; a refusal gives the reason. Keyframes wait for the robot's description (its size and
+its camera's range), observations for their search context.
 """
 
 from __future__ import annotations
@@ -57,19 +57,19 @@ MOST_WAITING = 32
 
 
 class Map2DService:
-    """The maps behind the bus. `_lock` guards them; published versions are read without it."""
+    """Bus interface of the maps. `_lock` guards them; published versions are read without it."""
 
     def __init__(self, bus: Bus, settings: Settings, health: Health) -> None:
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.RLock()
         self._maps: EpochMaps | None = None
-        self._contexts: list[str] = []  # ids in the order of their coming
+        self._contexts: list[str] = []  # ids in order of arrival
         self._context: pb.SearchContext | None = None
-        self._robot: tuple[WorldId, str, Pose | None] | None = None  # where it says that it is
+        self._robot: tuple[WorldId, str, Pose | None] | None = None  # reported world, boot id, pose
         self._frames_waiting: deque[pb.Frame] = deque()
         self._observations_waiting: deque[pb.Observation] = deque()
         self._holding = False
-        self._refused = ""  # why the robot's last description is refused
+        self._refused = ""  # why the robot's last description was refused
         self._listens = False
         self._answers = MapQueries(lambda: self._maps)
         self._keeping = MapFiles(settings, self._lock, lambda: self._maps, self._say)
@@ -92,17 +92,17 @@ class Map2DService:
         bus.serve(SAVE_MAP2D, self._keeping.save)
         bus.serve(LOAD_MAP2D, self.load)
         bus.serve(RESET_MAP2D, self.reset)
-        # Only now: who sees it ready sends keyframes at once, and none may be missed.
+        # Last, because a client may send keyframes as soon as the service is ready.
         self._listens = True
         self._say()
 
     def close(self) -> None:
-        """Keep the map a last time; the bus ends the calls."""
+        """Save the map a last time; the bus ends the calls."""
         self._keeping.close()
 
-    # --- what comes in ------------------------------------------------------------------------
+    # --- subscriptions ------------------------------------------------------------------------
     def on_description(self, message: pb.RobotDescription) -> None:
-        """Learn the robot; what the maps hold stays unless they were made for another robot."""
+        """Apply the robot's description; start empty maps if its size or range differs."""
         try:
             robot = description_from_proto(message)
         except InvalidInput as error:
@@ -111,7 +111,7 @@ class Map2DService:
             self._say()
             return
         self._refused = ""
-        # A carried camera has no body that pushes things aside.
+        # A hand-held camera has no body that frees the ground under it.
         has_body = robot.can_move or robot.recorded
         radius_m = robot.inner_radius_m if has_body else 0.0
         rules = self._settings.rules(robot.max_depth_m, robot.inner_radius_m)
@@ -131,7 +131,7 @@ class Map2DService:
         self._again(waiting)
 
     def on_context(self, message: pb.SearchContext) -> None:
-        """Begin a search."""
+        """Begin the search of a new search context."""
         try:
             context = context_from_proto(message)
         except InvalidInput as error:
@@ -151,7 +151,7 @@ class Map2DService:
             self._recollection.fill(context)
 
     def on_robot_state(self, message: pb.RobotState) -> None:
-        """Which world the robot itself says it is in, where, and whether it holds something."""
+        """Record the robot's world and pose, and whether it holds an object."""
         if not message.robot_boot_id:
             return
         boot_id = message.robot_boot_id
@@ -185,7 +185,7 @@ class Map2DService:
             self._integrate(MapPart.OCCUPANCY, message.id, "", lambda: self._fold_frame(message))
 
     def on_stream_frame(self, message: pb.Frame) -> None:
-        """Fold a stream frame in, unless the maps are not ready for it; it is not answered."""
+        """Fuse a stream frame if the maps are ready; it gets no acknowledgement."""
         if self._maps is None:
             return
         try:
@@ -217,14 +217,14 @@ class Map2DService:
 
     # --- methods ------------------------------------------------------------------------------
     def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
-        """See `MapFiles.load`; the present search learns what the map's views have seen."""
+        """Load a map (see `MapFiles.load`), then fill the search's layers from its stored views."""
         reply = self._keeping.load(request)
         self._say()
         self._catch_up()
         return reply
 
     def reset(self, _: pb.Empty) -> pb.Empty:
-        """Forget every map, the parked and the kept ones too; the present search goes on."""
+        """Discard all maps, also the parked and the saved ones; the current search continues."""
         with self._lock:
             if self._maps is not None:
                 old = self._maps
@@ -235,7 +235,7 @@ class Map2DService:
         self._say()
         return pb.Empty()
 
-    # --- inside -------------------------------------------------------------------------------
+    # --- internals ----------------------------------------------------------------------------
     def _fold_frame(self, message: pb.Frame) -> None:
         frame = frame_from_proto(message)
         with self._lock:
@@ -253,14 +253,14 @@ class Map2DService:
     def _integrate(
         self, part: MapPart, id: pb.FrameId, context_id: str, fold: Callable[[], None]
     ) -> None:
-        """Fold and answer; the lock is free again when the answer goes out."""
+        """Fuse and acknowledge; the acknowledgement is sent without the lock."""
         began = time.perf_counter()
         error: HeliosError | None = None
         try:
             fold()
         except HeliosError as refusal:
             error = refusal
-        except Exception as fault:  # a fault of ours must not leave the sender waiting
+        except Exception as fault:  # the sender must get an acknowledgement also after a fault
             log.exception("part %s of frame %d failed", part, id.seq)
             error = Internal(f"map2d failed ({type(fault).__name__}: {fault}); see its log")
         if error is None and self._keeping.superseded(searching=part is MapPart.VALUE):
@@ -305,7 +305,7 @@ class Map2DService:
         return maps
 
     def _catch_up(self) -> None:
-        """Give the present search what a map just taken up has seen, unless it has values."""
+        """Fill the search's layers from the stored views of a new present map without values."""
         with self._lock:
             state = self._maps.current if self._maps is not None else None
             message = self._context
@@ -313,8 +313,8 @@ class Map2DService:
             self._recollection.fill(context_from_proto(message))
 
     def _say(self) -> None:
-        """Tell what is wrong with the robot's description or with keeping the map, and that it was
-        restored; nothing before all is listened to."""
+        """Update the health: problems with the robot's description or with saving the map, or the
+        note on a restored map. Does nothing until all subscriptions exist."""
         if not self._listens:
             return
         if self._refused:

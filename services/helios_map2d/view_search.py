@@ -1,4 +1,4 @@
-"""Questions to the views of the past, through the detector's text model."""
+"""Search of stored views by prompt, with text embeddings from the detector."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ log = logging.getLogger(__name__)
 
 EMBED_WITHIN_S = 10.0
 DEFAULT_PLACES, MOST_PLACES = 5, 50
-MOST_LATE_LAYERS = 8  # asked for in one search: each takes memory over the whole grid
-LAYER_NAME = re.compile(r"[A-Za-z0-9_.-]{1,40}")  # as it stands in addresses and file names
+MOST_LATE_LAYERS = 8  # limit of requested layers per search: each uses memory over the whole grid
+LAYER_NAME = re.compile(r"[A-Za-z0-9_.-]{1,40}")  # safe in URLs and file names
 
 
 class ViewMemoryService:
-    """Asks the detector what a text means, and the kept views how well they fit.
+    """Handler of recall queries: it gets text embeddings from the detector and scores the views.
 
-    The lock of the maps is never held while the detector is asked.
+    It never holds the lock of the maps during a call to the detector.
     """
 
     def __init__(
@@ -50,16 +50,16 @@ class ViewMemoryService:
         maps: Callable[[], EpochMaps | None],
         search: Callable[[], pb.SearchContext | None],
     ) -> None:
-        """search: the one that is under way, whose layers are not for others to write."""
+        """search: the current search context; recall queries cannot write its layers."""
         self._bus, self._lock, self._maps, self._search = bus, lock, maps, search
 
     def recall(self, request: pb.RecallRequest) -> pb.RecallReply:
-        """Where a prompt was seen, and its value layer if one is asked for.
+        """Places where a prompt was seen; also makes its value layer if the request names one.
 
-        Views are asked through the scorer's image-text model; where there is none, by the names
-        that the detector gave in them, and the reply's note says why. A layer needs the model.
-        Raises Unavailable when no view was kept, InvalidInput for an empty prompt, a name that no
-        layer can have, or a layer too many.
+        The scorer's image-text model scores the views. Without it the views are searched by
+        detected classes, and the reply's note gives the reason. A layer needs the model. Raises
+        Unavailable if no view is stored, InvalidInput for an empty prompt, an invalid layer name,
+        or too many layers.
         """
         if not request.prompt.strip():
             raise InvalidInput("an empty prompt was asked; send what is looked for")
@@ -94,7 +94,7 @@ class ViewMemoryService:
         return pb.RecallReply(places=places, views=asked, version=version, note=note)
 
     def fill(self, context: SearchContext) -> None:
-        """Give the layers of a search what past views say; nothing where they cannot be asked."""
+        """Fill the layers of a search from stored views; do nothing if they cannot be scored."""
         try:
             state, views = self._views()
             if not context.prompts or all(v.embedding is None for v in views):
@@ -105,7 +105,7 @@ class ViewMemoryService:
             log.info("search %.60s begins without the past: %s", context.id, error.message)
 
     def _check_name(self, layer: str) -> None:
-        """Raises InvalidInput for a layer's name that is not to be had."""
+        """Raise InvalidInput for an invalid or reserved layer name."""
         if not LAYER_NAME.fullmatch(layer):
             raise InvalidInput(
                 f"no value layer can be called {layer[:80]!r}: send up to 40 letters, digits, "
@@ -117,7 +117,7 @@ class ViewMemoryService:
             raise InvalidInput(f"the name {layer!r} is {whose}; give the layer another one")
 
     def _check_room(self, state: EpochMap, layer: str) -> None:
-        """Raises InvalidInput for one layer more than may be asked for."""
+        """Raise InvalidInput for a layer beyond the limit of requested layers."""
         search = self._search()
         own = set() if search is None else set(search.prompts)
         late = sorted(set(state.published.layers) - own)
@@ -135,8 +135,8 @@ class ViewMemoryService:
             return maps.current, maps.current.memory.snapshot()
 
     def _question(self, views: Sequence[SeenView], prompt: str) -> Question:
-        """Raises Unavailable where no view was embedded by the scorer's present model, and what the
-        detector says."""
+        """Prompt with its embedding. Raises Unavailable if no view was embedded by the scorer's
+        present model, and the errors of the detector."""
         if all(view.embedding is None for view in views):
             raise Unavailable(
                 "the detector's scorer does not embed images "
@@ -158,7 +158,7 @@ class ViewMemoryService:
     def _put(
         self, state: EpochMap, layers: dict[str, Question], context_id: str | None = None
     ) -> int:
-        """Set layers by all views there are by now; the version that has them."""
+        """Set layers from all views stored now and return the map version that has them."""
         with self._lock:
             maps = self._maps()
             if maps is None or maps.current is not state:

@@ -1,4 +1,4 @@
-"""Compile every kernel before the first frame: seconds when cold, milliseconds when cached."""
+"""Compilation of all kernels before the first frame: seconds, or milliseconds from the cache."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from helios_map2d.layers.parameters import MapRules
 
 
 def warm_up() -> None:
-    """Run a small map through everything once."""
+    """Run a small map through every kernel once."""
     camera = Pinhole(32.0, 32.0, 31.5, 23.5, 64, 48)
     rules = MapRules(size_cells=256, frontiers=FrontierRules(min_size_m=0.0))
     state = EpochMap(rules, (0.0, 0.0), 0.2)

@@ -1,1 +1,1 @@
-"""What every HELIOS process shares: messages, topics, the bus, geometry, settings, life cycle."""
+"""Code shared by all HELIOS processes: messages, topics, bus, geometry, settings, life cycle."""

@@ -1,9 +1,9 @@
-"""The agents by name, and the settings of the services that each of them needs.
+"""Names of the agents, and the service settings that each agent needs.
 
-An agent decides in the planner, but relies on what the maps hold. `helios` has settings of its own
-that go beyond the paper (docs/results has the figures): it uses the detector's weak detections,
-weighs evidence by viewing sectors and with past views, and compares objects with the usual size of
-their class. Every other agent runs with the defaults, which are the paper's values.
+An agent decides in the planner, but depends on the content of the maps. `helios` has its own
+settings, which go beyond the paper (docs/results has the figures): it uses weak detections, weighs
+evidence by viewing sectors and with past views, and compares objects with the usual size of their
+class. Every other agent runs with the defaults, which are the paper's values.
 """
 
 from __future__ import annotations
@@ -27,19 +27,22 @@ AgentName = Literal[
     "vlfm-unfiltered",
     "vlfm-helios-stop",
 ]
-AGENT_NAMES: tuple[str, ...] = get_args(AgentName)  # those of the planner itself
+AGENT_NAMES: tuple[str, ...] = get_args(AgentName)  # built-in agents of the planner
 DEFAULT_AGENT: AgentName = "helios"
 
 
 def _agent(name: str) -> str:
-    """Whether there can be one; it is loaded later. Raises ValueError."""
+    """The name itself, if a built-in agent or plug-in has it; nothing is loaded yet.
+
+    Raises ValueError.
+    """
     if name in AGENT_NAMES or find(AGENTS, name) is not None:
         return name
     known = ", ".join((*AGENT_NAMES, *AGENTS.entry_names()))
     raise ValueError(f"there is no such agent; choose one of {known}, or package:agent")
 
 
-AgentSetting = Annotated[str, AfterValidator(_agent)]  # ours, an entry point or package:agent
+AgentSetting = Annotated[str, AfterValidator(_agent)]  # built-in, entry point or package:agent
 
 Value = bool | int | float | str
 
@@ -62,12 +65,12 @@ AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {"helios": _HELIOS}
 
 
 def settings_for(agent: str) -> Mapping[str, Value]:
-    """By "service.setting"; none for an agent that runs with the defaults."""
+    """Settings of all services by "service.setting"; empty for an agent that uses the defaults."""
     return AGENT_SETTINGS.get(agent, {})
 
 
 def service_settings(service: str, agent: str) -> dict[str, Value]:
-    """The settings of one service for an agent, by name."""
+    """Settings of one service for an agent, by name."""
     own = f"{service}."
     return {
         name.removeprefix(own): value
@@ -77,5 +80,5 @@ def service_settings(service: str, agent: str) -> dict[str, Value]:
 
 
 def same_settings(one: str, other: str) -> bool:
-    """Whether two agents run with the same settings, so that services can serve both."""
+    """True if two agents need the same settings, so that the same services can serve both."""
     return settings_for(one) == settings_for(other)

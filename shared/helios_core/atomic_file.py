@@ -1,8 +1,8 @@
-"""Files written whole or not at all.
+"""Atomic replacement of files.
 
 The new content goes into a temporary file beside the old one, is synced to the disk, and takes the
-old one's name in one step. So whoever reads the file, and whoever finds it after a crash or on a
-full disk, sees the old or the new content, never half of one.
+old name in one step. A reader sees the complete old or the complete new content, also after a crash
+or on a full disk.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-NEW_FILE_MODE = 0o666  # less the umask
+NEW_FILE_MODE = 0o666  # before the umask
 
 
 def write_file(
     path: Path, data: bytes | str, *, mode: int = NEW_FILE_MODE, sync: bool = True
 ) -> None:
-    """Replace a file, or make one, with these bytes, or this text as UTF-8.
+    """Write bytes, or text as UTF-8, to a new or existing file.
 
-    mode: permissions of a file that is made, less the umask; one that is there keeps its own.
-    sync: wait until the disk has it; without, a power cut may lose both. A device or a pipe is
-    written to. Raises OSError, and then the old file is as it was.
+    mode: permissions of a new file, less the umask; an existing file keeps its permissions.
+    sync: wait until the content is on the disk; without it, a power cut may lose old and new
+    content. Devices and pipes are written directly. Raises OSError; the old file then stays
+    unchanged.
     """
     content = data.encode() if isinstance(data, str) else data
     if path.exists() and not path.is_file():
@@ -37,8 +38,7 @@ def write_file(
 
 
 def refusal(path: Path) -> str:
-    """Why a file cannot be written there and what to do, where its folder is not there or it is a
-    folder; empty where neither is so."""
+    """Error text with a remedy if `path` is a folder or its folder does not exist, else empty."""
     if path.is_dir():
         return f"{path} is a folder; name a file in it"
     if not path.parent.is_dir():
@@ -48,12 +48,12 @@ def refusal(path: Path) -> str:
 
 @contextmanager
 def replacing(path: Path, *, mode: int = NEW_FILE_MODE, sync: bool = True) -> Iterator[Path]:
-    """An empty temporary file beside `path`, with its ending, that takes its place where the block
-    ends, and is removed where the block raises. For libraries that write to a path of their own.
+    """Yield an empty temporary file beside `path`, with the same suffix.
 
-    mode, sync: as for `write_file`. Raises OSError.
+    It replaces `path` when the block ends and is removed when the block raises. For libraries that
+    write to a path. mode, sync: as for `write_file`. Raises OSError.
     """
-    target = path.resolve()  # of a link: the file that it leads to
+    target = path.resolve()  # for a link: its target
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.new{target.suffix}")
     os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode))
     try:
@@ -72,8 +72,10 @@ def replacing(path: Path, *, mode: int = NEW_FILE_MODE, sync: bool = True) -> It
 
 
 def remove_temporaries(path: Path) -> None:
-    """Remove what processes left that were killed while they wrote `path`. Only for who alone
-    writes that file. Raises OSError."""
+    """Remove temporary files of processes that were killed while they wrote `path`.
+
+    Only for the sole writer of that file. Raises OSError.
+    """
     target = path.resolve()
     if target.parent.is_dir():
         for left in target.parent.glob(f".{target.stem}.*.new{target.suffix}"):
@@ -85,7 +87,7 @@ def _sync(path: Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # this file system cannot
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # the file system has no fsync
             raise
     finally:
         os.close(descriptor)

@@ -1,12 +1,13 @@
-"""The bus: topics, methods, liveliness. Two kinds pass one contract suite (`tests/contract`).
+"""Interface of the bus: topics, methods, liveliness.
 
-`ZenohBus` joins processes; `MemoryBus` joins services within one, synchronously, and still
-serialises every message, so that aliasing and schema faults show.
+Both implementations pass the contract tests in `tests/contract`. `ZenohBus` connects processes.
+`MemoryBus` connects services within one process, synchronously; it still serialises every message,
+so that aliasing and schema faults show.
 
-Handlers of one topic are called one at a time, in order; handlers of different topics and of
-methods may be called at the same time from other threads. A service guards its state with one
-lock and never holds it across a call to the bus. What a handler raises reaches the caller as a
-typed error (methods) or the log (topics) and never ends the process.
+The handlers of one topic run one at a time, in order. Handlers of different topics and of methods
+may run concurrently in other threads. A service guards its state with one lock and never holds it
+across a call to the bus. An exception in a handler reaches the caller as a typed error (methods)
+or goes to the log (topics); it never ends the process.
 """
 
 from __future__ import annotations
@@ -19,49 +20,52 @@ from helios_core.topics import M, Method, Rep, Req, Topic
 
 
 class Registration(Protocol):
-    """Something that was declared and can be taken back: from any thread, also from inside its own
-    handler, and a second time without effect. Calls that wait for their turn are not answered."""
+    """Handle that ends a subscription, a served method, an announcement or a watch.
+
+    `close` is idempotent and safe from any thread, also from inside the handler. Pending calls get
+    no reply.
+    """
 
     def close(self) -> None: ...
 
 
-# service, instance, whether it is alive
+# (service, instance, True if alive)
 LivelinessHandler = Callable[[str, str, bool], None]
 
 
 class Bus(ABC):
-    """See the module. All calls are safe from any thread."""
+    """Base class of a bus; see the module. All calls are safe from any thread."""
 
     robot: str
 
     @abstractmethod
     def publish(self, topic: Topic[M], message: M) -> None:
-        """Send to every subscriber. Raises Unavailable when the bus is closed."""
+        """Send a message to every subscriber. Raises Unavailable if the bus is closed."""
 
     @abstractmethod
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
-        """Call `handler` for every message, as far as the topic's quality of service goes."""
+        """Call `handler` for every message that the topic's quality of service delivers."""
 
     @abstractmethod
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
-        """Answer calls of `method`."""
+        """Serve `method` with `handler`."""
 
     @abstractmethod
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
-        """Ask and wait.
+        """Call a method and wait for its reply.
 
-        Raises Unavailable when nobody serves the method, DeadlineExceeded when no answer came in
-        time, and whatever HeliosError the handler raised.
+        Raises Unavailable if no service serves the method, DeadlineExceeded if no reply arrives in
+        time, and the HeliosError that the handler raised.
         """
 
     @abstractmethod
     def announce(self, service: str, instance: str) -> Registration:
-        """Be seen as alive until closed, or until this process ends."""
+        """Declare a service alive until the registration is closed or the process ends."""
 
     @abstractmethod
     def watch(self, handler: LivelinessHandler) -> Registration:
-        """Be told who is alive now and who comes and goes."""
+        """Report every live service instance now, and each later arrival and departure."""
 
     @abstractmethod
     def close(self) -> None:
-        """Take everything back. Idempotent."""
+        """End all registrations and the connection. Idempotent."""

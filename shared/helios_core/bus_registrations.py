@@ -1,4 +1,4 @@
-"""What a bus has declared and not taken back yet."""
+"""Set of the open registrations of a bus."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 
 class Registrations:
-    """Each is taken back once and then held no longer, from whatever thread, also from inside its
-    own handler. No lock: taking an entry out of a dict is one step."""
+    """Open registrations, each undone exactly once, from any thread, also from inside its handler.
+
+    It needs no lock, because removing an entry from a dict is atomic.
+    """
 
     def __init__(self) -> None:
         self._undos: dict[_Registration, Callable[[], None]] = {}
@@ -16,13 +18,13 @@ class Registrations:
         return len(self._undos)
 
     def keep(self, undo: Callable[[], None]) -> _Registration:
-        """What calls `undo` when it is closed."""
+        """Registration that calls `undo` when it is closed."""
         out = _Registration(self._undos)
         self._undos[out] = undo
         return out
 
     def close(self) -> None:
-        """Take all of them back, the last one first."""
+        """Close all registrations, the newest first."""
         for registration in reversed(list(self._undos)):
             registration.close()
 
@@ -32,6 +34,6 @@ class _Registration:
         self._undos = undos
 
     def close(self) -> None:
-        undo = self._undos.pop(self, None)  # of several that close it, one gets it
+        undo = self._undos.pop(self, None)  # only one of several callers gets it
         if undo:
             undo()

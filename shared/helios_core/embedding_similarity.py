@@ -1,4 +1,4 @@
-"""How well an image fits a text, from what an image-text model made of both."""
+"""Image-text score computed from embeddings."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from helios_core.types import Embedding
 
 
 def fit(image: Embedding, text: Embedding, scale: float = 1.0, offset: float = 0.0) -> float:
-    """clip(scale * cosine + offset, 0, 1); of an image with several vectors the best one counts.
+    """Score clip(scale * cosine + offset, 0, 1); of several vectors the best pair counts.
 
-    Raises InvalidInput for embeddings of two models.
+    Raises InvalidInput for embeddings of different models.
     """
     if image.model != text.model or image.vectors.shape[1] != text.vectors.shape[1]:
         raise InvalidInput(

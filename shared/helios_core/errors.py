@@ -1,13 +1,13 @@
 """Typed errors, the same in Python and on the wire.
 
     HeliosError
-    ├── InvalidInput       the request is wrong; sending it again will not help
-    ├── Unavailable        nobody could answer; try again later
-    ├── DeadlineExceeded   no answer within the deadline
-    ├── Conflict           refused because of the present state (lease, epoch, context, stop)
+    ├── InvalidInput       the request is wrong; a retry does not help
+    ├── Unavailable        no service can answer now; retry later
+    ├── DeadlineExceeded   no response within the deadline
+    ├── Conflict           refused in the present state (lease, epoch, context, stop)
     └── Internal           a fault in the service
 
-A message says what came, what was wanted and what to do.
+The text of an error gives the value received, the value expected, and what to do.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ class HeliosError(Exception):
 
 
 class InvalidInput(HeliosError):
-    """The request is wrong; sending it again will not help."""
+    """The request is wrong; a retry does not help."""
 
     kind = pb.ERROR_KIND_INVALID
 
 
 class Unavailable(HeliosError):
-    """Nobody could answer; try again later."""
+    """No service can answer now; retry later."""
 
     kind = pb.ERROR_KIND_UNAVAILABLE
 
 
 class DeadlineExceeded(HeliosError):
-    """No answer came within the deadline."""
+    """No response arrived within the deadline."""
 
     kind = pb.ERROR_KIND_TIMEOUT
 
 
 class Conflict(HeliosError):
-    """Refused because of the present state (lease, epoch, context, stop)."""
+    """The request is refused in the present state (lease, epoch, context, stop)."""
 
     kind = pb.ERROR_KIND_CONFLICT
 
@@ -63,12 +63,12 @@ _BY_KIND: dict[int, type[HeliosError]] = {
 
 
 def error_to_proto(error: Exception) -> pb.Error:
-    """The wire form of any exception; what is not a HeliosError is internal."""
+    """Message of any exception; one that is no HeliosError becomes an internal error."""
     if isinstance(error, HeliosError):
         return pb.Error(kind=error.kind, message=error.message)
     return pb.Error(kind=pb.ERROR_KIND_INTERNAL, message=f"{type(error).__name__}: {error}")
 
 
 def error_from_proto(error: pb.Error) -> HeliosError:
-    """The exception that a wire error stands for."""
+    """Exception of an error message."""
     return _BY_KIND.get(error.kind, Internal)(error.message)

@@ -1,4 +1,4 @@
-"""Rigid transforms and the pinhole camera. Frames and units: `docs/reference/frames-and-units.md`.
+"""Rigid transforms and the pinhole camera; see `docs/reference/frames-and-units.md`.
 
 World: z up, metres, floor at z = 0. Base: x forward, y left. Camera: OpenCV (x right, y down,
 z forward). `T_a_b` is a 4x4 matrix that maps points of b to a.
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
 
-# Camera axes (OpenCV) seen from a body frame with x forward, y left, z up.
+# Rotation from camera axes (OpenCV) to a body frame with x forward, y left, z up.
 R_BODY_CAM: Matrix = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
-STRAIGHT_DOWN = 1e-3  # below this share of horizontal, the optical axis has no heading
+STRAIGHT_DOWN = 1e-3  # least horizontal part of an optical axis that has a heading
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """Intrinsics in pixels; pixel (u, v) is the ray ((u - cx) / fx, (v - cy) / fy, 1)."""
+    """Intrinsics in pixels; pixel (u, v) has the ray ((u - cx) / fx, (v - cy) / fy, 1)."""
 
     fx: float
     fy: float
@@ -38,18 +38,17 @@ class Pinhole:
 
     @property
     def hfov_rad(self) -> float:
-        """Angle between the rays of the left and the right edge; the principal point is taken to
-        be in the middle."""
+        """Horizontal field of view, if the principal point is in the middle."""
         return 2.0 * math.atan(self.width / (2.0 * self.fx))
 
     @property
     def vfov_rad(self) -> float:
-        """The same between the upper and the lower edge."""
+        """Vertical field of view, if the principal point is in the middle."""
         return 2.0 * math.atan(self.height / (2.0 * self.fy))
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same angle in (-pi, pi]."""
+    """Equivalent angle in (-pi, pi]."""
     return -((-angle_rad + math.pi) % (2.0 * math.pi) - math.pi)
 
 
@@ -68,7 +67,7 @@ def yaw_of(T_world_base: Matrix) -> float:
 
 
 def invert(T_a_b: Matrix) -> Matrix:
-    """T_b_a of a rigid transform, exactly rigid."""
+    """Inverse T_b_a of a rigid transform; the result is exactly rigid."""
     out = np.eye(4)
     out[:3, :3] = T_a_b[:3, :3].T
     out[:3, 3] = -T_a_b[:3, :3].T @ T_a_b[:3, 3]
@@ -88,14 +87,14 @@ def camera_on_base(
 
 
 def tilt_of(T_world_cam: Matrix) -> float:
-    """How far down the optical axis points, radians."""
+    """Angle of the optical axis below the horizontal, radians."""
     return math.asin(min(max(-float(T_world_cam[2, 2]), -1.0), 1.0))
 
 
 def base_below_camera(T_world_cam: Matrix) -> Matrix:
-    """T_world_base [4, 4]: the camera's place on the floor, heading where the camera looks.
+    """T_world_base [4, 4] on the floor below the camera, with the camera's heading.
 
-    A camera that looks straight up or down heads where the top of its image points.
+    If the camera looks straight up or down, the top of its image gives the heading.
     """
     ahead = T_world_cam[:2, 2]  # the optical axis on the ground
     if np.hypot(*ahead) < STRAIGHT_DOWN:
@@ -105,7 +104,7 @@ def base_below_camera(T_world_cam: Matrix) -> Matrix:
 
 
 def is_rigid(T_a_b: Matrix, tolerance: float = 1e-3) -> bool:
-    """Whether the matrix is finite, [4, 4], a right-handed rotation over the row 0 0 0 1."""
+    """True if the matrix is finite, [4, 4], with a right-handed rotation and last row 0 0 0 1."""
     if T_a_b.shape != (4, 4) or not np.isfinite(T_a_b).all():
         return False
     if np.abs(T_a_b[3] - [0.0, 0.0, 0.0, 1.0]).max() >= tolerance:
@@ -115,7 +114,7 @@ def is_rigid(T_a_b: Matrix, tolerance: float = 1e-3) -> bool:
 
 
 def lift_pixels(depth_m: NDArray[np.float32], camera: Pinhole, T_world_cam: Matrix) -> Matrix:
-    """World points [h, w, 3] in metres seen by each pixel; NaN where depth is 0."""
+    """World points [h, w, 3] (m) seen by each pixel; NaN where depth is 0."""
     v, u = np.mgrid[0 : depth_m.shape[0], 0 : depth_m.shape[1]]
     z = np.where(depth_m > 0, depth_m.astype(np.float64), np.nan)
     points_cam = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
@@ -127,7 +126,7 @@ def project(
 ) -> tuple[Matrix, NDArray[np.float64]]:
     """Pixels [n, 2] and depth along the optical axis [n] of world points [n, 3].
 
-    Points behind the camera have a depth of 0 or less; their pixels mean nothing.
+    Points behind the camera have a depth of 0 or less; their pixels are meaningless.
     """
     p = (points_world_m - T_world_cam[:3, 3]) @ T_world_cam[:3, :3]
     z = p[:, 2]

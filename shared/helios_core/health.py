@@ -1,4 +1,4 @@
-"""What a service says of itself: its state, the reason, its figures."""
+"""Health of a service: state, reason and metrics."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ HealthState = Literal["starting", "waiting", "ready", "degraded", "stopping"]
 
 
 def is_health_state(text: str) -> TypeGuard[HealthState]:
-    """Whether a text is a state that a service may say of itself."""
+    """True if the text names a health state."""
     return text in get_args(HealthState)
 
 
 class Health:
-    """Thread-safe. Begins as starting."""
+    """Health state and metrics of one service; initially "starting". Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -37,33 +37,33 @@ class Health:
         self._set("ready", note)
 
     def waiting(self, reason: str) -> None:
-        """Not ready, through no fault: says for what it waits."""
+        """Set state waiting: not ready, without a fault. `reason` names the missing condition."""
         self._set("waiting", reason)
 
     def degraded(self, reason: str) -> None:
-        """Running, but something is wrong that a person should mend."""
+        """Set state degraded: running with a fault that an operator should repair."""
         self._set("degraded", reason)
 
     def stopping(self) -> None:
-        """It was asked to end; nothing that is said later changes that."""
+        """Set state stopping, after a request to end. Later state changes are ignored."""
         self._set("stopping", "stopping", last=True)
 
     def failed(self, reason: str) -> None:
-        """It ends because of this; nothing that is said later changes that."""
+        """Set state degraded: the service ends for this reason. Later changes are ignored."""
         self._set("degraded", reason, last=True)
 
     def count(self, name: str, by: float = 1) -> None:
-        """Raise a counter."""
+        """Increase a counter."""
         with self._lock:
             self._counters[name] = self._counters.get(name, 0) + by
 
     def set(self, name: str, value: float) -> None:
-        """A figure as it is now."""
+        """Set a metric to its present value."""
         with self._lock:
             self._counters[name] = value
 
     def sample(self, name: str, value: float) -> None:
-        """A figure of which the median over the last 256 is published as `<name>_median`."""
+        """Add a sample; `<name>_median` publishes the median of the last 256."""
         with self._lock:
             self._samples.setdefault(name, deque(maxlen=256)).append(value)
 

@@ -1,4 +1,4 @@
-"""The parts of the maps that answer keyframes, and which of them have answered which."""
+"""Map parts that acknowledge keyframes, and a record of the acknowledgements received."""
 
 from __future__ import annotations
 
@@ -11,53 +11,53 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.types import FrameId
 
-LOOKS_S = 0.2  # whether whoever waits is ending
+LOOKS_S = 0.2  # period at which `KeyframeAcks.wait` checks its `ending` event
 
 
 class MapPart(StrEnum):
-    """What answers every keyframe, as `Ack.part` spells it."""
+    """Map part that acknowledges keyframes; the value is its `Ack.part`."""
 
-    OCCUPANCY = "occupancy"  # whether or not anything is looked for
+    OCCUPANCY = "occupancy"  # also without a search context
     VALUE = "value"
     OBJECTS = "objects"
 
     @property
     def service(self) -> str:
-        """The one that answers."""
+        """Service that this part belongs to."""
         return "objectmap" if self is MapPart.OBJECTS else "map2d"
 
 
-FROM_DETECTIONS = frozenset({MapPart.VALUE, MapPart.OBJECTS})  # made of what the detector found
+FROM_DETECTIONS = frozenset({MapPart.VALUE, MapPart.OBJECTS})  # parts that need an Observation
 
 
 def full_names(parts: Iterable[MapPart]) -> frozenset[str]:
-    """With the service that answers: `map2d/occupancy`."""
+    """Names of parts with their service, such as `map2d/occupancy`."""
     return frozenset(f"{part.service}/{part}" for part in parts)
 
 
 def full_name_of(ack: pb.Ack) -> str:
-    """As `full_names` spells it."""
+    """Name of an acknowledgement's part, in the form of `full_names`."""
     return f"{ack.service}/{ack.part}"
 
 
 class KeyframeAcks:
-    """Fed with every Ack, asked by who waits for some; thread-safe. Remembers the newest frames."""
+    """Acknowledgements of the newest frames. Receives every Ack; thread-safe."""
 
     def __init__(
         self, part: Callable[[pb.Ack], str] = lambda ack: ack.part, remembered: int = 64
     ) -> None:
-        """part: what an answer is known by; remembered: so many frames."""
+        """part: key of an acknowledgement; remembered: number of frames to store."""
         self._part, self._remembered = part, remembered
         self._changed = threading.Condition()
         self._answers: dict[FrameId, dict[str, pb.Ack]] = {}
-        self.ended = False  # nobody waits any more
+        self.ended = False  # no wait blocks any more
 
     def add(self, ack: pb.Ack) -> None:
-        """An answer of its own part."""
+        """Record an acknowledgement for its own part."""
         self._add(ack, {self._part(ack): ack})
 
     def add_for(self, ack: pb.Ack, parts: Collection[str]) -> None:
-        """An answer that stands for those of `parts` that have not answered, and now cannot."""
+        """Record an acknowledgement for those of `parts` that have sent none and now cannot."""
         with self._changed:
             known = self._answers.get(frame_id_from_proto(ack.id), {})
             self._add(ack, {part: ack for part in parts if part not in known})
@@ -70,13 +70,13 @@ class KeyframeAcks:
             self._changed.notify_all()
 
     def end(self) -> None:
-        """End every wait, now and later."""
+        """End all present and future waits."""
         with self._changed:
             self.ended = True
             self._changed.notify_all()
 
     def answers(self, id: FrameId) -> dict[str, pb.Ack]:
-        """What came so far by part, in the order of its coming."""
+        """Acknowledgements of a frame received so far, by part, in order of arrival."""
         with self._changed:
             return dict(self._answers.get(id, {}))
 
@@ -87,7 +87,10 @@ class KeyframeAcks:
         timeout_s: float,
         ending: threading.Event | None = None,
     ) -> list[str]:
-        """Those of `parts` that have not answered when all have, the time is over, or it ends."""
+        """Wait until all `parts` have acknowledged a frame. Returns the parts that have not.
+
+        The wait also ends at the timeout, at `end`, or when `ending` is set.
+        """
         deadline = time.monotonic() + timeout_s
         with self._changed:
             while True:

@@ -1,9 +1,9 @@
-"""Latest-wins topics over Zenoh: the newest message reaches every reader in the end.
+"""Delivery of latest-wins topics over Zenoh: the newest message eventually reaches every reader.
 
-BLOCK_FIRST lets one message wait on each link, at the sender's and at the router's, and drops those
-that come while it waits. So the newest may be dropped and an older one delivered. Therefore the
-sender repeats its newest message while no newer one follows, and readers leave out what they have
-had. A repetition that is dropped costs nobody anything; sender and other readers never wait.
+BLOCK_FIRST lets one message wait on each link, at the sender and at the router, and drops messages
+that arrive meanwhile. It may thus drop the newest message and deliver an older one. So the sender
+repeats its newest message until a newer one follows, and readers skip messages that they have
+received. The sender and other readers never block.
 """
 
 from __future__ import annotations
@@ -21,49 +21,49 @@ import zenoh
 
 log = logging.getLogger(__name__)
 
-# Seconds between repetitions. Together longer than the 5 s after which Zenoh sends a message that
-# waits or closes its link: then the last repetition finds room.
+# Seconds between repetitions. Their sum exceeds the 5 s after which Zenoh either sends a waiting
+# message or closes the link, so the last repetition gets through.
 PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)
-REMEMBERED = 64  # sources of which a reader knows what it has had
+REMEMBERED = 64  # number of sources whose newest message number a reader stores
 
 
 class Put(Protocol):
-    """As `zenoh.Publisher.put`."""
+    """Signature of `zenoh.Publisher.put`."""
 
     def __call__(self, payload: bytes, *, attachment: str) -> None: ...
 
 
 @dataclass
 class _Newest:
-    """Of one topic. `turn` is held while it is sent, so that no repetition overtakes a newer
-    message."""
+    """Newest message of one topic. `turn` is held while it is sent, so that a repetition cannot
+    overtake a newer message."""
 
     put: Put
     turn: threading.Lock = field(default_factory=threading.Lock)
     number: int = 0
     data: bytes = b""
     repeated: int = 0
-    due_s: float | None = None  # when it is repeated; None: no more
+    due_s: float | None = None  # time of the next repetition; None: no further one
 
 
 class Repeater:
-    """Sends messages of latest-wins topics, and repeats the newest of each. Thread-safe."""
+    """Sender of latest-wins topics that repeats the newest message of each. Thread-safe."""
 
     def __init__(
         self, start_thread: Callable[[str, Callable[[], None]], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
-        """start_thread: runs a job of that name until `close`; called with the first message.
-        clock: seconds that only grow."""
+        """start_thread: runs a named job until `close`; called at the first message.
+        clock: monotonic seconds."""
         self._start_thread, self._clock = start_thread, clock
         self._source = uuid.uuid4().hex[:16]
-        self._changed = threading.Condition()  # guards the three below
+        self._changed = threading.Condition()  # guards the next three attributes
         self._topics: dict[str, _Newest] = {}
         self._running = False
         self._closed = False
 
     def send(self, topic: str, put: Put, data: bytes) -> None:
-        """Send by `put`, of the topic's publisher. Raises what it raises."""
+        """Send a message with the topic's `put`. Raises the exceptions of `put`."""
         with self._changed:
             newest = self._topics.setdefault(topic, _Newest(put))
         with newest.turn:
@@ -84,20 +84,20 @@ class Repeater:
             self._changed.notify_all()
 
     def repeat_due(self) -> None:
-        """Send again what is due."""
+        """Repeat all messages that are due."""
         with self._changed:
             due = [n for n in self._topics.values() if self._is_due(n)]
         for newest in due:
             with newest.turn:
-                if self._is_due(newest):  # else a newer one was sent meanwhile
+                if self._is_due(newest):  # False if a newer message was sent meanwhile
                     self._repeat(newest)
 
     def _repeat(self, newest: _Newest) -> None:
         try:
             newest.put(newest.data, attachment=f"{self._source}/{newest.number}")
-        except zenoh.ZError as error:  # the router is away, or the bus closes
+        except zenoh.ZError as error:  # the router is down, or the bus is closing
             log.debug("a message could not be repeated: %s", error)
-        except Exception:  # the other topics' messages are repeated all the same
+        except Exception:  # the repetitions of other topics must go on
             log.exception("a message of %d bytes could not be repeated", len(newest.data))
         newest.repeated += 1
         if newest.repeated < len(PAUSES_S):
@@ -121,14 +121,14 @@ class Repeater:
 
 
 class Unseen:
-    """What one reader has had of each source. For one thread."""
+    """Filter of repeated messages for one reader. Not thread-safe."""
 
     def __init__(self) -> None:
         self._newest: OrderedDict[bytes, int] = OrderedDict()
 
     def take(self, attachment: bytes | None) -> bool:
-        """Whether a message with this attachment is to be read: it is newer than those before of
-        its source, or does not tell its `source/number`."""
+        """True if the message with this attachment is new: its number is higher than all before
+        from its source, or the attachment has no `source/number`."""
         source, _, digits = (attachment or b"").partition(b"/")
         if not digits.isdigit() or len(digits) > 18:
             return True

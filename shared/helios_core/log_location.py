@@ -1,4 +1,4 @@
-"""Where the log of this process is."""
+"""Location of this process's log."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def log_place() -> str:
-    """The file that standard error goes to, where the system can tell it; else what it is."""
+    """Path of the file that standard error goes to; "its log" if the system cannot tell it."""
     try:
         number = sys.stderr.fileno()
         path = Path(f"/proc/self/fd/{number}").readlink()

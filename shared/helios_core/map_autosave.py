@@ -1,6 +1,6 @@
-"""A service's map on disk: written while it changes, read when the service starts again.
+"""Periodic saving of a service's map to disk, and its recovery at the next start.
 
-A file that cannot be read is put aside under another name.
+An unreadable file is renamed.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from helios_core.atomic_file import remove_temporaries, write_file
 
 log = logging.getLogger(__name__)
 
-CLOSE_WITHIN_S = 1.0  # of a write that is under way
+CLOSE_WITHIN_S = 1.0  # longest wait at `close` for a write in progress
 
-# The version that is on the disk -> the present one and its file, or None where nothing is newer.
+# Version on the disk -> (present version, file content), or None if there is nothing newer.
 Newer = Callable[[int], tuple[int, bytes] | None]
 
 
 def of_another_world(written: str) -> str:
-    """What there is to say of a kept map that the robot's start or jump has put aside."""
+    """Health note for a saved map that is unused because the robot is in another world."""
     return (
         f"the map that was kept at {written} is of another world and is not used: the robot "
         "restarted, or its poses jumped, and its driver names no origin (origin_id) that is "
@@ -33,20 +33,22 @@ def of_another_world(written: str) -> str:
 
 @dataclass(frozen=True)
 class Kept:
-    """A file of an earlier process."""
+    """Map file saved by an earlier process."""
 
     data: bytes
-    written: str  # when, in local time: "2026-11-23 14:03:22"
+    written: str  # local time of writing: "2026-11-23 14:03:22"
 
 
 class KeptFile:
-    """Writes what `newer` gives every `period_s`, in a thread of its own, from `start` to `close`.
-    A disk that refuses is told of, and tried again the next time."""
+    """Map file that a thread rewrites every `period_s` between `start` and `close`.
+
+    `newer` supplies the content. After a disk error the next period retries.
+    """
 
     def __init__(
         self, path: Path, period_s: float, newer: Newer, troubled: Callable[[str], None]
     ) -> None:
-        """troubled: told why the file cannot be written, or "" once it can."""
+        """troubled: called with the reason of a failed write, and with "" once a write succeeds."""
         self._path, self._period_s = path, period_s
         self._newer, self._troubled = newer, troubled
         self._version = 0
@@ -55,7 +57,7 @@ class KeptFile:
         self._thread = threading.Thread(target=self._run, name=f"keep {path.name}", daemon=True)
 
     def found(self) -> Kept | None:
-        """The file of an earlier process; None where there is none. Raises OSError."""
+        """File of an earlier process; None if there is none. Raises OSError."""
         remove_temporaries(self._path)
         try:
             written_s = self._path.stat().st_mtime
@@ -65,7 +67,7 @@ class KeptFile:
             return None
 
     def put_aside(self) -> str:
-        """Move a file that cannot be used out of the way; what became of it, in words."""
+        """Rename an unusable file. Returns a phrase with its new location, for messages."""
         n = 1
         while (aside := self._path.with_name(f"{self._path.name}.refused-{n}")).exists():
             n += 1
@@ -79,14 +81,14 @@ class KeptFile:
         self._thread.start()
 
     def write(self) -> bool:
-        """Write now if there is something newer; whether it was written."""
+        """Write the present version if it is newer. Returns True if it was written."""
         with self._turn:
             try:
                 newer = self._newer(self._version)
                 if newer is None:
                     return False
                 self._replace(newer[1])
-            except Exception as error:  # of the disk, or of memory: the map goes on without
+            except Exception as error:  # disk or memory: the service continues without saving
                 known = isinstance(error, OSError)
                 log.error("%s cannot be written: %s", self._path, error, exc_info=not known)
                 self._troubled(
@@ -100,7 +102,7 @@ class KeptFile:
         return True
 
     def forget(self) -> None:
-        """Remove the file: a map that was forgotten on purpose does not come back."""
+        """Remove the file, so that a map reset on request does not return at the next start."""
         with self._turn:
             self._version = 0
             try:
@@ -109,7 +111,7 @@ class KeptFile:
                 self._troubled(f"the kept map {self._path} cannot be removed: {error.strerror}")
 
     def close(self) -> None:
-        """Write a last time and end."""
+        """Write a last time and end the thread."""
         self._stopped.set()
         if self._thread.ident is not None:
             self._thread.join(CLOSE_WITHIN_S)

@@ -1,9 +1,9 @@
-"""A viewer's copy of the 2D map: the whole once, in chunks, and then only what changed.
+"""A viewer's copy of the 2D map: first the whole map in chunks, then only the changes.
 
-mirror = MapMirror()
-while mirror.apply(bus.call(MAP_CHANGES, mirror.request(), 5)):
-    pass  # until it is up to date; again whenever there is news (MAP2D_ACK)
-mirror.occupancy()
+replica = MapReplica()
+while replica.apply(bus.call(MAP_CHANGES, replica.request(), 5)):
+    pass  # until up to date; repeat after each MAP2D_ACK
+replica.occupancy()
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ Place = tuple[int, int]  # row, column of a tile
 
 @dataclass(frozen=True)
 class Piece:
-    """Arrays of one tile [n, n], row y upwards, column x; heights in metres, 0 without obstacle."""
+    """Arrays [n, n] of one tile: rows along y upwards, columns along x; heights in metres, 0
+    without an obstacle."""
 
     occupancy: NDArray[np.int8]
     searched: NDArray[np.bool_]
@@ -33,7 +34,8 @@ class Piece:
 
 
 class MapReplica:
-    """Holds tiles by place. `version`, `frontiers`, `robot` are those of the last full update."""
+    """Tiles of the map by place. `version`, `frontiers` and `robot` belong to the last complete
+    update."""
 
     def __init__(self, *, layers: bool = False, tiles_at_once: int = 0) -> None:
         self.map_id = ""
@@ -49,17 +51,17 @@ class MapReplica:
         self._next = pb.MapCursor()
 
     def request(self) -> pb.MapChangesRequest:
-        """What to ask for next."""
+        """Next request for changes."""
         return pb.MapChangesRequest(
             map_id=self.map_id, after=self._next, most_tiles=self._at_once, layers=self._layers
         )
 
     def apply(self, changes: pb.MapChanges) -> bool:
-        """Take a reply to `request`; whether there is more to ask for.
+        """Apply the reply to `request`. Returns True if further changes are pending.
 
-        Raises InvalidInput when a tile is damaged.
+        Raises InvalidInput for a damaged tile.
         """
-        if changes.tile_cells == 0:  # there is no map yet
+        if changes.tile_cells == 0:  # no map yet
             return False
         if changes.tile_cells > MOST_TILE_CELLS:
             raise InvalidInput(f"tiles of {changes.tile_cells} cells are too large")
@@ -87,7 +89,7 @@ class MapReplica:
         return changes.more
 
     def occupancy(self) -> tuple[NDArray[np.int8], tuple[float, float]]:
-        """The tiles as one array [rows, columns], and the world x, y of its lower-left corner."""
+        """Occupancy [rows, columns] of all tiles, and world x, y (m) of its lower-left corner."""
         n = self.tile_cells
         if not self.pieces:
             return np.zeros((0, 0), np.int8), (0.0, 0.0)

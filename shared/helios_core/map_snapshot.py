@@ -1,7 +1,7 @@
-"""The 2D map as it travels (`MapSnapshot`), decoded into arrays.
+"""Decoding of the 2D map message (`MapSnapshot`) into arrays.
 
-Every array is `[rows, columns]`: row along world y, column along world x, cell [0, 0] at
-`origin_m`. On the wire each is zlib-compressed, in row order, little-endian.
+Every array is `[rows, columns]`: rows along world y, columns along world x, cell [0, 0] at
+`origin_m`. In the message each is zlib-compressed, in row order, little-endian.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from helios_core.errors import InvalidInput
 from helios_core.types import FrameId
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
-MAX_CELLS = 64_000_000  # a map above this is refused before it is unpacked
+MAX_CELLS = 64_000_000  # a larger map is refused before it is unpacked
 
 
 @dataclass(frozen=True)
 class MapView:
-    """One version of the map, cut to the box of what is known. Arrays are read-only."""
+    """One version of the map, over the box of known cells. Arrays are read-only."""
 
     version: int
     frame_id: FrameId
@@ -33,15 +33,15 @@ class MapView:
     origin_m: tuple[float, float]  # world x, y of the corner of cell [0, 0]
     occupancy: NDArray[np.int8]  # [rows, columns] UNKNOWN, FREE or OCCUPIED
     explored: NDArray[np.bool_]  # [rows, columns] seen since the search began
-    top_m: NDArray[np.float32]  # [rows, columns] highest obstacle, 0 where there is none
+    top_m: NDArray[np.float32]  # [rows, columns] highest obstacle, 0 without one
     values: Mapping[str, NDArray[np.float32]]  # layer -> [rows, columns]
     frontiers: tuple[pb.Frontier, ...]
     robot_pose: tuple[float, float, float]  # x (m), y (m), yaw (rad) in the world
     trajectory_m: NDArray[np.float32]  # [n, 2]
     explored_m2: float
     occupied_m2: float
-    trajectory_starts: tuple[int, ...] = ()  # points that no line leads to from the one before
-    map_id: str = ""  # another one than before: a new map has begun
+    trajectory_starts: tuple[int, ...] = ()  # indices of points that begin a separate piece
+    map_id: str = ""  # a different id: a new map has begun
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -51,7 +51,7 @@ class MapView:
 
 
 def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
-    """Raises InvalidInput when an array does not hold what its size says, or is corrupt."""
+    """MapView of a message. Raises InvalidInput if an array is corrupt or has the wrong size."""
     shape = (snapshot.height, snapshot.width)
     good = math.isfinite(snapshot.cell_m) and snapshot.cell_m > 0
     if shape[0] * shape[1] > MAX_CELLS or (not good and shape[0] * shape[1] > 0):
@@ -87,13 +87,16 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
 
 
 def _unpacked(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
-    """An absent array is all zeros."""
+    """Array of the map; zeros where the message has none."""
     return inflated(data, dtype, shape, f"{what} of the map") if data else np.zeros(shape, dtype)
 
 
 def inflated(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
-    """The array of `shape` that was zlib-compressed in row order; read-only. Never unpacks more
-    than the shape allows. Raises InvalidInput, with its name `what`, when it is anything else."""
+    """Read-only array of `shape` from zlib-compressed data in row order.
+
+    Never unpacks more than the shape needs. Raises InvalidInput, which names the array `what`, for
+    any other data.
+    """
     wanted = shape[0] * shape[1] * np.dtype(dtype).itemsize
     try:
         raw = zlib.decompressobj().decompress(data, wanted + 1)

@@ -1,7 +1,7 @@
-"""A bus within one process: synchronous, deterministic, still serialising every message.
+"""Bus within one process: synchronous and deterministic; it still serialises every message.
 
-A message is delivered before `publish` returns, to subscribers in the order in which they
-subscribed. So a step of lockstep is over when the frame's `publish` is.
+`publish` delivers a message to the subscribers in the order of subscription before it returns. In
+lockstep, a step is therefore complete when the `publish` of its frame returns.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class MemoryHub:
-    """What the buses of one process meet at; one hub is one network."""
+    """State that the buses of one process share; one hub is one network."""
 
     lock: threading.RLock = field(default_factory=threading.RLock)
     subscribers: list[_Subscriber] = field(default_factory=list)
@@ -99,7 +99,7 @@ class MemoryBus(Bus):
             subscriber.deliver(data)
 
         def undo() -> None:
-            with self._hub.lock:  # else a `publish` on another thread skips the one behind it
+            with self._hub.lock:  # else a concurrent `publish` skips the next subscriber
                 self._hub.subscribers.remove(subscriber)
 
         return self._mine.keep(undo)
@@ -118,7 +118,7 @@ class MemoryBus(Bus):
         return self._mine.keep(undo)
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
-        """As every bus; the handler runs on this thread, so lateness is noticed at its end."""
+        """Call a method; the handler runs on this thread, so its timeout is checked at its end."""
         self._check_open()
         server = self._hub.servers.get(method.key(self.robot))
         if server is None:

@@ -1,4 +1,4 @@
-"""Names: whether words name a class, and what a robot can be called."""
+"""Matching of class names in text, and the rules for robot names."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from collections.abc import Iterable, Sequence
 
 from helios_core.errors import InvalidInput
 
-NEAR = 0.68  # share of letters, in order, that names have in common which are taken for each other
-NO_PART_OF_A_NAME = "/*$#?, \t\n"  # of a robot: they have a meaning in keys, or between names
+NEAR = 0.68  # least similarity ratio (difflib) of a suggested name
+NO_PART_OF_A_NAME = "/*$#?, \t\n"  # characters with a meaning in keys or in lists of robots
 
 
 def plain(text: str) -> str:
-    """A name as it is compared: in small letters, with single spaces, also for _ and -."""
+    """Name in the form used for comparison: lower case, single spaces in place of _ and -."""
     return " ".join(re.sub(r"[_-]", " ", text).casefold().split())
 
 
 def names(words: str, class_name: str) -> bool:
-    """Whether the words name this class: "the red mugs" does name mug."""
+    """True if the words contain the class name, in singular or plural: "the red mugs" name mug."""
     wanted = re.escape(plain(class_name))
     return bool(wanted) and re.search(rf"\b{wanted}(?:e?s)?\b", plain(words)) is not None
 
 
 def is_named(words: str, class_name: str) -> bool:
-    """Whether the words are this class's name, in any case, with spaces or underscores, one or
-    many: "Coffee_Tables" is coffee table, "red mug" is no mug."""
+    """True if the words are the class name itself, in any case, with spaces or underscores, in
+    singular or plural: "Coffee_Tables" is coffee table, "red mug" is not mug."""
     wanted, said = plain(class_name), plain(words)
     return bool(wanted) and said in (wanted, f"{wanted}s", f"{wanted}es")
 
 
 def same_name(said: str, known: Iterable[str]) -> str | None:
-    """The known name that was said, in any case, with spaces, underscores or hyphens."""
+    """Known name equal to `said` up to case, spaces, underscores and hyphens; None if none is."""
     names = list(known)
     if said in names:
         return said
@@ -39,7 +39,7 @@ def same_name(said: str, known: Iterable[str]) -> str | None:
 
 
 def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
-    """Known names most like `name`: by letters, then by shared words."""
+    """Known names most similar to `name`: first by letters, then by shared words."""
     words = set(name.split())
     sharing = [k for k in known if words & set(k.replace("_", " ").split())]
     like = difflib.get_close_matches(name, known, n=count, cutoff=NEAR)
@@ -47,7 +47,7 @@ def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
 
 
 def robot_name(name: str) -> str:
-    """The name itself. Raises InvalidInput where no robot can be called so."""
+    """The name itself. Raises InvalidInput if it is not allowed for a robot."""
     if not name or name.startswith("_") or any(c in NO_PART_OF_A_NAME for c in name):
         raise InvalidInput(
             f"no robot can be called {name[:80]!r}: wanted a word without any of / * $ # ? that "
@@ -57,6 +57,6 @@ def robot_name(name: str) -> str:
 
 
 def robot_names(text: str) -> tuple[str, ...]:
-    """Names by comma, each once. Raises InvalidInput like `robot_name`."""
+    """Robot names of a comma-separated list, each once. Raises InvalidInput like `robot_name`."""
     names = (part.strip() for part in text.split(","))
     return tuple(dict.fromkeys(robot_name(name) for name in names if name))

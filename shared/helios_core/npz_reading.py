@@ -1,4 +1,4 @@
-"""NPZ files that come from outside: how much one holds is asked before any of it is unpacked."""
+"""Reading of external NPZ files, with a check of their unpacked size before unpacking."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from helios_core.errors import InvalidInput
 
-# 64 million cells of a 2D map with two value layers, or a million Gaussians with 32 classes.
+# Enough for 64 million cells with two value layers, or a million Gaussians with 32 classes.
 MOST_BYTES = 2 * 2**30
 
 
 def unpacked(data: bytes, most_bytes: int = MOST_BYTES) -> dict[str, NDArray]:
-    """The arrays of an NPZ by name.
+    """Arrays of an NPZ by name.
 
-    Raises InvalidInput, and unpacks nothing, for one that holds more than `most_bytes` and more
-    than the file has itself, or that is packed otherwise than by numpy. A file that is damaged or
-    no NPZ raises what the readers of ZIP and of arrays think of it.
+    Raises InvalidInput without unpacking if the content exceeds both `most_bytes` and the size of
+    the file, or if the compression is not one of numpy's. A damaged file, or one that is no NPZ,
+    raises the exceptions of zipfile and numpy.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as file:
         members = file.infolist()
@@ -30,7 +30,7 @@ def unpacked(data: bytes, most_bytes: int = MOST_BYTES) -> dict[str, NDArray]:
             f"the file has {len(data)} bytes and unpacks to {holds}, wanted at most {most_bytes}: "
             "give a file that HELIOS saved, or a smaller map"
         )
-    # Of these two no more is read than a member's size says; of others a whole block is.
+    # With these two methods zipfile reads no more than a member's size; with others, whole blocks.
     if any(m.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for m in members):
         raise InvalidInput(
             "the file is packed otherwise than numpy packs: write it anew with numpy.savez, or "

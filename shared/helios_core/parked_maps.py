@@ -1,7 +1,6 @@
-"""Maps of worlds that the robot has left, kept in case it comes back, and the worlds that are over.
+"""Storage of the maps of worlds that the robot has left, and a list of those worlds.
 
-A world is what poses live in (`WorldId`). Each map service decides when a map is parked and when it
-comes back; here is the record of both.
+`WorldId` identifies a world. Each map service decides when to park a map and when to take it back.
 """
 
 from __future__ import annotations
@@ -12,30 +11,31 @@ from typing import Generic, TypeVar
 from helios_core.types import WorldId
 
 MOST_PARKED = 2
-MOST_REMEMBERED = 256  # worlds that are over; of most of them the map is gone
+MOST_REMEMBERED = 256  # worlds marked as over; most of their maps are no longer stored
 
 Map = TypeVar("Map")
 
 
 class ParkedMaps(Generic[Map]):
-    """The newest few, oldest first."""
+    """The newest few parked maps, oldest first, and the worlds that are over."""
 
     def __init__(self, most: int = MOST_PARKED) -> None:
         self._maps: deque[tuple[WorldId, Map]] = deque(maxlen=most)
         self._over: deque[WorldId] = deque(maxlen=MOST_REMEMBERED)
 
     def park(self, world: WorldId, map: Map) -> None:
-        """Keep the map of a world that is over now; the oldest one too many goes."""
+        """Store the map of a world and mark the world as over; drop the oldest map beyond the
+        limit."""
         self._maps.append((world, map))
         self._over.append(world)
 
     def put(self, world: WorldId, map: Map) -> None:
-        """Keep a map in place of one of the same world; whether that is over stays as it is."""
+        """Store a map in place of one of the same world; the world's mark does not change."""
         self._remove(world)
         self._maps.append((world, map))
 
     def take_back(self, world: WorldId) -> Map | None:
-        """The map of a world that is over no more; None where it was not kept."""
+        """Take a world's map out of the store and clear the world's mark; None without a map."""
         if world in self._over:
             self._over.remove(world)
         map = self.by_world().get(world)
@@ -43,22 +43,22 @@ class ParkedMaps(Generic[Map]):
         return map
 
     def is_over(self, world: WorldId) -> bool:
-        """Whether a world was left, and the robot has not come back to it."""
+        """True if the robot left the world and has not returned to it."""
         return world in self._over
 
     def world_of(self, map: Map) -> WorldId | None:
-        """The world of a parked map; None for one that is not parked."""
+        """World of a parked map; None if the map is not parked."""
         return next((world for world, parked in self._maps if parked is map), None)
 
     def by_world(self) -> dict[WorldId, Map]:
-        """Oldest first; of several maps of one world the oldest."""
+        """Parked maps by world, oldest first; the oldest map of each world."""
         first: dict[WorldId, Map] = {}
         for world, map in self._maps:
             first.setdefault(world, map)
         return first
 
     def clear(self) -> None:
-        """Forget the maps; the worlds that are over stay so."""
+        """Drop all maps; the marks of worlds that are over stay."""
         self._maps.clear()
 
     def _remove(self, world: WorldId) -> None:

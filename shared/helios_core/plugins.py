@@ -1,10 +1,10 @@
-"""Plug-ins: classes and functions of other packages, by `package:attribute` or by an entry point.
+"""Loading of plug-ins from other packages, by `package:attribute` or by entry point.
 
     package:Attribute            found on the module path or in the current folder
     package:Attribute:ARGUMENT   a detector or a scorer may take one argument
     NAME or NAME:ARGUMENT        an entry point of the kind's group, of an installed package
 
-What cannot be loaded is an InvalidInput whose sentence says which step failed and what to do.
+A plug-in that cannot be loaded raises InvalidInput; its text names the failed step and the remedy.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ T = TypeVar("T")
 class Kind:
     """One kind of plug-in."""
 
-    name: str  # as in sentences: "detector"
-    group: str  # of its entry points
+    name: str  # for messages: "detector"
+    group: str  # entry point group
 
     def entry_names(self) -> tuple[str, ...]:
-        """The entry points that installed packages offer, in the order of the alphabet."""
+        """Entry points of installed packages, in alphabetical order."""
         return tuple(sorted({entry.name for entry in entry_points(group=self.group)}))
 
 
@@ -49,20 +49,20 @@ KINDS = (DETECTORS, SCORERS, AGENTS, ROBOTS)
 
 @dataclass(frozen=True)
 class Named:
-    """What a setting names: an attribute of a module, and the argument behind it."""
+    """Plug-in named by a setting: an attribute of a module, and an argument."""
 
-    spec: str  # as it was given
+    spec: str  # text of the setting
     module: str
     attribute: str
     argument: str = ""
 
 
 def find(kind: Kind, spec: str) -> Named | None:
-    """The plug-in that a setting names; None for a plain name that no package offers."""
+    """Plug-in that a setting names; None for a plain name without an entry point."""
     first, colon, rest = spec.partition(":")
     attribute, _, argument = rest.partition(":")
     for entry in entry_points(group=kind.group, name=first):
-        if (entry.module, entry.attr) == (first, attribute):  # named in full
+        if (entry.module, entry.attr) == (first, attribute):  # full package:attribute
             break
         return Named(spec, entry.module, entry.attr, rest)
     if not colon:
@@ -71,10 +71,7 @@ def find(kind: Kind, spec: str) -> Named | None:
 
 
 def check_there(kind: Kind, spec: str) -> None:
-    """Whether the package of `package:attribute` is there; nothing of it is run.
-
-    Raises InvalidInput.
-    """
+    """Raise InvalidInput if the package of a plug-in does not exist; runs none of its code."""
     named = find(kind, spec)
     if named is None:
         raise InvalidInput(
@@ -89,7 +86,7 @@ def check_there(kind: Kind, spec: str) -> None:
 
 
 def load(kind: Kind, named: Named) -> Any:
-    """The attribute itself. Raises InvalidInput: the module cannot be imported, or lacks it."""
+    """The attribute itself. Raises InvalidInput if the module fails to import or lacks it."""
     _check_words(kind, named)
     _look_here()
     try:
@@ -98,7 +95,7 @@ def load(kind: Kind, named: Named) -> Any:
         if error.name and f"{named.module}.".startswith(f"{error.name}."):
             raise InvalidInput(_not_found(kind, named.spec, error.name)) from error
         raise InvalidInput(_not_imported(kind, named, error)) from error
-    except (Exception, SystemExit) as error:  # importing runs anybody's code
+    except (Exception, SystemExit) as error:  # an import runs foreign code
         log.error("%s %s: the import failed", kind.name, named.spec, exc_info=error)
         raise InvalidInput(_not_imported(kind, named, error)) from error
     if not hasattr(module, named.attribute):
@@ -112,9 +109,9 @@ def load(kind: Kind, named: Named) -> Any:
 
 
 def load_factory(kind: Kind, named: Named, base: type[T]) -> Callable[..., T]:
-    """The class of a plug-in, or the function that returns an instance; nothing of it is called.
+    """Class of a plug-in, or function that returns an instance; does not call it.
 
-    Raises InvalidInput: it cannot be imported, is of another type, or lacks methods.
+    Raises InvalidInput if it cannot be imported, has another type, or lacks methods.
     """
     factory = load(kind, named)
     if not callable(factory) or (isinstance(factory, type) and not issubclass(factory, base)):
@@ -139,12 +136,12 @@ def make(
     *,
     into: Callable[[object], str] = lambda made: "",
 ) -> T:
-    """An instance of a plug-in: of its class, or what its function returns.
+    """Instance of a plug-in, from its class or its function.
 
-    offered: what the constructor may ask for by the names of its parameters. One that has as many
-    parameters without a default, of other names, gets them all in this order. into: why an instance
-    is wrong all the same, in words; empty when it is right.
-    Raises InvalidInput for what cannot be made, and the HeliosErrors of the constructor.
+    offered: arguments that the constructor may take by parameter name. A constructor with exactly
+    as many required parameters, all with other names, gets all arguments in this order. into:
+    returns the reason if an instance is still not acceptable, else "".
+    Raises InvalidInput if the instance cannot be made, and the HeliosErrors of the constructor.
     """
     factory = load_factory(kind, named, base)
     try:
@@ -167,7 +164,7 @@ def make(
 
 
 def list_names(kind: Kind) -> str:
-    """The entry points of a kind, for the end of a sentence; empty where there are none."""
+    """Entry points of a kind, separated by commas; empty if there are none."""
     return ", ".join(kind.entry_names())
 
 
@@ -176,7 +173,7 @@ def _arguments(
 ) -> dict[str, Any]:
     try:
         parameters = inspect.signature(factory).parameters
-    except (TypeError, ValueError):  # of a class in C
+    except (TypeError, ValueError):  # a class implemented in C
         parameters = {}
     collecting = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     needed = [
@@ -205,7 +202,7 @@ def _class_of(base: type) -> str:
 
 
 def _look_here() -> None:
-    """Modules of the current folder can be imported, as they can in `python -m`."""
+    """Make modules of the current folder importable, as `python -m` does."""
     here = os.getcwd()
     if not {"", here} & set(sys.path):
         sys.path.append(here)
@@ -233,14 +230,14 @@ def _offered(kind: Kind) -> str:
 
 
 def _reason(error: BaseException) -> str:
-    """Its type and what it says, with the place where it is a slip in the text of a module."""
+    """Type and text of an exception; for a syntax error also file and line."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{type(error).__name__} in {error.filename}, line {error.lineno}: {error.msg}"
     return f"{type(error).__name__}: {error}"
 
 
 def described(value: object) -> str:
-    """What it is, in words."""
+    """Phrase that describes a value, for messages."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if inspect.ismodule(value):

@@ -1,4 +1,4 @@
-"""Text for people: from outside made safe to show, and numbers with their nouns."""
+"""Text for display: removal of control characters, and numbers with their nouns."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ _SHOWN = _CONTROL | _SPACES
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """The number with its noun: "1 step", "2 steps"; plural: where it is not noun + s."""
+    """Number with its noun: "1 step", "2 steps". plural: given if it is not noun + s."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def printable(text: str) -> str:
-    """The text on one line, without control characters (C0, DEL, C1).
+    """Text on one line, without control characters (C0, DEL, C1).
 
-    A tab, line feed or carriage return becomes a space, each other one U+FFFD.
+    Tabs, line feeds and carriage returns become spaces; the others become U+FFFD.
     """
     return text.translate(_SHOWN)

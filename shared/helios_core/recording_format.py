@@ -1,8 +1,8 @@
-"""What a recording is made of: the channels of an MCAP file, and a Frame taken apart and put back.
+"""Format of a recording: the channels of an MCAP file, and the splitting of a Frame into parts.
 
-The pixels of a Frame go into channels of Foxglove's own types, so that any viewer shows them; what
-is left of it, its head, goes into a channel of ours. Head and pixels carry the same log time, which
-no other message has. `join_frame` gives back the Frame, a keyframe to the last bit.
+The pixels of a Frame go into channels of Foxglove types, which any viewer shows; the rest of the
+Frame, its head, goes into a HELIOS channel. Head and pixels have the same log time, which no other
+message has. `join_frame` restores the Frame; a keyframe is restored bit by bit.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ CALIBRATION = "/camera/calibration"
 TRANSFORMS = "/tf"
 LOG = "/log"
 ANNOTATIONS = "/detector/annotations"
-MAPS = "/map/"  # what the robot believed; all channels of it begin so
+MAPS = "/map/"  # prefix of all channels with the robot's maps and plans
 OCCUPANCY = "/map/occupancy"  # foxglove.Grid
-VALUES = "/map/value/"  # and the layer's name; foxglove.Grid
+VALUES = "/map/value/"  # followed by the layer's name; foxglove.Grid
 OBSTACLES = "/map/obstacles"  # foxglove.PointCloud
-FRONTIERS = "/map/frontiers"  # foxglove.SceneUpdate, as what follows
+FRONTIERS = "/map/frontiers"  # foxglove.SceneUpdate, as the next four
 TRAJECTORY = "/map/trajectory"
 OBJECTS = "/map/objects"
 PLAN = "/map/plan"
@@ -46,7 +46,7 @@ PIXELS = frozenset({"raw_color", "compressed_color", "raw_depth", "compressed_de
 
 @dataclass(frozen=True)
 class FrameChannels:
-    """Where the parts of a Frame lie."""
+    """Channels of the parts of a Frame."""
 
     head: str
     color: str  # foxglove.CompressedImage
@@ -54,7 +54,7 @@ class FrameChannels:
 
 
 def channel_of(topic: Topic) -> str:
-    """The channel of a topic of ours; frames lie there without their pixels."""
+    """Channel of a HELIOS topic; it holds frames without their pixels."""
     return f"/{topic.name}"
 
 
@@ -66,16 +66,16 @@ STREAM_CHANNELS = FrameChannels(channel_of(FRAME), "/camera/color", "/camera/dep
 
 @dataclass(frozen=True)
 class FrameParts:
-    """A Frame taken apart."""
+    """Parts of a Frame."""
 
-    head: pb.Frame  # without pixels; sizes and encodings stay
+    head: pb.Frame  # without pixels, but with sizes and encodings
     color: CompressedImage
     depth: RawImage
 
 
 def split_frame(frame: pb.Frame, jpeg_quality: int | None) -> FrameParts:
-    """Take apart. Depth is kept to the last bit. So is colour where `jpeg_quality` is None, and
-    where it came compressed already. Raises InvalidInput when the images do not hold together."""
+    """Split a frame. Depth is lossless; so is colour if `jpeg_quality` is None or the frame has a
+    compressed image. Raises InvalidInput for inconsistent images."""
     head = head_of(frame)
     if frame.HasField("compressed_color"):
         color = frame.compressed_color
@@ -101,7 +101,7 @@ def split_frame(frame: pb.Frame, jpeg_quality: int | None) -> FrameParts:
 
 
 def join_frame(head: pb.Frame, color: CompressedImage, depth: RawImage) -> pb.Frame:
-    """Put together what `split_frame` took apart. Raises InvalidInput on a broken image."""
+    """Frame from the parts that `split_frame` made. Raises InvalidInput for a broken image."""
     out = pb.Frame()
     out.CopyFrom(head)
     if head.HasField("raw_color"):
@@ -122,7 +122,7 @@ def join_frame(head: pb.Frame, color: CompressedImage, depth: RawImage) -> pb.Fr
 
 
 def head_of(frame: pb.Frame) -> pb.Frame:
-    """A copy without pixels."""
+    """Copy of a frame without pixels."""
     out = pb.Frame()
     for field, value in frame.ListFields():
         if field.name in PIXELS:
@@ -151,7 +151,7 @@ def _without_data(image: RawImage) -> RawImage:
 
 
 def _stamped(image, frame: pb.Frame):
-    """A copy with the frame's stamp: a viewer needs one, our messages have it in the frame."""
+    """Copy of an image with the frame's stamp, which viewers need in the image itself."""
     out = type(image)()
     out.CopyFrom(image)
     out.timestamp.CopyFrom(frame.stamp)

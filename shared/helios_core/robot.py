@@ -1,9 +1,9 @@
-"""What a robot must offer: subclass `RobotDriver`, then `helios up --robot my_package:MyRobot`.
+"""Driver interface of a robot: subclass `RobotDriver`, then `helios up --robot my_package:MyRobot`.
 
-The bridge hosts one driver, gives frames their identity, keeps the lease and the results of
-actions, and calls the driver from one thread at a time, except for `stop`, `clear_stop` and
-`state`, which may come from another thread while an action runs. `python -m helios_contract
-my_package:MyRobot` says whether a driver keeps all that is asked here.
+The bridge hosts one driver, assigns frame ids, and manages the lease and the results of actions. It
+calls the driver from one thread at a time, except for `stop`, `clear_stop` and `state`, which may
+be called from another thread while an action runs. `python -m helios_contract my_package:MyRobot`
+tests whether a driver meets this interface.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from helios_core.types import RobotDescription, RobotState
 
 @dataclass(frozen=True)
 class Forward:
-    """Drive straight ahead; below 0 straight back, where the description allows it."""
+    """Drive straight ahead; a negative distance drives back, if the description allows it."""
 
     distance_m: float
 
 
 @dataclass(frozen=True)
 class Turn:
-    """Turn on the spot; positive turns left."""
+    """Turn in place; a positive angle turns left."""
 
     angle_rad: float
 
 
 @dataclass(frozen=True)
 class Tilt:
-    """Point the head; absolute, positive looks down."""
+    """Tilt the head to an absolute angle; a positive angle looks down."""
 
     angle_rad: float
 
 
 @dataclass(frozen=True)
 class Pick:
-    """Grasp the thing at a point of the world."""
+    """Grasp the object at a world point."""
 
     point_world_m: tuple[float, float, float]
     class_name: str
@@ -50,14 +50,14 @@ class Pick:
 
 @dataclass(frozen=True)
 class Place:
-    """Release the held thing above a point of the world."""
+    """Release the held object above a world point."""
 
     point_world_m: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Observe:
-    """Do nothing but look."""
+    """Take an image without moving."""
 
 
 Action = Forward | Turn | Tilt | Pick | Place | Observe
@@ -65,19 +65,19 @@ Action = Forward | Turn | Tilt | Pick | Place | Observe
 
 @dataclass(frozen=True)
 class ActionResult:
-    """What came of an action, as the robot itself measured it."""
+    """Result of an action, as measured by the robot."""
 
     succeeded: bool
-    reason: str = ""  # one sentence when it failed
+    reason: str = ""  # one sentence, if the action failed
     moved_m: float = 0.0
     turned_rad: float = 0.0
     collided: bool = False
-    steps: int = 0  # of the robot since it started
+    steps: int = 0  # steps of the robot since its start
 
 
 @dataclass(frozen=True)
 class Capture:
-    """One posed RGB-D image as the driver gives it; the bridge makes a Frame of it."""
+    """Posed RGB-D image from the driver; the bridge makes a Frame from it."""
 
     stamp_ns: int
     color: NDArray[np.uint8]  # [h, w, 3] RGB
@@ -85,44 +85,49 @@ class Capture:
     camera: Pinhole
     T_world_cam: Matrix
     T_world_base: Matrix
-    recorded: pb.Frame | None = None  # of a replay: sent as it is, identity and all
-    searching: bool = True  # False before a replay's first search: no detector answers it
+    recorded: pb.Frame | None = None  # frame of a replay, published unchanged, with its id
+    searching: bool = True  # False before the first search of a replay: no detector answers
 
 
 class EndOfRecording(Exception):
-    """Raised by `capture` when a recording has no further frame."""
+    """Raised by `capture` if a recording has no further frame."""
 
 
 class RobotDriver(ABC):
-    """A robot. Errors are raised as `helios_core.errors`; a failed action is a result, no error."""
+    """Base class of a robot driver.
+
+    Methods raise `helios_core.errors`; a failed action returns a result instead.
+    """
 
     @abstractmethod
     def describe(self) -> RobotDescription:
-        """What the robot is; constant while the driver lives."""
+        """Description of the robot; constant during the driver's lifetime."""
 
     @abstractmethod
     def state(self) -> RobotState:
-        """How the robot is; where it has no boot id, the bridge gives it one. From any thread."""
+        """State of the robot; the bridge adds a missing boot id. Called from any thread."""
 
     @abstractmethod
     def capture(self) -> Capture:
-        """The newest image. Raises EndOfRecording when a recording is over."""
+        """Newest image. Raises EndOfRecording at the end of a recording."""
 
     @abstractmethod
     def act(self, action: Action, action_id: str) -> ActionResult:
-        """Do it and wait until it is done. The same id is done once, then answered from memory."""
+        """Execute an action and wait for its end. For a repeated id return the stored result."""
 
     @abstractmethod
     def stop(self, reason: str) -> None:
-        """Stop now, and until `clear_stop` refuse every action, by a failed result or Conflict that
-        gives the reason. May come from any thread."""
+        """Stop now and refuse every action until `clear_stop`, with a failed result or a Conflict
+        that gives the reason. Called from any thread."""
 
     @abstractmethod
     def clear_stop(self) -> None:
-        """Allow actions again, for good: what was before never brings the stop back. Raises
-        Conflict, which says who or what still holds the robot; then it stays stopped. From any
-        thread."""
+        """Allow actions again; an earlier cause must not restore the stop.
+
+        Raises Conflict, which names the remaining cause, if the robot must stay stopped. Called
+        from any thread.
+        """
 
     def close(self) -> None:
-        """Let go of the robot."""
+        """Release the robot."""
         return

@@ -1,4 +1,4 @@
-"""Which start of a robot is the present one, of those whose frames one map may hold."""
+"""Tracking of robot starts, where one map may hold frames of several of them."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ MOST_REMEMBERED = 256
 
 
 class RobotStarts:
-    """Starts of the robot, by boot id, in the order of their coming."""
+    """Known starts of the robot, by boot id, in order of arrival."""
 
     def __init__(self) -> None:
-        self.present = ""  # whose frames are taken; "" before there is one
-        self._robots = ""  # the one that the robot itself says it is in
+        self.present = ""  # start whose frames are accepted; "" before the first
+        self._robots = ""  # start that the robot itself reports
         self._known: deque[str] = deque(maxlen=MOST_REMEMBERED)
 
     def knows(self, boot_id: str) -> bool:
-        """Whether anything came from this start yet."""
+        """True if any message of this start has arrived."""
         return boot_id in self._known
 
     def note_robot(self, boot_id: str) -> bool:
-        """The robot itself says which start it is in; whether that is another one."""
+        """Record the start that the robot itself reports. Returns True if another was present."""
         self._robots = boot_id
         return self.begin(boot_id)
 
     def check(self, id: FrameId) -> None:
-        """Raises Conflict for a frame of an earlier start: the robot does not stand there now."""
+        """Raise Conflict for a frame of an earlier start, since its pose is out of date."""
         if id.robot_boot_id not in (self.present, self._robots) and self.knows(id.robot_boot_id):
             raise Conflict(
                 f"frame {id} is of an earlier start of the robot ({id.robot_boot_id!r}, now "
@@ -36,7 +36,7 @@ class RobotStarts:
             )
 
     def begin(self, boot_id: str) -> bool:
-        """From now on this start is the present one; whether another one was."""
+        """Make this start the present one. Returns True if another was present before."""
         if not self.knows(boot_id):
             self._known.append(boot_id)
         before, self.present = self.present, boot_id

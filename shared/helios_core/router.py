@@ -1,7 +1,7 @@
-"""The router in the middle: `python -m helios_core.router --listen tcp/127.0.0.1:7447`.
+"""Zenoh router as a Python process: `python -m helios_core.router --listen tcp/127.0.0.1:7447`.
 
-It is a Zenoh router inside a small Python process of its own. It listens on loopback unless told
-otherwise; beyond loopback use mTLS and access control (`deploy/router.json5`).
+It listens on loopback by default. Beyond loopback use mTLS and access control
+(`deploy/router.json5`).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""The life of a service process: connect, announce, run, report, stop cleanly on SIGTERM.
+"""Life cycle of a service process: connect, announce, run, report, stop cleanly on SIGTERM.
 
     def build(bus: Bus, health: Health) -> Closeable: ...
     sys.exit(run_service("map2d", Settings.load(), build))
 
-The process waits for its router for as long as it takes, says so, and ends within two seconds of
-SIGTERM, SIGINT or SIGHUP, or when the process that started it is gone.
+The process waits for its router without a time limit and logs that. It ends within two seconds of
+SIGTERM, SIGINT or SIGHUP, or of the end of its parent process.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ log = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 1.0
 STOP_WITHIN_S = 2.0
-ALARM_AFTER_S = 10.0  # the end of an interpreter may take seconds where others work
+ALARM_AFTER_S = 10.0  # the interpreter may take seconds to end on a busy machine
 
 
 class Closeable(Protocol):
-    """What `build` returns: a running service."""
+    """Running service, as `build` returns it."""
 
     def close(self) -> None: ...
 
 
 def ending_signals() -> tuple[int, ...]:
-    """Those that ask a process to end: SIGTERM, SIGINT, and SIGHUP, which a terminal sends when its
-    session is closed, unless the process was started with `nohup`."""
-    hangup = getattr(signal, "SIGHUP", None)  # not on every system
+    """Signals that end a process: SIGTERM, SIGINT, and SIGHUP (sent when a terminal session
+    closes), except for a process started with `nohup`."""
+    hangup = getattr(signal, "SIGHUP", None)  # missing on some systems
     if hangup is None or signal.getsignal(hangup) is signal.SIG_IGN:
         return (signal.SIGTERM, signal.SIGINT)
     return (signal.SIGTERM, signal.SIGINT, hangup)
@@ -53,9 +53,9 @@ def ending_signals() -> tuple[int, ...]:
 def stop_on_signals(stopped: threading.Event) -> None:
     """Set `stopped` on `ending_signals`, and when the parent process ends.
 
-    Two seconds later the process is gone, whatever it was doing: a start that takes long, or a
-    library that hangs while it closes. Where that hinders every Python thread, also after `main`
-    has returned, the system's alarm clock ends it; later, since a busy machine may be slow there.
+    The process exits two seconds later at the latest, also during a long start or if a library
+    hangs while it closes. If no Python thread can run, even after `main` has returned, SIGALRM ends
+    the process after ALARM_AFTER_S.
     """
     on_signals(ending_signals(), stopped.set)
     parent = os.getppid()
@@ -67,7 +67,7 @@ def stop_on_signals(stopped: threading.Event) -> None:
 
     def leave() -> None:
         stopped.wait()
-        signal.setitimer(signal.ITIMER_REAL, ALARM_AFTER_S)  # SIGALRM: ends the process
+        signal.setitimer(signal.ITIMER_REAL, ALARM_AFTER_S)  # SIGALRM ends the process
         time.sleep(STOP_WITHIN_S)
         log.error("did not stop within %.1f s; leaving", STOP_WITHIN_S)
         os._exit(1)
@@ -79,13 +79,16 @@ def stop_on_signals(stopped: threading.Event) -> None:
 def until_warm(
     health: Health, warm_up: Callable[[], None], ending: threading.Event, again_s: float = 10.0
 ) -> bool:
-    """Compile a service's kernels; whether that was done before the end. Where it fails (a damaged
-    cache, a compiler that is missing) that is said, and it is tried again every `again_s`."""
+    """Compile a service's kernels. Returns True if that succeeded before `ending` was set.
+
+    After a failure (damaged cache, missing compiler) the health is degraded, and it retries every
+    `again_s`.
+    """
     while not ending.is_set():
         try:
             warm_up()
             return True
-        except Exception as error:  # of any library
+        except Exception as error:  # libraries raise any type
             log.exception("the kernels could not be compiled")
             health.degraded(
                 f"its kernels cannot be compiled ({type(error).__name__}: {str(error)[:200]}); "
@@ -98,9 +101,10 @@ def until_warm(
 def run_service(
     name: str, settings: ServiceSettings, build: Callable[[Bus, Health], Closeable]
 ) -> int:
-    """Run until told to stop; the exit status. `build` may raise HeliosError: shown.
+    """Run a service until a signal stops it. Returns the exit status.
 
-    Status 2 for wrong settings (InvalidInput), which starting again does not mend; else 1.
+    `build` may raise HeliosError, whose text goes to standard error. The status is then 2 for
+    InvalidInput (wrong settings, which a restart does not fix), else 1.
     """
     logging.basicConfig(
         level=settings.log_level.upper(),
@@ -144,12 +148,12 @@ def run_service(
             over.set()
             health.changed.set()
             if reporter.is_alive():
-                reporter.join(1.0)  # until the last report is out
+                reporter.join(1.0)  # wait for the last report
             bus.close()
 
 
 def _connect(settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
-    from helios_core.zenoh_bus import ZenohBus  # here, so that tests of services need no Zenoh
+    from helios_core.zenoh_bus import ZenohBus  # local import: tests of services need no Zenoh
 
     said = False
     while not stopped.is_set():
@@ -171,8 +175,8 @@ def publish_status(
     metrics: Mapping[str, float],
     uptime_s: float = 0.0,
 ) -> None:
-    """Publish how a service is; published: (state, reason). One that cannot be sent is logged
-    alone: the next one says the same."""
+    """Publish the status of a service; published: (state, reason). A failure is only logged, since
+    the next status repeats the content."""
     status = pb.ServiceStatus(
         service=service, instance=instance, state=published[0], reason=published[1],
         pid=os.getpid(), uptime_s=uptime_s, metrics=metrics,
@@ -184,11 +188,11 @@ def publish_status(
 
 
 def _report(bus: Bus, name: str, instance: str, health: Health, over: threading.Event) -> None:
-    """Publish at every change and every second, and what holds at the end once more."""
+    """Publish the status at every change, every second, and once at the end."""
     began, logged, last = time.monotonic(), ("", ""), False
     while not last:
         health.changed.clear()
-        last = over.is_set()  # after the clearing, so that the end is not slept through
+        last = over.is_set()  # after `clear`, so that the wait below cannot miss the end
         state, reason = published = health.state
         if published != logged:
             log.info("%s%s", state, f": {reason}" if reason and reason != state else "")

@@ -1,14 +1,14 @@
-"""Settings: declared once per service, read from flags, then the environment, then a TOML file.
+"""Settings of services: declared once, read from flags, then the environment, then a TOML file.
 
     class Settings(ServiceSettings):
         model_config = service_config("map2d")
         cell_m: float = Field(default=0.025, description="edge of a cell")
 
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
-`HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Its table `[all]` holds what every service has
-(router, robot, log_level), where the service's own says nothing. Nothing else in a service reads
-the environment. A service with a setting `agent` takes what is left unsaid from that agent's preset
-(`agent_presets`). What names no setting is refused (`settings_spelling`).
+`HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. The file's table `[all]` holds defaults for the
+settings that every service has (router, robot, log_level). No other code in a service reads the
+environment. A service with a setting `agent` takes all settings not given from that agent's preset
+(`agent_presets`). Unknown names are refused (`settings_spelling`).
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ def _robots(text: str) -> str:
 
 
 RobotName = Annotated[str, AfterValidator(_robot)]
-RobotNames = Annotated[str, AfterValidator(_robots)]  # by comma, each once; may be none
+RobotNames = Annotated[str, AfterValidator(_robots)]  # comma-separated, each once; may be empty
 
 
 def service_config(service: str) -> SettingsConfigDict:
-    """Where a service's settings come from."""
+    """Configuration of a service's settings class: prefix of its variables, style of its flags."""
     return SettingsConfigDict(
         env_prefix=f"HELIOS_{service.upper()}_",
         cli_prog_name=f"helios-{service}",
@@ -69,7 +69,7 @@ def service_config(service: str) -> SettingsConfigDict:
 
 
 class ServiceSettings(BaseSettings):
-    """What every service has."""
+    """Settings that every service has."""
 
     model_config = service_config("service")
 
@@ -84,13 +84,13 @@ class ServiceSettings(BaseSettings):
 
     @classmethod
     def service_name(cls) -> str:
-        """As in the file's table and the variables' names."""
+        """Name of the service in the file's tables and in variables."""
         return (
             str(cls.model_config.get("env_prefix", "")).removeprefix("HELIOS_").strip("_").lower()
         )
 
     def described(self) -> dict[str, dict[str, Any]]:
-        """Each setting's value, default and meaning, as JSON has them; secrets are masked."""
+        """Value, default and description of each setting, as JSON values; secrets are masked."""
         values = self.model_dump(mode="json")
         return {
             name: {
@@ -105,7 +105,7 @@ class ServiceSettings(BaseSettings):
 
     @classmethod
     def load(cls, argv: Sequence[str] | None = None) -> Self:
-        """From the command line, the environment and the file. Exits 2 with a sentence if wrong."""
+        """Settings from the command line, environment and file. Exits 2 with a message if wrong."""
         args = list(sys.argv[1:] if argv is None else argv)
         try:
             return CliApp.run(cls, cli_args=args)._with_preset()
@@ -119,7 +119,7 @@ class ServiceSettings(BaseSettings):
         sys.exit(2)
 
     def _with_preset(self) -> Self:
-        """With what the service's agent needs, where neither flag, variable nor file says else."""
+        """Settings completed from the agent's preset where no flag, variable or file gives one."""
         agent = getattr(self, "agent", "")
         preset = service_settings(self.service_name(), agent).items()
         return self.model_copy(update={k: v for k, v in preset if k not in self.model_fields_set})
@@ -144,7 +144,7 @@ class ServiceSettings(BaseSettings):
 
 
 class _Variables(EnvSettingsSource):
-    """The environment. Raises InvalidInput for a variable that is no setting of the service."""
+    """Source: the environment. Raises InvalidInput for a variable without a setting."""
 
     def __init__(self, settings_cls: type[ServiceSettings]) -> None:
         super().__init__(settings_cls)
@@ -156,7 +156,7 @@ class _Variables(EnvSettingsSource):
 
 
 class _File(InitSettingsSource):
-    """The tables of the file that the sources before it name, else HELIOS_CONFIG."""
+    """Source: the settings file named by an earlier source, else by HELIOS_CONFIG."""
 
     def __init__(self, settings_cls: type[ServiceSettings]) -> None:
         super().__init__(settings_cls, {})
@@ -168,7 +168,7 @@ class _File(InitSettingsSource):
 
 
 def _toml(path: str) -> dict[str, Any]:
-    """Raises InvalidInput that names file and line, and OSError."""
+    """Content of a TOML file. Raises OSError, and InvalidInput that names file and line."""
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:

@@ -1,7 +1,7 @@
-"""Names of settings: what is misspelt is refused with what was meant.
+"""Refusal of misspelt names of settings, with a suggestion.
 
-A service refuses variables `HELIOS_<ITSELF>_…` that are no setting of its own, and tables of the
-file that are no service's. Those of other services it lets pass: it does not know their settings.
+A service refuses variables `HELIOS_<ITSELF>_…` without a setting of its own, and tables of the file
+without a service. It ignores those of other services, whose settings it does not know.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ SERVICES = (
     "bridge", "detector", "gateway", "map2d", "objectmap", "planner", "recorder", "replay", "spot",
     "world",
 )  # fmt: skip
-OF_ALL = "all"  # the table of what every service has
+OF_ALL = "all"  # table of the settings that every service has
 
 
 def check_variables(service: str, settings: Collection[str], variables: Iterable[str]) -> None:
-    """variables: names in the environment. Raises InvalidInput, which never tells a value."""
+    """Raise InvalidInput, without any value in its text, for variables without a setting.
+
+    variables: names in the environment.
+    """
     prefix = variable(service, "")
     own = (name.upper() for name in variables if name.upper().startswith(prefix))
     unknown = sorted(name for name in own if name.removeprefix(prefix).lower() not in settings)
@@ -30,7 +33,7 @@ def check_variables(service: str, settings: Collection[str], variables: Iterable
 
 
 def check_tables(service: str, tables: Mapping[str, Any], path: str) -> None:
-    """tables: the whole of a settings file. Raises InvalidInput."""
+    """Raise InvalidInput for unknown tables. tables: content of a settings file."""
     known = {*SERVICES, service, OF_ALL}
     for name, table in tables.items():
         if not isinstance(table, dict):
@@ -48,7 +51,7 @@ def check_tables(service: str, tables: Mapping[str, Any], path: str) -> None:
 
 
 def no_setting(service: str, settings: Collection[str], name: str) -> str:
-    """What is said of a name that is none of the settings: a variable's, or a key's in a table."""
+    """Error text for a variable, or a key of a table, that is no setting."""
     prefix = variable(service, "")
     near = nearest(name.removeprefix(prefix), settings)
     known = sorted(settings) if near is None else [near]
@@ -62,10 +65,10 @@ def no_setting(service: str, settings: Collection[str], name: str) -> str:
 
 
 def variable(service: str, setting: str) -> str:
-    """The variable that gives a service's setting."""
+    """Environment variable of a service's setting."""
     return f"{PREFIX}{service}_{setting}".upper()
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that was likely meant."""
+    """Known name closest to `name`; None if none is close."""
     return next(iter(get_close_matches(name.lower(), sorted(known), 1)), None)

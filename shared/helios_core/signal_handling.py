@@ -1,9 +1,9 @@
-"""Signals, handled where locks may be taken and whatever the main thread does.
+"""Signal handling in a separate thread, where it is safe to take locks.
 
-A Python signal handler runs in the main thread, between two of its instructions: also while that
-thread holds the lock of the very Event that the handler wants to set, and not at all while it
-waits inside a library. So nothing is done there: the interpreter itself writes the signal's number
-into a pipe the moment it comes, and a thread does the rest.
+A Python signal handler runs in the main thread, between two of its instructions. The main thread
+may then hold the lock of the Event that the handler sets; and while it waits inside a library, the
+handler does not run. So the handler does nothing: the interpreter writes the signal's number into a
+pipe at once, and a thread reads it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable
 
 
 def on_signals(numbers: Iterable[int], then: Callable[[], None]) -> None:
-    """Call `then` in a thread of its own whenever one of the signals comes. In the main thread,
-    once in a process."""
+    """Call `then` in a separate thread on each of the signals. Call this once per process, from the
+    main thread."""
     wanted = set(numbers)
     read, write = os.pipe()
     os.set_blocking(write, False)

@@ -1,4 +1,4 @@
-"""The states of a task, as the bus, HTTP and the command line spell them."""
+"""Names of the task states on the bus, over HTTP and on the command line."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ HOLDS_ROBOT: frozenset[TaskState] = frozenset({"running", "paused"})  # started 
 
 
 def is_task_state(text: str) -> TypeGuard[TaskState]:
-    """Whether a text is one of the six states."""
+    """True if the text is one of the six states."""
     return text in TASK_STATES

@@ -1,4 +1,4 @@
-"""Every topic and method on the bus: key, message types, quality of service. One file.
+"""All topics and methods of the bus: key, message types, quality of service.
 
 Data:     helios/v1/<robot>/<service>/<stream>
 Methods:  helios/v1/<robot>/svc/<service>/<method>
@@ -24,16 +24,16 @@ ROOT = "helios/v1"
 
 
 class QoS(Enum):
-    """What the receiver may count on."""
+    """Quality of service: guarantee of delivery to a receiver."""
 
-    LATEST_WINS = auto()  # a slow reader sees the newest; older ones are dropped
-    NEVER_DROP = auto()  # every message, in order; the sender paces itself by acknowledgements
-    RETAINED = auto()  # as NEVER_DROP, and the last one is given to late joiners
+    LATEST_WINS = auto()  # a slow reader gets the newest message; older ones are dropped
+    NEVER_DROP = auto()  # every message, in order; acknowledgements pace the sender
+    RETAINED = auto()  # as NEVER_DROP; a late subscriber also gets the last message
 
 
 @dataclass(frozen=True)
 class Topic(Generic[M]):
-    """A stream of one message type."""
+    """Stream of one message type."""
 
     name: str  # <service>/<stream>
     type: type[M]
@@ -45,7 +45,7 @@ class Topic(Generic[M]):
 
 @dataclass(frozen=True)
 class Method(Generic[Req, Rep]):
-    """A call that is answered with a value or a typed error."""
+    """Remote call that returns a reply or a typed error."""
 
     name: str  # <service>/<method>
     request: type[Req]
@@ -76,7 +76,7 @@ PUSH = Method("bridge/push", pb.PushRequest, pb.PushReply)
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
 DETECTOR_ACK = Topic("detector/ack", pb.Ack, QoS.NEVER_DROP)
 PREVIEW = Topic("detector/preview", pb.Preview, QoS.LATEST_WINS)
-CLAIM = Topic("detector/claim", pb.Claim, QoS.NEVER_DROP)  # among replicas of the detector
+CLAIM = Topic("detector/claim", pb.Claim, QoS.NEVER_DROP)  # between replicas of the detector
 VOCABULARY = Method("detector/vocabulary", pb.Empty, pb.VocabularyReply)
 EMBED_TEXT = Method("detector/embed_text", pb.EmbedTextRequest, pb.EmbedTextReply)
 ESTIMATE_DEPTH = Method("detector/estimate_depth", pb.DepthRequest, pb.DepthReply)
@@ -124,7 +124,7 @@ SUPERVISOR = Topic("supervisor/processes", pb.SupervisorStatus, QoS.RETAINED)
 
 
 def status_topic(service: str) -> Topic[pb.ServiceStatus]:
-    """Each service's own word on how it is."""
+    """Topic of a service's status."""
     return Topic(f"{service}/status", pb.ServiceStatus, QoS.RETAINED)
 
 
@@ -132,7 +132,7 @@ ANY_STATUS = status_topic("*")
 
 
 def settings_method(service: str) -> Method[pb.Empty, pb.SettingsReply]:
-    """What a running service was started with."""
+    """Method that returns the settings of a running service."""
     return Method(f"{service}/settings", pb.Empty, pb.SettingsReply)
 
 

@@ -1,4 +1,4 @@
-"""The project's nouns as frozen dataclasses over numpy arrays; protobuf stays at the edge."""
+"""Basic types as frozen dataclasses over numpy arrays, used in place of protobuf messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from helios_core.geometry import Matrix, Pinhole
 
 @dataclass(frozen=True, order=True)
 class FrameId:
-    """Names one frame of one robot: boot, world epoch within it, number within that."""
+    """Identifier of one frame of one robot: boot, world epoch within it, number within that."""
 
     robot_boot_id: str
     world_epoch: int
@@ -22,7 +22,7 @@ class FrameId:
 
     @property
     def epoch(self) -> tuple[str, int]:
-        """The world that poses of this frame live in."""
+        """Robot boot id and world epoch: the origin of the frame's poses, unless it is named."""
         return self.robot_boot_id, self.world_epoch
 
     def __str__(self) -> str:
@@ -31,18 +31,18 @@ class FrameId:
 
 @dataclass(frozen=True)
 class WorldId:
-    """Names a world frame: poses under one name mean the same places.
+    """Identifier of a world frame: poses with the same WorldId share one origin.
 
-    Where the driver names the origin of its poses, the name outlives the start of the robot.
+    If the driver names the origin of its poses, the WorldId outlives a restart of the robot.
     """
 
-    robot_boot_id: str  # empty where the origin is named
+    robot_boot_id: str  # empty if the origin is named
     world_epoch: int
     origin_id: str = ""
 
     @staticmethod
     def of(robot_boot_id: str, world_epoch: int, origin_id: str) -> WorldId:
-        """Of a frame, or of what the robot says of itself."""
+        """World of a frame or of a RobotState."""
         return WorldId("" if origin_id else robot_boot_id, world_epoch, origin_id)
 
     def __str__(self) -> str:
@@ -52,7 +52,7 @@ class WorldId:
 
 @dataclass(frozen=True)
 class Frame:
-    """A posed RGB-D image."""
+    """Posed RGB-D image."""
 
     id: FrameId
     stamp_ns: int  # the robot's clock
@@ -62,18 +62,18 @@ class Frame:
     camera: Pinhole
     T_world_cam: Matrix  # [4, 4]
     T_world_base: Matrix  # [4, 4]
-    held: str | None = None  # class of what the robot held then, "" for nothing; None: not told
-    origin_id: str = ""  # as in RobotState
+    held: str | None = None  # class of the object held then, "" for none; None: not known
+    origin_id: str = ""  # RobotState.origin_id at that time
 
     @property
     def world(self) -> WorldId:
-        """The world that its poses live in."""
+        """World of the frame's poses."""
         return WorldId.of(self.id.robot_boot_id, self.id.world_epoch, self.origin_id)
 
 
 @dataclass(frozen=True)
 class Detection:
-    """Pixels of one thing that the detector believes to be of a class."""
+    """Object that the detector found in an image: class, score, box and mask."""
 
     class_name: str
     score: float  # 0 to 1
@@ -83,15 +83,18 @@ class Detection:
 
 @dataclass(frozen=True)
 class Embedding:
-    """What an image-text model made of one image or one text."""
+    """Vectors that an image-text model computed for one image or one text."""
 
-    model: str  # only embeddings of one model may be compared
-    vectors: NDArray[np.float32]  # [rows, d] of unit length; of several the best one counts
+    model: str  # only embeddings of the same model are comparable
+    vectors: NDArray[np.float32]  # [rows, d] of unit length; the best-matching one decides
 
 
 @dataclass(frozen=True)
 class Observation:
-    """All that one frame gave. The only input of the object map and of the value layers."""
+    """Everything that the detector service found in one frame, together with that frame.
+
+    The only input of the object map and of the value layers.
+    """
 
     frame: Frame
     context_id: str
@@ -99,11 +102,11 @@ class Observation:
     layer_scores: dict[str, float]  # value layer -> image-text score, 0 to 1
     detector: str
     scorer: str = ""
-    image_embedding: Embedding | None = None  # by which a new prompt can be scored later
+    image_embedding: Embedding | None = None  # to score a later prompt
 
 
 class Role(StrEnum):
-    """What a class is to the task."""
+    """Role of a class in the task."""
 
     OBJECT = "object"
     START_RECEPTACLE = "start_receptacle"
@@ -117,26 +120,31 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class SearchClass:
-    """One class that is looked for."""
+    """One class of a search context."""
 
     name: str
     role: Role
-    threshold: float  # detector confidence from which a detection counts, 0 to 1
+    threshold: float  # least detector confidence of a detection that counts, 0 to 1
     synonyms: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class SearchContext:
-    """What is looked for now. Owned by the planner; everything downstream names it."""
+    """Target of the current task: classes with roles and detector thresholds, and prompts.
+
+    The planner publishes it; later messages name its id.
+    """
 
     id: str
     classes: tuple[SearchClass, ...]
     prompts: dict[str, str] = field(default_factory=dict)  # value layer -> prompt
 
     def distinct(self, same: Callable[[str], str] = str) -> tuple[SearchClass, ...]:
-        """One entry for each name, in the order of their coming: a name in two roles ("from a table
-        to another table") keeps the first role, takes the lower threshold and all synonyms. same:
-        what of a name tells it from others."""
+        """Classes with one entry per name, in their order. A name in two roles ("from a table to
+        another table") keeps the first role, and gets the lower threshold and all synonyms.
+
+        same: maps equal names to one key.
+        """
         out: dict[str, SearchClass] = {}
         for c in self.classes:
             if (old := out.get(same(c.name))) is not None:
@@ -148,7 +156,7 @@ class SearchContext:
 
 @dataclass(frozen=True)
 class RobotDescription:
-    """What the robot is. Lengths in metres, angles in radians."""
+    """Properties of a robot. Lengths in metres, angles in radians."""
 
     name: str
     footprint_radius_m: float
@@ -157,10 +165,10 @@ class RobotDescription:
     camera_height_m: float
     reach_m: float  # horizontal, base centre to object centre
     max_depth_m: float
-    camera_forward_m: float = 0.0  # ahead of the base's centre
+    camera_forward_m: float = 0.0  # distance ahead of the base's centre
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0
-    max_back_m: float = 0.0  # longest move straight back; 0: it cannot
+    max_back_m: float = 0.0  # longest move straight back; 0: it cannot move back
     min_turn_rad: float = float(np.deg2rad(5))
     max_turn_rad: float = float(np.deg2rad(30))
     tilt_range_rad: tuple[float, float] = (0.0, 0.0)  # positive looks down
@@ -168,31 +176,31 @@ class RobotDescription:
     can_pick: bool = True
     can_place: bool = True
     simulated: bool = False
-    recorded: bool = False  # plays what a robot did: its body was there, but it cannot act
+    recorded: bool = False  # replay of a recording: the robot had a body, but cannot act
     footprint_box_m: tuple[float, float] | None = None  # length, width; None: a disc
 
     @property
     def inner_radius_m(self) -> float:
-        """Of the largest disc around the base's middle that its body covers."""
+        """Radius of the largest disc around the base's centre within the footprint."""
         return min(self.footprint_box_m) / 2 if self.footprint_box_m else self.footprint_radius_m
 
 
 @dataclass(frozen=True)
 class RobotState:
-    """How the robot is now."""
+    """Present state of the robot."""
 
     T_world_base: Matrix
     tilt_rad: float = 0.0
-    held: str = ""  # class name of what is held
+    held: str = ""  # class of the held object
     moving: bool = False
     stopped: bool = False  # stop-now is latched
     world_epoch: int = 0
     robot_boot_id: str = ""
     message: str = ""
-    finished: bool = False  # a recording has come to its end
+    finished: bool = False  # the recording has ended
     last_seq: int = 0
-    last_action_id: str = ""  # of the newest action that was done; empty: none is known
-    origin_id: str = ""  # names the origin of the poses, the same at every start; empty: not known
+    last_action_id: str = ""  # newest completed action; empty: none is known
+    origin_id: str = ""  # name of the poses' origin, constant over restarts; empty: not known
 
 
 @dataclass(frozen=True)
@@ -201,7 +209,7 @@ class ObjectInstance:
 
     id: int
     class_name: str
-    center_m: NDArray[np.float64]  # [3] middle of the box of its believed Gaussians
+    center_m: NDArray[np.float64]  # [3] centre of the box of its likely Gaussians
     size_m: NDArray[np.float64]  # [3]
     score: float  # Ψ, eq. 7
     class_score: float  # S
@@ -209,6 +217,6 @@ class ObjectInstance:
     views: int  # distinct viewpoints fused
     gaussians: int
     probabilities: dict[str, float]
-    top_m: float  # height of its highest believed Gaussian
+    top_m: float  # height of its highest likely Gaussian
     outline_m: NDArray[np.float64]  # [n, 2] hull of its ground projection
-    detection_rate: float = 0.0  # share of its views in which it was detected as its class
+    detection_rate: float = 0.0  # share of its views that detected it as its class

@@ -1,11 +1,11 @@
-"""The bus between processes, over Eclipse Zenoh. One router in the middle, every service a client.
+"""Bus between processes over Eclipse Zenoh, with one router and every service as its client.
 
-How the qualities of service map (why: `docs/decisions/0002-bus.md`):
+Implementation of the qualities of service (reasons: `docs/decisions/0002-bus.md`):
 
-    LATEST_WINS   never blocks: a full link drops messages, and the newest is repeated until it got
-                  through (`latest_value_sender.py`); read through a ring of one
-    NEVER_DROP    blocks; read through a queue, senders pace themselves by acknowledgements
-    RETAINED      as NEVER_DROP, kept by the publisher for whoever comes later
+    LATEST_WINS   never blocks: a full link drops messages, and the sender repeats the newest
+                  (`latest_value_sender.py`); read through a ring of one
+    NEVER_DROP    blocks; read through a queue, acknowledgements pace the sender
+    RETAINED      as NEVER_DROP; the publisher stores the last message for late subscribers
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 QUEUE_DEPTH = 256
-SERVE_THREADS = 4  # of each method, started when needed
-RETAINED_HEARTBEAT_S = 0.5  # a late joiner that missed the last message learns of it by then
-DISCOVERY_S = 0.25  # how long a method that nobody serves is looked for
-MEETING_S = 1.0  # the same from a session's opening on: it has yet to hear who serves what
+SERVE_THREADS = 4  # per method, started when needed
+RETAINED_HEARTBEAT_S = 0.5  # a subscriber notices within this time that it missed a message
+DISCOVERY_S = 0.25  # longest search for a service that serves a method
+MEETING_S = 1.0  # the same for a new session, which has yet to discover the services
 READERS_END_WITHIN_S = 0.3
 
 
 class ZenohBus(Bus):
-    """A client session on a router. Raises Unavailable when the router cannot be reached."""
+    """Bus over a client session. Raises Unavailable if the router cannot be reached."""
 
     def __init__(self, router: str, robot: str = "robot") -> None:
         self.robot = robot
@@ -109,9 +109,9 @@ class ZenohBus(Bus):
                 key, zenoh.handlers.FifoChannel(QUEUE_DEPTH)
             )
 
-        # Threads of its own, so that slow methods (an action) keep no other (stop-now) waiting.
+        # Threads per method, so that a slow method (an action) cannot delay another (stop-now).
         pool = ThreadPoolExecutor(SERVE_THREADS, thread_name_prefix=f"serve {method.name}")
-        logged: set[str] = set()  # what went wrong with replies, once each
+        logged: set[str] = set()  # errors of replies, each logged once
 
         def reply(query: zenoh.Query) -> None:
             try:
@@ -125,14 +125,14 @@ class ZenohBus(Bus):
             for query in _received(queryable.handler):
                 try:
                     pool.submit(reply, query)
-                except RuntimeError:  # the pool is shut down: the caller sees nobody answering
+                except RuntimeError:  # the pool is shut down: the caller gets no reply
                     query.drop()
 
         def undo() -> None:
             try:
                 queryable.undeclare()
             finally:
-                pool.shutdown(wait=False, cancel_futures=True)  # perhaps from a thread of its own
+                pool.shutdown(wait=False, cancel_futures=True)  # maybe from one of its threads
 
         self._start_reader(f"accept {method.name}", accept)
         return self._keep(undo)
@@ -149,7 +149,7 @@ class ZenohBus(Bus):
         return reply
 
     def _ask(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep | None:
-        """None when nobody answered: what a service that is just starting looks like, too."""
+        """Reply of one query; None without any reply, as from a service that is just starting."""
         self._check_open()
         try:
             replies = self._session.get(
@@ -197,13 +197,13 @@ class ZenohBus(Bus):
             publishers = list(self._publishers.values())
         self._repeater.close()
         self._mine.close()
-        # One that is not taken back keeps 16 MB of shared memory for as long as the process lives.
+        # An undeclared publisher frees 16 MB of shared memory, else held until the process ends.
         for publisher in publishers:
-            with suppress(RuntimeError):  # another thread is inside it, blocked by the network
+            with suppress(RuntimeError):  # another thread uses it, blocked by the network
                 publisher.undeclare()
         try:
             self._session.close()  # without it the process hangs at exit
-        except zenoh.ZError as error:  # the router is frozen while something is being sent
+        except zenoh.ZError as error:  # the router hangs during a transmission
             log.warning("the session was left open: %s", error)
         deadline = time.monotonic() + READERS_END_WITHIN_S
         for reader in list(self._readers):
@@ -211,12 +211,14 @@ class ZenohBus(Bus):
                 reader.join(max(0.0, deadline - time.monotonic()))
 
     def _start_reader(self, name: str, read: Callable[[], None]) -> None:
-        """A thread of ours for every handler, never a callback of Zenoh's: its threads cannot be
-        waited for, and one that is in the library when the interpreter ends aborts the process
-        ("exception not rethrown")."""
+        """Start a Python thread for a handler, in place of a Zenoh callback.
+
+        Zenoh's threads cannot be joined, and one that is inside the library at interpreter exit
+        aborts the process ("exception not rethrown").
+        """
         reader = threading.Thread(target=read, name=name, daemon=True)
         reader.start()
-        with self._lock:  # those of registrations that were closed have ended
+        with self._lock:  # readers of closed registrations have ended
             self._readers = [*(r for r in self._readers if r.is_alive()), reader]
 
     def _publisher(self, topic: Topic) -> zenoh.Publisher | ext.AdvancedPublisher:
@@ -254,7 +256,7 @@ class ZenohBus(Bus):
 
     def _keep(self, undo: Callable[[], None]) -> Registration:
         out = self._mine.keep(undo)
-        if self._closed:  # meanwhile; whichever comes second takes it back
+        if self._closed:  # closed concurrently: `close` may have missed this registration
             out.close()
             self._check_open()
         return out
@@ -277,5 +279,5 @@ def _received(channel: zenoh.Handler[T]) -> Iterator[T]:
 
 
 def _cause(error: zenoh.ZError) -> str:
-    """What Zenoh says, without the line of its source."""
+    """Zenoh's error text without the source line."""
     return re.sub(r"\s+at \S+\.rs:\d+\.?", "", str(error)).rstrip(".")

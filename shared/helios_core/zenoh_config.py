@@ -1,4 +1,4 @@
-"""How sessions of Zenoh are set up: one router in the middle, every service its client."""
+"""Configurations of Zenoh sessions: one router, with every service as its client."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 
 import zenoh
 
-LEASE_MS = 2000  # a frozen peer is given up after this
+LEASE_MS = 2000  # a peer without a sign of life is dropped after this time
 
 
 def client_config(router: str) -> zenoh.Config:
@@ -25,7 +25,7 @@ def router_config(listen: str) -> zenoh.Config:
 def _config(specific: dict) -> zenoh.Config:
     common = {
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "timestamping": {"enabled": True},  # the retained topics need it
+        "timestamping": {"enabled": True},  # needed by retained topics
         "transport": {"link": {"tx": {"lease": LEASE_MS}}},
     }
     return zenoh.Config.from_json5(json.dumps(common | specific))

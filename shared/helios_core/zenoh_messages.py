@@ -1,4 +1,4 @@
-"""Requests and replies of a method as bytes on Zenoh: large replies go in pieces."""
+"""Encoding of requests and replies of a method for Zenoh; large replies are split into pieces."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from helios_core.topics import Method, Rep, Req
 
 log = logging.getLogger(__name__)
 
-CHUNK_BYTES = 512 * 1024  # larger replies are cut: one 30 MB reply closed a slow transport
+CHUNK_BYTES = 512 * 1024  # size of a piece: a single 30 MB reply closed a slow transport
 ERROR_ENCODING = "application/protobuf;helios.v1.Error"
 HEAD = re.compile(rb"([0-9]{1,9})/([0-9]{1,9})/(-|[0-9a-f]{16})")  # see `pieces_of`
 
 
 def request_of(method: Method[Req, Rep], data: bytes) -> Req:
-    """What was asked. Raises InvalidInput for other bytes."""
+    """Request in a query's payload. Raises InvalidInput for other bytes."""
     try:
         return method.request.FromString(data)
     except DecodeError as error:
@@ -39,7 +39,7 @@ def request_of(method: Method[Req, Rep], data: bytes) -> Req:
 
 
 def reply_of(method: Method[Req, Rep], data: bytes) -> Rep:
-    """What was answered. Raises Internal for other bytes."""
+    """Reply in the assembled bytes. Raises Internal for other bytes."""
     try:
         return method.reply.FromString(data)
     except DecodeError as error:
@@ -52,8 +52,8 @@ def reply_of(method: Method[Req, Rep], data: bytes) -> Rep:
 def answer(
     query: zenoh.Query, key: str, method: Method[Req, Rep], handler: Callable[[Req], Rep]
 ) -> None:
-    """Reply with what the handler returns or raises. Raises zenoh.ZError when no reply can be
-    sent."""
+    """Reply to a query with the handler's result or exception. Raises zenoh.ZError if no reply can
+    be sent."""
     with query:
         try:
             data = query.payload.to_bytes() if query.payload is not None else b""
@@ -68,7 +68,7 @@ def answer(
 
 
 def pieces_of(data: bytes) -> Iterator[tuple[bytes, str]]:
-    """Pieces of at most CHUNK_BYTES with `index/count/hash of the whole`."""
+    """Pieces of at most CHUNK_BYTES, each with `index/count/hash of the whole`."""
     count = max(1, -(-len(data) // CHUNK_BYTES))
     digest = hashlib.blake2b(data, digest_size=8).hexdigest() if count > 1 else "-"
     for i in range(count):
@@ -76,10 +76,10 @@ def pieces_of(data: bytes) -> Iterator[tuple[bytes, str]]:
 
 
 def assembled(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | None:
-    """The whole reply; None when nothing came.
+    """Complete reply; None without any reply.
 
-    Raises the typed error that was answered, TimeoutError, and Internal for pieces that are
-    missing or are none.
+    Raises the typed error of an error reply, TimeoutError, and Internal for missing or invalid
+    pieces.
     """
     parts: dict[int, bytes] = {}
     count, digest = 0, "-"
@@ -88,7 +88,7 @@ def assembled(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | No
             payload = reply.err.payload.to_bytes()
             if str(reply.err.encoding) == ERROR_ENCODING:
                 raise error_from_proto(pb.Error.FromString(payload))
-            raise TimeoutError  # the one error of Zenoh's own: its word "Timeout"
+            raise TimeoutError  # the only error that Zenoh itself replies with: "Timeout"
         sample = reply.ok
         if sample is None:
             continue

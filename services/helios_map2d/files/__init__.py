@@ -1,1 +1,1 @@
-"""Maps as files: kept from crashes, saved, loaded, written for other programs."""
+"""Map files: recovery after a crash, saving, loading, and formats of other programs."""

@@ -1,4 +1,4 @@
-"""What a map is made of, wherever it comes from, and whether it can be one."""
+"""Content of a map from any file format, and its validation."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from helios_map2d.grid import TILE, Tile
 from helios_map2d.snapshots.tiles import GroundTile, ValueTile
 
 SAME_CELL_M = 1e-6
-HIGHEST_NUMBER = 2**53  # of a frontier: more than a robot can find
+HIGHEST_NUMBER = 2**53  # limit of a frontier's id
 
 
 @dataclass(frozen=True)
 class MapContent:
-    """`frontiers`: id -> world cells [n, 2] of each."""
+    """Content of a map file. `frontiers`: id -> world cells [n, 2]."""
 
     frame_id: FrameId | None
     stamp_ns: int
@@ -37,7 +37,7 @@ class MapContent:
 
 
 def check_cell(theirs_m: float, ours_m: float) -> None:
-    """Raises InvalidInput unless a map's cells are as large as ours."""
+    """Raise InvalidInput unless a map's cell size equals this service's."""
     if not (math.isfinite(theirs_m) and theirs_m > 0):
         raise InvalidInput(
             f"the map says that its cells are {theirs_m} m wide, wanted more than 0: it is "
@@ -51,8 +51,8 @@ def check_cell(theirs_m: float, ours_m: float) -> None:
 
 
 def check_content(content: MapContent, cell_m: float) -> None:
-    """Raises InvalidInput for what no map can hold: numbers that are none, places beyond all homes,
-    states of cells that mean nothing."""
+    """Raise InvalidInput for values that are not finite, places beyond FARTHEST_M, and undefined
+    states of cells."""
     pose = content.robot_pose or ()
     poses = np.array([*pose, *content.trajectory_m.ravel()])
     if not np.isfinite(poses).all():

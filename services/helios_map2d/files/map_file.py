@@ -1,8 +1,8 @@
-"""The file that holds a map with all it needs to go on, and its recovery.
+"""Encoding and decoding of the map file, which holds a complete map.
 
-A head line, the SHA-256 of the rest, and the rest: a `KeptMap` message, put together from the
-encoded tiles of a published version. So writing a file costs by what changed since the last one,
-and a file that was cut short, changed or never ours is told apart from a good one.
+The file consists of a head line, the SHA-256 of the rest, and a `KeptMap` message, joined from the
+encoded tiles of a published version. So the cost of writing depends on the changes since the last
+file, and truncated, altered or foreign files are recognised.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FILE_NAME = "map2d.map"
 
 
 def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], world: WorldId | None) -> bytes:
-    """The file of a version, the views that can be asked about later, and the world it is of."""
+    """Map file of a version, with its stored views and its world."""
     head = pb.KeptMap(
         map_id=snapshot.map_id, stamp_ns=snapshot.stamp_ns, version=snapshot.version,
         cell_m=snapshot.grid.cell_m, tile_cells=TILE, context_id=snapshot.context_id,
@@ -62,9 +62,9 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], world: WorldI
 def decode_map(
     data: bytes, rules: MapRules, footprint_radius_m: float, version: int
 ) -> tuple[EpochMap, WorldId]:
-    """The map of a file, with a version above `version`, and the world it is of.
+    """Map of a file, with a version above `version`, and its world.
 
-    Raises InvalidInput when the file is cut short, damaged, not ours, or of another cell size.
+    Raises InvalidInput if the file is truncated, damaged, foreign, or has another cell size.
     """
     start = len(HEAD) + hashlib.sha256().digest_size
     if not data.startswith(HEAD):
@@ -111,9 +111,9 @@ def decode_map(
 def rebuilt(
     content: MapContent, rules: MapRules, footprint_radius_m: float, version: int
 ) -> EpochMap:
-    """A map that goes on from there, under a new id: who watched the old one begins afresh.
+    """Map with this content and a new id, so that viewers of another map start over.
 
-    Raises InvalidInput when it would be larger than allowed, or holds what no map can.
+    Raises InvalidInput if it would be larger than allowed, or the content is not valid.
     """
     check_content(content, rules.cell_m)
     centre = content.robot_pose[:2] if content.robot_pose is not None else (0.0, 0.0)
@@ -139,7 +139,7 @@ def rebuilt(
 
 
 def _pairs(numbers: NDArray) -> NDArray:
-    """[2 n] as [n, 2]. Raises InvalidInput for an odd number of them."""
+    """Numbers [2 n] as [n, 2]. Raises InvalidInput for an odd count."""
     if len(numbers) % 2:
         raise InvalidInput(
             f"the map file has places of {len(numbers)} numbers, not x, y: it is damaged"

@@ -1,8 +1,8 @@
-"""Maps as other programs write them: NPZ, and ROS's map_server (`.pgm` and `.yaml`).
+"""Maps in formats of other programs: NPZ, and ROS map_server (`.pgm` and `.yaml`).
 
-ROS: a picture with its top row at the highest y, dark where occupied, and a text file with the
-cell size and the world position of the lower-left corner. Heights, values and what the map
-remembers do not fit into it; frame, stamp and pose stand in a comment.
+ROS: an image with its top row at the highest y, dark where occupied, and a text file with the cell
+size and the world position of the lower-left corner. The format has no heights, values or evidence;
+frame, stamp and pose are in a comment.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from helios_map2d.grid import GridSpec
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.snapshots.snapshot import MapSnapshot, about, decode_npz, ground_of
 
-FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # as map_saver writes them
+FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # values of map_saver
 MOST_CELLS = 64_000_000
 
 
 def encode_ros(snapshot: MapSnapshot, name: str = "map") -> dict[str, bytes]:
-    """The two files by name."""
+    """The .pgm and .yaml files of a version, by name."""
     grey = np.full(snapshot.grid.shape, UNKNOWN_GREY, np.uint8)
     grey[snapshot.occupancy == FREE] = FREE_GREY
     grey[snapshot.occupancy == OCCUPIED] = OCCUPIED_GREY
@@ -47,11 +47,10 @@ def encode_ros(snapshot: MapSnapshot, name: str = "map") -> dict[str, bytes]:
 
 
 def decode_ros(yaml: bytes, picture: bytes, rules: MapRules, version: int) -> MapContent:
-    """A map of map_server's two files, on our cells: moved by less than half a cell where its
-    origin is between them. Obstacles get the height band's whole height; what is known counts as
-    searched until a search begins.
+    """Map content of map_server's two files, shifted by at most half a cell onto this grid.
 
-    Raises InvalidInput for files that are none, another cell size, or a turned origin.
+    Obstacles get the full height of the obstacle band. All known cells count as searched until a
+    search begins. Raises InvalidInput for damaged files, another cell size, or a rotated origin.
     """
     try:
         meta = flat_yaml(yaml.decode())
@@ -99,10 +98,10 @@ def decode_ros(yaml: bytes, picture: bytes, rules: MapRules, version: int) -> Ma
 
 
 def _picture(data: bytes) -> NDArray[np.uint8]:
-    """Grey [rows, columns]. Raises InvalidInput for what is no whole picture, or too large."""
+    """Grey values [rows, columns]. Raises InvalidInput for a damaged or too large image."""
     try:
         grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
-    except cv2.error:  # nothing came, or its head promises far too much
+    except cv2.error:  # no data, or a header with an excessive size
         grey = None
     if grey is None or grey.size == 0 or grey.size > MOST_CELLS:
         raise InvalidInput(
@@ -113,7 +112,7 @@ def _picture(data: bytes) -> NDArray[np.uint8]:
 
 
 def flat_yaml(text: str) -> dict[str, list[str]]:
-    """The part of YAML that map_server writes: keys with one value, or a list in either style."""
+    """Values by key in the YAML subset of map_server: scalars, and lists in both styles."""
     out: dict[str, list[str]] = {}
     key = ""
     for raw in text.splitlines():
@@ -129,7 +128,7 @@ def flat_yaml(text: str) -> dict[str, list[str]]:
 
 
 def decode_exported(data: bytes, cell_m: float, version: int) -> MapContent:
-    """A map of what `encode_npz` wrote. Raises InvalidInput for anything else."""
+    """Map content of an `encode_npz` file. Raises InvalidInput for any other data."""
     snapshot = decode_npz(data, version + 1)
     check_cell(snapshot.grid.cell_m, cell_m)
     return MapContent(

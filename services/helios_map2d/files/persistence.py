@@ -1,4 +1,4 @@
-"""Saving and loading maps, and keeping the present one from crashes."""
+"""Saving and loading of maps, and automatic recovery of the present map after a crash."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from helios_map2d.snapshots.snapshot import MapSnapshot, encode_npz
 log = logging.getLogger(__name__)
 
 FORMATS = "map, npz, ros or png"
-LOST_VERSIONS = 10_000  # more than there can have been between the last writing and a crash
+LOST_VERSIONS = 10_000  # exceeds the possible number of versions between last write and crash
 
 
 class MapFiles:
-    """Files of the present map, and what there is to say of them."""
+    """Files of the present map, and the health notes about them."""
 
     def __init__(
         self,
@@ -39,11 +39,11 @@ class MapFiles:
         maps: Callable[[], EpochMaps | None],
         say: Callable[[], None],
     ) -> None:
-        """say: called when `said` has changed."""
-        self._trouble = ""  # what is wrong with keeping the map
-        self._refused = ""  # why the kept map was, to be told as long as the process lives
-        self._restored: tuple[EpochMap, str, str] | None = None  # the map, when kept, what is in it
-        self._logged = ""  # what the log says of it
+        """say: called when the result of `said` has changed."""
+        self._trouble = ""  # problem with saving the map
+        self._refused = ""  # why the saved map was refused; reported until the process ends
+        self._restored: tuple[EpochMap, str, str] | None = None  # map, time of saving, content
+        self._logged = ""  # note already in the log
         self._lock, self._maps, self._say = lock, maps, say
         self._kept: KeptFile | None = None
         if settings.state_dir is not None:
@@ -51,8 +51,8 @@ class MapFiles:
             self._kept = KeptFile(path, settings.keep_period_s, self._newer, self._troubled)
 
     def said(self) -> str:
-        """What is wrong with keeping the map; what became of the kept one, until another takes its
-        place. "" when there is nothing to say."""
+        """Health note: a problem with saving, and the fate of the saved map until another map
+        supersedes it. "" if there is none."""
         fate = self._fate()
         if fate and fate != self._logged:
             self._logged = fate
@@ -60,19 +60,24 @@ class MapFiles:
         return "; ".join(part for part in (self._trouble, fate) if part)
 
     def superseded(self, searching: bool) -> bool:
-        """The present map was changed, and so is no longer what an earlier process kept; whether
-        `said` has changed. That the kept map is of another world is told until an image is taken in
-        that answers a search (searching), as the object map tells it."""
+        """Note a change of the present map, which then differs from the saved one.
+
+        Returns True if the result of `said` has changed.
+        The note about a saved map of another world stays until an image for a search is fused
+        (searching), as in the object map.
+        """
         maps, restored = self._maps(), self._restored
         if maps is None or restored is None or not (searching or maps.current is restored[0]):
             return False
-        self.said()  # into the log
+        self.said()  # writes the log
         self._restored = None
         return True
 
     def recover(self, maps: EpochMaps) -> None:
-        """Park the map that was kept until the robot says that it is in its world, and begin to
-        keep. A file that cannot be used is put aside and told of. The caller holds the lock."""
+        """Park the saved map until the robot reports its world, and start saving.
+
+        An unusable file is renamed and reported. The caller holds the lock.
+        """
         if self._kept is None:
             return
         try:
@@ -102,7 +107,7 @@ class MapFiles:
         maps.keep(world, state)
 
     def _fate(self) -> str:
-        """What became of the map that an earlier process kept; "" where there is nothing to say."""
+        """Note on the fate of the map that an earlier process saved; "" if there is none."""
         maps, restored = self._maps(), self._restored
         if maps is None or restored is None:
             return ""
@@ -112,13 +117,13 @@ class MapFiles:
         return of_another_world(written) if maps.is_of_another_world(state) else ""
 
     def forget(self) -> None:
-        """Keep nothing of what was known until now."""
+        """Remove the saved map."""
         self._restored = None
         if self._kept is not None:
             self._kept.forget()
 
     def save(self, request: pb.SaveMap2DRequest) -> pb.SaveMap2DReply:
-        """The present map as files; Unavailable while there is none."""
+        """Present map as files. Raises Unavailable while there is none."""
         published = known(self._maps())
         kind = request.format or "map"
         if kind == "map":
@@ -142,11 +147,10 @@ class MapFiles:
         return reply
 
     def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
-        """Take a map in place of the present one, in the robot's present world.
+        """Replace the present map by one from files, in the robot's present world.
 
-        Its coordinates must be those of that world. Raises InvalidInput for files that cannot be
-        used, Unavailable before the robot has described itself, Conflict before it said where it
-        is.
+        Its coordinates must be those of that world. Raises InvalidInput for unusable files,
+        Unavailable before the robot's description arrives, Conflict before its state arrives.
         """
         maps = self._maps()
         if maps is None:
@@ -165,7 +169,7 @@ class MapFiles:
         )
 
     def close(self) -> None:
-        """Keep the map a last time."""
+        """Save the map a last time."""
         if self._kept is not None:
             self._kept.close()
 
@@ -181,7 +185,7 @@ class MapFiles:
     def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
         try:
             file = self._file()
-        except Unavailable:  # there is no map
+        except Unavailable:  # no map yet
             return None
         return None if file[0] == kept_version else file
 
@@ -193,14 +197,14 @@ class MapFiles:
 
 
 def areas_m2(published: MapSnapshot) -> tuple[float, float]:
-    """What is known of the ground, and how much of it is occupied."""
+    """Area of the known ground, and area of the occupied part of it."""
     cell_m2 = published.grid.cell_m**2
     known_cells = int((published.occupancy != UNKNOWN).sum())
     return known_cells * cell_m2, int((published.occupancy == OCCUPIED).sum()) * cell_m2
 
 
 def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> EpochMap:
-    """The map of some files. Raises InvalidInput when they cannot be used."""
+    """Map of some files. Raises InvalidInput if they are unusable."""
     by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}
     if len(by_ending) < len(request.files):
         raise InvalidInput(

@@ -1,1 +1,1 @@
-"""Numba kernels of the 2D maps, reached through the layers and the stack of them."""
+"""Numba kernels of the 2D maps, called by the layers and by `LayerStack`."""

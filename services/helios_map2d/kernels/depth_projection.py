@@ -1,12 +1,12 @@
 """Numba kernels that sort the pixels of a depth image by cell, and by azimuth and range.
 
-Reached through `occupancy.py`; readable twins stand in the tests. One thread: a frame takes less
-than a millisecond, and the other services need the second core. Of fast-math, only flags that keep
-NaN comparisons meaningful are used: NaN depth must fail every comparison.
+Called by `layers/occupancy.py`; the tests have readable reference versions. They use one thread: a
+frame takes less than a millisecond, and the other services need the second core. The fast-math
+flags keep NaN comparisons valid: NaN depth must fail every comparison.
 
-A row of the image goes through loops without branches over few arrays, which run in SIMD; what is
-left to be done pixel by pixel is a store by azimuth and range and, for obstacles, three updates of
-a cell. Heights in the band are above 0, so their bits order as integers do, and integers compare
+Each image row passes through branch-free loops over few arrays, which run in SIMD. The remaining
+work per pixel is one store by azimuth and range and, for obstacles, three updates of a cell.
+Heights in the band are above 0, so their bits have the order of integers, and integers compare
 faster.
 """
 
@@ -23,14 +23,14 @@ OBSTACLE = 2
 
 HERE, ABOVE, BELOW, LEFT, RIGHT = range(5)  # a pixel and its neighbours
 
-PARTS = 8  # of a row, whose pixels are counted in turn
+PARTS = 8  # number of interleaved parts of a row
 
-NO_LOW = 0x7F800000  # the bits of +inf
+NO_LOW = 0x7F800000  # bits of +inf
 
 
 @njit(cache=True, nogil=True, inline="always", fastmath=FAST)
 def diamond_angle(forward, left):
-    """0..4, rising with the azimuth from -pi to pi; 2 is straight ahead."""
+    """Diamond angle, 0..4, which rises with the azimuth from -pi to pi; 2 is straight ahead."""
     zero, one, two = np.float32(0.0), np.float32(1.0), np.float32(2.0)
     total = abs(forward) + abs(left)
     a = left / (total if total > zero else one)
@@ -40,12 +40,12 @@ def diamond_angle(forward, left):
 
 @njit(cache=True, nogil=True)
 def take_row(depth, v, step, around):
-    """Copy every `step`-th pixel of row `v` into around[HERE]; and of rows within the image, the
-    neighbours of each into the other rows. `around` float32 [5, n], or [1, n] for no neighbours."""
+    """Copy every `step`-th pixel of row `v` into around[HERE], and for inner rows the neighbours of
+    each pixel into the other rows. `around` float32 [5, n], or [1, n] without neighbours."""
     h, w = depth.shape
     n = around.shape[1]
     inner = 0 < v < h - 1 and around.shape[0] > 1
-    row = np.uint64(v)  # unsigned: an index that needs no check, so that the loops run in SIMD
+    row = np.uint64(v)  # an unsigned index needs no check, so the loops run in SIMD
     above, below = np.uint64(v - 1 if inner else v), np.uint64(v + 1 if inner else v)
     if step == 1:
         for i in range(n):
@@ -84,10 +84,10 @@ def take_row(depth, v, step, around):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def clear_veil(around, kinds, jump_m, jump_ratio):
-    """Take out of `kinds` the obstacle pixels of a row that float between two surfaces, or stand
-    alone: the mixed pixels of an edge, and outliers. Unmeasured neighbours say nothing.
+    """Clear in `kinds` the obstacle pixels of a row that float between two surfaces or are
+    isolated: mixed pixels at edges, and outliers. Unmeasured neighbours are ignored.
 
-    `around` is that of `take_row`.
+    `around`: from `take_row`.
     """
     zero = np.float32(0.0)
     for i in range(kinds.size):
@@ -107,20 +107,20 @@ def clear_veil(around, kinds, jump_m, jump_ratio):
 @njit(cache=True, nogil=True, fastmath=FAST)
 def project_depth(
     depth,  # float32 [h, w]
-    step,  # int: every so many pixels of a row, and every so many rows, are looked at
+    step,  # int: step between processed pixels of a row, and between processed rows
     intrinsics,  # float32 [4]: 1 / fx, 1 / fy, cx, cy
     pose,  # float32 [3, 4]: rotation, and camera position (cells of the window; z in metres)
     heading,  # float32 [2]
     limits,  # float32 [9]: depth min, max, floor tolerance, band lo, hi, rise, jump, ratio, 1/m
     body,  # float32 [3]: the robot's own disc in cells of the window: column, row, radius²
-    azimuths,  # int32 [2]: the first bin of `marks`, and all bins around the camera
+    azimuths,  # int32 [2]: first bin of `marks`, and number of bins around the camera
     shape,  # int32 [2]: rows and columns of the window
-    count,  # int32 [cells] out: obstacle pixels of this frame, added by cell of the window
-    low,  # int32 [cells] out: bits of the lowest obstacle height, NO_LOW where none is
-    high,  # int32 [cells] out: of the highest, 0 where none is
-    marks,  # uint8 [3, ranges, bins] out: 1 where a pixel of the kind lies; [0] is of no use
+    count,  # int32 [cells] out: this frame's obstacle pixels, added by cell of the window
+    low,  # int32 [cells] out: bits of the lowest obstacle height, NO_LOW without one
+    high,  # int32 [cells] out: bits of the highest, 0 without one
+    marks,  # uint8 [3, ranges, bins] out: 1 where a pixel of the kind lies; [0] is unused
 ):  # fmt: skip
-    """Sort depth pixels into floor, obstacle or neither, by cell and by azimuth and range."""
+    """Classify depth pixels as floor, obstacle or neither; sort them by cell, azimuth and range."""
     h, w = depth.shape
     n = (w - 1) // step + 1
     ranges, bins = marks.shape[1:]
@@ -129,15 +129,15 @@ def project_depth(
     rise, jump_m, jump_ratio, px_per_m = limits[5], limits[6], limits[7], limits[8]
     c, s = heading[0], heading[1]
     x0, y0, z0 = pose[0, 3], pose[1, 3], pose[2, 3]
-    # Evidence that touches the image edge that looks up may go on higher than was seen.
+    # An obstacle at the image edge that points upwards may extend higher than its visible part.
     last = (h - 1) // step * step
     open_row = 0 if pose[2, 1] <= 0.0 else last
     around = np.empty((5, n), np.float32)
     here = around[HERE]
-    last_whole = (n - 1) * step == w - 1  # the last pixel has none to its right
+    last_whole = (n - 1) * step == w - 1  # the last pixel has no right neighbour
     kinds, cells, spots = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
     heights, across = np.empty(n, np.float32), np.empty(n, np.float32)
-    hit = np.empty(n + 1, np.uint32)  # pixels of the row
+    hit = np.empty(n + 1, np.uint32)  # obstacle pixels of the row
     bits = heights.view(np.int32)
     mark_of = marks.ravel()
     zero, none = np.float32(0.0), np.int32(-1)
@@ -165,7 +165,7 @@ def project_depth(
         if 0 < v < h - 1:
             first_kind, last_kind = kinds[0], kinds[n - 1]
             clear_veil(around, kinds, jump_m, jump_ratio)
-            kinds[0] = first_kind  # the image's edge has no neighbours to ask
+            kinds[0] = first_kind  # pixels at the image edge lack a neighbour
             kinds[n - 1] = last_kind if last_whole else kinds[n - 1]
         for i in range(n):
             x = here[i] * (pose[0, 0] * across[i] + ax) * px_per_m
@@ -182,7 +182,7 @@ def project_depth(
             at = np.int32(y) * stride + np.int32(x)
             cells[i] = at if obstacle & inside & (not own) else none
             kind = NOTHING if own else kinds[i]
-            # Where nothing was measured x and y may be NaN.
+            # x and y may be NaN for an unmeasured pixel.
             counts = (kind != NOTHING) & (k < range_end) & (b >= 0) & (b < bins_end)
             spots[i] = kind * plane + k * bins_end + b if counts else 0
         hits = 0
@@ -190,8 +190,8 @@ def project_depth(
             mark_of[np.uint32(spots[i])] = 1
             hit[hits] = np.uint32(i)
             hits += np.int64(cells[i] >= 0)
-        # Neighbours often share a cell, and its updates wait for each other: so parts of the row
-        # take turns.
+        # Adjacent pixels often share a cell, whose updates depend on each other. Interleaving parts
+        # of the row avoids that.
         part = hits // PARTS
         for i in range(part):
             for k in range(PARTS):
@@ -214,17 +214,17 @@ def project_depth(
 
 @njit(cache=True, nogil=True)
 def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
-    """Where floor was seen: along each azimuth, joining floor seen twice with no obstacle between.
+    """Mark in `seen` the floor along each azimuth, and gaps between floor without an obstacle.
 
-    Floor within `shadow_cells` behind an obstacle is not believed: it is the foot of that
-    obstacle, thrown behind it by depth noise. Further behind it was seen under or beside it.
-    `marks` is that of `project_depth`, zeros again afterwards but for [0]; `seen` uint8 [ranges,
-    bins] gets 1 where the bin itself or one beside it sees floor, 0 elsewhere.
+    Floor within `shadow_cells` behind an obstacle is discarded: depth noise puts the foot of the
+    obstacle there. Floor farther behind was seen under or beside the obstacle. `marks`: from
+    `project_depth`; afterwards zeros except [0]. `seen` uint8 [ranges, bins] gets 1 where the bin
+    itself or an adjacent one has floor, else 0.
     """
     ranges, bins = marks.shape[1:]
-    # Both ways along all azimuths at once: how far it is to believed floor, `most` where an
-    # obstacle or too much lies between. A cell is seen where both ways together make a gap.
-    one, nought = np.float32(1), np.float32(0)  # float32 stays narrow, where integers do not
+    # Two passes, outward and inward, over all azimuths: distance to accepted floor, `most` if an
+    # obstacle or a longer gap lies between. A cell is seen if the sum of both is a closed gap.
+    one, nought = np.float32(1), np.float32(0)  # float32, because the compiler widens integers
     most, shadow = np.float32(gap_cells + 1), np.float32(shadow_cells)
     ahead = np.empty((ranges, bins), np.float32)
     far, behind = np.full(bins, most, np.float32), np.full(bins, shadow, np.float32)
@@ -242,7 +242,7 @@ def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
     line = np.zeros(bins + 2, np.uint8)
     inner, after = line[1 : bins + 1], line[2:]
     for n in range(ranges):
-        k = abs(ranges - 1 - n)  # not below 0: what the compiler must know for SIMD
+        k = abs(ranges - 1 - n)  # never negative, which the compiler must know for SIMD
         obstacle, here, joined = marks[OBSTACLE, k], ahead[k], seen[k]
         for b in range(bins):
             further = most if obstacle[b] != 0 else min(far[b] + one, most)

@@ -1,6 +1,7 @@
-"""Numba kernels that flood ground cell by cell, a run of a row at a time.
+"""Numba kernels for flood fill, one run of a row at a time.
 
-Called by `layers/explored_area` and `kernels/reachability`. Readable twins are in the tests.
+Called by `layers/explored_area` and `kernels/reachability`. The tests have readable reference
+versions.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def flood(open_ground, row, column, got):
-    """Mark in `got` what can be come to over `open_ground` (both uint8 [rows, columns]) from a
-    cell, by 4 neighbours. A run of open cells along a row is marked whole or not at all."""
+    """Mark in `got` the 4-connected cells of `open_ground` around a cell (both uint8 [rows,
+    columns]). A run of open cells along a row is marked completely or not at all."""
     rows, columns = open_ground.shape
     if open_ground[row, column] == 0:
         return
-    stack = np.empty(2 * rows * (columns + 1) + 1, np.int32)  # no run is met more often than that
+    stack = np.empty(2 * rows * (columns + 1) + 1, np.int32)  # upper bound on pushed runs
     stack[0] = row * columns + column
     n = 1
     while n > 0:
@@ -43,10 +44,10 @@ def flood(open_ground, row, column, got):
 
 @njit(cache=True, nogil=True)
 def near_ground(occupancy, corner, cell, radius_cells, near):
-    """Cells within a radius of one that can be walked to without crossing an obstacle.
+    """Mark the cells within a radius of a cell that a path without obstacles reaches.
 
-    `near` uint8 [rows, columns], a box whose corner is at `corner` (row, column), starts as zeros
-    and gets ones.
+    `near` uint8 [rows, columns] is a box with its corner at `corner` (row, column); it starts as
+    zeros and gets ones.
     """
     open_ground = np.empty(near.shape, np.uint8)
     for r in range(near.shape[0]):

@@ -1,7 +1,7 @@
-"""Numba kernels that ask whether a view sees through believed obstacles.
+"""Numba kernels that test whether a view sees through mapped obstacles.
 
-Called by `kernels/occupancy_fusion`. One pixel decides most cells, many at a time in SIMD; only the
-undecided ones look at every pixel that they cover.
+Called by `kernels/occupancy_fusion`. One pixel decides most cells, in SIMD batches; only undecided
+cells examine every pixel that they cover.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from numba import njit
 from helios_map2d.kernels.depth_projection import FAST
 
 HEIGHT_SAMPLES = 6
-BATCH = 128  # cells that are looked at together
-WIDEST = 6  # a cell covers at most so many pixels to either side of its middle
+BATCH = 128  # cells per batch
+WIDEST = 6  # most pixels that a cell covers on each side of its centre
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -23,13 +23,13 @@ def aim(
     pose,  # float32 [3, 4]: rotation; the camera's column and row in the window, height in metres
     cell_m,
     far,
-    xs, ys, lows, highs,  # float32 [n]: column, row, and heights of believed obstacles
+    xs, ys, lows, highs,  # float32 [n]: column, row, and heights of mapped obstacles
     depths,  # float32 [samples + 1, BATCH] out: depth of points, lowest to highest, then the middle
-    pixels,  # int32 [samples + 1, BATCH] out: their place in the image, -1 where it is outside
-    widths,  # int32 [samples + 1, BATCH] out: pixels that the cell covers to either side
+    pixels,  # int32 [samples + 1, BATCH] out: index of the points' pixels, -1 outside the image
+    widths,  # int32 [samples + 1, BATCH] out: pixels that the cell covers on each side
 ):  # fmt: skip
-    """Where believed obstacles would be in the image."""
-    # Few arrays to a loop: with more, the compiler gives up on telling them apart, and on SIMD.
+    """Project sample points of mapped obstacles into the image."""
+    # Few arrays per loop: with more, the compiler cannot exclude aliasing and drops SIMD.
     h, w = shape
     n = xs.size
     half, one, near = np.float32(0.5), np.float32(1.0), np.float32(0.05)
@@ -71,8 +71,10 @@ def aim(
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def undecided(flat, lows, highs, depths, pixels, tolerance, unsure):
-    """Say in `unsure` uint8 [n] whether a believed obstacle may be seen through somewhere: whether
-    the middle pixel of any of its points is not before or on it. Mostly it is, and that decides.
+    """Set `unsure` uint8 [n] to 1 for mapped obstacles that the view may see through.
+
+    That is so if, for any of its points, the depth at the middle pixel lies behind the obstacle or
+    is not measured. For most obstacles it is not so, and this test decides.
     """
     n = lows.size
     zero, tall = np.float32(0.0), np.float32(0.05)
@@ -94,9 +96,9 @@ def undecided(flat, lows, highs, depths, pixels, tolerance, unsure):
 
 @njit(cache=True, nogil=True)
 def seen_through(flat, line, at, width, limit):
-    """Whether all measured pixels of a square around one lie beyond `limit`, and any is measured.
+    """True if a square around a pixel has measured pixels and all of them lie beyond `limit`.
 
-    `flat` is the image as float32 [h * w], rows of `line` pixels.
+    `flat` is the image as float32 [h * w], with rows of `line` pixels.
     """
     measured = False
     for v in range(at - width * line, at + width * line + 1, line):
@@ -111,7 +113,7 @@ def seen_through(flat, line, at, width, limit):
 
 @njit(cache=True, nogil=True)
 def on_surface(flat, line, at, width, nearest, farthest):
-    """Whether a pixel of a square around one is measured between two depths."""
+    """True if a square around a pixel has a measured pixel between two depths."""
     for v in range(at - width * line, at + width * line + 1, line):
         for p in range(v - width, v + width + 1):
             if flat[p] > 0.0 and nearest <= flat[p] <= farthest:
@@ -121,12 +123,12 @@ def on_surface(flat, line, at, width, nearest, farthest):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def look_at(flat, line, depths, pixels, widths, tolerance, low, high, hit):
-    """Look at a believed obstacle from `low` to `high` (m), at the points that `aim` found for it:
-    `depths`, `pixels`, `widths` [samples + 1].
+    """Test a mapped obstacle from `low` to `high` (m) at its points from `aim`: `depths`, `pixels`,
+    `widths` [samples + 1].
 
-    Returns whether most of it is seen through and none of it is a surface (not asked of what was
-    hit), and the ends of what is not seen through. The pixels that a cell covers are all asked;
-    one that does not see through is enough to keep the point.
+    Returns (gone, low, high). gone: the view sees through most points and finds no surface at any
+    (never for an obstacle that this frame hit). low, high: ends of the part not seen through. Of
+    all pixels that a cell covers, one that does not see through keeps the point.
     """
     samples = HEIGHT_SAMPLES if high - low > np.float32(0.05) else 1
     first = 0 if samples > 1 else HEIGHT_SAMPLES
@@ -147,6 +149,6 @@ def look_at(flat, line, depths, pixels, widths, tolerance, low, high, hit):
             if pixels[k] >= 0 and on_surface(flat, line, pixels[k], widths[k], z - tol, z + tol):
                 gone = False
     if samples > 1 and through > 0 and lowest <= highest:
-        # What was seen through at its ends is lower, or begins higher, than believed.
+        # Points seen through at the ends lower the top or raise the bottom.
         low, high = lowest, highest
     return gone, low, high

@@ -1,6 +1,7 @@
-"""Numba kernels of the frontiers: their cells, what can be reached of them, sight.
+"""Numba kernels for the cells and the reachability of frontiers, and for line of sight.
 
-Reached through `frontiers.py` and `line_of_sight.py`; readable twins stand in the tests.
+Called by `layers/frontiers.py` and `layers/line_of_sight.py`; the tests have readable reference
+versions.
 """
 
 from __future__ import annotations
@@ -10,21 +11,21 @@ from numba import njit
 
 from helios_map2d.grid import TILE
 
-VALUES = 1  # what is to be done about a frontier, as flags
-OTHER = 2
+VALUES = 1  # flags of `describe`: the frontier's values need an update
+OTHER = 2  # the frontier has changed
 
 
 @njit(cache=True, nogil=True)
 def look_again(occupancy, explored, corner, stale, first_tile, side, old):
-    """Frontier cells of the whole map where some tiles are to be looked at again.
+    """Frontier cells of the whole map, updated in stale tiles.
 
-    Frontier cells are free explored cells beside one that is neither explored nor occupied (4
-    neighbours; one outside the arrays counts as unexplored). `corner` is the world cell of the
-    arrays' first; `stale` uint8 [tile rows, tile columns] is 1 for the tiles of `side` cells that
-    are to be looked at, the first being `first_tile` of the world; those that do not lie within the
-    arrays are left alone. `old` int32 [n, 2] are the cells as they were: world cells, tile after
-    tile in row order, and so within a tile. Returns the cells as they are, and whether any is other
-    than before.
+    Frontier cells are free explored cells beside a cell that is neither explored nor occupied (4
+    neighbours; cells outside the arrays count as unexplored). `corner` is the world cell of the
+    arrays' first cell. `stale` uint8 [tile rows, tile columns] is 1 for tiles of `side` cells to
+    examine; its first entry is tile `first_tile` of the world. Tiles outside the arrays are
+    skipped. `old` int32 [n, 2] are the former frontier cells: world cells, tile after tile in row
+    order, and in row order within a tile. Returns the present cells in that order, and True if any
+    has changed.
     """
     rows, columns = occupancy.shape
     shape = rows, columns // side, side
@@ -37,7 +38,7 @@ def look_again(occupancy, explored, corner, stale, first_tile, side, old):
     for t in range(stale.size):
         if stale[t // stale.shape[1], t % stale.shape[1]] == 0:
             continue
-        row = (first_tile[0] + t // stale.shape[1]) * side  # the tile's first cell of the world
+        row = (first_tile[0] + t // stale.shape[1]) * side  # world cell of the tile's first cell
         column = (first_tile[1] + t % stale.shape[1]) * side
         top, left = row - corner[0], column - corner[1]
         if top < 0 or left < 0 or top + side > rows or left + side > columns:
@@ -64,8 +65,8 @@ def look_again(occupancy, explored, corner, stale, first_tile, side, old):
 
 @njit(cache=True, nogil=True, inline="always")
 def tile_order(cells, i, side, row, column):
-    """-1, 0 or 1: the tile of cell `i` comes before the tile whose first cell is at (row, column),
-    is it, or comes after."""
+    """Order of the tile of cell `i` relative to the tile whose first cell is (row, column): -1
+    before, 0 same, 1 after."""
     if cells[i, 0] < row or cells[i, 0] >= row + side:
         return -1 if cells[i, 0] < row else 1
     if cells[i, 1] < column or cells[i, 1] >= column + side:
@@ -75,13 +76,13 @@ def tile_order(cells, i, side, row, column):
 
 @njit(cache=True, nogil=True)
 def list_cells(wanted, row, column, out):
-    """Write the cells of a tile that are wanted to `out` int32 [n, 2]; how many. The tile's first
-    cell is at (row, column)."""
+    """Write the wanted cells of a tile to `out` int32 [n, 2] and return their number. The tile's
+    first cell is (row, column)."""
     side, n = wanted.shape[0], 0
     eights = wanted.view(np.uint64)
     for y in range(side):
         for i in range(eights.shape[1]):
-            if eights[y, i] == 0:  # mostly so
+            if eights[y, i] == 0:  # the usual case
                 continue
             for x in range(8 * i, 8 * i + 8):
                 out[n, 0], out[n, 1] = row + y, column + x
@@ -91,7 +92,7 @@ def list_cells(wanted, row, column, out):
 
 @njit(cache=True, nogil=True)
 def equal(a, b):
-    """Whether two lists of cells are the same."""
+    """True if two lists of cells are equal."""
     same, i = a.shape[0] == b.shape[0], 0
     while same and i < a.shape[0]:
         same = a[i, 0] == b[i, 0] and a[i, 1] == b[i, 1]
@@ -101,14 +102,14 @@ def equal(a, b):
 
 @njit(cache=True, nogil=True)
 def edge_cells(state, seen, top, at, near, wanted):
-    """Say in `wanted` uint8 [side, side] which cells of a tile are free, explored and beside one
-    that is neither explored nor occupied.
+    """Set `wanted` uint8 [side, side] to 1 for cells of a tile that are free, explored and beside a
+    cell that is neither explored nor occupied.
 
-    `state`, `seen` are occupancy and what is explored by row, tile and cell [rows, tiles, side];
-    the tile's first row is `top`, its place in rows `at`. `near` uint8 [side + 2, side + 2] is of
-    use inside.
+    `state`, `seen`: occupancy and explored area by row, tile and cell [rows, tiles, side]. `top`:
+    first row of the tile; `at`: index of the tile within rows. `near` uint8 [side + 2, side + 2] is
+    scratch memory.
     """
-    # No slices and no index below 0, so that all runs in SIMD, and nothing is counted in between.
+    # No slices, no negative indices and no counting, so that all loops run in SIMD.
     side, last = wanted.shape[0], state.shape[1] - 1
     for y in range(side + 2):
         if top + y == 0 or top + y > state.shape[0]:
@@ -131,25 +132,24 @@ def edge_cells(state, seen, top, at, near, wanted):
 
 @njit(cache=True, nogil=True)
 def describe(
-    cells, starts,  # clusters: world cells int32 [m, 2], and int64 [clusters + 1] where each begins
-    corner,  # the world cell of the grid's first
+    cells, starts,  # clusters: world cells int32 [m, 2], and start of each int64 [clusters + 1]
+    corner,  # world cell of the grid's first cell
     labels, offsets, reached, near, near_corner,  # a `ReachedCells` and its labels
-    same,  # int64 [clusters]: the place of a former with the very same cells, -1 for none
-    former_centres, former_reachable,  # of the former: as `centres` and `reachable`
-    stale,  # box of world cells near which values have changed: row_lo, row_hi, column_lo, ...
+    same,  # int64 [clusters]: index of the former frontier with equal cells, -1 for none
+    former_centres, former_reachable,  # `centres` and `reachable` of the former frontiers
+    stale,  # box of world cells with changed values: row_lo, row_hi, column_lo, column_hi
 ):  # fmt: skip
-    """Of each cluster the centre (a world cell, int32 [clusters, 2]), whether it can be reached
-    (uint8), and what is to be done about it (uint8, flags): VALUES where its values must be found,
-    OTHER where it is not as its former was.
+    """Per cluster: centre (world cell, int32 [clusters, 2]), reachability (uint8), and flags
+    (uint8): VALUES if its values need an update, OTHER if it differs from its former frontier.
 
-    The centre is the cell nearest to the mean of those that can be reached (of all its cells where
-    none can), the first of equals.
+    The centre is the cell nearest to the mean of its reachable cells (of all cells if none is
+    reachable), the first of several at the same distance.
     """
     n, count = cells.shape[0], starts.size - 1
     can, of_tile = np.empty(n, np.uint8), np.empty(n, np.uint16)
     centres, reachable = np.empty((count, 2), np.int32), np.empty(count, np.uint8)
     flags = np.zeros(count, np.uint8)
-    for i in range(n):  # far apart in memory: nothing else here, so that many are on their way
+    for i in range(n):  # scattered reads alone in one loop, so that many are in flight at once
         r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
         of_tile[i] = labels[np.uint64(r), np.uint64(c)]
     for i in range(n):
@@ -187,17 +187,17 @@ def describe(
 
 @njit(cache=True, nogil=True)
 def first_block(z_low, z_high, occupancy, start, end, target_cells, margin, ground):
-    """The first cell on a straight line whose obstacle the line meets, or (-1, -1).
+    """First cell on a straight line whose obstacle intersects the line, or (-1, -1).
 
-    `start`, `end` float64 [3]: row, column in cells (not rounded) and height in metres. Cells
-    within `target_cells` of the end, and the start's own, do not block.
+    `start`, `end` float64 [3]: row, column in cells (not rounded) and height in metres. The start's
+    own cell, and cells within `target_cells` of the end, do not block.
     """
     rows, columns = occupancy.shape
     dr, dc, dz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
     length = np.hypot(dr, dc)
     steps = int(length * 4) + 1
     own_r, own_c = int(np.floor(start[0])), int(np.floor(start[1]))
-    # Only the part of the line over the map: an end may be any finite place.
+    # Clip the line to the map: an end may be any finite place.
     t_in, t_out = 0.0, 1.0
     for k in range(2):
         d = end[k] - start[k]

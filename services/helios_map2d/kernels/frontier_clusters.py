@@ -1,7 +1,7 @@
-"""Numba kernels of clusters of frontier cells: which cells hang together, and in which order.
+"""Numba kernels that cluster frontier cells.
 
-Reached through `frontiers.py`; a readable twin stands in its test. Cells come tile after tile, so
-that all work is done on arrays of the size of a tile, which stay in the fastest cache.
+Called by `layers/frontiers.py`; its test has a readable reference version. Cells are sorted by
+tile, so all work uses arrays of the size of a tile, which stay in the fastest cache.
 """
 
 from __future__ import annotations
@@ -20,19 +20,18 @@ def find_root(parent, i):
 
 @njit(cache=True, nogil=True, inline="always")
 def unite(parent, a, b):
-    """The smaller of two roots becomes the root of both."""
+    """Merge two sets; the smaller root becomes the root of both."""
     a, b = find_root(parent, a), find_root(parent, b)
     parent[max(a, b)] = min(a, b)
 
 
 @njit(cache=True, nogil=True)
 def clusters_of(cells, side, least):
-    """The 8-connected clusters of at least so many cells, the largest first, of equals the one of
-    the first cell.
+    """8-connected clusters of at least `least` cells, largest first; equal ones by first cell.
 
-    `cells` int32 [n, 2] lie tile after tile of `side` cells, the tiles in row order and so the
-    cells of each. Returns their cells int32 [m, 2], cluster after cluster, in the same order, and
-    int64 [clusters + 1] where each begins, and the last ends.
+    `cells` int32 [n, 2] are sorted by tile of `side` cells: tiles in row order, and cells in row
+    order within a tile. Returns the clusters' cells int32 [m, 2], cluster after cluster, each in
+    that order, and the start of each and the end of the last, int64 [clusters + 1].
     """
     n = cells.shape[0]
     parent = np.arange(n).astype(np.int32)
@@ -40,7 +39,7 @@ def clusters_of(cells, side, least):
     labels, sizes = np.empty(n, np.int32), np.empty(n, np.int32)
     found = 0
     for i in range(n):
-        root = find_root(parent, i)  # the smallest of its cluster
+        root = find_root(parent, i)  # smallest index of the cluster
         if root == i:
             labels[i] = found
             sizes[found] = 0
@@ -67,14 +66,15 @@ def clusters_of(cells, side, least):
 
 @njit(cache=True, nogil=True)
 def hang_together(cells, side, parent):
-    """Unite in `parent` int32 [n] all cells that are neighbours; see `clusters_of`."""
+    """Unite all neighbouring cells in `parent` int32 [n]; see `clusters_of`."""
     n = cells.shape[0]
     if n == 0:
         return
     left = cells[:, 1].min() // side * side
     width = cells[:, 1].max() // side * side + side - left
-    # Numbers of cells from 1: those of a tile, with one row and column of the tiles before it; of
-    # the right column of the last tile, and of the top rows of this row of tiles and the one below.
+    # Numbers of cells, from 1. near: those of a tile, with one row and column of the tiles before
+    # it. beside: right column of the last tile. tops, below: top rows of this row of tiles and of
+    # the row below.
     near = np.zeros((side + 1, side + 2), np.int32)
     beside = np.zeros(side, np.int32)
     tops, below = np.zeros(width + 2, np.int32), np.zeros(width + 2, np.int32)
@@ -101,7 +101,7 @@ def hang_together(cells, side, parent):
             end += 1
         for k in range(i, end):
             y, x = cells[k, 0] - r0, cells[k, 1] - c0
-            # Half of the neighbours: each pair is met once.
+            # Only half of the neighbours: each pair occurs once.
             if near[y - 1, x - 1] != 0:
                 unite(parent, near[y - 1, x - 1] - 1, k)
             if near[y - 1, x] != 0:

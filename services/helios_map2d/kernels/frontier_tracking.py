@@ -1,6 +1,6 @@
-"""Numba kernels that tell which frontier is which: the same cells as before, or cells near them.
+"""Numba kernels that match frontiers with former ones, by equal cells or by near cells.
 
-Reached through `frontiers.py`; a readable twin stands in its test.
+Called by `layers/frontiers.py`; its test has a readable reference version.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from numba import njit
 
 from helios_map2d.kernels.frontier_cells import equal
 
-CHUNK = 16  # cells that are compared by the box around them first
+CHUNK = 16  # cells per run; the boxes of two runs are compared before their cells
 
 
 @njit(cache=True, nogil=True)
 def recognise(cells, starts, former, former_starts, former_ids, reach, next_id):
-    """The number of each cluster: that of a former one, or a new one from `next_id` on.
+    """Id of each cluster: that of a matching former frontier, or a new one from `next_id` on.
 
-    The clusters are cells int32 [m, 2] with `starts` int64 [clusters + 1]; so are the former ones,
-    whose numbers are `former_ids` int64. One with the very cells of a former has its number; of
-    the others, those with most cells within `reach` cells (a square) of a former. Returns the
-    numbers int64 [clusters], the places of the former with the very same cells, -1 for none, int64
-    [clusters], and the next number.
+    Clusters are cells int32 [m, 2] with `starts` int64 [clusters + 1]; former ones have the same
+    form, with ids `former_ids` int64. A cluster with the cells of a former one takes its id. Then
+    the remaining pairs match by the number of cells within `reach` cells (a square), highest first.
+    Returns the ids int64 [clusters], the indices of former ones with equal cells, -1 for none,
+    int64 [clusters], and the next id.
     """
     count, before = starts.size - 1, former_starts.size - 1
     ids, same, taken = np.zeros(count, np.int64), np.full(count, -1), np.zeros(before, np.bool_)
@@ -45,8 +45,8 @@ def recognise(cells, starts, former, former_starts, former_ids, reach, next_id):
 
 @njit(cache=True, nogil=True)
 def votes(cells, starts, same, former, former_starts, taken, reach):
-    """How many cells of each cluster that is new lie within `reach` of each former that is not
-    taken: the pairs int64 [p, 2] of which any do, in order, and int64 [p] how many."""
+    """Pairs int64 [p, 2] (unmatched cluster, former one not taken) that have near cells, in order,
+    and the number int64 [p] of the cluster's cells within `reach` of the former one."""
     count, before = starts.size - 1, former_starts.size - 1
     pairs, shared, found = np.empty((16, 2), np.int64), np.empty(16, np.int64), 0
     boxes = np.empty((before, 4), np.int32)
@@ -75,8 +75,9 @@ def votes(cells, starts, same, former, former_starts, taken, reach):
 
 @njit(cache=True, nogil=True)
 def near_cells(cells, others, reach, box):
-    """How many of the cells lie within `reach` of any of the others; `box` int32 [4] is of use
-    inside. Runs of cells lie close together, so most pairs of them are told apart by their boxes.
+    """Number of cells within `reach` of any of the others; `box` int32 [4] is scratch memory.
+
+    The cells of a run lie close together, so boxes rule out most pairs of runs.
     """
     runs = (others.shape[0] + CHUNK - 1) // CHUNK
     boxes = np.empty((runs, 4), np.int32)
@@ -86,7 +87,7 @@ def near_cells(cells, others, reach, box):
     for first in range(0, cells.shape[0], CHUNK):
         part = cells[first : first + CHUNK]
         box_of(part, box)
-        hit = 0  # a bit for each
+        hit = 0  # one bit per cell
         for b in range(runs):
             if apart(box, boxes[b], reach):
                 continue
@@ -104,7 +105,7 @@ def near_cells(cells, others, reach, box):
 
 @njit(cache=True, nogil=True)
 def box_of(cells, box):
-    """The box around some cells: lowest and highest row, lowest and highest column."""
+    """Write to `box` the lowest and highest row and the lowest and highest column of some cells."""
     box[0] = box[1] = cells[0, 0]
     box[2] = box[3] = cells[0, 1]
     for i in range(1, cells.shape[0]):
@@ -114,6 +115,6 @@ def box_of(cells, box):
 
 @njit(cache=True, nogil=True, inline="always")
 def apart(a, b, reach):
-    """Whether no cell of a box lies within `reach` of the other."""
+    """True if no cell of one box lies within `reach` of the other."""
     return (a[1] + reach < b[0] or b[1] + reach < a[0]
             or a[3] + reach < b[2] or b[3] + reach < a[2])  # fmt: skip

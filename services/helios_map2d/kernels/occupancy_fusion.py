@@ -1,8 +1,8 @@
-"""Numba kernels that fold one frame's pixels by cell into the map's window.
+"""Numba kernels that fuse one frame's pixels, sorted by cell, into the map's window.
 
-Reached through `occupancy.py`; readable twins stand in the tests. All cells get their floor in
-loops without branches; what is more to do is done for the few cells where an obstacle is believed
-or was met, in batches, so that what can runs in SIMD.
+Called by `layers/occupancy.py`; the tests have readable reference versions. Branch-free loops
+update the floor of all cells. Further steps run in SIMD batches over the few cells with obstacle
+evidence or hits.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from numba import njit
 from helios_map2d.kernels.depth_projection import FAST, NO_LOW, diamond_angle
 from helios_map2d.kernels.free_space_carving import BATCH, HEIGHT_SAMPLES, aim, look_at, undecided
 
-SEEN_NOW = 1  # what came of a frame for a cell, as flags
-HEIGHTS = 2
-MEMORY = 4
+SEEN_NOW = 1  # flags of a frame's effect on a cell: the frame saw the cell
+HEIGHTS = 2  # heights of its obstacle changed
+MEMORY = 4  # stored data changed, such as the evidence
 
 
 @njit(cache=True, nogil=True)
 def hit_of(count, row, column, weak, strong, tail_ratio):
-    """0 no hit, 1 weak, 2 strong: this frame's obstacle pixels of a cell, with its 8 neighbours.
+    """Strength of this frame's hit on a cell, with its 8 neighbours: 0 none, 1 weak, 2 strong.
 
-    A lone pixel is no hit. Neither are the few pixels that noise throws beside a cell with far
-    more of them: the tails of a wall.
+    A single pixel is no hit. Nor are a few pixels beside a cell with far more: they are the noise
+    tails of a wall.
     """
     n = count[row, column]
     support = 0
@@ -41,17 +41,17 @@ def hit_of(count, row, column, weak, strong, tail_ratio):
 def fold_floor(
     pose,  # float32 [3, 4], as in `aim`
     heading,  # float32 [2]
-    azimuths,  # int32 [2]: the first bin of `floor`, and all bins around the camera
+    azimuths,  # int32 [2]: first bin of `floor`, and number of bins around the camera
     floor,  # uint8 [ranges + 1, bins], from floor_along_azimuths; the last row is zeros
-    occupied,  # uint8: evidence that makes an obstacle
+    occupied,  # uint8: least evidence of an obstacle
     corner,  # (row, column) of the window on the map
-    spans,  # int32 [rows, 2]: first and last column + 1 of each row that the view may touch
+    spans,  # int32 [rows, 2]: first column and end of each row that the view may change
     count,  # int32 [rows, columns]
     evidence, floor_seen, occupancy,  # the whole map
     came_of_it,  # uint8 [rows, columns] out: SEEN_NOW, MEMORY
-    active,  # int32 [cells, 2] out: the cells (row, column) that have evidence or were hit
+    active,  # int32 [cells, 2] out: cells (row, column) with evidence or a hit
 ):  # fmt: skip
-    """Fold the floor that was seen into the map; how many cells are active."""
+    """Fuse the seen floor into the map and return the number of active cells."""
     rows, columns = count.shape
     ranges, bins = floor.shape[0] - 1, floor.shape[1]
     bin_scale = np.float32(azimuths[1] / 4.0)
@@ -66,7 +66,7 @@ def fold_floor(
         came_of_it[row, :] = 0
         first, end = spans[row, 0], spans[row, 1]
         n = end - first
-        # Rows of whole arrays lie without gaps, which SIMD needs, as it does indices above 0.
+        # Slices of rows are contiguous, and `abs` excludes negative indices; SIMD needs both.
         r, at = abs(corner[0] + row), abs(corner[1] + first)
         e, known = evidence[r][at : at + n], floor_seen[r][at : at + n]
         state = occupancy[r][at : at + n]
@@ -107,7 +107,7 @@ def fold_obstacles(
     pose,  # float32 [3, 4], as in `aim`
     cell_m,  # float32
     tolerance,  # float32 [2]: m, ratio of depth
-    far,  # float32: the largest depth at which a cell is judged
+    far,  # float32: largest depth at which a cell is tested
     rules,  # int64 [7]: weak pixels, strong pixels, tail ratio, occupied, most, gain, loss
     count, low, high,  # [rows, columns], float32 heights: this frame's obstacles
     active,  # int32 [n, 2]: cells, from fold_floor
@@ -115,7 +115,7 @@ def fold_obstacles(
     evidence, floor_seen, z_low, z_high, occupancy,  # the whole map
     came_of_it,  # uint8 [rows, columns], from fold_floor: gets HEIGHTS, MEMORY, SEEN_NOW
 ):  # fmt: skip
-    """Fold this frame's obstacles into the map, and what it says of those that are believed."""
+    """Fuse this frame's obstacles into the map, and carve mapped obstacles that it sees through."""
     line, flat = depth.shape[1], depth.ravel()
     weak, strong, tail_ratio = rules[0], rules[1], rules[2]
     occupied, most, gain, loss = rules[3], rules[4], rules[5], rules[6]
@@ -172,7 +172,7 @@ def fold_obstacles(
 
 @njit(cache=True, nogil=True)
 def forget_pixels(active, count, low, high):
-    """Make room for the pixels of the next frame: those of this one lie in active cells."""
+    """Clear this frame's pixels, which all lie in active cells."""
     for i in range(active.shape[0]):
         row, column = active[i, 0], active[i, 1]
         count[row, column] = 0
@@ -190,7 +190,7 @@ def clear_disc(
     corner,  # (row, column) of `came_of_it` on the map
     came_of_it,  # uint8 [rows, columns]: gets MEMORY where anything changes
 ):  # fmt: skip
-    """Nothing stands on the cells whose centres lie within a disc: they are free."""
+    """Set all cells with their centre within a disc to free."""
     for r in range(box[0], box[1]):
         y = origin[1] + (r + 0.5) * cell_m - disc[1]
         for c in range(box[2], box[3]):

@@ -1,6 +1,6 @@
-"""Numba kernels of the open ground: obstacles in reach, components by tile, the walk over them.
+"""Numba kernels of the open ground: obstacle counts, components by tile, and their traversal.
 
-Reached through `layers/reachability.py`; a readable twin stands in its test.
+Called by `layers/reachability.py`; its test has a readable reference version.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from helios_map2d.grid import TILE
 from helios_map2d.kernels.flood_fill import flood, near_ground
 from helios_map2d.kernels.frontier_clusters import find_root
 
-BOTTOM, TOP, LEFT, RIGHT = range(4)  # sides of a tile: that of the neighbour is `side ^ 1`
-STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the tile beyond each side
+BOTTOM, TOP, LEFT, RIGHT = range(4)  # sides of a tile; the neighbour's side is `side ^ 1`
+STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the neighbour at each side
 
 
 @njit(cache=True, nogil=True)
@@ -21,7 +21,7 @@ def follow(
     before, occupancy, row_lo, column_lo, half_widths,  # see `follow_obstacles`
     crowd, labels, counts, edges, offsets,  # see `ReachableFloor`
 ):  # fmt: skip
-    """Keep the open ground up to date with a change of occupancy; how many components it has."""
+    """Update the open ground after a change of occupancy and return the number of components."""
     stale = np.zeros(counts.shape, np.uint8)
     follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale)
     label_tiles(occupancy, crowd, stale, labels, counts, edges)
@@ -30,7 +30,7 @@ def follow(
 
 @njit(cache=True, nogil=True)
 def number_components(counts, offsets):
-    """Count the components before each tile's, so that all can be told apart; how many."""
+    """Write to `offsets` the number of components before each tile's and return their total."""
     total, flat, before = np.int64(0), counts.ravel(), offsets.ravel()
     for i in range(flat.size):
         before[i] = total
@@ -40,11 +40,11 @@ def number_components(counts, offsets):
 
 @njit(cache=True, nogil=True)
 def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale):
-    """Count new obstacles into the discs around them, and vanished ones out of them.
+    """Add new obstacles to the counts in the discs around them, and subtract vanished ones.
 
-    `before` int8 [rows, columns] is a box, as it was, whose corner on the grid is (row_lo,
-    column_lo); `occupancy` is the whole grid as it is. Marks in `stale` uint8 [tile rows, tile
-    columns] the tiles whose open ground may have changed.
+    `before` int8 [rows, columns] is the former occupancy of a box whose corner on the grid is
+    (row_lo, column_lo); `occupancy` is the present occupancy of the whole grid. Marks in `stale`
+    uint8 [tile rows, tile columns] the tiles whose open ground may have changed.
     """
     rows, columns = before.shape
     reach = half_widths.size // 2
@@ -55,7 +55,7 @@ def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, s
             was = before[r][first : first + TILE]
             now = occupancy[row][column_lo + first : column_lo + first + was.size]
             other = np.int8(0)
-            for i in range(was.size):  # mostly nothing; in SIMD
+            for i in range(was.size):  # mostly no change; in SIMD
                 other |= was[i] ^ now[i]
             if other == 0:
                 continue
@@ -75,19 +75,21 @@ def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, s
 
 @njit(cache=True, nogil=True)
 def count_disc(row, column, step, half_widths, crowd):
-    """Add `step` to the cells of a disc; `half_widths` are those of its rows."""
+    """Add `step` to the cells of a disc; `half_widths`: half width of each of its rows."""
     reach = half_widths.size // 2
     height, width = crowd.shape
     for y in range(max(0, row - reach), min(height - 1, row + reach) + 1):
         half = half_widths[y - row + reach]
         for x in range(max(0, column - half), min(width, column + half + 1)):
-            crowd[np.uint64(y), np.uint64(x)] += np.uint16(step)  # unsigned: needs no check
+            crowd[np.uint64(y), np.uint64(x)] += np.uint16(step)  # unsigned index: no check
 
 
 @njit(cache=True, nogil=True)
 def label_tiles(occupancy, crowd, stale, labels, counts, edges):
-    """Label the open ground of the stale tiles anew, 4-connected within the tile, from 1. `edges`
-    uint16 [tile rows, tile columns, 4, TILE] gets the labels along their sides."""
+    """Relabel the open ground of stale tiles, 4-connected within each tile, from 1.
+
+    `edges` uint16 [tile rows, tile columns, 4, TILE] gets the labels along their sides.
+    """
     parent = np.empty(TILE * TILE + 1, np.int32)
     open_ground = np.empty((TILE, TILE), np.uint8)
     for tr in range(stale.shape[0]):
@@ -97,7 +99,7 @@ def label_tiles(occupancy, crowd, stale, labels, counts, edges):
                 continue
             n = label_runs(open_ground, parent, labels[r0 : r0 + TILE, c0 : c0 + TILE])
             found = 0
-            for i in range(1, n + 1):  # a root is smaller than what hangs on it
+            for i in range(1, n + 1):  # a root is smaller than its children
                 if parent[i] == i:
                     found += 1
                     parent[i] = found
@@ -117,8 +119,10 @@ def label_tiles(occupancy, crowd, stale, labels, counts, edges):
 
 @njit(cache=True, nogil=True)
 def open_anew(occupancy, crowd, labels, r0, c0, open_ground):
-    """Say in `open_ground` uint8 [TILE, TILE] where a tile is open; whether that is elsewhere than
-    its labels are."""
+    """Write the open cells of a tile to `open_ground` uint8 [TILE, TILE].
+
+    Returns True if they differ from the labelled cells.
+    """
     other = np.uint8(0)
     for y in range(TILE):
         state, crowded = occupancy[r0 + y][c0 : c0 + TILE], crowd[r0 + y][c0 : c0 + TILE]
@@ -132,8 +136,10 @@ def open_anew(occupancy, crowd, labels, r0, c0, open_ground):
 
 @njit(cache=True, nogil=True)
 def label_runs(open_ground, parent, labels):
-    """Number the runs of open cells along the rows of a tile; those that touch a run of the row
-    below have its number, or in `parent` hang on the smallest. How many numbers there are."""
+    """Label the runs of open cells along the rows of a tile and return the number of labels.
+
+    A run that touches runs of the row below shares the smallest of their labels in `parent`.
+    """
     below, here = np.zeros(TILE, np.int32), np.zeros(TILE, np.int32)
     n = 0
     for y in range(TILE):
@@ -166,10 +172,11 @@ def label_runs(open_ground, parent, labels):
 
 @njit(cache=True, nogil=True)
 def crossable(occupancy, crowd, corner, cell, radius_cells, near):
-    """Where the robot may go around its own cell: `near` uint8, a box with its corner at `corner`.
+    """Cells around the robot that it may cross: `near` uint8, a box with its corner at `corner`.
 
-    It has ones where unknown ground may be crossed and gets them on free ground; none where an
-    obstacle is in reach, but for what is no obstacle within the robot's own disc.
+    On entry `near` is 1 where the robot may cross unknown ground. Free ground is added, cells with
+    an obstacle within the radius are removed, and obstacle-free cells of the robot's own disc are
+    added.
     """
     for r in range(near.shape[0]):
         row = r + corner[0]
@@ -185,7 +192,7 @@ def crossable(occupancy, crowd, corner, cell, radius_cells, near):
 
 @njit(cache=True, nogil=True, inline="always")
 def enter(offsets, tr, tc, label, reached, queue, n):
-    """Note a tile's component as reached and queue it; the queue's new length."""
+    """Mark a tile's component as reached, queue it, and return the new queue length."""
     at = offsets[tr, tc] + label - 1
     if reached[at] != 0:
         return n
@@ -196,8 +203,10 @@ def enter(offsets, tr, tc, label, reached, queue, n):
 
 @njit(cache=True, nogil=True)
 def enter_row(labels, got, row, left, offsets, reached, queue, n):
-    """Enter the components of a row's cells, from column `left` on, that were reached; the queue's
-    new length. Most cells are like the one before."""
+    """Enter the components of a row's reached cells, from column `left` on.
+
+    Returns the new queue length. Most cells have the label of the cell before.
+    """
     before = 0
     for c in range(labels.size):
         label = np.int64(labels[c]) if got[c] != 0 else 0
@@ -210,19 +219,19 @@ def enter_row(labels, got, row, left, offsets, reached, queue, n):
 
 @njit(cache=True, nogil=True)
 def any_left(labels, near, got):
-    """Whether a row has open ground near the robot that was not reached."""
+    """True if a row has open ground near the robot that is not reached yet."""
     found = np.uint8(0)
-    for c in range(labels.size):  # without a way out, so that it runs in SIMD
+    for c in range(labels.size):  # no early exit, so that it runs in SIMD
         found |= (labels[c] != 0) & (near[c] != 0) & (got[c] == 0)
     return found != 0
 
 
 @njit(cache=True, nogil=True)
 def walk(labels, edges, offsets, near, corner, cell, reached, got):
-    """Flood the ground `near` the robot from its cell, and the components of open ground from it.
+    """Flood the ground `near` the robot from its cell, then the connected components.
 
-    `near` uint8 is a box with its corner at `corner`, where the robot may also cross what is not
-    open; `got` gets the cells of it that were reached, `reached` the components.
+    `near` uint8 is a box with its corner at `corner`, where the robot may also cross ground that is
+    not open. `got` gets its reached cells, `reached` the reached components.
     """
     queue = np.empty((reached.size + 1, 3), np.int32)
     head = n = 0
@@ -248,7 +257,7 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
                     if beyond != 0 and beyond != before:
                         n = enter(offsets, y, x, beyond, reached, queue, n)
                     before = beyond
-        # From outside, ground near the robot may be reached that was cut off from it.
+        # Components may lead back to ground near the robot that the first flood did not reach.
         more = False
         for r in range(near.shape[0]):
             if not any_left(here[r], near[r], got[r]):
@@ -267,7 +276,7 @@ def reach(
     occupancy, crowd, labels, edges, offsets, components,  # the whole map; see `ReachableFloor`
     cell, blind_cells, radius_cells,
 ):  # fmt: skip
-    """What can be reached from a cell: uint8 by component, uint8 by cell of a box around it, and
+    """Ground reachable from a cell: uint8 by component, uint8 by cell of a box around the cell, and
     the box's corner (row, column)."""
     size = int(max(blind_cells, radius_cells)) + 1
     corner = max(0, cell[0] - size), max(0, cell[1] - size)

@@ -1,6 +1,6 @@
-"""Numba kernels that follow up on what came of a frame: what was searched, which tiles changed.
+"""Numba kernels that evaluate the effect of a frame: explored cells and changed tiles.
 
-Reached through `explored_area.py` and `layer_stack.py`.
+Called by `layers/explored_area.py` and `layer_stack.py`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from helios_map2d.kernels.occupancy_fusion import HEIGHTS, MEMORY, SEEN_NOW
 
 @njit(cache=True, nogil=True)
 def merge_seen(came_of_it, explored):
-    """Count the cells that a frame saw as explored."""
+    """Mark the cells that a frame saw as explored."""
     rows, columns = explored.shape
     for row in range(rows):
         for column in range(columns):
@@ -22,24 +22,23 @@ def merge_seen(came_of_it, explored):
 
 @njit(cache=True, nogil=True)
 def note_changes(
-    before, searched_before,  # int8, uint8 [rows, columns]: a box of whole tiles as it was
-    occupancy, explored,  # int8, uint8: the whole map as it is
-    corner,  # (row, column) of the box on the map: whole tiles
+    before, searched_before,  # int8, uint8 [rows, columns]: former state of a box of whole tiles
+    occupancy, explored,  # int8, uint8: present state of the whole map
+    corner,  # (row, column) of the box on the map: a multiple of the tile
     came_of_it,  # uint8 [rows, columns]
-    changed,  # uint8 [tile rows, tile columns] out: flags of what changed in each tile
-    border,  # uint8 [tile rows + 2, tile columns + 2] out: a frontier may run differently there
-    tile,  # cells along a tile
+    changed,  # uint8 [tile rows, tile columns] out: flags of the changes in each tile
+    border,  # uint8 [tile rows + 2, tile columns + 2] out: 1 where frontiers may have changed
+    tile,  # cells along the side of a tile
 ):  # fmt: skip
     """Sort the changes of a box by tile; `border` begins one tile before the box.
 
-    Flags: SEEN_NOW where occupancy or what was searched is other than before, HEIGHTS and MEMORY
-    as in `came_of_it`. Returns the box of cells that are other than before: row_lo, row_hi,
-    column_lo, column_hi.
+    Flags: SEEN_NOW if occupancy or explored area has changed, HEIGHTS and MEMORY as in
+    `came_of_it`. Returns the box of changed cells: row_lo, row_hi, column_lo, column_hi.
     """
     rows, columns = before.shape
     row_lo, row_hi, column_lo, column_hi = rows, 0, columns, 0
     remembered = HEIGHTS | MEMORY
-    # By row, tile and cell: an index into a tile is never below 0, which SIMD needs.
+    # By row, tile and cell: an index into a tile is never negative, which SIMD needs.
     box = rows, columns // tile, tile
     was, sought, flags = before.reshape(box), searched_before.reshape(box), came_of_it.reshape(box)
     whole = occupancy.shape[0], occupancy.shape[1] // tile, tile
@@ -49,7 +48,7 @@ def note_changes(
         for tc in range(columns // tile):
             at = abs(corner[1] // tile + tc)
             found = kept = np.uint8(0)
-            for c in range(tile):  # mostly nothing
+            for c in range(tile):  # mostly no change
                 found |= was[r, tc, c] ^ is_now[row, at, c]
             for c in range(tile):
                 found |= (sought[r, tc, c] ^ seeks[row, at, c]) | (flags[r, tc, c] & remembered)
@@ -58,7 +57,7 @@ def note_changes(
             for c in range(tile):
                 kept |= flags[r, tc, c] & remembered
             changed[tr, tc] |= kept
-            lo, hi = 0, tile  # of the cells that are other than before
+            lo, hi = 0, tile  # range of the changed cells
             while lo < tile and (was[r, tc, lo] == is_now[row, at, lo]
                                  and sought[r, tc, lo] == seeks[row, at, lo]):  # fmt: skip
                 lo += 1
@@ -83,7 +82,7 @@ def note_changes(
 
 @njit(cache=True, nogil=True)
 def known_extent(occupancy, searched):
-    """The box of a window that is known or searched: row_lo, row_hi, column_lo, column_hi."""
+    """Box of the known or searched cells of a window: row_lo, row_hi, column_lo, column_hi."""
     rows, columns = occupancy.shape
     row_lo, row_hi, column_lo, column_hi = rows, 0, columns, 0
     for r in range(rows):

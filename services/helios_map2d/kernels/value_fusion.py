@@ -1,6 +1,6 @@
-"""Numba kernels of the value layers; they touch only the box that a view reached.
+"""Numba kernels of the value layers; they process only the box that a view covers.
 
-Reached through `value_layers.py`; VLFM's formula stands beside them in the tests.
+Called by `layers/value_layers.py`; the tests compare them with VLFM's formula.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from helios_map2d.kernels.depth_projection import FAST, diamond_angle, take_row
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def farthest_by_azimuth(depth, step, intrinsics, rotation, heading, near, far, reach):
-    """The farthest measured horizontal range (m) per azimuth bin; depth beyond `far` counts as it.
+    """Write the farthest measured horizontal range (m) per azimuth bin; depth is cut at `far`.
 
-    Every `step`-th pixel of every `step`-th row is looked at. `rotation` is float32 [2, 3], camera
-    axes in world x and y; `reach` float32 [bins] is the result and 0 where nothing was measured.
+    It processes every `step`-th pixel of every `step`-th row. `rotation` is float32 [2, 3], camera
+    axes in world x and y; `reach` float32 [bins] is the result, 0 in bins without a measurement.
     """
     h, w = depth.shape
     n = (w - 1) // step + 1
@@ -27,7 +27,7 @@ def farthest_by_azimuth(depth, step, intrinsics, rotation, heading, near, far, r
     c, s = heading[0], heading[1]
     zero = np.float32(0.0)
     last = np.int32(bins - 1)
-    # Along the heading and to its left, as linear functions of the pixel.
+    # Components along the heading and to its left, as linear functions of the pixel.
     f0, f1 = c * rotation[0, 0] + s * rotation[1, 0], c * rotation[0, 1] + s * rotation[1, 1]
     f2 = c * rotation[0, 2] + s * rotation[1, 2]
     l0, l1 = c * rotation[1, 0] - s * rotation[0, 0], c * rotation[1, 1] - s * rotation[0, 1]
@@ -41,7 +41,7 @@ def farthest_by_azimuth(depth, step, intrinsics, rotation, heading, near, far, r
         dv = (np.float32(v) - intrinsics[3]) * intrinsics[1]
         ahead, aside = f1 * dv + f2, l1 * dv + l2
         take_row(depth, v, step, around)
-        for i in range(n):  # without branches, so that it runs in SIMD
+        for i in range(n):  # branch-free, so that it runs in SIMD
             z = around[0, i]
             good = (z > near) & (z <= np.float32(np.inf))
             z = (z if z < far else far) if good else zero
@@ -58,7 +58,7 @@ def farthest_by_azimuth(depth, step, intrinsics, rotation, heading, near, far, r
 
 @njit(cache=True, nogil=True, inline="always", fastmath=FAST)
 def angle_off(forward, left):
-    """The angle (rad) between a direction and straight ahead, 0..pi, to within 2e-5, in SIMD."""
+    """Angle (rad) between a direction and straight ahead, 0..pi, to within 2e-5; runs in SIMD."""
     f, s = abs(forward), abs(left)
     long = f if f > s else s
     a = (s if f > s else f) / (long if long > np.float32(0.0) else np.float32(1.0))
@@ -72,7 +72,7 @@ def angle_off(forward, left):
 
 @njit(cache=True, nogil=True, inline="always", fastmath=FAST)
 def cosine_squared(share):
-    """cos²(share * pi / 2) for 0 <= share <= 1, to within 4e-6, in SIMD: (1 - sin x) / 2."""
+    """cos²(share * pi / 2) for 0 <= share <= 1, to within 4e-6, as (1 - sin x) / 2, in SIMD."""
     x = (share - np.float32(0.5)) * np.float32(math.pi)
     q = x * x
     p = np.float32(1 / 362880) * q - np.float32(1 / 5040)
@@ -82,7 +82,7 @@ def cosine_squared(share):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def spread(
-    cone,  # float32 [rows, columns] out: confidence of the view, 0 where it saw nothing
+    cone,  # float32 [rows, columns] out: confidence of the view, 0 in unseen cells
     camera_cells,  # float32 [2]: column, row in the window
     heading,  # float32 [2]
     cell_m,
@@ -90,9 +90,9 @@ def spread(
     least_confidence,
     reach,  # float32 [bins], from farthest_by_azimuth
 ):
-    """The confidence of each cell of a view's box, cut off at the measured range.
+    """Write the confidence of each cell of a view's box; 0 beyond the measured range.
 
-    Returns the box of what was seen within it: row_lo, row_hi, column_lo, column_hi.
+    Returns the box of seen cells within it: row_lo, row_hi, column_lo, column_hi.
     """
     rows, columns = cone.shape
     bins = reach.size
@@ -100,10 +100,10 @@ def spread(
     c, s = heading[0], heading[1]
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     last = np.int32(bins - 1)
-    limits = np.empty(bins, np.float32)  # squared; below 0 where nothing was seen
+    limits = np.empty(bins, np.float32)  # squared; negative in unseen bins
     for b in range(bins):
         far = reach[b]
-        if far == zero:  # a bin that fell between two pixels takes its nearer neighbour
+        if far == zero:  # a bin between two pixels takes the smaller of its neighbours
             far = min(reach[b - 1], reach[(b + 1) % bins])
         limits[b] = far * far if far > zero else -one
     at, cut = np.empty(columns, np.int32), np.empty(columns, np.float32)
@@ -138,18 +138,18 @@ def spread(
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fuse_average(value, confidence, corner, cone, box, score, drop_below):
-    """VLFM's average by confidence, over a box of one layer.
+    """Fuse a score into one layer with VLFM's average weighted by confidence.
 
-    `value`, `confidence` float32 over the whole map; `cone` [rows, columns] lies on it with its
-    first cell at `corner` (row, column); only its `box` (row_lo, row_hi, column_lo, column_hi) is
-    looked at.
+    `value`, `confidence` float32 over the whole map; `cone` [rows, columns] has its first cell at
+    `corner` (row, column) of the map; only its `box` (row_lo, row_hi, column_lo, column_hi) is
+    processed.
     """
-    least = np.float32(1e-6)  # so that the same view again is as good
+    least = np.float32(1e-6)  # tolerance, so that an equal view is not dropped
     zero, one = np.float32(0.0), np.float32(1.0)
     n = box[3] - box[2]
     at = corner[1] + box[2]
     for row in range(box[0], box[1]):
-        # Rows of whole arrays lie without gaps, which SIMD needs.
+        # Slices of rows are contiguous, which SIMD needs.
         layer, sure = value[corner[0] + row][at : at + n], confidence[corner[0] + row][at : at + n]
         seen = cone[row][box[2] : box[3]]
         for i in range(n):
@@ -163,7 +163,8 @@ def fuse_average(value, confidence, corner, cone, box, score, drop_below):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fuse_maximum(value, confidence, corner, cone, box, score, drop_below):
-    """VLFM's other fusion: the more confident view decides. Takes what `fuse_average` takes."""
+    """Fuse a score with VLFM's other rule: the more confident view decides. Parameters as in
+    `fuse_average`."""
     n = box[3] - box[2]
     at = corner[1] + box[2]
     for row in range(box[0], box[1]):
@@ -178,7 +179,7 @@ def fuse_maximum(value, confidence, corner, cone, box, score, drop_below):
 
 @njit(cache=True, nogil=True)
 def median_near(value, centres, radius, out):
-    """VLFM's value of a place: the median of the non-zero cells within a radius; 0 if none.
+    """Write VLFM's value of a place: the median of the non-zero cells within a radius; 0 if none.
 
     `centres` int32 [n, 2] row and column, `out` float64 [n].
     """
@@ -199,11 +200,11 @@ def median_near(value, centres, radius, out):
 
 @njit(cache=True, nogil=True)
 def median(values):
-    """The median of float32 values, by halving the range of their bits; each step runs in SIMD."""
+    """Median of float32 values, by bisection of their bits; each step runs in SIMD."""
     n = values.size
     keys = np.empty(n, np.int32)
     bits = values.view(np.int32)
-    for i in range(n):  # in the order of integers
+    for i in range(n):  # keys whose integer order is the order of the values
         keys[i] = bits[i] ^ ((bits[i] >> 31) & 0x7FFFFFFF)
     low, high = np.int64(keys.min()), np.int64(keys.max())
     wanted = (n + 1) // 2

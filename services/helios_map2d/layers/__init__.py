@@ -1,1 +1,1 @@
-"""What a map is made of over one grid: occupancy, explored area, values, frontiers, reach."""
+"""Layers of a map over one grid: occupancy, explored area, values, frontiers, reachability."""

@@ -1,7 +1,7 @@
-"""Which floor a view counts as explored, by depth (default) or by the cone of view (VLFM).
+"""Explored area: the floor that views have seen, by depth (default) or by cone of view (VLFM).
 
-`DepthVisibility` counts only what depth measured, which `occupancy` has marked. `ConeVisibility`
-counts the whole cone of view up to known obstacles.
+`DepthVisibility` counts only cells measured by depth, which `occupancy` has marked.
+`ConeVisibility` counts the whole cone of view up to known obstacles.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from helios_map2d.layers.value_layers import Cone, bin_directions, cone_of
 
 
 class ExploredAreaLayer(Protocol):
-    """A way to count ground as explored."""
+    """Rule that decides which ground a view explores."""
 
     def reach_m(self, max_depth_m: float) -> float:
-        """How far from the robot it may change what the view's window does not hold."""
+        """Distance from the robot up to which cells outside the view's window may change."""
         ...
 
     def cone(self, view: View) -> Cone:
-        """What a score of the view is spread over."""
+        """Cone over which a view's score is spread."""
         ...
 
     def mark(
@@ -41,18 +41,18 @@ class ExploredAreaLayer(Protocol):
         came_of_it: NDArray[np.uint8],
         box: Box,
     ) -> None:
-        """Say in `came_of_it` (flags over `box`) what was seen, once occupancy is folded in."""
+        """Set the flag of seen cells in `came_of_it` (over `box`), after fusion of occupancy."""
         ...
 
     def tidy(
         self, layer: OccupancyLayer, search: SearchArea, cell: tuple[int, int], box: Box
     ) -> None:
-        """Correct what was searched, once all of a frame is folded in; `cell` is the robot's."""
+        """Correct the explored area after the fusion of a frame; `cell` is the robot's."""
         ...
 
 
 class DepthVisibility:
-    """What depth measured, and nothing else."""
+    """Rule that counts only cells measured by depth."""
 
     def reach_m(self, max_depth_m: float) -> float:
         return 0.0
@@ -76,9 +76,9 @@ class DepthVisibility:
 
 
 class ConeVisibility:
-    """VLFM's way to count ground as explored; see `ExploredAreaLayer`.
+    """VLFM's rule: it counts the cone of view up to known obstacles.
 
-    Obstacles are widened by a square of the robot's diameter, an odd number of cells, as VLFM's.
+    Obstacles are dilated by a square of the robot's diameter, an odd number of cells, as in VLFM.
     """
 
     def __init__(self, robot_radius_m: float, cell_m: float) -> None:
@@ -124,7 +124,7 @@ class ConeVisibility:
         )
 
     def _blocked(self, occupancy: NDArray[np.int8], box: Box) -> NDArray[np.uint8]:
-        """1 over `box` where an obstacle is nearer than the robot's radius."""
+        """Array over `box`, 1 where an obstacle is nearer than the robot's radius."""
         whole = Box(0, occupancy.shape[0], 0, occupancy.shape[1])
         around = box.grown(len(self._square), whole)
         wide = cv2.dilate((occupancy[around.slices] == OCCUPIED).astype(np.uint8), self._square)
@@ -138,12 +138,12 @@ def seen_of_cone(
     half_fov_rad: float,
     reach_cells: float,
 ) -> NDArray[np.uint8]:
-    """What a cone of view shows between obstacles: uint8 as `blocked` [rows, columns].
+    """Visible cells of a cone of view between obstacles: uint8, as `blocked` [rows, columns].
 
-    `camera` is its cell (row, column). Obstacles throw shadows from the points of their outlines,
-    of convex ones from the two points at their sides; a shadow's edge is two cells wide. Nothing
-    is seen where no piece begins within three cells of the camera. A cone without any obstacle is
-    seen whole, where VLFM sees nothing of it.
+    `camera` is its cell (row, column). Obstacles cast shadows from their outline points, convex
+    ones from their two extreme points; the edge of a shadow is two cells wide. Only the piece that
+    begins within three cells of the camera is visible. A cone without obstacles is completely
+    visible; in VLFM none of it is.
     """
     at = (camera[1], camera[0])
     cone = np.zeros(blocked.shape, np.uint8)
@@ -171,8 +171,8 @@ def seen_of_cone(
 
 
 def cone_by_column(view: View) -> Cone:
-    """The cone of a view the way VLFM draws it: each image column is one direction, evenly spread
-    over the field of view, and its largest depth, not measured counting as far, is the range."""
+    """Cone of a view as in VLFM: the image columns are evenly spread directions over the field of
+    view, and a column's largest depth is its range (unmeasured pixels count as the maximum)."""
     depth = view.depth_m
     good = (depth > view.min_depth_m) & (depth < view.max_depth_m)
     farthest = np.where(good, depth, view.max_depth_m).max(axis=0)
@@ -187,13 +187,13 @@ def cone_by_column(view: View) -> Cone:
 
 
 def part_around(explored: NDArray[np.uint8], cell: tuple[int, int]) -> NDArray[np.uint8]:
-    """The 8-connected part of `explored` [rows, columns] that holds a cell, or lies nearest to it,
+    """The 8-connected part of `explored` [rows, columns] that contains a cell or is nearest to it,
     with its holes filled."""
     outlines, _ = cv2.findContours(explored, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     if len(outlines) < 2:
         return explored
     at = (float(cell[1]), float(cell[0]))
-    # Positive within: what holds the cell comes first, then by distance.
+    # The distance is positive inside, so a part that contains the cell wins, else the nearest.
     nearest = max(outlines, key=lambda outline: cv2.pointPolygonTest(outline, at, True))
     out = np.zeros(explored.shape, np.uint8)
     cv2.drawContours(out, [nearest], 0, 1, cv2.FILLED)
@@ -201,8 +201,8 @@ def part_around(explored: NDArray[np.uint8], cell: tuple[int, int]) -> NDArray[n
 
 
 class SearchArea:
-    """`explored` uint8 [rows, columns]: 1 where this search has looked; `box` holds all of it, in
-    world cells."""
+    """Explored area of the current search: `explored` uint8 [rows, columns] is 1 in seen cells;
+    `box` (world cells) contains all of them."""
 
     def __init__(self, grid: GridSpec) -> None:
         self.grid = grid
@@ -210,7 +210,7 @@ class SearchArea:
         self.box = EMPTY
 
     def grow(self, grid: GridSpec) -> None:
-        """Go on over a larger grid."""
+        """Continue on a larger grid."""
         self.explored = carried_over(self.explored, self.grid, grid, self.box)
         self.grid = grid
 
@@ -219,18 +219,18 @@ class SearchArea:
         self.box = EMPTY
 
     def add(self, seen: NDArray[np.uint8], window: Box) -> None:
-        """Count what one view saw (flags over `window`, `fuse_kernels.SEEN_NOW`) as searched."""
+        """Mark the cells that one view saw (flags over `window`, `SEEN_NOW`) as explored."""
         change_kernels.merge_seen(seen, self.explored[window.slices])
         self.box = self.grid.to_world(window).union(self.box)
 
     def take_back(self, cells: NDArray[np.bool_], window: Box) -> None:
-        """Count cells (bool over `window`) as not searched."""
+        """Mark cells (bool over `window`) as not explored."""
         self.explored[window.slices][cells] = 0
 
     def add_near_robot(
         self, occupancy: NDArray[np.int8], x_m: float, y_m: float, radius_m: float
     ) -> None:
-        """Count the ground around the robot as searched, up to the obstacles around it."""
+        """Mark the ground around the robot as explored, up to the obstacles around it."""
         row, column = self.grid.cell_of(x_m, y_m)
         radius_cells = radius_m / self.grid.cell_m
         reach = int(radius_cells) + 1
@@ -241,7 +241,7 @@ class SearchArea:
 def near_ground(
     occupancy: NDArray[np.int8], box: Box, cell: tuple[int, int], radius_cells: float
 ) -> NDArray[np.uint8]:
-    """Cells of `box` within a radius of `cell` with no obstacle to cross on the way: uint8."""
+    """Cells of `box` within a radius of `cell` that a path without obstacles reaches: uint8."""
     near = np.zeros((box.rows, box.columns), np.uint8)
     flood_kernels.near_ground(occupancy, (box.row_lo, box.column_lo), cell, radius_cells, near)
     return near

@@ -1,8 +1,8 @@
-"""Frontiers: boundaries between searched free ground and what was not searched (paper 3.1.1).
+"""Frontiers: boundaries between explored free ground and unexplored ground (paper 3.1.1).
 
-The cells of frontiers lie tile after tile, and only tiles that changed are looked at again. Where
-no cell is other than before, so are no clusters and numbers; a frontier is made anew where its
-centre, its values or whether it can be reached are other than before.
+Frontier cells are stored tile after tile, and only changed tiles are examined again. Clusters and
+ids change only if a cell changes. A `Frontier` is rebuilt only if its centre, values or
+reachability change.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ EVERYWHERE = (-(2**31), 2**31, -(2**31), 2**31)
 
 @dataclass(frozen=True)
 class FrontierRules:
-    """Lengths in metres. `blind_radius_m`: unknown ground this near the robot may be crossed."""
+    """Parameters of frontiers, in metres. `blind_radius_m`: the robot may cross unknown ground
+    within this distance."""
 
     min_size_m: float = 0.40
     value_radius_m: float = 0.50
@@ -40,8 +41,8 @@ class FrontierRules:
 class Frontier:
     """One frontier.
 
-    `centre_m` is the centre of one of its cells, in the world; `size_m` its length; `values` the
-    value of each layer by VLFM's rule; `cells` int32 [n, 2] its world cells (row, column).
+    `centre_m`: centre of one of its cells, in the world; `size_m`: length; `values`: value of each
+    layer by VLFM's rule; `cells`: world cells int32 [n, 2] (row, column).
     """
 
     id: int
@@ -53,56 +54,57 @@ class Frontier:
 
 
 class FrontierFinder:
-    """Finds frontiers and keeps the identity of those that persist.
+    """Finder of frontiers that preserves the ids of persistent ones.
 
-    A frontier keeps its number while it does not change, and while some of its cells lie within
-    `same_within_m` of where it was; of several that qualify, the one that shares most cells. When
-    one splits, the others get new numbers. Numbers are never used twice.
+    A frontier keeps its id if its cells do not change, or if some lie within `same_within_m` of its
+    former cells; of several candidates the one with most such cells keeps it. If a frontier splits,
+    the other parts get new ids. Ids are never reused.
     """
 
     def __init__(self, grid: GridSpec, rules: FrontierRules, next_id: int = 1) -> None:
         self.grid = grid
         self.rules = rules
         self.next_id = next_id
-        self._cells = NO_CELLS  # of all frontiers, large enough or not, tile after tile
-        self._values_of: tuple[str, ...] = ()  # the layers of the values that frontiers have
-        self._stale: Box | None = EMPTY  # world cells near which values changed since; None: all
+        self._cells = NO_CELLS  # of all frontiers, also too small ones, tile after tile
+        self._values_of: tuple[str, ...] = ()  # layers whose values the frontiers have
+        self._stale: Box | None = EMPTY  # box of world cells with changed values; None: all
         self.remember(())
 
     def grow(self, grid: GridSpec) -> None:
-        """Go on over a larger grid."""
+        """Continue on a larger grid."""
         self.grid = grid
 
     def reset(self) -> None:
-        """Nothing is searched any more."""
+        """Remove all frontiers, after a reset of the explored area."""
         self._cells = NO_CELLS
         self.remember(())
 
     def values_changed(self, box: Box) -> None:
-        """Layers have changed within a box of world cells: values near it must be found anew."""
+        """Note that layers have changed within a box of world cells, so that values near it need an
+        update."""
         near = box.grown(int(self.rules.value_radius_m / self.grid.cell_m) + 1)
         if self._stale is not None and not box.empty:
             self._stale = near.union(self._stale)
 
     def forget_values(self) -> None:
-        """All layers are other ones."""
+        """Note that all values need an update."""
         self._stale = None
 
     def remember(self, former: tuple[Frontier, ...]) -> None:
-        """Frontiers by whose cells those found next are recognised."""
+        """Set the former frontiers, whose ids the next ones inherit."""
         self._former = former
-        self._same = False  # whether the clusters of all cells are those of the former
+        self._same = False  # True if the cells still have the clusters of the former frontiers
         self._own = np.concatenate([NO_CELLS, *(f.cells for f in former)])
         self._starts = np.cumsum([0, *(len(f.cells) for f in former)], dtype=np.int64)
         self._ids = np.array([f.id for f in former], np.int64)
         cells = [self.grid.cell_of(*f.centre_m) for f in former]
         self._centres = np.array(cells, np.int32).reshape(-1, 2) + _pair(self.grid.corner)
-        self._reachable = np.full(len(former), 2, np.uint8)  # 0 or 1; 2: to be found out
+        self._reachable = np.full(len(former), 2, np.uint8)  # 0 or 1; 2: not known yet
 
     def update(
         self, occupancy: NDArray[np.int8], explored: NDArray[np.uint8], tiles: TileMask
     ) -> None:
-        """Look at the given tiles again; arrays are over the whole grid."""
+        """Update the frontier cells of the given tiles; arrays are over the whole grid."""
         self._cells, other = frontier_kernels.look_again(
             occupancy, explored, self.grid.corner, tiles.mask, tiles.first, TILE, self._cells
         )
@@ -115,7 +117,7 @@ class FrontierFinder:
         robot_xy_m: tuple[float, float],
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
-        """The frontiers as they are now, largest first (all arrays are over the whole grid)."""
+        """Present frontiers, largest first (all arrays are over the whole grid)."""
         own, starts, ids, same = self._clustered()
         reached = self._reached(occupancy, ground, robot_xy_m)
         centres, reachable, flags = frontier_kernels.describe(
@@ -130,9 +132,9 @@ class FrontierFinder:
         return self._former
 
     def revalued(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[Frontier, ...]:
-        """The frontiers that were found last, by the layers as they are now.
+        """Frontiers of the last `find`, with the present values of the layers.
 
-        What `find` gives when nothing else has changed, at a fraction of its cost.
+        Equals `find` if only values have changed, at a fraction of its cost.
         """
         row_lo, row_hi, column_lo, column_hi = self._stale_for(values)
         rows, columns = self._centres.T
@@ -149,9 +151,8 @@ class FrontierFinder:
     def _clustered(
         self,
     ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """The cells of each cluster that is large enough, largest first: world cells [m, 2], and
-        where in them each begins, and the last ends; their numbers, and their places among the
-        former where those have the very same cells, else -1."""
+        """Clusters that are large enough, largest first: world cells [m, 2], start of each cluster
+        and end of the last, ids, and index of the former frontier with equal cells, else -1."""
         if self._same:
             return self._own, self._starts, self._ids, np.arange(len(self._ids))
         cell_m = self.grid.cell_m
@@ -166,7 +167,7 @@ class FrontierFinder:
     def _reached(
         self, occupancy: NDArray[np.int8], ground: ReachableFloor, robot_xy_m: tuple[float, float]
     ) -> ReachedCells:
-        """What can be reached by the robot."""
+        """Ground that the robot can reach."""
         row, column = self.grid.cell_of(*robot_xy_m)
         robot = (min(max(row, 0), self.grid.rows - 1), min(max(column, 0), self.grid.columns - 1))
         return ground.reached_from(occupancy, robot, self.rules.blind_radius_m / self.grid.cell_m)
@@ -182,7 +183,7 @@ class FrontierFinder:
         flags: NDArray[np.uint8],
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
-        """Each frontier as it is now, the former itself where nothing is other; see `describe`."""
+        """Present frontiers; an unchanged one is the former object. Parameters: see `describe`."""
         cell_m, ends = self.grid.cell_m, starts.tolist()
         numbers, places, can = ids.tolist(), centres.tolist(), reachable.tolist()
         near = iter(self._values_at(centres[(flags & VALUES) != 0], values))
@@ -199,8 +200,8 @@ class FrontierFinder:
         return tuple(f for f in out if f is not None)
 
     def _stale_for(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[int, int, int, int]:
-        """The box of world cells near which these layers may be other than frontiers have them:
-        row_lo, row_hi, column_lo, column_hi. From now on frontiers have them as they are."""
+        """Box of world cells whose frontiers may have outdated values of these layers: row_lo,
+        row_hi, column_lo, column_hi. Resets the box: the caller updates these frontiers."""
         box, names = self._stale, tuple(values)
         known = box is not None and names == self._values_of
         self._values_of, self._stale = names, EMPTY
@@ -209,7 +210,7 @@ class FrontierFinder:
     def _values_at(
         self, centres: NDArray[np.int32], values: Mapping[str, NDArray[np.float32]]
     ) -> list[Mapping[str, float]]:
-        """Each layer's value near each of some world cells [n, 2]."""
+        """Value of each layer near each world cell [n, 2]."""
         if not len(centres) or not values:
             return [{} for _ in centres]
         radius_cells = self.rules.value_radius_m / self.grid.cell_m

@@ -1,6 +1,6 @@
-"""Where a grid must grow, and poses that no robot can have come to.
+"""Growth of the grid, and refusal of implausible poses.
 
-A grid grows by whole tiles and by more than is needed, so that it rarely does.
+A grid grows by whole tiles and by more than needed, so that it grows rarely.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from helios_core.errors import InvalidInput
 
 from helios_map2d.grid import TILE, Box, GridSpec
 
-GROWS_BY = 512  # cells beyond what is needed
-CAMERA_WITHIN_M = 5.0  # of the robot's base
+GROWS_BY = 512  # spare cells beyond the needed ones
+CAMERA_WITHIN_M = 5.0  # greatest distance of the camera from the robot's base
 
 
 def grown_for(grid: GridSpec, needed: Box, margin: int, most_cells: int) -> GridSpec:
-    """The grid itself where it holds `needed` (world cells) and a margin, else a larger one.
+    """The grid itself if it contains `needed` (world cells) and a margin, else a larger grid.
 
-    Raises InvalidInput when it would be larger than `most_cells` a side, and what it grows by.
+    Raises InvalidInput if that would exceed `most_cells` a side plus the spare cells.
     """
     whole, wanted = grid.to_world(grid.whole), needed.grown(margin)
     if needed.empty or whole.holds(wanted):
@@ -50,9 +50,9 @@ def refuse_a_leap(
     last_m: tuple[float, float] | None,
     most_leap_m: float,
 ) -> None:
-    """InvalidInput for a place (world x, y) that the robot, or its camera, cannot have come to.
+    """Raise InvalidInput for an implausible position (world x, y) of the robot or its camera.
 
-    `last_m`: where the robot last was, if it was anywhere.
+    `last_m`: last position of the robot, if known.
     """
     (x_m, y_m), (camera_x, camera_y) = robot_m, camera_m
     apart_m = math.hypot(camera_x - x_m, camera_y - y_m)

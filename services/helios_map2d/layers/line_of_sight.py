@@ -1,4 +1,4 @@
-"""Line of sight over the heights of obstacles: "can the point at height h be seen from there?"."""
+"""Line of sight between two points, over the heights of obstacles."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def line_of_sight(
     margin_m: float = 0.03,
     ground_m: float = 0.30,
 ) -> bool:
-    """Whether `point_m` can be seen from `eye_m` (world x, y, z), over all obstacles between.
+    """True if `point_m` is visible from `eye_m` (world x, y, z), over all obstacles between.
 
-    A known obstacle blocks the straight line where it rises more than `margin_m` above it and does
-    not begin more than `margin_m` above it: one can look over a chair and under a table. What
-    begins below `ground_m` is taken to stand on the floor. Unknown ground does not block. Obstacles
-    within `target_radius_m` of the point are part of what is looked at. Raises InvalidInput when a
-    coordinate is not finite, or beyond all homes.
+    A known obstacle blocks the straight line if its top rises more than `margin_m` above the line
+    and its bottom does not begin more than `margin_m` above it: the line may pass over a chair and
+    under a table. An obstacle that begins below `ground_m` counts as standing on the floor. Unknown
+    ground does not block. Obstacles within `target_radius_m` of the point belong to the target.
+    Raises InvalidInput if a coordinate is not finite or exceeds FARTHEST_M.
     """
     if not (np.abs([*eye_m, *point_m]) <= FARTHEST_M).all():
         raise InvalidInput(

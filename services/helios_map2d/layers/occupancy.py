@@ -1,10 +1,10 @@
-"""Occupancy by ground projection of depth (paper 3.1.1): what stands in the way, and what is free.
+"""Occupancy by ground projection of depth (paper 3.1.1): obstacles and free floor.
 
-A cell collects evidence from pixels whose height lies in the obstacle band. Evidence is taken back
-only by seeing *through* the heights at which it was found, never by floor seen in the same cell:
-so a table stays although the floor under it shows, a thin leg stays although most of its cell is
-floor, and a chair that was moved away goes. Floor is believed where depth lies within a tolerance
-of z = 0, and between two such places on one line of sight.
+A cell collects evidence from pixels whose height lies in the obstacle band. Only a view *through*
+the heights at which evidence was found reduces it; floor seen in the same cell does not. So a table
+stays although the floor under it is visible, a thin leg stays although most of its cell is floor,
+and a chair that was moved away disappears. A cell is floor where depth lies within a tolerance of
+z = 0, and between two such places on one line of sight.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 
 @dataclass(frozen=True)
 class OccupancyRules:
-    """How pixels become evidence. Lengths in metres; counts are pixels of one frame.
+    """Parameters of occupancy evidence. Lengths in metres; counts are pixels of one frame.
 
-    The band's lower edge rises by `band_rise_per_m` times depth squared, as depth noise does: the
-    floor far away is no obstacle. `weak_pixels` count a cell and its neighbours, `strong_pixels`
-    the cell itself (or twice as many with its neighbours); a cell with less than one
-    `tail_ratio`-th of a neighbour's pixels is that neighbour's noise.
+    The band's lower edge rises by `band_rise_per_m` times depth squared, as depth noise does, so
+    that distant floor is no obstacle. `weak_pixels` counts a cell and its neighbours,
+    `strong_pixels` the cell itself (or twice as many with its neighbours). A cell with less than
+    one `tail_ratio`-th of a neighbour's pixels is noise of that neighbour.
     """
 
     band_lo_m: float = 0.10
@@ -68,7 +68,7 @@ class OccupancyRules:
 
 
 class OccupancyLayer:
-    """The occupancy arrays over one grid, and the fold of a view into them.
+    """Occupancy arrays over one grid, and the fusion of views into them.
 
     Attributes, all `[rows, columns]`: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
     `z_low_m` and `z_high_m` float32 (lowest and highest obstacle; meaningful where occupied),
@@ -90,14 +90,14 @@ class OccupancyLayer:
             [rules.weak_pixels, rules.strong_pixels, rules.tail_ratio, rules.occupied_evidence,
              rules.most_evidence, rules.hit_gain, rules.miss_loss]
         )  # fmt: skip
-        # Used again for each frame: fresh memory costs more than the work on it.
+        # Reused for each frame: fresh memory costs more than the work on it.
         self._active = np.empty((0, 2), np.int32)
         nothing = np.empty(0, np.int32)
         self._pixels: Pixels = nothing, nothing, nothing
         self._marks = np.empty(0, np.uint8)
 
     def grow(self, grid: GridSpec, known: Box) -> None:
-        """Go on over a larger grid; `known` (world cells) holds all that is not unknown."""
+        """Continue on a larger grid; `known` (world cells) contains all known cells."""
         self.occupancy = carried_over(self.occupancy, self.grid, grid, known, UNKNOWN)
         self.z_low_m = carried_over(self.z_low_m, self.grid, grid, known)
         self.z_high_m = carried_over(self.z_high_m, self.grid, grid, known)
@@ -108,12 +108,11 @@ class OccupancyLayer:
     def integrate(
         self, view: View, body_xy_m: tuple[float, float], body_radius_m: float
     ) -> NDArray[np.uint8]:
-        """Fold one view in; return by cell of `view.window` what came of it, as flags.
+        """Fuse one view and return the flags of its effect on each cell of `view.window`.
 
-        `fuse_kernels.SEEN_NOW`: this view saw it; `HEIGHTS`: an obstacle's heights changed;
-        `MEMORY`: what is remembered of the cell changed, though maybe nothing that shows.
-        Pixels on the robot's own body (within `body_radius_m` and a margin of `body_xy_m`) are no
-        obstacles.
+        `fuse_kernels.SEEN_NOW`: this view saw the cell; `HEIGHTS`: obstacle heights changed;
+        `MEMORY`: stored data of the cell changed, maybe without a visible effect. Pixels on the
+        robot's own body (within `body_radius_m` plus a margin of `body_xy_m`) are no obstacles.
         """
         rules, window, cell_m = self.rules, view.window, self.grid.cell_m
         shape = (window.rows, window.columns)
@@ -165,7 +164,7 @@ class OccupancyLayer:
         return came_of_it
 
     def _room_for(self, window: Box) -> Pixels:
-        """Where this frame's pixels are counted by cell: none yet."""
+        """Cleared arrays for the count of this frame's pixels by cell."""
         cells = window.rows * window.columns
         if cells + 8 > len(self._active):
             self._active = np.empty((cells + 8, 2), np.int32)
@@ -174,7 +173,7 @@ class OccupancyLayer:
         return self._pixels
 
     def _marks_for(self, ranges: int, bins: int) -> NDArray[np.uint8]:
-        """Where this frame's pixels are marked by kind, range and azimuth: none yet."""
+        """Cleared array for marks of this frame's pixels by kind, range and azimuth."""
         needed = 3 * ranges * bins
         if needed > len(self._marks):
             self._marks = np.zeros(needed, np.uint8)
@@ -188,8 +187,8 @@ class OccupancyLayer:
         came_of_it: NDArray[np.uint8],
         corner: tuple[int, int],
     ) -> None:
-        """The robot stands here: its own disc is free, whatever was believed. What changes by it is
-        noted in `came_of_it`, flags over a box whose corner is at `corner`."""
+        """Set the robot's own disc to free. Changes are flagged in `came_of_it`, over a box whose
+        corner is at `corner`."""
         row, column = self.grid.cell_of(x_m, y_m)
         reach = math.ceil(radius_m / self.grid.cell_m)
         box = Box(row, row + 1, column, column + 1).grown(reach, self.grid.whole)
@@ -206,14 +205,14 @@ def intrinsics_of(view: View) -> NDArray[np.float32]:
 
 
 def camera_in_window(view: View) -> NDArray[np.float32]:
-    """The camera's place in the window's cells: column, row."""
+    """Camera position in cells of the window: column, row."""
     column, row = view.camera_xy_cells
     return np.array([column - view.window.column_lo, row - view.window.row_lo], np.float32)
 
 
 def pose_in_window(view: View) -> NDArray[np.float32]:
-    """The camera's axes in the world, its place in the window's cells (column, row) and its height
-    (m): [3, 4]."""
+    """Camera pose [3, 4]: axes in the world, position in cells of the window (column, row), and
+    height (m)."""
     pose = np.array(view.T_world_cam[:3], np.float32)
     pose[:2, 3] = camera_in_window(view)
     return pose

@@ -1,4 +1,4 @@
-"""Every rule of the 2D maps in one place; `settings` makes them of a service's settings."""
+"""All parameters of the 2D maps; `settings` makes them from the service's settings."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from helios_map2d.layers.value_layers import ValueRules
 
 @dataclass(frozen=True)
 class MapRules:
-    """Every rule of the maps. Depth outside (min, max) is no evidence; lengths in metres.
+    """Parameters of the maps. Depth outside (min, max) is no evidence; lengths in metres.
 
-    A map begins with `size_cells` a side and grows up to `most_cells`; a frame more than
-    `most_leap_m` from the last one is not believed. While something is held,
-    nothing within `held_reach_m` of the robot's body becomes an obstacle. Of a depth image, so many
-    pixels are looked at that `rays_per_cell` fall across a cell at `max_depth_m` (0: all pixels).
+    A map begins with `size_cells` a side and grows up to `most_cells`. A frame more than
+    `most_leap_m` from the last one is refused. While the robot holds an object, nothing within
+    `held_reach_m` of its body becomes an obstacle. Depth images are subsampled so that
+    `rays_per_cell` rays fall across a cell at `max_depth_m` (0: all pixels).
     """
 
     cell_m: float = 0.025

@@ -1,10 +1,9 @@
-"""Where the robot's centre can get to, kept up to date at the cost of what has changed.
+"""Reachability: ground that the robot's centre can reach, updated incrementally.
 
-Ground is open where it is free and no obstacle lies within the robot's radius. Two things make
-that local: each cell counts the obstacles within the radius, so a new or vanished obstacle costs
-one disc; and each tile knows the connected components of its own open ground, so only changed
-tiles are labelled again. What can be reached is then found by walking from component to component
-over the tiles' borders, not from cell to cell.
+Ground is open where it is free and no obstacle lies within the robot's radius. Each cell counts the
+obstacles within the radius, so a new or vanished obstacle costs one disc. Each tile stores the
+connected components of its open ground, so only changed tiles are relabelled. A search from
+component to component over the borders of tiles then finds the reachable ground.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from helios_map2d.kernels import reachability as ground_kernels
 
 @dataclass(frozen=True)
 class ReachedCells:
-    """What can be reached, for `frontier_kernels.describe`.
+    """Reachable ground, as input of `frontier_cells.describe`.
 
-    Open ground by component: `offsets` int64 [tile rows, tile columns] and `reached` uint8 by
-    offset + label - 1. Ground right around the robot: `near` uint8 over a box whose corner is
+    Open ground by component: `offsets` int64 [tile rows, tile columns], and `reached` uint8 indexed
+    by offset + label - 1. Ground next to the robot: `near` uint8 over a box whose corner is
     `near_corner` (row, column of the grid).
     """
 
@@ -34,10 +33,13 @@ class ReachedCells:
 
 
 class ReachableFloor:
-    """`crowd` uint16 [rows, columns]: obstacles within the robot's radius of a cell; `labels`
-    uint16: the component of open ground within the cell's tile, 0 where it is not open; `counts`
-    int32 [tile rows, tile columns]: components of a tile; `edges` uint16 [tile rows, tile columns,
-    4, TILE]: the labels along its sides."""
+    """Open ground and its connected components.
+
+    `crowd` uint16 [rows, columns]: number of obstacles within the robot's radius of a cell;
+    `labels` uint16: component of open ground within the cell's tile, 0 where not open; `counts`
+    int32 [tile rows, tile columns]: number of components of a tile; `edges` uint16 [tile rows, tile
+    columns, 4, TILE]: labels along the sides of a tile.
+    """
 
     def __init__(self, grid: GridSpec, radius_cells: float) -> None:
         self.grid = grid
@@ -50,14 +52,15 @@ class ReachableFloor:
         self._begin(grid)
 
     def _begin(self, grid: GridSpec) -> None:
-        """No tile of a grid is known."""
+        """Start with empty tiles over a grid."""
         tiles = grid.rows // TILE, grid.columns // TILE
         self.counts = np.zeros(tiles, np.int32)
         self.edges = np.zeros((*tiles, 4, TILE), np.uint16)
         self._offsets, self._components = np.zeros(tiles, np.int64), 0
 
     def grow(self, grid: GridSpec, known: Box) -> None:
-        """Go on over a larger grid; `known` (world cells) holds all open ground and obstacles."""
+        """Continue on a larger grid; `known` (world cells) contains all open ground and
+        obstacles."""
         near = known.grown(self.reach)
         self.crowd = carried_over(self.crowd, self.grid, grid, near)
         self.labels = carried_over(self.labels, self.grid, grid, known)
@@ -71,7 +74,7 @@ class ReachableFloor:
         self.grid = grid
 
     def update(self, occupancy: NDArray[np.int8], before: NDArray[np.int8], box: Box) -> None:
-        """Follow a change of `occupancy` (over the whole grid) from `before` within `box`."""
+        """Update after a change of `occupancy` (over the whole grid) from `before` within `box`."""
         self._components = ground_kernels.follow(
             before, occupancy, box.row_lo, box.column_lo, self._half_widths,
             self.crowd, self.labels, self.counts, self.edges, self._offsets,
@@ -80,10 +83,10 @@ class ReachableFloor:
     def reached_from(
         self, occupancy: NDArray[np.int8], cell: tuple[int, int], blind_cells: float
     ) -> ReachedCells:
-        """What can be reached from a cell of the grid.
+        """Ground reachable from a cell of the grid.
 
         The robot may cross unknown ground within `blind_cells`, which its camera cannot see, and
-        leave the cells of its own disc even where they are beside an obstacle.
+        leave the cells of its own disc even if they are beside an obstacle.
         """
         reached, near, corner = ground_kernels.reach(
             occupancy, self.crowd, self.labels, self.edges, self._offsets, self._components,

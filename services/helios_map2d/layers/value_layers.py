@@ -1,8 +1,8 @@
-"""Value layers by name: how promising each cell looks for a prompt (paper 3.1.2, after VLFM).
+"""Value layers by name: image-text score of each cell for a prompt (paper 3.1.2, after VLFM).
 
-One view gives each layer one score. It is spread over the cone of view with a confidence that
-falls off towards the cone's sides, c(θ) = 0.25 + 0.75 cos²(θ / (fov / 2) · π / 2), and only as far
-as depth was measured in each direction; what is there already is averaged by confidence.
+Each view yields one score per layer. The score is spread over the cone of view with a confidence
+that decreases towards the sides, c(θ) = 0.25 + 0.75 cos²(θ / (fov / 2) · π / 2), up to the measured
+depth in each direction, and averaged by confidence with the former value.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ WEIGHTED, MAXIMUM = "weighted", "maximum"
 
 @dataclass(frozen=True)
 class ValueRules:
-    """VLFM's constants: the confidence at the cone's side, and the one below which a weaker view
-    than what is known is dropped. `fusion`: "weighted" averages by confidence, by "maximum" the
-    more confident view decides."""
+    """VLFM's constants: the confidence at the side of the cone, and the confidence below which a
+    view is dropped if the known one is higher. `fusion`: "weighted" averages by confidence; with
+    "maximum" the more confident view decides."""
 
     least_confidence: float = 0.25
     drop_below: float = 0.35
@@ -44,7 +44,7 @@ class ValueRules:
 
 @dataclass(frozen=True)
 class ValueLayer:
-    """One layer over the grid: `value` and `confidence` float32 [rows, columns], 0 where unseen."""
+    """One layer over the grid: `value`, `confidence` float32 [rows, columns], 0 in unseen cells."""
 
     value: NDArray[np.float32]
     confidence: NDArray[np.float32]
@@ -63,10 +63,10 @@ class Piece(Protocol):
 
 @dataclass(frozen=True)
 class Cone:
-    """What a view covered on the ground: all of it that a score needs, small enough to keep.
+    """Ground area of a view, in a form small enough to store; sufficient to fuse a score.
 
-    `reach_m` float32 [bins] is the farthest measured range by azimuth (see `view`); bins outside
-    the image are 0. `heading` is the unit direction of view.
+    `reach_m` float32 [bins] is the farthest measured range by azimuth (see `camera_view`), 0 in
+    bins outside the image. `heading` is the unit direction of view.
     """
 
     x_m: float
@@ -76,13 +76,13 @@ class Cone:
     reach_m: NDArray[np.float32]
 
     def box(self, cell_m: float) -> Box:
-        """The box of world cells around all that it reached; empty when nothing was measured."""
+        """Box of world cells around the covered ground; empty if nothing was measured."""
         seen = np.flatnonzero(self.reach_m)
         if not len(seen):
             return EMPTY
         forward, left = bin_directions(len(self.reach_m))[:, seen]
         c, s = self.heading
-        far = self.reach_m[seen] * 1.01  # to a bin's corners
+        far = self.reach_m[seen] * 1.01  # includes the corners of a bin
         x = self.x_m + np.append((c * forward - s * left) * far, 0.0)
         y = self.y_m + np.append((s * forward + c * left) * far, 0.0)
         lo_x, hi_x, lo_y, hi_y = (math.floor(v / cell_m)
@@ -101,8 +101,8 @@ def bin_directions(bins: int) -> NDArray[np.float64]:
 def spread_over(
     box: Box, cone: Cone, cell_m: float, least_confidence: float
 ) -> tuple[NDArray[np.float32], tuple[int, int, int, int]]:
-    """The confidence of a view in each cell of a box of world cells, float32 [rows, columns], 0
-    where it saw nothing; and what it saw: row_lo, row_hi, column_lo, column_hi within the box."""
+    """Confidence of a view in each cell of a box of world cells, float32 [rows, columns], 0 in
+    unseen cells; and the extent of seen cells: row_lo, row_hi, column_lo, column_hi in the box."""
     out = np.empty((box.rows, box.columns), np.float32)
     camera_cells = np.array([cone.x_m / cell_m - box.column_lo,
                              cone.y_m / cell_m - box.row_lo], np.float32)  # fmt: skip
@@ -114,7 +114,7 @@ def spread_over(
 
 
 def cone_of(view: View) -> Cone:
-    """The cone of a view."""
+    """Cone of a view, from its measured depth."""
     reach = np.empty(view.azimuth_bins, np.float32)
     value_kernels.farthest_by_azimuth(
         view.depth_m, view.pixel_step, intrinsics_of(view),
@@ -136,7 +136,7 @@ class ValueLayers:
         self.box = EMPTY  # world cells that hold all values
 
     def grow(self, grid: GridSpec) -> None:
-        """Go on over a larger grid."""
+        """Continue on a larger grid."""
         self.layers = {
             name: ValueLayer(
                 carried_over(layer.value, self.grid, grid, self.box),
@@ -147,17 +147,17 @@ class ValueLayers:
         self.grid = grid
 
     def reset(self, names: tuple[str, ...] = ()) -> None:
-        """Forget every value; keep empty layers under the given names."""
+        """Remove all layers and create empty ones with the given names."""
         self.layers = {name: self._empty() for name in names}
         self.box = EMPTY
 
     def touch(self, name: str) -> None:
-        """Make sure that a layer is there, empty if it is new."""
+        """Create an empty layer if there is none of this name."""
         if name not in self.layers:
             self.layers[name] = self._empty()
 
     def restore(self, name: str, tiles: Iterable[Piece]) -> None:
-        """Take a layer's tiles, which the grid must hold."""
+        """Fill a layer with tiles, which must lie within the grid."""
         self.touch(name)
         layer = self.layers[name]
         for tile in tiles:
@@ -171,10 +171,10 @@ class ValueLayers:
                 self.box = self.box.union(seen.moved(box.row_lo, box.column_lo))
 
     def integrate(self, cone: Cone, scores: Mapping[str, float]) -> Box:
-        """Fold a view's scores in; return the box of world cells that may have changed.
+        """Fuse a view's scores and return the box of world cells that may have changed.
 
-        The part of the cone beyond the grid is left out. Raises InvalidInput when a score is not
-        finite; nothing is changed then.
+        The part of the cone beyond the grid is ignored. Raises InvalidInput, and changes nothing,
+        if a score is not finite.
         """
         for name, score in scores.items():
             if not math.isfinite(score):
@@ -211,8 +211,8 @@ class ValueLayers:
 def values_near(
     value: NDArray[np.float32], cells: NDArray[np.int32], radius_cells: float
 ) -> NDArray[np.float64]:
-    """VLFM's value of frontiers at cells [n, 2] (row, column): the median of the non-zero cells
-    within a radius; 0 if there are none."""
+    """VLFM's value of frontiers at cells [n, 2] (row, column): median of the non-zero cells within
+    a radius; 0 if there are none."""
     out = np.empty(len(cells), np.float64)
     value_kernels.median_near(value, cells, radius_cells, out)
     return out

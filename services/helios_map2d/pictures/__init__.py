@@ -1,1 +1,1 @@
-"""The map as a picture for people."""
+"""Rendering of the map as a picture for people."""

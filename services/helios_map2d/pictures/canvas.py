@@ -1,7 +1,6 @@
-"""The sheet that a picture of the map is drawn on: its pixels, where world points fall on them,
-lines and words.
+"""Canvas of a picture of the map: pixels, projection of world points, lines and text.
 
-World x points right and y up. The map keeps its cells sharp; everything drawn over it is in
+World x points right and y up. Enlarged cells stay sharp. Everything drawn over them is sized in
 picture pixels, so that lines and labels stay readable at any scale.
 """
 
@@ -37,7 +36,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Canvas:
-    """The picture while it is drawn: RGB pixels, and where world points fall on them."""
+    """RGB pixels of a picture, and the projection of world points onto them."""
 
     def __init__(self, grid: GridSpec, size_px: int) -> None:
         self._grid = grid
@@ -54,7 +53,7 @@ class Canvas:
         self.font = max(0.35, size_px / 2000)
 
     def at(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Pixel (column, row) of a world point; far points stay within what OpenCV can draw."""
+        """Pixel (column, row) of a world point; distant points are clipped for OpenCV."""
         grid = self._grid
         column = (x_m - grid.origin_m[0]) / grid.cell_m - self._box.column_lo
         row = self._box.row_hi - (y_m - grid.origin_m[1]) / grid.cell_m
@@ -63,13 +62,13 @@ class Canvas:
         return round(float(u)), round(float(v))
 
     def paint(self, cells: NDArray[np.uint8]) -> None:
-        """Lay an RGB picture of the grid's cells under everything."""
+        """Fill the canvas with an RGB picture of the grid's cells."""
         box = self._box
         whole = np.full((box.rows, box.columns, 3), UNKNOWN_RGB, np.uint8)
         whole[-box.row_lo : -box.row_lo + cells.shape[0],
               -box.column_lo : -box.column_lo + cells.shape[1]] = cells  # fmt: skip
         flat = np.ascontiguousarray(whole[::-1])
-        # Shrinking averages the cells that fall on one pixel; enlarging keeps them square.
+        # INTER_AREA averages the cells of one pixel; INTER_NEAREST keeps enlarged cells square.
         how = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_NEAREST
         u, v = self.offset_px
         self.pixels[v : v + self.height, u : u + self.width] = cv2.resize(
@@ -82,13 +81,13 @@ class Canvas:
             cv2.polylines(self.pixels, [points], False, colour, width, cv2.LINE_AA)
 
     def text(self, text: str, at_px: tuple[int, int], colour: Colour = INK_RGB) -> None:
-        """Text with a white halo, its left end and base line at a pixel, or farther left where it
-        would leave the picture."""
+        """Draw text with a white halo. Its left end and base line are at a pixel, or farther left
+        if it would leave the picture."""
         width = max(1, round(self.font * 2))
         shown = plain(text)
         room_px = self.pixels.shape[1] - self.text_width(shown) - 4
         u, v = max(0, min(at_px[0], room_px)), at_px[1]
-        # A thicker text would also be a wider one: the halo is the same text, shifted.
+        # Thicker text would be wider, so the halo consists of shifted copies of the text.
         for du, dv in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1)):
             place = (u + du, v + dv)
             cv2.putText(self.pixels, shown, place, FONT, self.font, HALO_RGB, width, cv2.LINE_AA)
@@ -100,11 +99,11 @@ class Canvas:
 
     @property
     def text_height(self) -> int:
-        """Of a line, with what hangs below it."""
+        """Height of a line of text, with descenders."""
         (_, height), below = cv2.getTextSize("Ag", FONT, self.font, max(1, round(self.font * 2)))
         return height + below + 2
 
 
 def plain(text: str) -> str:
-    """OpenCV's font knows ASCII only."""
+    """Text with "?" in place of non-ASCII characters, which OpenCV's font lacks."""
     return text.encode("ascii", "replace").decode()

@@ -1,4 +1,4 @@
-"""Where labels stand so that each can be read: near what they name, none over another."""
+"""Placement of labels near their objects, without overlap."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 Rect = tuple[float, float, float, float]  # left, top, right, bottom; pixels, y downwards
 
 GAP_PX = 4
-RINGS = 7  # distances from the thing that are tried, a label's height apart
+RINGS = 7  # number of distances from the object to try, a label's height apart
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """A label of this size for the thing in a box."""
+    """Size of a label, and the box of its object."""
 
     width_px: float
     height_px: float
@@ -23,9 +23,9 @@ class Wanted:
 def placed(
     wanted: Sequence[Wanted], size_px: tuple[int, int], taken: Sequence[Rect] = ()
 ) -> list[Rect | None]:
-    """A place for each, the first ones first; None for one that finds no room.
+    """Places of the labels, assigned in the given order; None for a label without room.
 
-    size_px: width and height of the picture. taken: where no label may stand.
+    size_px: width and height of the picture. taken: areas to keep free.
     """
     full = list(taken)
     out: list[Rect | None] = []
@@ -39,7 +39,7 @@ def placed(
 
 
 def lead(place: Rect, box: Rect) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """A line from a label to the middle of its thing where it stands too far off to be clear."""
+    """Leader line from a label to the centre of its object; None if the label is close to it."""
     near = (place[0] - 3 * GAP_PX, place[1] - 3 * GAP_PX, place[2] + 3 * GAP_PX,
             place[3] + 3 * GAP_PX)  # fmt: skip
     if _overlap(near, box):
@@ -49,7 +49,7 @@ def lead(place: Rect, box: Rect) -> tuple[tuple[float, float], tuple[float, floa
 
 
 def _places(label: Wanted) -> Iterator[Rect]:
-    """Best first: above, below, beside, then the same farther off."""
+    """Places to try, best first: above, below, beside, then the same at greater distances."""
     left, top, right, bottom = label.box_px
     width, height = label.width_px, label.height_px
     middle_u, middle_v = (left + right - width) / 2, (top + bottom - height) / 2

@@ -1,4 +1,4 @@
-"""The strip below a picture of the map: what its colours mean, and a scale bar."""
+"""Legend strip below a picture of the map: meaning of the colours, and a scale bar."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from helios_map2d.pictures.canvas import (
 
 
 def draw_foot(sheet: Canvas, layer: str, values: tuple[float, float] | None) -> None:
-    """Draw the strip; of a value layer with the range of its values."""
+    """Draw the legend strip. values: range of the values of a value layer."""
     size = sheet.pixels.shape[0]
     top = size - FOOT_PX
     sheet.pixels[top:] = (250, 251, 253)
@@ -60,7 +60,7 @@ def draw_foot(sheet: Canvas, layer: str, values: tuple[float, float] | None) -> 
         u += wide + 8
         sheet.text(f"{hi:.2f}", (u, base))
         u += sheet.text_width(f"{hi:.2f}") + 18
-        entries = entries[5:]  # the ground lies under the values
+        entries = entries[5:]  # the values cover the ground colours
     for name, colour in entries:
         end = u + 18 + sheet.text_width(name)
         if end > bar - 8:

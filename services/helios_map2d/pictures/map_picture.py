@@ -1,4 +1,4 @@
-"""A picture of the map for people: what is known, frontiers, values, the robot and its way."""
+"""Picture of the map for people: known cells, frontiers, values, the robot and its path."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ from helios_map2d.snapshots.snapshot import MapSnapshot, about
 
 OCCUPANCY = "occupancy"
 MIN_PX, MAX_PX = 128, 4096
-MOST_VALUES = 2  # beside a frontier; a layer's own picture has each
-PNG_HEAD = 33  # bytes of the signature and of the first chunk, IHDR
+MOST_VALUES = 2  # values in a frontier's label; the picture of a layer shows that layer's value
+PNG_HEAD = 33  # length of the signature and the first chunk, IHDR
 
 
 @dataclass(frozen=True)
 class Marked:
-    """A thing to draw: a box (world, metres) with a label."""
+    """Object to draw: a box (world, metres) with a label."""
 
     label: str
     center_m: tuple[float, float]
@@ -55,7 +55,7 @@ class Marked:
 
 @dataclass(frozen=True)
 class _Label:
-    """Words for what is in a box of the picture."""
+    """Text of a label, and the box of its object in the picture."""
 
     text: str
     box_px: Rect
@@ -69,10 +69,10 @@ def render(
     path_m: NDArray | None = None,
     objects: Sequence[Marked] = (),
 ) -> NDArray[np.uint8]:
-    """The map as RGB [size_px, size_px, 3]; `layer` is "occupancy" or a value layer's name.
+    """Map as RGB [size_px, size_px, 3]; `layer` is "occupancy" or the name of a value layer.
 
-    `path_m` [n, 2] is the way that the robot is about to take. Raises InvalidInput for an unknown
-    layer, a size out of range, or a path that is not finite.
+    `path_m` [n, 2] is the robot's planned path. Raises InvalidInput for an unknown layer, a size
+    out of range, or a path that is not finite.
     """
     if layer != OCCUPANCY and layer not in snapshot.values:
         known = ", ".join([OCCUPANCY, *snapshot.values])
@@ -100,7 +100,7 @@ def render(
 
 
 def png_of(pixels: NDArray[np.uint8], snapshot: MapSnapshot) -> bytes:
-    """An RGB picture of a version as PNG, with `snapshot.about` as its text chunk "helios"."""
+    """RGB picture of a version as PNG, with `snapshot.about` as its text chunk "helios"."""
     _, encoded = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
     data = encoded.tobytes()
     text = b"tEXthelios\0" + json.dumps(about(snapshot)).encode("ascii")
@@ -109,7 +109,7 @@ def png_of(pixels: NDArray[np.uint8], snapshot: MapSnapshot) -> bytes:
 
 
 def cell_colours(snapshot: MapSnapshot, layer: str) -> NDArray[np.uint8]:
-    """RGB [rows, columns, 3] of the cells: obstacles darker with height, values as a heat map."""
+    """Cell colours, RGB [rows, columns, 3]: obstacles darken with height, values as a heat map."""
     out = np.empty((*snapshot.grid.shape, 3), np.float32)
     out[:] = UNKNOWN_RGB
     out[snapshot.known > 0] = KNOWN_BEFORE_RGB
@@ -128,7 +128,7 @@ def cell_colours(snapshot: MapSnapshot, layer: str) -> NDArray[np.uint8]:
 
 
 def value_range(snapshot: MapSnapshot, layer: str) -> tuple[float, float]:
-    """Lowest and highest value of a layer, at least a hair apart."""
+    """Lowest and highest value of a layer, at least 0.001 apart."""
     seen = snapshot.values[layer][snapshot.confidences[layer] > 0]
     if not seen.size:
         return 0.0, 1.0
@@ -146,7 +146,7 @@ def _draw_frontier_cells(
 
 
 def _draw_frontier_centres(sheet: Canvas, snapshot: MapSnapshot, layer: str) -> list[_Label]:
-    """Labels of those that the robot can choose, the most valuable first."""
+    """Draw the centres. Returns the labels of reachable frontiers, highest value first."""
     labels = []
     for frontier in sorted(snapshot.frontiers, key=lambda f: -max(f.values.values(), default=0.0)):
         u, v = sheet.at(*frontier.centre_m)
@@ -163,7 +163,7 @@ def _draw_frontier_centres(sheet: Canvas, snapshot: MapSnapshot, layer: str) -> 
 
 
 def _draw_objects(sheet: Canvas, objects: Sequence[Marked]) -> list[_Label]:
-    """Their labels, the surest first."""
+    """Draw the objects. Returns their labels, highest score first."""
     labels = []
     names = sorted({thing.label for thing in objects})
     for thing in sorted(objects, key=lambda thing: thing.score):
@@ -173,7 +173,7 @@ def _draw_objects(sheet: Canvas, objects: Sequence[Marked]) -> list[_Label]:
             continue
         u0, v0 = sheet.at(x - width / 2, y + depth / 2)
         u1, v1 = sheet.at(x + width / 2, y - depth / 2)
-        half = 3 * sheet.line_px  # small things stay visible
+        half = 3 * sheet.line_px  # least half size, so that small objects stay visible
         u0, u1 = min(u0, (u0 + u1) // 2 - half), max(u1, (u0 + u1) // 2 + half)
         v0, v1 = min(v0, (v0 + v1) // 2 - half), max(v1, (v0 + v1) // 2 + half)
         cv2.rectangle(sheet.pixels, (u0, v0), (u1, v1), (255, 255, 255), sheet.line_px + 2)
@@ -183,7 +183,7 @@ def _draw_objects(sheet: Canvas, objects: Sequence[Marked]) -> list[_Label]:
 
 
 def _draw_labels(sheet: Canvas, labels: Sequence[_Label], taken: Sequence[Rect]) -> None:
-    """Each beside what it names and over no other; one without room is left out."""
+    """Draw the labels beside their objects without overlap; omit labels without room."""
     size = sheet.pixels.shape[0]
     wanted = [
         Wanted(sheet.text_width(plain(label.text)) + 6, sheet.text_height, label.box_px)
@@ -203,7 +203,7 @@ def _draw_labels(sheet: Canvas, labels: Sequence[_Label], taken: Sequence[Rect])
 
 
 def _draw_robot(sheet: Canvas, x_m: float, y_m: float, yaw_rad: float) -> Rect:
-    """Where it is in the picture."""
+    """Draw the robot. Returns its box in the picture."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     corners = [(0.30, 0.0), (-0.20, 0.19), (-0.11, 0.0), (-0.20, -0.19)]
     points = np.array(

@@ -1,1 +1,1 @@
-"""Immutable published versions of the map, and what changed between them."""
+"""Immutable published versions of the map, and the changes between them."""

@@ -1,8 +1,9 @@
-"""What is new in a version for a viewer that knows an earlier one.
+"""Changes of the map since the version that a viewer has.
 
-Tiles are ordered by version, row and column. A viewer holds a place in that order: all that it has
-not seen lies behind it, the whole map for a late one. So nothing is kept per viewer, a change
-while the map is being read is simply met later, and each tile is encoded once for all.
+Tiles are ordered by version, row and column. A viewer stores a cursor in that order; all later
+tiles are new to it, for a new viewer the whole map. So the service stores nothing per viewer, a
+change during the transfer follows later in the order, and each tile is encoded once for all
+viewers.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ DEFAULT_TILES, MOST_TILES = 64, 1024
 
 
 class Cursor(NamedTuple):
-    """A place in the order of changes; the ground has no layer."""
+    """Position in the order of changes; ground tiles have layer ""."""
 
     version: int = 0
     row: int = 0
@@ -29,7 +30,7 @@ class Cursor(NamedTuple):
 
 
 def changes_after(snapshot: MapSnapshot, request: pb.MapChangesRequest) -> pb.MapChanges:
-    """The next chunk of what a viewer has not seen; see the message for its rules."""
+    """Next chunk of changes for a viewer; see `MapChangesRequest` and `MapChanges`."""
     out = pb.MapChanges(map_id=snapshot.map_id, version=snapshot.version, tile_cells=TILE,
                         cell_m=snapshot.grid.cell_m, context_id=snapshot.context_id,
                         layers=list(snapshot.layers))  # fmt: skip
@@ -54,7 +55,7 @@ def changes_after(snapshot: MapSnapshot, request: pb.MapChangesRequest) -> pb.Ma
 
 
 def frontier_messages(snapshot: MapSnapshot) -> list[pb.Frontier]:
-    """The frontiers as they travel."""
+    """Messages of the frontiers."""
     return [
         pb.Frontier(
             id=f.id, x_m=f.centre_m[0], y_m=f.centre_m[1], size_m=f.size_m, values=dict(f.values),
@@ -65,7 +66,7 @@ def frontier_messages(snapshot: MapSnapshot) -> list[pb.Frontier]:
 
 
 def _order(snapshot: MapSnapshot, layers: bool) -> Iterator[Cursor]:
-    """Where the tiles of a version stand in the order of changes."""
+    """Cursors of all tiles of a version."""
     for place, tile in snapshot.ground.items():
         yield Cursor(tile.version, *place)
     if layers:
@@ -75,7 +76,7 @@ def _order(snapshot: MapSnapshot, layers: bool) -> Iterator[Cursor]:
 
 
 def _tile(snapshot: MapSnapshot, cursor: Cursor) -> pb.MapTile:
-    """The tile at a cursor."""
+    """Message of the tile at a cursor."""
     version, row, column, layer = cursor
     out = pb.MapTile(row=row, column=column, version=version, layer=layer)
     if layer:

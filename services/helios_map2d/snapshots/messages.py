@@ -1,4 +1,7 @@
-"""Snapshots and robot positions as messages; `helios_core.map_snapshot` reads them."""
+"""Conversion of snapshots and robot poses to and from protobuf messages.
+
+`helios_core.map_snapshot` decodes the snapshots.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ Pose = tuple[float, float, float]  # x, y (m), yaw (rad) in the world
 
 
 def reported_pose(message: pb.RobotState) -> Pose | None:
-    """Where a robot says that it is; None while it does not know."""
+    """Pose in a robot's state; None if the pose is not valid."""
     try:
         T_world_base = transform_from_proto(message.T_world_base, "T_world_base")
     except InvalidInput:
@@ -28,11 +31,11 @@ def reported_pose(message: pb.RobotState) -> Pose | None:
 
 
 def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
-    """The message of a version; without arrays, and with a cell size of 0, while nothing is known
-    or nobody has said where the robot is.
+    """Message of a version; without arrays and with cell size 0 if the map is empty or the robot's
+    pose is not known.
 
-    `explored` is what was seen since the search began, but `explored_m2` the area of all that is
-    known; heights are sent in millimetres.
+    `explored` is the area seen since the search began, but `explored_m2` is the area of all known
+    cells; heights are in millimetres.
     """
     out = pb.MapSnapshot(
         version=snapshot.version, context_id=snapshot.context_id, map_id=snapshot.map_id
@@ -64,14 +67,14 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
 
 
 class CachedEncoding:
-    """The newest version's message, encoded once for all who ask; safe from any thread."""
+    """Cache of the newest version's message, encoded once for all clients; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._made: dict[bool, tuple[MapSnapshot, pb.MapSnapshot]] = {}
 
     def of(self, snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
-        """The message of a version, made by whoever asks first."""
+        """Message of a version, encoded at the first request."""
         with self._lock:
             made = self._made.get(layers)
             if made is None or made[0] is not snapshot:

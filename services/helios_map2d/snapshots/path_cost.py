@@ -1,4 +1,4 @@
-"""What a way costs: length, clearance and what is unknown along it, for whoever plans ways."""
+"""Cost of a path: length, clearance and unknown ground along it."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from helios_map2d.grid import Box
 from helios_map2d.snapshots.snapshot import MapSnapshot
 
 MOST_SAMPLES = 100_000
-WIDEST_M = 10.0  # of a robot, and of what is comfortable
-SLOWEST = 0.05  # share of full speed at no clearance at all
+WIDEST_M = 10.0  # limit of a robot's radius and of the comfortable clearance
+SLOWEST = 0.05  # share of full speed without clearance
 
 
 @dataclass(frozen=True)
 class PathCost:
-    """Along a way: samples [n, 2] (m), and the clearance beyond the robot's radius of each (m).
+    """Cost of a path, with samples [n, 2] (m) and their clearance beyond the robot's radius (m).
 
-    `cost_m` is the length with every piece divided by the speed there, which rises from a
-    twentieth without clearance to 1 at the comfortable clearance; infinite when it is blocked.
+    `cost_m` is the sum of the pieces' length divided by their relative speed, which rises from a
+    twentieth without clearance to 1 at the comfortable clearance; infinite for a blocked path.
     """
 
     samples_m: NDArray[np.float64]
@@ -39,12 +39,12 @@ class PathCost:
 def cost_along(
     snapshot: MapSnapshot, corners_m: NDArray[np.float64], radius_m: float, comfort_m: float
 ) -> PathCost:
-    """Follow the straight pieces between `corners_m` [n, 2] over the map.
+    """Cost of the path of straight pieces between `corners_m` [n, 2] over the map.
 
-    Clearance is the distance from a sample to the nearest obstacle cell's edge less the radius, at
-    most `comfort_m`. A way is blocked where it is below 0. Unknown ground is no obstacle; how
-    much of it is crossed is told. Raises InvalidInput for fewer than two corners, numbers that are
-    not finite, or a way that is too long to follow.
+    Clearance is the distance from a sample to the edge of the nearest obstacle cell less the
+    radius, at most `comfort_m`. The path is blocked if it is below 0 anywhere. Unknown ground is no
+    obstacle; its length is reported. Raises InvalidInput for fewer than two corners, numbers that
+    are not finite, or a path that is too long.
     """
     _check(corners_m, radius_m, comfort_m)
     samples, steps = sampled(corners_m, snapshot.grid.cell_m)
@@ -72,7 +72,7 @@ def cost_along(
     clearance = np.minimum(to_edge - radius_m, comfort_m)
     blocked = bool((clearance < 0).any())
     speed = np.maximum(SLOWEST, clearance / comfort_m)
-    weights = np.zeros(len(samples))  # each sample stands for half a step to either side
+    weights = np.zeros(len(samples))  # each sample represents half a step on each side
     weights[:-1] += steps / 2
     weights[1:] += steps / 2
     return PathCost(
@@ -89,7 +89,8 @@ def cost_along(
 def sampled(
     corners_m: NDArray[np.float64], step_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points [n, 2] at most `step_m` apart through all corners, and the steps [n - 1] between."""
+    """Points [n, 2] at most `step_m` apart through all corners, and the steps [n - 1] between
+    them."""
     pieces = np.diff(corners_m, axis=0)
     counts = np.maximum(1, np.ceil(np.hypot(*pieces.T) / step_m)).astype(np.int64)
     if counts.sum() > MOST_SAMPLES:
@@ -108,7 +109,7 @@ def sampled(
 def _check(corners_m: NDArray[np.float64], radius_m: float, comfort_m: float) -> None:
     if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
         raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
-    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # and finite
+    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # False for NaN
     if not at_home.all():
         k = int(at_home.argmin())
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""Published versions of the map, and their NPZ form for people and programs."""
+"""Published versions of the map, and their NPZ format."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from helios_map2d.snapshots.tiles import (
     occupancy_of,
 )
 
-EVIDENCE = 4  # of an obstacle that comes from a file without any
+EVIDENCE = 4  # evidence of an obstacle from a file without evidence
 
 
 @dataclass(frozen=True, eq=False)
 class MapSnapshot:
     """One immutable version of the map.
 
-    `grid` is the box of what is known (see `GridSpec`); arrays over it are put together from the
-    tiles when they are first asked for, are read-only and `[rows, columns]`. `map_id` names the map
-    of one world epoch. `robot_pose` is x, y (m), yaw (rad); `trajectory_m` float64 [n, 2].
+    `grid` covers the known cells (see `GridSpec`). Arrays over it are `[rows, columns]`, read-only,
+    and assembled from the tiles at the first access. `map_id` identifies the map of one world
+    epoch. `robot_pose` is x, y (m), yaw (rad); `trajectory_m` float64 [n, 2].
     """
 
     map_id: str
@@ -55,23 +55,25 @@ class MapSnapshot:
     robot_pose: tuple[float, float, float] | None
     trajectory_m: NDArray[np.float64]
     next_frontier_id: int = 1
-    trajectory_starts: tuple[int, ...] = ()  # points that the robot came to unseen
+    trajectory_starts: tuple[int, ...] = ()  # indices of points that begin a separate piece
 
     @cached_property
     def occupancy(self) -> NDArray[np.int8]:
-        """-1 unknown, 0 free, 100 occupied."""
+        """Occupancy: -1 unknown, 0 free, 100 occupied."""
         return occupancy_of(self.ground, self.grid)
 
     @property
     def known(self) -> NDArray[np.uint8]:
-        """1 where the map knows anything, whoever searched for whatever. In files it is called
-        `explored`, and its area `explored_m2` on the wire, where `explored` itself is
-        `explored_for_search`."""
+        """Array with 1 in known cells, in all searches.
+
+        Files call it `explored`. Messages call its area `explored_m2`, but their `explored` is
+        `explored_for_search`.
+        """
         return (self.occupancy != UNKNOWN).astype(np.uint8)
 
     @cached_property
     def explored_for_search(self) -> NDArray[np.uint8]:
-        """1 where the present search has looked."""
+        """Array with 1 in cells that the current search has seen."""
         parts = [(t, g.searched) for t, g in self.ground.items()]
         return assembled(parts, self.grid).astype(np.uint8, copy=False)
 
@@ -91,7 +93,7 @@ class MapSnapshot:
 
     @cached_property
     def values(self) -> Mapping[str, NDArray[np.float32]]:
-        """By layer, 0 where unseen."""
+        """Values by layer, 0 in unseen cells."""
         return MappingProxyType({
             name: assembled([(t, v.value) for t, v in tiles.items()], self.grid)
             for name, tiles in self.layers.items()
@@ -99,7 +101,7 @@ class MapSnapshot:
 
     @cached_property
     def confidences(self) -> Mapping[str, NDArray[np.float32]]:
-        """By layer, 0 where unseen."""
+        """Confidences by layer, 0 in unseen cells."""
         return MappingProxyType({
             name: assembled([(t, v.confidence) for t, v in tiles.items()], self.grid)
             for name, tiles in self.layers.items()
@@ -108,17 +110,17 @@ class MapSnapshot:
     def line_of_sight(
         self, eye_m: tuple[float, float, float], point_m: tuple[float, float, float]
     ) -> bool:
-        """Can the point (world x, y, z) be seen from the eye? See `sight.line_of_sight`."""
+        """True if the point (world x, y, z) is visible from the eye; see `line_of_sight`."""
         return line_of_sight(self.grid, self.occupancy, self.z_low_m, self.z_high_m, eye_m, point_m)
 
     @property
     def empty(self) -> bool:
-        """Whether nothing has come yet, neither from a robot nor from a file."""
+        """True if the map has no content yet, neither from frames nor from a file."""
         return self.frame_id is None and not self.ground
 
 
 def frontier_json(frontier: Frontier) -> dict[str, object]:
-    """A frontier without its cells, as plain JSON."""
+    """JSON of a frontier, without its cells."""
     return {
         "id": frontier.id,
         "centre_m": list(frontier.centre_m),
@@ -129,8 +131,8 @@ def frontier_json(frontier: Frontier) -> dict[str, object]:
 
 
 def about(snapshot: MapSnapshot) -> dict[str, object]:
-    """What every export says of itself, as plain JSON: which map and version, the newest frame in
-    it (boot id, world epoch, number) and its stamp, where the robot was, and the grid."""
+    """Metadata of every export, as JSON: map id and version, newest frame (boot id, world epoch,
+    number) and its stamp, search context, robot pose, and grid."""
     frame_id = snapshot.frame_id
     return {
         "map_id": snapshot.map_id,
@@ -145,9 +147,9 @@ def about(snapshot: MapSnapshot) -> dict[str, object]:
 
 
 def encode_npz(snapshot: MapSnapshot) -> bytes:
-    """The snapshot as a compressed NPZ: its arrays, and `meta`, a JSON text with everything else.
+    """Compressed NPZ of a snapshot: its arrays, and `meta`, a JSON text with everything else.
 
-    Layers are `value_<name>` and `confidence_<name>`; frontier cells `frontier_cells` int32
+    Layers are `value_<name>` and `confidence_<name>`; frontier cells are `frontier_cells` int32
     [n, 3] (index of the frontier, row, column of the world cell).
     """
     cells = [np.column_stack([np.full(len(f.cells), k), f.cells])
@@ -181,9 +183,9 @@ def encode_npz(snapshot: MapSnapshot) -> bytes:
 
 
 def decode_npz(data: bytes, version: int | None = None) -> MapSnapshot:
-    """What `encode_npz` wrote, under its own version or the one given.
+    """Snapshot of an `encode_npz` file, with its own version or the given one.
 
-    Raises InvalidInput for anything else, and for what holds too much before it is unpacked.
+    Raises InvalidInput for other data, and for too large content before unpacking it.
     """
     try:
         arrays = unpacked(data)
@@ -260,7 +262,7 @@ def ground_of(
     z_low_m: NDArray,
     z_high_m: NDArray,
 ) -> Ground:
-    """Tiles from arrays over `grid`; obstacles get `EVIDENCE`, free cells were seen as floor."""
+    """Ground tiles from arrays over `grid`; obstacles get `EVIDENCE`, free cells `floor_seen`."""
     what = cut_up(occupancy.astype(np.int8), grid, UNKNOWN)
     seen = cut_up(searched.astype(np.uint8), grid)
     low = cut_up(z_low_m.astype(np.float32), grid)
@@ -280,7 +282,7 @@ def ground_of(
 def values_of(
     name: str, grid: GridSpec, version: int, value: NDArray, confidence: NDArray
 ) -> Values:
-    """Tiles of a layer from arrays over `grid`."""
+    """Tiles of a value layer from arrays over `grid`."""
     value_parts = cut_up(value.astype(np.float32), grid)
     confidence_parts = cut_up(confidence.astype(np.float32), grid)
     return MappingProxyType(
@@ -289,7 +291,7 @@ def values_of(
 
 
 def _key(name: str, index: int) -> str:
-    """A layer's name as part of a member name of the zip: by number where it is no plain word."""
+    """Part of a ZIP member name for a layer: its name, or its index if that is no identifier."""
     return name if name.isidentifier() else str(index)
 
 

@@ -1,4 +1,4 @@
-"""The tiles of the newest version: what changed is made anew, the rest stays as it was."""
+"""Tiles of the newest version; only changed tiles are renewed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from helios_map2d.snapshots.tiles import (
 
 
 class PublishedTiles:
-    """Ground by tile, and each value layer by tile."""
+    """Tiles of the ground and of each value layer."""
 
     def __init__(self) -> None:
         self._ground: dict[Tile, GroundTile] = {}
@@ -28,12 +28,12 @@ class PublishedTiles:
 
     @property
     def ground(self) -> Ground:
-        """As it is now, for good."""
+        """Immutable copy of the present ground tiles."""
         return MappingProxyType(dict(self._ground))
 
     @property
     def layers(self) -> Mapping[str, Values]:
-        """As they are now, for good."""
+        """Immutable copy of the present tiles of all layers."""
         return MappingProxyType(
             {name: MappingProxyType(dict(tiles)) for name, tiles in self._values.items()}
         )
@@ -48,8 +48,8 @@ class PublishedTiles:
         shown: bool,
         heights: bool = True,
     ) -> None:
-        """A tile anew. shown: whether what others see of it has changed; heights: whether those of
-        obstacles have, which are most of a tile."""
+        """Renew a ground tile. shown: True if its published content has changed; heights: True if
+        obstacle heights have changed, which are most of a tile's data."""
         old = self._ground.get(place)
         seen_version = version if shown or old is None else old.version
         self._ground[place] = ground_tile(
@@ -60,7 +60,7 @@ class PublishedTiles:
     def retile_known(
         self, box: Box, occupancy: OccupancyLayer, search: SearchArea, version: int
     ) -> None:
-        """All tiles of a box of world cells that there were."""
+        """Renew all existing ground tiles of a box of world cells."""
         for place in box.tiles:
             if place in self._ground:
                 self.retile(place, occupancy, search, version, shown=True)
@@ -68,23 +68,23 @@ class PublishedTiles:
     def retile_values(
         self, names: Iterable[str], values: ValueLayers, changed: Box, version: int
     ) -> None:
-        """The tiles of some layers within a box of world cells."""
+        """Renew the tiles of some layers within a box of world cells."""
         for name in names:
             layer, tiles = values.layers[name], self._values.setdefault(name, {})
             for place in changed.tiles:
                 tiles[place] = value_tile(layer, name, values.grid, place, version)
 
     def empty_layer(self, name: str) -> None:
-        """A layer without any value."""
+        """Remove all tiles of a layer."""
         self._values[name] = {}
 
     def reset_layers(self, names: Iterable[str]) -> None:
-        """These layers and no others, all empty."""
+        """Replace all layers by empty ones with these names."""
         self._values = {name: {} for name in names}
 
     def take(
         self, ground: Mapping[Tile, GroundTile], layers: Mapping[str, Mapping[Tile, ValueTile]]
     ) -> None:
-        """Tiles as they were kept: this ground in place of any, these layers beside others."""
+        """Take saved tiles: they replace the ground, and add to the layers."""
         self._ground = dict(ground)
         self._values |= {name: dict(tiles) for name, tiles in layers.items()}

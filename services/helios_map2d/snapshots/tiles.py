@@ -1,7 +1,7 @@
-"""Published pieces of the map: immutable tiles, each encoded at most once.
+"""Immutable published tiles of the map, each encoded at most once.
 
-A version of the map shares with the version before it all tiles that did not change. So publishing
-costs by what a view touched, and a viewer that knows a version needs only the tiles that are newer.
+A version of the map shares all unchanged tiles with the version before. So the cost of publishing
+depends on the area that a view changed, and a viewer needs only the tiles newer than its version.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ HIGHEST_M = 65.0  # heights are sent as uint16 millimetres
 
 @dataclass(frozen=True, eq=False)
 class GroundTile:
-    """Occupancy, what was searched, and what the occupancy remembers, over one tile.
+    """Occupancy, searched area and stored evidence of one tile.
 
-    Arrays [TILE, TILE], read-only. `version` is that of the map when what others see of the tile
-    last changed; `revision` when anything did.
+    Arrays [TILE, TILE], read-only. `version` is the map version in which the published content of
+    the tile last changed; `revision` the one in which any of its data last changed.
     """
 
     place: Tile
@@ -44,7 +44,7 @@ class GroundTile:
 
     @cached_property
     def message(self) -> pb.GroundTile:
-        """As it travels; heights in millimetres, 0 where nothing stands."""
+        """Message of the tile; heights in millimetres, 0 without an obstacle."""
         occupied = self.occupancy == OCCUPIED
         return pb.GroundTile(
             occupancy=packed(self.occupancy),
@@ -55,8 +55,8 @@ class GroundTile:
 
     @cached_property
     def kept(self) -> bytes:
-        """As it is kept in files, with all that the map needs to go on: a `KeptMap` of this tile
-        alone. Messages that are laid end to end are read as one."""
+        """Complete tile for files: a serialised `KeptMap` of this tile alone. Serialised messages
+        laid end to end read as one message."""
         tile = pb.KeptTile(
             row=self.place[0], column=self.place[1],
             occupancy=packed(self.occupancy), searched=packed(self.searched),
@@ -68,7 +68,7 @@ class GroundTile:
 
 @dataclass(frozen=True, eq=False)
 class ValueTile:
-    """One value layer over one tile: float32 [TILE, TILE], read-only, 0 where unseen."""
+    """One value layer over one tile: float32 [TILE, TILE], read-only, 0 in unseen cells."""
 
     place: Tile
     layer: str
@@ -78,12 +78,12 @@ class ValueTile:
 
     @cached_property
     def message(self) -> bytes:
-        """The value as it travels: float16."""
+        """Value for messages: packed float16."""
         return packed(self.value.astype("<f2"))
 
     @cached_property
     def kept(self) -> bytes:
-        """As it is kept in files: a `KeptMap` of this tile alone."""
+        """Tile for files: a serialised `KeptMap` of this tile alone."""
         tile = pb.KeptValues(
             row=self.place[0], column=self.place[1], layer=self.layer,
             value=packed(self.value.astype("<f4")),
@@ -105,8 +105,8 @@ def ground_tile(
     same_view: GroundTile | None = None,
     same_heights: GroundTile | None = None,
 ) -> GroundTile:
-    """The present state of a tile; `same_view`, `same_heights`: an earlier one whose occupancy and
-    searched ground, or whose heights, still hold."""
+    """Present ground tile. `same_view`, `same_heights`: an earlier tile whose occupancy and
+    searched area, or whose heights, are unchanged and are shared."""
     row, column = place[0] * TILE - layer.grid.corner[0], place[1] * TILE - layer.grid.corner[1]
     at = slice(row, row + TILE), slice(column, column + TILE)
     if same_view is None:
@@ -126,13 +126,13 @@ def ground_tile(
 def value_tile(
     layer: ValueLayer, name: str, grid: GridSpec, place: Tile, version: int
 ) -> ValueTile:
-    """The present state of a tile of a layer."""
+    """Present tile of a value layer."""
     at = grid.to_local(Box.of_tile(place)).slices
     return ValueTile(place, name, version, frozen(layer.value[at]), frozen(layer.confidence[at]))
 
 
 def read_ground(message: pb.KeptTile, version: int) -> GroundTile:
-    """What `GroundTile.kept` wrote. Raises InvalidInput when it is damaged."""
+    """Tile that `GroundTile.kept` wrote. Raises InvalidInput if it is damaged."""
     return GroundTile(
         (message.row, message.column), version, version,
         unpacked(message.occupancy, "<i1"), unpacked(message.searched, "<u1"),
@@ -142,7 +142,7 @@ def read_ground(message: pb.KeptTile, version: int) -> GroundTile:
 
 
 def read_values(message: pb.KeptValues, version: int) -> ValueTile:
-    """What `ValueTile.kept` wrote. Raises InvalidInput when it is damaged."""
+    """Tile that `ValueTile.kept` wrote. Raises InvalidInput if it is damaged."""
     return ValueTile(
         (message.row, message.column), message.layer, version,
         unpacked(message.value, "<f4"), unpacked(message.confidence, "<f4"),
@@ -150,7 +150,8 @@ def read_values(message: pb.KeptValues, version: int) -> ValueTile:
 
 
 def assembled(tiles: Iterable[tuple[Tile, NDArray]], grid: GridSpec, fill: float = 0) -> NDArray:
-    """One read-only array over `grid` from the arrays of tiles; `fill` where there is no tile."""
+    """Read-only array over `grid`, assembled from the arrays of tiles; `fill` where there is no
+    tile."""
     parts = list(tiles)
     dtype = parts[0][1].dtype if parts else np.dtype(np.float32)
     out = np.full(grid.shape, fill, dtype)
@@ -166,7 +167,7 @@ def assembled(tiles: Iterable[tuple[Tile, NDArray]], grid: GridSpec, fill: float
 
 
 def cut_up(array: NDArray, grid: GridSpec, fill: float = 0) -> dict[Tile, NDArray]:
-    """An array over `grid` as read-only tiles."""
+    """Read-only tiles of an array over `grid`."""
     whole = grid.to_world(grid.whole)
     out = {}
     for tile in whole.tiles:
@@ -181,7 +182,7 @@ def cut_up(array: NDArray, grid: GridSpec, fill: float = 0) -> dict[Tile, NDArra
 
 
 def occupancy_of(ground: Ground, grid: GridSpec) -> NDArray[np.int8]:
-    """The occupancy over `grid`."""
+    """Occupancy over `grid`."""
     parts = [(t, g.occupancy) for t, g in ground.items()]
     return assembled(parts, grid, UNKNOWN).astype(np.int8, copy=False)
 
@@ -195,12 +196,12 @@ def packed(array: NDArray) -> bytes:
 
 
 def unpacked(data: bytes, dtype: str) -> NDArray:
-    """A tile's array. Raises InvalidInput for anything else; never unpacks more than a tile."""
+    """Array of a tile; never unpacks more than that. Raises InvalidInput for other data."""
     return inflated(data, dtype, SHAPE, "a tile of the map")
 
 
 def frozen(array: NDArray) -> NDArray:
-    """A contiguous copy that cannot be written."""
+    """Contiguous read-only copy."""
     copy = array.copy()
     copy.setflags(write=False)
     return copy

@@ -1,4 +1,4 @@
-"""The way that the robot came, thinned, as an array that published versions can share."""
+"""Trajectory of the robot, thinned, as an array that published versions can share."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ MOST_POINTS = 20_000
 
 
 class Trajectory:
-    """Points are only appended; `points_m` is a read-only view [n, 2] that never changes.
+    """Positions of the robot. Points are only appended; `points_m` is an unchanging read-only view
+    [n, 2].
 
-    `starts` are the points with which a further piece of it begins: the robot came there unseen,
-    so no line leads to them. Raises InvalidInput for starts that are none.
+    `starts` are the indices of points that begin a separate piece: the map has no
+    frames of the path to them, so no line leads there. Raises InvalidInput for invalid starts.
     """
 
     def __init__(
@@ -37,11 +38,11 @@ class Trajectory:
         self._points[: self._n] = given[left_out:]
 
     def part(self) -> None:
-        """The next place is where the robot came to unseen."""
+        """Begin a separate piece with the next point."""
         self._parted = True
 
     def follow(self, x_m: float, y_m: float) -> None:
-        """Add a place, unless the last one is near."""
+        """Append a point, unless the last one is near."""
         if self._n and not self._parted:
             last_x, last_y = self._points[self._n - 1]
             if math.hypot(x_m - last_x, y_m - last_y) < self._step_m:
@@ -65,7 +66,7 @@ class Trajectory:
         self._n = len(kept)
         self._points[: self._n] = kept
         starts = sorted({(start + 1) // 2 for start in self.starts})
-        if starts and starts[-1] == self._n:  # the only point of the last piece is left out
+        if starts and starts[-1] == self._n:  # the only point of the last piece was dropped
             self._parted = starts.pop() > 0
         self.starts = tuple(starts)
 

@@ -1,1 +1,1 @@
-"""Past keyframes that can be asked by text or by name."""
+"""View memory: past keyframes that can be searched by text or by class name."""

@@ -1,5 +1,4 @@
-"""What the detector named in a view, and where that is: what can be asked of views that no
-image-text model has seen."""
+"""Detected classes of a view and their places, to search views without an image embedding."""
 
 from __future__ import annotations
 
@@ -12,18 +11,18 @@ from helios_core.types import Detection, Frame, Observation
 
 @dataclass(frozen=True)
 class DetectedNames:
-    """A class that was detected in a view."""
+    """Class detected in a view."""
 
     class_name: str
     score: float  # the detector's, 0 to 1
-    x_m: float  # where it is: median over its pixels
+    x_m: float  # place in the world: median over the detection's pixels
     y_m: float
 
 
 def sighted(
     observation: Observation, min_depth_m: float, max_depth_m: float
 ) -> list[DetectedNames]:
-    """The surest detection of each class whose depth was measured, surest first."""
+    """Best detection of each class among those with measured depth, highest score first."""
     out: dict[str, DetectedNames] = {}
     for detection in sorted(observation.detections, key=lambda d: -d.score):
         if detection.class_name in out or not math.isfinite(detection.score):
@@ -37,7 +36,7 @@ def sighted(
 def _place(
     frame: Frame, detection: Detection, min_depth_m: float, max_depth_m: float
 ) -> tuple[float, float] | None:
-    """Median x, y (m) of its pixels in the world; None where none has depth."""
+    """Median world x, y (m) of a detection's pixels; None if none has depth."""
     x0, y0, x1, y1 = detection.box_xyxy
     depth_m = frame.depth_m[y0:y1, x0:x1]
     with np.errstate(invalid="ignore"):

@@ -1,9 +1,9 @@
-"""Where in a view a thing is likely to be, from how well every view of that ground fits.
+"""Localization of an object within stored views, from the scores of all views of the same ground.
 
-One view tells a direction and no distance. But ground that fitting views have in common, and that
-others did not see, is more likely than the rest. So each cell gets the mean score of the views that
-saw it, by their confidence there, as if a few views with the usual score had seen it too: ground
-that one view alone saw cannot beat what several agree on.
+A single view gives a direction but no distance. Ground that high-scoring views share, and that
+others did not see, is more likely to hold the object. So each cell gets the mean score of the views
+that saw it, weighted by their confidence there, plus DOUBT virtual views with the median score:
+ground that only one view saw cannot beat ground on which several agree.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from helios_map2d.grid import EMPTY, Box, GridSpec
 from helios_map2d.layers.value_layers import Cone, ValueRules, spread_over
 
 CELL_M = 0.10
-MOST_CELLS = 4_000_000  # of larger ground the cells are larger
-DOUBT = 2.0  # so many views, with the usual score, count everywhere
-NEAR_BEST = 0.99  # the place is the middle of the cells that are nearly as good as the best
+MOST_CELLS = 4_000_000  # larger ground gets larger cells
+DOUBT = 2.0  # number of virtual views with the median score in every cell
+NEAR_BEST = 0.99  # the place is the mean of the cells within this share of the best
 
 
 class Localization:
-    """Likely places of one thing; `fit` float64 [rows, columns] over all ground that was seen."""
+    """Likely places of one object; `fit` float64 [rows, columns]: score of all seen ground."""
 
     def __init__(self, seen: Sequence[tuple[Cone, float]]) -> None:
-        """seen: what each view covered, and how well it fits (0 to 1)."""
+        """seen: cone and score (0 to 1) of each view."""
         box = _around(seen, CELL_M)
         cell_m = CELL_M * math.ceil(max(1.0, math.sqrt(box.rows * box.columns / MOST_CELLS)))
         self._grid = GridSpec.over(_around(seen, cell_m), cell_m)
@@ -41,8 +41,8 @@ class Localization:
         self.fit /= total
 
     def within(self, cone: Cone) -> tuple[float, float]:
-        """World x, y (m) of the likeliest place that a view covered; where its camera stood when
-        it measured nothing."""
+        """World x, y (m) of the most likely place within a view; its camera position if the view
+        measured nothing."""
         at, confidence = self._spread(cone)
         fit = np.where(confidence > 0, self.fit[at], -1.0)
         if not fit.size or fit.max() < 0:
@@ -52,7 +52,7 @@ class Localization:
         return x_m + float(column) * self._grid.cell_m, y_m + float(row) * self._grid.cell_m
 
     def _spread(self, cone: Cone) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
-        """The confidence of a view and the part of the grid that it is over."""
+        """Confidence of a view, and the part of the grid that it covers."""
         cell_m = self._grid.cell_m
         box = cone.box(cell_m)
         confidence, _ = spread_over(box, cone, cell_m, ValueRules.least_confidence)

@@ -1,4 +1,4 @@
-"""Asking past views a new question: a value layer of it, and where its answer was seen."""
+"""Scoring and ranking of stored views for a new prompt, for a value layer and for places."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from helios_map2d.layers.value_layers import Cone
 from helios_map2d.view_memory.localization import Localization
 from helios_map2d.view_memory.stored_views import SeenView
 
-APART_M = 1.0  # two answers lie at least this far apart, or look in other directions
-TURNED = 0.5  # cosine of the angle from which directions are other ones
+APART_M = 1.0  # two answers are at least this far apart, or differ in direction of view
+TURNED = 0.5  # cosine of the least angle between different directions
 
 
 @dataclass(frozen=True)
 class Question:
-    """A prompt as the scorer's model sees it: `clip(scale * cosine + offset, 0, 1)` of an image."""
+    """Prompt with its text embedding; an image scores `clip(scale * cosine + offset, 0, 1)`."""
 
     prompt: str
     text: Embedding
@@ -31,12 +31,12 @@ class Question:
     offset: float
 
     def score(self, image: Embedding) -> float:
-        """How well an image fits, 0 to 1."""
+        """Score of an image, 0 to 1."""
         return fit(image, self.text, self.scale, self.offset)
 
 
 def questions(prompts: Sequence[str], reply: pb.EmbedTextReply) -> list[Question]:
-    """The prompts as the detector embedded them. Raises Unavailable when some are missing."""
+    """Prompts with the detector's embeddings. Raises Unavailable if some are missing."""
     if len(reply.embeddings) != len(prompts):
         raise Unavailable(
             f"{len(prompts)} prompts were to be embedded, {len(reply.embeddings)} were: the "
@@ -55,18 +55,18 @@ def questions(prompts: Sequence[str], reply: pb.EmbedTextReply) -> list[Question
 
 @dataclass(frozen=True)
 class Answer:
-    """A view that fits. `class_name`: what the detector named, empty where the model was asked."""
+    """Matching view. `class_name`: the detected class; empty if the scorer's model scored it."""
 
     view: SeenView
     score: float  # 0 to 1
-    at_m: tuple[float, float]  # where the thing was seen, or is likeliest in the view
+    at_m: tuple[float, float]  # place of the detected object, or most likely place in the view
     class_name: str = ""
 
 
 def scored(views: Sequence[SeenView], question: Question) -> list[tuple[SeenView, float]]:
-    """The views of the question's model with their scores, in their order.
+    """Views embedded by the question's model, with their scores, in their order.
 
-    What another model has seen, or none, cannot be compared and is left out.
+    Views of another model, or without an embedding, are not comparable and are skipped.
     """
     return [
         (v, question.score(v.embedding))
@@ -76,7 +76,7 @@ def scored(views: Sequence[SeenView], question: Question) -> list[tuple[SeenView
 
 
 def by_name(views: Sequence[SeenView], prompt: str) -> list[Answer]:
-    """The views in which the detector named what the prompt names, with the detector's scores."""
+    """Views with a detected class that the prompt names, with the detector's scores."""
     return [
         Answer(v, s.score, (s.x_m, s.y_m), s.class_name)
         for v in views
@@ -86,18 +86,18 @@ def by_name(views: Sequence[SeenView], prompt: str) -> list[Answer]:
 
 
 def as_layer(fits: Sequence[tuple[SeenView, float]]) -> list[tuple[Cone, float]]:
-    """What `EpochMap.set_layer` makes a value layer of."""
+    """Cones and scores, as input of `EpochMap.set_layer`."""
     return [(view.cone, score) for view, score in fits]
 
 
 def located(fits: Sequence[tuple[SeenView, float]]) -> list[Answer]:
-    """The views with the place in each where the thing is likeliest."""
+    """Views, each with the most likely place of the object in it."""
     whereabouts = Localization(as_layer(fits))
     return [Answer(view, score, whereabouts.within(view.cone)) for view, score in fits]
 
 
 def best_places(answers: Sequence[Answer], most: int) -> list[Answer]:
-    """The best views, best first, without those that show the same place from the same side."""
+    """Best views, best first, with only one per place and direction of view."""
     out: list[Answer] = []
     for answer in sorted(answers, key=lambda a: -a.score):
         if len(out) == most:
@@ -108,7 +108,7 @@ def best_places(answers: Sequence[Answer], most: int) -> list[Answer]:
 
 
 def place_message(answer: Answer) -> pb.SeenPlace:
-    """An answer as it travels."""
+    """Message of an answer."""
     view, heading = answer.view, answer.view.cone.heading
     camera = pb.Pose2(
         x_m=view.cone.x_m, y_m=view.cone.y_m, yaw_rad=math.atan2(heading[1], heading[0])

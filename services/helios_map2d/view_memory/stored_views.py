@@ -1,9 +1,9 @@
-"""What past views saw, kept so that a prompt that comes later can be asked of them.
+"""Storage of past views, so that later prompts can be scored on them.
 
-A view is kept as its cone on the ground, what an image-text model made of its image, what the
-detector named in it, and a small picture. A score of the model for each view then gives the very
-value layer that the prompt would have had from the start. At most `most` views are kept: when there
-are more, the one goes whose ground others saw best from the same side.
+A view consists of its cone on the ground, its image embedding, its detected classes and a
+thumbnail. The scores of a prompt for all views yield the value layer that the prompt would have had
+from the start. At most `most` views are stored; beyond that, the view is dropped whose ground the
+other views cover best from the same direction.
 """
 
 from __future__ import annotations
@@ -30,17 +30,19 @@ from numpy.typing import NDArray
 from helios_map2d.layers.value_layers import Cone, bin_directions
 from helios_map2d.view_memory.detected_names import DetectedNames
 
-PICTURE_PX = 320  # along the longer side
-PATCH_M = 0.5  # ground is compared by squares of this size
-SIDES = 8  # and by this many directions of view
-FARTHEST_SEEN_M = 5000.0  # by a lens of 176 degrees, at the end of 16 bits of millimetres
-PROBES = 48  # azimuths at which a view's ground is sampled
+PICTURE_PX = 320  # longer side of a thumbnail
+PATCH_M = 0.5  # side of the ground squares by which views are compared
+SIDES = 8  # number of directions of view by which views are compared
+FARTHEST_SEEN_M = 5000.0  # limit of a 176 degree lens with 16 bits of millimetres
+PROBES = 48  # number of azimuths at which a view's ground is sampled
 
 
 @dataclass(frozen=True, eq=False)
 class SeenView:
-    """One view that can be asked about later: by its embedding where the scorer made one, by
-    `named` where the detector named something. `jpeg` is a small picture of it."""
+    """One stored view, searchable by its embedding, if any, and by its detected classes `named`.
+
+    `jpeg` is a thumbnail of its image.
+    """
 
     id: FrameId
     stamp_ns: int
@@ -51,7 +53,7 @@ class SeenView:
 
     @cached_property
     def patches(self) -> frozenset[tuple[int, int, int]]:
-        """What it saw, coarsely: squares of ground, and the side they were seen from."""
+        """Coarse coverage: ground squares, each with the direction of view."""
         seen = np.flatnonzero(self.cone.reach_m)
         if not len(seen):
             return frozenset()
@@ -68,7 +70,7 @@ class SeenView:
 
     @cached_property
     def kept(self) -> bytes:
-        """As it is kept in files: a `KeptMap` of this view alone."""
+        """View for files: a serialised `KeptMap` of this view alone."""
         reach = self.cone.reach_m
         seen = np.flatnonzero(reach)
         lo, hi = (int(seen[0]), int(seen[-1]) + 1) if len(seen) else (0, 0)
@@ -86,7 +88,7 @@ class SeenView:
 
 
 def read_view(message: pb.KeptView) -> SeenView:
-    """What `SeenView.kept` wrote. Raises InvalidInput when it is damaged."""
+    """View that `SeenView.kept` wrote. Raises InvalidInput if it is damaged."""
     reach = np.frombuffer(message.reach_m, "<f4")
     if not 0 < message.bins <= 100_000 or message.first_bin + len(reach) > message.bins:
         raise InvalidInput(
@@ -122,7 +124,7 @@ def read_view(message: pb.KeptView) -> SeenView:
 
 
 class ViewMemory:
-    """The views of one map in the order in which they were seen."""
+    """Stored views of one map, in the order of their addition."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -133,7 +135,7 @@ class ViewMemory:
         return len(self._views)
 
     def add(self, view: SeenView) -> None:
-        """Keep a view; another of the same frame takes its place."""
+        """Store a view; it replaces another of the same frame."""
         if self._most <= 0:
             return
         if view.id in self._views:
@@ -148,7 +150,7 @@ class ViewMemory:
         return tuple(self._views.values())
 
     def _most_redundant(self, newest: FrameId) -> FrameId:
-        """The view whose ground is best covered by others; the oldest of equals, not the newest."""
+        """View whose ground the others cover best, the oldest of equals; never the newest view."""
 
         def redundancy(id: FrameId) -> float:
             patches = self._views[id].patches
@@ -167,7 +169,7 @@ class ViewMemory:
 
 
 def small_picture(color: NDArray[np.uint8]) -> bytes:
-    """A JPEG of an RGB image, at most `PICTURE_PX` along its longer side."""
+    """JPEG thumbnail of an RGB image, at most `PICTURE_PX` along its longer side."""
     height, width = color.shape[:2]
     scale = min(1.0, PICTURE_PX / max(height, width))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))

@@ -1,5 +1,7 @@
-"""Between messages and the dataclasses of `helios_core.types`. Whatever arrives is checked here:
-a message that does not hold together raises InvalidInput that says what came and what was wanted.
+"""Conversion between protobuf messages and the dataclasses of `helios_core.types`.
+
+Incoming messages are validated here: an inconsistent one raises InvalidInput, whose text gives the
+value received and the value expected.
 """
 
 from helios_core.codec.frames import (

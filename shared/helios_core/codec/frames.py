@@ -1,4 +1,4 @@
-"""Frame and Observation."""
+"""Conversion of Frame and Observation, and of their parts, to protobuf messages and back."""
 
 from __future__ import annotations
 
@@ -22,29 +22,30 @@ from helios_core.geometry import (
 )
 from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
 
-FARTHEST_M = 2e4  # from the world's origin: float32 still tells 2 mm apart there
-WIDEST_FOCAL, LONGEST_FOCAL = 0.02, 100.0  # of the image's longer side: 176 to 0.6 degrees
-FARTHEST_CENTRE = 10.0  # of the principal point, in images
-LATEST_S = 9_000_000_000  # what 64 bits of nanoseconds hold
+FARTHEST_M = 2e4  # from the world's origin: float32 still resolves 2 mm there
+# Focal length as a multiple of the image's longer side: 176 to 0.6 degrees.
+WIDEST_FOCAL, LONGEST_FOCAL = 0.02, 100.0
+FARTHEST_CENTRE = 10.0  # principal point, as a multiple of the image's longer side
+LATEST_S = 9_000_000_000  # limit of a 64-bit time in nanoseconds
 
 
 def frame_id_to_proto(id: FrameId) -> pb.FrameId:
-    """`frame_id_from_proto` gives it back."""
+    """Message of a frame id; the inverse of `frame_id_from_proto`."""
     return pb.FrameId(robot_boot_id=id.robot_boot_id, world_epoch=id.world_epoch, seq=id.seq)
 
 
 def frame_id_from_proto(id: pb.FrameId) -> FrameId:
-    """Any name is one; whoever reads it asks whether it knows that epoch."""
+    """FrameId of a message, unchecked: the reader checks that it knows the epoch."""
     return FrameId(id.robot_boot_id, id.world_epoch, id.seq)
 
 
 def transform_to_proto(T_a_b: Matrix) -> pb.Transform:
-    """T_a_b [4, 4], row by row."""
+    """Message of T_a_b [4, 4], row by row."""
     return pb.Transform(rows=np.asarray(T_a_b, float).ravel().tolist())
 
 
 def transform_from_proto(transform: pb.Transform, what: str = "the transform") -> Matrix:
-    """[4, 4]. Raises InvalidInput, with its name `what`, when it is not rigid."""
+    """Matrix [4, 4]. Raises InvalidInput, which names it `what`, if it is not rigid."""
     rows = np.array(transform.rows, float)
     if rows.size != 16 or not is_rigid(rows.reshape(4, 4)):
         raise InvalidInput(f"{what} is not a rigid 4x4 matrix; {rows.size} numbers came")
@@ -52,7 +53,7 @@ def transform_from_proto(transform: pb.Transform, what: str = "the transform") -
 
 
 def pinhole_to_proto(camera: Pinhole) -> pb.Pinhole:
-    """Intrinsics and size in pixels."""
+    """Message of the intrinsics and the image size in pixels."""
     return pb.Pinhole(
         fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy,
         width=camera.width, height=camera.height,
@@ -60,7 +61,7 @@ def pinhole_to_proto(camera: Pinhole) -> pb.Pinhole:
 
 
 def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
-    """Raises InvalidInput on intrinsics that no camera with an image of this size has."""
+    """Pinhole camera. Raises InvalidInput on intrinsics implausible for this image size."""
     good = camera.fx > 0 and camera.fy > 0 and camera.width > 0 and camera.height > 0
     if not good or not all(map(math.isfinite, (camera.fx, camera.fy, camera.cx, camera.cy))):
         raise InvalidInput(
@@ -78,7 +79,7 @@ def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
 
 
 def pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
-    """`T_world_x` is rigid."""
+    """Message of the rigid transform `T_world_x`, in frame "world"."""
     out = PoseInFrame(frame_id="world")
     out.timestamp.FromNanoseconds(stamp_ns)
     p, q = out.pose.position, out.pose.orientation
@@ -88,7 +89,7 @@ def pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
 
 
 def pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
-    """T_world_x [4, 4]. Raises InvalidInput on numbers that are no pose near the origin."""
+    """T_world_x [4, 4]. Raises InvalidInput if it is no pose within FARTHEST_M of the origin."""
     p, q = pose.pose.position, pose.pose.orientation
     numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
     norm = math.hypot(q.x, q.y, q.z, q.w) if all(map(math.isfinite, numbers)) else 0.0
@@ -109,7 +110,7 @@ def pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
 
 
 def frame_to_proto(frame: Frame) -> pb.Frame:
-    """Colour as rgb8; depth as 16UC1 millimetres (exact for a sensor of that kind)."""
+    """Message of a frame: colour as rgb8, depth as 16UC1 millimetres (exact for such sensors)."""
     height, width = frame.depth_m.shape
     out = pb.Frame(
         id=frame_id_to_proto(frame.id), keyframe=frame.keyframe, held=frame.held,
@@ -135,7 +136,7 @@ def frame_to_proto(frame: Frame) -> pb.Frame:
 
 
 def frame_from_proto(frame: pb.Frame) -> Frame:
-    """Raises InvalidInput on corrupt images, sizes that disagree, bad calibration or poses."""
+    """Frame. Raises InvalidInput on corrupt images, mismatched sizes, bad calibration or poses."""
     color = color_array(
         frame.raw_color if frame.HasField("raw_color") else None,
         frame.compressed_color if frame.HasField("compressed_color") else None,
@@ -177,7 +178,7 @@ def frame_from_proto(frame: pb.Frame) -> Frame:
 
 
 def detection_to_proto(detection: Detection, with_mask: bool = True) -> pb.Detection:
-    """Only the part of the mask within the box travels."""
+    """Message of a detection, with only the part of the mask within the box."""
     x0, y0, x1, y1 = detection.box_xyxy
     out = pb.Detection(class_name=detection.class_name, score=detection.score)
     out.mask.x, out.mask.y, out.mask.width, out.mask.height = x0, y0, x1 - x0, y1 - y0
@@ -187,8 +188,11 @@ def detection_to_proto(detection: Detection, with_mask: bool = True) -> pb.Detec
 
 
 def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Detection:
-    """The mask over the whole image of `shape` (h, w). Raises InvalidInput on a mask that does not
-    fit there or into its bytes, and on a score outside 0 to 1."""
+    """Detection with its mask over the whole image of `shape` (h, w).
+
+    Raises InvalidInput if the mask does not fit the image or its bytes, or the score lies outside
+    0 to 1.
+    """
     m = detection.mask
     if m.x + m.width > shape[1] or m.y + m.height > shape[0] or m.width * m.height == 0:
         raise InvalidInput(
@@ -197,7 +201,7 @@ def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Det
         )
     if len(m.bits) != (m.width * m.height + 7) // 8:
         raise InvalidInput(f"a mask of {m.width}x{m.height} came with {len(m.bits)} bytes")
-    if not 0 <= detection.score <= 1:  # NaN too
+    if not 0 <= detection.score <= 1:  # also for NaN
         raise InvalidInput(
             f"a detection of {detection.class_name!r} has a score of {detection.score:g}; send a "
             "number from 0 to 1"
@@ -210,13 +214,13 @@ def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Det
 
 
 def embedding_to_proto(embedding: Embedding) -> pb.Embedding:
-    """As float16, row by row."""
+    """Message of an embedding: float16, row by row."""
     values = np.ascontiguousarray(embedding.vectors).astype("<f2")
     return pb.Embedding(model=embedding.model, rows=len(values), values=values.tobytes())
 
 
 def embedding_from_proto(embedding: pb.Embedding) -> Embedding:
-    """Raises InvalidInput when the rows do not fill the bytes, or a value is not finite."""
+    """Embedding. Raises InvalidInput if the rows do not fill the bytes or a value is not finite."""
     size = len(embedding.values) // 2
     if embedding.rows == 0 or size == 0 or len(embedding.values) % (2 * embedding.rows):
         raise InvalidInput(
@@ -230,7 +234,7 @@ def embedding_from_proto(embedding: pb.Embedding) -> Embedding:
 
 
 def observation_to_proto(observation: Observation, frame: pb.Frame | None = None) -> pb.Observation:
-    """`frame` spares encoding the frame again where its message is at hand."""
+    """Message of an observation. `frame`: the frame's message, to avoid encoding it again."""
     out = pb.Observation(
         frame=frame if frame is not None else frame_to_proto(observation.frame),
         context_id=observation.context_id,
@@ -245,7 +249,7 @@ def observation_to_proto(observation: Observation, frame: pb.Frame | None = None
 
 
 def observation_from_proto(observation: pb.Observation) -> Observation:
-    """Raises InvalidInput like `frame_from_proto`, and on masks that do not fit."""
+    """Observation. Raises InvalidInput like `frame_from_proto`, and on masks that do not fit."""
     frame = frame_from_proto(observation.frame)
     shape = (frame.camera.height, frame.camera.width)
     return Observation(

@@ -1,4 +1,4 @@
-"""Colour and depth images of a Frame message to arrays and back."""
+"""Decoding and validation of the colour and depth images of a Frame message."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 
-MAX_PIXELS = 16_000_000  # an image above this is refused before it is decoded
-FARTHEST_DEPTH_M = 1000.0  # beyond it a pixel counts as without depth: no sensor sees so far
+MAX_PIXELS = 16_000_000  # a larger image is refused before it is decoded
+FARTHEST_DEPTH_M = 1000.0  # greater depth counts as invalid: beyond the range of any sensor
 _BYTES_PER_PIXEL = {"rgb8": 3, "bgr8": 3, "16UC1": 2, "32FC1": 4}
 _JPEG_SIZES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 def raw_image_array(image: RawImage, what: str) -> NDArray:
-    """The pixels of a raw image, [h, w] or [h, w, 3]; sizes are checked against the data."""
+    """Pixels of a raw image, [h, w] or [h, w, 3]. Raises InvalidInput if data and size disagree."""
     if image.encoding not in _BYTES_PER_PIXEL:
         known = ", ".join(_BYTES_PER_PIXEL)
         raise InvalidInput(f"{what} has encoding {image.encoding!r}; send one of {known}")
@@ -44,7 +44,7 @@ def raw_image_array(image: RawImage, what: str) -> NDArray:
 
 
 def encoded_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) written in the header of a PNG or JPEG; None when there is none."""
+    """(width, height) in the header of a PNG or JPEG; None for any other data."""
     if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
@@ -63,8 +63,11 @@ def encoded_size(data: bytes) -> tuple[int, int] | None:
 
 
 def check_color_depth(data: bytes, what: str) -> None:
-    """Raises InvalidInput for a PNG of 16 bit a channel: a decoder would drop half of each without
-    a word, and it is most often a depth image in the wrong place."""
+    """Raise InvalidInput for a PNG with 16 bit a channel.
+
+    A decoder would silently drop half of the bits, and such a PNG is usually a depth image in the
+    wrong field.
+    """
     if data[:8] == b"\x89PNG\r\n\x1a\n" and data[24:25] == b"\x10":
         raise InvalidInput(
             f"{what} is a PNG of 16 bit a channel; send 8 bit a channel (JPEG or PNG), and depth "
@@ -73,7 +76,7 @@ def check_color_depth(data: bytes, what: str) -> None:
 
 
 def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
-    """The pixels of a JPEG or PNG, as OpenCV gives them."""
+    """Pixels of a JPEG or PNG in OpenCV's channel order. Raises InvalidInput if it is corrupt."""
     data = bytes(image.data)
     size = encoded_size(data)
     if size is None:
@@ -92,7 +95,7 @@ def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
 
 
 def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.uint8]:
-    """RGB [h, w, 3] from whichever form came."""
+    """RGB [h, w, 3] of the raw or the compressed image. Raises InvalidInput without either."""
     if raw is not None:
         pixels = raw_image_array(raw, "the colour image")
         if raw.encoding not in ("rgb8", "bgr8"):
@@ -106,14 +109,14 @@ def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
 
 
 def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.float32]:
-    """Depth [h, w] in metres; NaN, negative and absurdly far values become 0: invalid."""
+    """Depth [h, w] in metres; NaN, negative values and values above FARTHEST_DEPTH_M become 0."""
     if raw is not None:
         pixels = raw_image_array(raw, "the depth image")
         if raw.encoding == "16UC1":
             return pixels.astype(np.float32) * np.float32(0.001)
         if raw.encoding != "32FC1":
             raise InvalidInput(f"the depth image has encoding {raw.encoding}; send 16UC1 or 32FC1")
-        good = (pixels > 0) & (pixels <= FARTHEST_DEPTH_M)  # NaN is neither
+        good = (pixels > 0) & (pixels <= FARTHEST_DEPTH_M)  # False for NaN
         return np.where(good, pixels, np.float32(0)).astype(np.float32, copy=False)
     if compressed is not None:
         return depth_mm_array(compressed).astype(np.float32) * np.float32(0.001)
@@ -123,7 +126,7 @@ def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
 
 
 def depth_mm_array(compressed: CompressedImage) -> NDArray[np.uint16]:
-    """Depth [h, w] in millimetres as a PNG holds it; 0 is invalid."""
+    """Depth [h, w] in millimetres of a 16-bit PNG; 0 is invalid."""
     pixels = decode_image(compressed, cv2.IMREAD_UNCHANGED, "the depth image")
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise InvalidInput(
@@ -142,9 +145,9 @@ def _check_pixels(width: int, height: int, what: str) -> None:
 
 
 def estimated_depth(reply: pb.DepthReply, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """Depth [h, w] along the optical axis, m, that a model made for an image of that shape.
+    """Depth [h, w] along the optical axis (m) that a model estimated for an image of `shape`.
 
-    Raises InvalidInput for another shape, and for a focal length that can be none.
+    Raises InvalidInput for another shape, or a focal length that is not positive and finite.
     """
     depth_m = depth_array(reply.raw_depth, None)
     if depth_m.shape != shape:

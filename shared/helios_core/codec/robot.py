@@ -1,4 +1,4 @@
-"""RobotDescription, RobotState, actions."""
+"""Conversion of RobotDescription, RobotState and actions to protobuf messages and back."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from helios_core.robot import (
 )
 from helios_core.types import RobotDescription, RobotState
 
-LARGEST_M = 10.0  # of a robot's body, and how far it reaches
+LARGEST_M = 10.0  # limit of the size and the reach of a robot
 
-# Of each number in a RobotDescription, the least and the most. A camera that is carried may be
-# anywhere in its world, also below the floor.
+# Range of each number in a RobotDescription. A hand-held camera may be anywhere in its world, also
+# below the floor.
 _RANGES = {
     "footprint_radius_m": (0.0, LARGEST_M),
     "footprint_length_m": (0.0, LARGEST_M),
@@ -49,7 +49,7 @@ _RANGES = {
 
 
 def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
-    """A disc travels as a box of 0 x 0 m."""
+    """Message of a description; a disc footprint becomes a box of 0 x 0 m."""
     length_m, width_m = robot.footprint_box_m or (0.0, 0.0)
     return pb.RobotDescription(
         name=robot.name,
@@ -78,10 +78,13 @@ def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
 
 
 def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
-    """Raises InvalidInput on a number out of its range, a least one above its most, half a box, a
-    body that moves and has no size, and a camera that can be none."""
+    """RobotDescription.
+
+    Raises InvalidInput on a number out of its range, a minimum above its maximum, a footprint box
+    with one side 0, a moving robot without size, or an implausible camera.
+    """
     for name, (least, most) in _RANGES.items():
-        if not least <= (value := getattr(robot, name)) <= most:  # NaN too
+        if not least <= (value := getattr(robot, name)) <= most:  # also for NaN
             raise _misdescribed(robot, f"{name} {value:g}", f"a number from {least:g} to {most:g}")
     for what in ("forward_m", "turn_rad", "tilt_rad"):
         least, most = getattr(robot, f"min_{what}"), getattr(robot, f"max_{what}")
@@ -127,7 +130,7 @@ def _misdescribed(robot: pb.RobotDescription, came: str, wanted: str) -> Invalid
 
 
 def state_to_proto(state: RobotState) -> pb.RobotState:
-    """All of it; `state_from_proto` gives it back."""
+    """Message of a robot state; the inverse of `state_from_proto`."""
     return pb.RobotState(
         T_world_base=transform_to_proto(state.T_world_base),
         tilt_rad=state.tilt_rad,
@@ -145,7 +148,7 @@ def state_to_proto(state: RobotState) -> pb.RobotState:
 
 
 def state_from_proto(state: pb.RobotState) -> RobotState:
-    """Raises InvalidInput on a pose that is not rigid and on a tilt that is not finite."""
+    """RobotState. Raises InvalidInput on a pose that is not rigid or a tilt that is not finite."""
     return RobotState(
         T_world_base=transform_from_proto(state.T_world_base, "T_world_base"),
         tilt_rad=_finite(state.tilt_rad, "tilt_rad"),
@@ -163,7 +166,7 @@ def state_from_proto(state: pb.RobotState) -> RobotState:
 
 
 def action_to_proto(action: Action) -> pb.Action:
-    """The field of `kind` that its class is named after."""
+    """Message of an action, with the field of `kind` that has the name of its class."""
     match action:
         case Forward(distance_m):
             return pb.Action(forward=pb.Action.Forward(distance_m=distance_m))
@@ -181,7 +184,7 @@ def action_to_proto(action: Action) -> pb.Action:
 
 
 def action_from_proto(action: pb.Action) -> Action:
-    """Raises InvalidInput on an empty action and on numbers that are not finite."""
+    """Action. Raises InvalidInput on an empty action or on numbers that are not finite."""
     kind = action.WhichOneof("kind")
     if kind is None:
         raise InvalidInput("the action is empty; send forward, turn, tilt, pick, place or observe")
@@ -199,7 +202,7 @@ def action_from_proto(action: pb.Action) -> Action:
 
 
 def result_from_proto(result: pb.ActionResult) -> ActionResult:
-    """What the robot measured; the keyframe and the pose at its end stay in the message."""
+    """ActionResult without the keyframe and the final pose, which only the message has."""
     return ActionResult(
         succeeded=result.succeeded,
         reason=result.reason,
@@ -211,7 +214,7 @@ def result_from_proto(result: pb.ActionResult) -> ActionResult:
 
 
 def result_to_proto(result: ActionResult, action_id: str) -> pb.ActionResult:
-    """Of the action with that id; who did it adds the keyframe and the pose."""
+    """Message of a result; the bridge adds the keyframe and the final pose."""
     return pb.ActionResult(
         action_id=action_id,
         succeeded=result.succeeded,

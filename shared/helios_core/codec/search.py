@@ -1,4 +1,4 @@
-"""SearchContext and ObjectInstance."""
+"""Conversion of SearchContext and ObjectInstance to protobuf messages and back."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
 
-MOST_CLASSES, MOST_LAYERS, MOST_CHARACTERS = 128, 16, 300  # each layer is a map of its own
+MOST_CLASSES, MOST_LAYERS, MOST_CHARACTERS = 128, 16, 300  # each layer is a map by itself
 MOST_SYNONYMS, MOST_PROMPT_CHARACTERS = 64, 2000
 
 
 def vector_to_proto(v: Sequence[float] | NDArray[np.float64]) -> pb.Vector3:
-    """v: x, y, z."""
+    """Message of x, y, z."""
     return pb.Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
 
 
 def vector_from_proto(v: pb.Vector3) -> NDArray[np.float64]:
-    """[3], as it came: not checked for numbers that are not finite."""
+    """Array [3] of a message; numbers may be NaN or infinite."""
     return np.array([v.x, v.y, v.z])
 
 
 def context_to_proto(context: SearchContext) -> pb.SearchContext:
-    """All of it; `context_from_proto` gives it back."""
+    """Message of a search context; the inverse of `context_from_proto`."""
     return pb.SearchContext(
         id=context.id,
         classes=[
@@ -38,8 +38,11 @@ def context_to_proto(context: SearchContext) -> pb.SearchContext:
 
 
 def context_from_proto(context: pb.SearchContext) -> SearchContext:
-    """Raises InvalidInput on more or longer names than any search needs, on a class without a name,
-    on an unknown role, and on a threshold outside 0 to 1."""
+    """SearchContext.
+
+    Raises InvalidInput on too many or too long names, a class without a name, an unknown role, or a
+    threshold outside 0 to 1.
+    """
     roles = {r.value for r in Role}
     if len(context.classes) > MOST_CLASSES or len(context.prompts) > MOST_LAYERS:
         raise InvalidInput(
@@ -79,7 +82,7 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
 
 
 def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
-    """The outline travels as x, y, x, y, …"""
+    """Message of an instance; its outline becomes x, y, x, y, …"""
     return pb.ObjectInstance(
         id=instance.id,
         class_name=instance.class_name,
@@ -98,7 +101,7 @@ def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
 
 
 def object_from_proto(instance: pb.ObjectInstance) -> ObjectInstance:
-    """Raises InvalidInput on an outline that is cut in the middle of a point."""
+    """ObjectInstance. Raises InvalidInput on an outline with an odd number of coordinates."""
     if len(instance.outline_m) % 2:
         raise InvalidInput(
             f"the outline of object {instance.id} has {len(instance.outline_m)} numbers; send x "

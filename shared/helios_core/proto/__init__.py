@@ -1,4 +1,4 @@
-"""The messages of `helios.v1`, the wire contract. Use as `from helios_core import proto as pb`."""
+"""Messages of `helios.v1`, the wire contract. Use: `from helios_core import proto as pb`."""
 
 from helios_core.proto.helios.v1.common_pb2 import *
 from helios_core.proto.helios.v1.frame_pb2 import *
