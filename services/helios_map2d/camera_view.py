@@ -94,7 +94,7 @@ def check_depth(depth_m: NDArray[np.float32], camera: Pinhole) -> NDArray[np.flo
     return np.ascontiguousarray(depth, dtype=np.float32)
 
 
-def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+def without_saturated_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """The depth image, with 0 in place of saturated values: infinite, or at the limit of 16 bits of
     millimetres. Such a value is no evidence of free space in front of it."""
     if not any_from(depth_m, np.float32(SATURATED_M)):
@@ -115,7 +115,7 @@ def any_from(depth_m, least_m):
 
 
 @dataclass(frozen=True)
-class Reach:
+class ViewExtent:
     """Extent of a camera view: the checked pose, the rays to the image corners at the largest depth
     in world axes (m), and the world cells that the view may change."""
 
@@ -137,15 +137,15 @@ def view_of(
 
     Raises InvalidInput if sizes disagree or the pose is not rigid.
     """
-    reach = reach_of(camera, T_world_cam, grid.cell_m, max_depth_m)
+    reach = view_extent(camera, T_world_cam, grid.cell_m, max_depth_m)
     depth = check_depth(depth_m, camera)
-    return laid(depth, camera, reach, grid, min_depth_m, max_depth_m, rays_per_cell)
+    return view_on_grid(depth, camera, reach, grid, min_depth_m, max_depth_m, rays_per_cell)
 
 
-def laid(
+def view_on_grid(
     depth_m: NDArray[np.float32],
     camera: Pinhole,
-    reach: Reach,
+    reach: ViewExtent,
     grid: GridSpec,
     min_depth_m: float,
     max_depth_m: float,
@@ -155,9 +155,9 @@ def laid(
 
     `rays_per_cell`: see `pixel_step`.
     """
-    depth = measured(depth_m)
+    depth = without_saturated_depth(depth_m)
     pose, rays = reach.T_world_cam, reach.rays_m
-    window = grid.to_local(reach.box).cut(grid.whole)
+    window = grid.to_local(reach.box).intersection(grid.whole)
     bins = min(max(int(2.6 * camera.fx), MIN_AZIMUTH_BINS), MAX_AZIMUTH_BINS)
     half_fov_rad = max(math.atan(camera.cx / camera.fx),
                        math.atan((camera.width - camera.cx) / camera.fx))  # fmt: skip
@@ -180,13 +180,13 @@ def laid(
     )
 
 
-def reach_of(
+def view_extent(
     camera: Pinhole, T_world_cam: NDArray[np.float64], cell_m: float, max_depth_m: float
-) -> Reach:
+) -> ViewExtent:
     """Extent of a camera view. Raises InvalidInput if the pose is not rigid."""
     pose = check_pose(T_world_cam, "T_world_cam")
     rays = corner_rays(camera, pose, max_depth_m)
-    return Reach(pose, rays, box_of(rays, pose, cell_m))
+    return ViewExtent(pose, rays, box_of(rays, pose, cell_m))
 
 
 def pixel_step(camera: Pinhole, cell_m: float, max_depth_m: float, rays_per_cell: float) -> int:

@@ -14,7 +14,7 @@ from helios_map2d.camera_view import View, check_depth, check_pose
 from helios_map2d.frame_order import REMEMBERED_FRAMES, FrameOrder
 from helios_map2d.grid import EMPTY, Box, Tile
 from helios_map2d.layer_stack import LayerStack
-from helios_map2d.layers.grid_growth import refuse_a_leap
+from helios_map2d.layers.grid_growth import check_plausible_move
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.layers.value_layers import Cone
 from helios_map2d.snapshots.snapshot import MapSnapshot
@@ -67,13 +67,13 @@ class EpochMap:
         if self.order.has(frame.id.seq):
             return False
         view, (x_m, y_m, yaw_rad) = self._prepared(frame)
-        newest = self.order.is_newest(frame.id.seq)
+        newest = self.order.record(frame.id.seq)
         if not frame.keyframe and not newest:
             raise Conflict(
                 f"stream frame {frame.id.seq} is older than frame {self.order.newest}, which is in "
                 "the map: send frames in order, or as keyframes"
             )
-        changed = self.stack.fold(view, (x_m, y_m), holding=holding)
+        changed = self.stack.fuse(view, (x_m, y_m), holding=holding)
         self.order.take(frame.id.seq)
         if newest:
             self.frame_id, self.stamp_ns = frame.id, frame.stamp_ns
@@ -149,12 +149,12 @@ class EpochMap:
         self.published = self.publish()
         return True
 
-    def go_on_from(self, version: int) -> None:
+    def publish_above(self, version: int) -> None:
         """Publish again, with a version above `version`."""
         self.version = max(self.version, version) + 1
         self.published = self.publish()
 
-    def continue_as(
+    def adopt_frame_order(
         self, other: EpochMap | None, reported_pose: tuple[float, float, float] | None
     ) -> None:
         """Continue the frame order and robot pose of another map; without one, reset both.
@@ -220,7 +220,7 @@ class EpochMap:
         reach = self.stack.reach_of(frame)
         camera_x, camera_y = reach.T_world_cam[:2, 3].tolist()
         last_m = None if self.robot_pose is None else self.robot_pose[:2]
-        refuse_a_leap((x_m, y_m), (camera_x, camera_y), last_m, self.rules.most_leap_m)
+        check_plausible_move((x_m, y_m), (camera_x, camera_y), last_m, self.rules.most_leap_m)
         self.stack.make_room_for(reach, (x_m, y_m))
         view = self.stack.view_of(depth_m, frame.camera, reach)
         return view, (x_m, y_m, float(yaw_of(T_world_base)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 REMEMBERED_FRAMES = 4096
-STRANGER_AFTER = 3  # number of consecutive older frames that discredit the newest one
+OLDER_FRAMES_UNTIL_RESET = 3  # number of consecutive older frames that discredit the newest one
 
 
 class FrameOrder:
@@ -25,7 +25,7 @@ class FrameOrder:
         """True if this frame was fused."""
         return seq in self._seen
 
-    def is_newest(self, seq: int) -> bool:
+    def record(self, seq: int) -> bool:
         """Record a frame before it is fused. Returns True if it is now the newest."""
         if self.newest is None or seq > self.newest:
             self.newest = seq
@@ -36,7 +36,7 @@ class FrameOrder:
         if self._older and seq < self._older[-1]:
             self._older.clear()
         self._older.append(seq)
-        if len(self._older) < STRANGER_AFTER:
+        if len(self._older) < OLDER_FRAMES_UNTIL_RESET:
             return False
         self.newest = seq
         self._older.clear()

@@ -165,9 +165,9 @@ class Box:
             self.row_lo - cells, self.row_hi + cells,
             self.column_lo - cells, self.column_hi + cells,
         )  # fmt: skip
-        return out if within is None else out.cut(within)
+        return out if within is None else out.intersection(within)
 
-    def cut(self, within: Box) -> Box:
+    def intersection(self, within: Box) -> Box:
         """Intersection of two boxes; may be empty."""
         return Box(
             max(self.row_lo, within.row_lo), min(self.row_hi, within.row_hi),
@@ -197,7 +197,7 @@ class TileMask:
         return TileMask(mask, (int(first[0]), int(first[1])))
 
 
-def carried_over(
+def copy_to_larger_grid(
     array: NDArray, old: GridSpec, new: GridSpec, known: Box, fill: int = 0
 ) -> NDArray:
     """Copy of an array over `old` for the larger grid `new`; copies only `known` (world cells).
@@ -205,7 +205,7 @@ def carried_over(
     Zeros use no memory until they are written, because the system allocates zeroed pages lazily.
     """
     out = np.zeros(new.shape, array.dtype) if fill == 0 else np.full(new.shape, fill, array.dtype)
-    kept = known.cut(old.to_world(old.whole))
+    kept = known.intersection(old.to_world(old.whole))
     if not kept.empty:
         out[new.to_local(kept).slices] = array[old.to_local(kept).slices]
     return out

@@ -13,15 +13,15 @@ from helios_core.map_snapshot import UNKNOWN
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
-from helios_map2d.camera_view import Reach, View, laid, reach_of
+from helios_map2d.camera_view import View, ViewExtent, view_extent, view_on_grid
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile, TileMask
 from helios_map2d.kernels import tile_changes as change_kernels
 from helios_map2d.kernels.occupancy_fusion import HEIGHTS, SEEN_NOW
 from helios_map2d.layers.explored_area import (
     ConeVisibility,
     DepthVisibility,
-    ExploredAreaLayer,
-    SearchArea,
+    ExplorationRule,
+    ExploredArea,
 )
 from helios_map2d.layers.frontiers import Frontier, FrontierFinder
 from helios_map2d.layers.grid_growth import grown_for
@@ -46,31 +46,33 @@ class LayerStack:
         self.grid = GridSpec.centred_on(*centre_m, rules.cell_m, rules.size_cells)
         self.known = EMPTY
         self.occupancy = OccupancyLayer(self.grid, rules.occupancy)
-        self.search = SearchArea(self.grid)
+        self.search = ExploredArea(self.grid)
         self.values = ValueLayers(self.grid, rules.values)
         self.ground = ReachableFloor(self.grid, rules.frontiers.robot_radius_m / rules.cell_m)
         self.frontiers = FrontierFinder(self.grid, rules.frontiers)
         self._footprint_radius_m = footprint_radius_m
-        self._exploring: ExploredAreaLayer = (
+        self._exploring: ExplorationRule = (
             ConeVisibility(rules.frontiers.robot_radius_m, rules.cell_m)
             if rules.explored_by_cone
             else DepthVisibility()
         )
 
-    def reach_of(self, frame: Frame) -> Reach:
+    def reach_of(self, frame: Frame) -> ViewExtent:
         """Extent of a frame's view. Raises InvalidInput if the pose is not rigid."""
-        return reach_of(frame.camera, frame.T_world_cam, self.rules.cell_m, self.rules.max_depth_m)
+        return view_extent(
+            frame.camera, frame.T_world_cam, self.rules.cell_m, self.rules.max_depth_m
+        )
 
-    def view_of(self, depth_m: NDArray[np.float32], camera: Pinhole, reach: Reach) -> View:
+    def view_of(self, depth_m: NDArray[np.float32], camera: Pinhole, reach: ViewExtent) -> View:
         """View of a checked depth image on the grid."""
-        return laid(depth_m, camera, reach, self.grid, self.rules.min_depth_m,
+        return view_on_grid(depth_m, camera, reach, self.grid, self.rules.min_depth_m,
                     self.rules.max_depth_m, self.rules.rays_per_cell)  # fmt: skip
 
     def cone(self, view: View) -> Cone:
         """Cone over which a view's score is spread."""
         return self._exploring.cone(view)
 
-    def make_room_for(self, reach: Reach, robot_m: tuple[float, float]) -> None:
+    def make_room_for(self, reach: ViewExtent, robot_m: tuple[float, float]) -> None:
         """Grow the grid to all cells that a frame, or the robot at `robot_m` (world x, y), may
         change. Raises InvalidInput if the grid would exceed the rules' limit."""
         row, column = self.grid.cell_of(*robot_m)
@@ -92,7 +94,7 @@ class LayerStack:
         self.frontiers.grow(grid)
         self.grid = grid
 
-    def fold(
+    def fuse(
         self, view: View, robot_m: tuple[float, float], *, holding: bool
     ) -> list[tuple[Tile, bool, bool]]:
         """Fuse a view into occupancy, explored area and open ground; it must fit the grid.

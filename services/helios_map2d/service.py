@@ -163,7 +163,7 @@ class Map2DService:
             self._holding = bool(message.held)
             before = self._maps.current if self._maps is not None else None
             if self._maps is not None:
-                self._maps.robot_is_in(*self._robot)
+                self._maps.set_robot_world(*self._robot)
             goes_on = self._maps is not None and self._maps.current is not before
         if another:
             self._say()
@@ -241,13 +241,13 @@ class Map2DService:
         with self._lock:
             if self._maps is not None:
                 holding = self._holding if frame.held is None else bool(frame.held)
-                self._maps.state_for(frame).integrate_frame(frame, holding=holding)
+                self._maps.map_for(frame).integrate_frame(frame, holding=holding)
 
     def _fold_values(self, message: pb.Observation) -> None:
         observation = observation_from_proto(message)
         with self._lock:
             if self._maps is not None:
-                state = self._maps.state_for(observation.frame, observation)
+                state = self._maps.map_for(observation.frame, observation)
                 state.integrate_values(observation)
 
     def _integrate(
@@ -263,7 +263,7 @@ class Map2DService:
         except Exception as fault:  # the sender must get an acknowledgement also after a fault
             log.exception("part %s of frame %d failed", part, id.seq)
             error = Internal(f"map2d failed ({type(fault).__name__}: {fault}); see its log")
-        if error is None and self._keeping.superseded(searching=part is MapPart.VALUE):
+        if error is None and self._keeping.note_map_change(searching=part is MapPart.VALUE):
             self._say()
         self._answer(part, id, context_id, error, (time.perf_counter() - began) * 1e3)
 
@@ -299,7 +299,7 @@ class Map2DService:
 
     def _fresh(self, maps: EpochMaps) -> EpochMaps:
         if self._robot is not None:
-            maps.robot_is_in(*self._robot)
+            maps.set_robot_world(*self._robot)
         if self._context is not None:
             maps.reset_search(context_from_proto(self._context))
         return maps
@@ -322,7 +322,7 @@ class Map2DService:
         else:
             waits = self._maps is None
             self._health.ready(
-                "waits for the robot's description" if waits else self._keeping.said()
+                "waits for the robot's description" if waits else self._keeping.health_note()
             )
 
     def _version(self) -> int:

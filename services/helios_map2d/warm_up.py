@@ -31,7 +31,7 @@ def warm_up() -> None:
     state.stack.frontiers.remember(
         tuple(replace(f, cells=f.cells[:-1]) for f in state.published.frontiers if len(f.cells) > 1)
     )
-    state.go_on_from(0)
+    state.publish_above(0)
     layer, spread = state.stack.values.layers["pick"], np.zeros((2, 2), np.float32)
     fuse_maximum(layer.value, layer.confidence, (0, 0), spread, (0, 0, 0, 0), np.float32(0),
                  np.float32(0))  # fmt: skip

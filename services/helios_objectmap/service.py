@@ -26,7 +26,7 @@ from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.keyframe_acks import MapPart
-from helios_core.map_autosave import Kept, KeptFile
+from helios_core.map_autosave import AutosavedFile, SavedMap
 from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
 from helios_core.topics import (
@@ -102,10 +102,10 @@ class ObjectMapService:
         self._refused = ""  # why this process refused the map file of an earlier one
         self._restored: tuple[ObjectMap, str, str] | None = None  # map, time of writing, content
         self._trouble = ""  # why the current map cannot be saved, "" if it can
-        self._kept: KeptFile | None = None
+        self._kept: AutosavedFile | None = None
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
-            self._kept = KeptFile(path, settings.save_every_s, self._unkept, self._troubled)
+            self._kept = AutosavedFile(path, settings.save_every_s, self._unkept, self._troubled)
         self._take_up_kept_map()
         bus.subscribe(OBSERVATION, self.on_observation)
 
@@ -469,7 +469,7 @@ class ObjectMapService:
             log.warning("%s", self._said)
         self._kept.start()
 
-    def _restore(self, kept: Kept) -> None:
+    def _restore(self, kept: SavedMap) -> None:
         """Load the map file of an earlier process. Raises InvalidInput."""
         loaded = self._recall(kept.data, same_world=True)
         newest = self._maps.newest

@@ -37,7 +37,7 @@ def write_file(
         temporary.write_bytes(content)
 
 
-def refusal(path: Path) -> str:
+def unwritable_reason(path: Path) -> str:
     """Error text with a remedy if `path` is a folder or its folder does not exist, else empty."""
     if path.is_dir():
         return f"{path} is a folder; name a file in it"

@@ -8,7 +8,9 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Embedding
 
 
-def fit(image: Embedding, text: Embedding, scale: float = 1.0, offset: float = 0.0) -> float:
+def image_text_score(
+    image: Embedding, text: Embedding, scale: float = 1.0, offset: float = 0.0
+) -> float:
     """Score clip(scale * cosine + offset, 0, 1); of several vectors the best pair counts.
 
     Raises InvalidInput for embeddings of different models.

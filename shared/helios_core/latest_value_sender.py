@@ -120,7 +120,7 @@ class Repeater:
                     self._changed.wait(wait_s)
 
 
-class Unseen:
+class DuplicateFilter:
     """Filter of repeated messages for one reader. Not thread-safe."""
 
     def __init__(self) -> None:

@@ -32,14 +32,14 @@ def of_another_world(written: str) -> str:
 
 
 @dataclass(frozen=True)
-class Kept:
+class SavedMap:
     """Map file saved by an earlier process."""
 
     data: bytes
     written: str  # local time of writing: "2026-11-23 14:03:22"
 
 
-class KeptFile:
+class AutosavedFile:
     """Map file that a thread rewrites every `period_s` between `start` and `close`.
 
     `newer` supplies the content. After a disk error the next period retries.
@@ -56,13 +56,13 @@ class KeptFile:
         self._turn = threading.Lock()
         self._thread = threading.Thread(target=self._run, name=f"keep {path.name}", daemon=True)
 
-    def found(self) -> Kept | None:
+    def found(self) -> SavedMap | None:
         """File of an earlier process; None if there is none. Raises OSError."""
         remove_temporaries(self._path)
         try:
             written_s = self._path.stat().st_mtime
             written = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(written_s))
-            return Kept(self._path.read_bytes(), written)
+            return SavedMap(self._path.read_bytes(), written)
         except FileNotFoundError:
             return None
 

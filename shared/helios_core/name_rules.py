@@ -17,7 +17,7 @@ def plain(text: str) -> str:
     return " ".join(re.sub(r"[_-]", " ", text).casefold().split())
 
 
-def names(words: str, class_name: str) -> bool:
+def mentions_class(words: str, class_name: str) -> bool:
     """True if the words contain the class name, in singular or plural: "the red mugs" name mug."""
     wanted = re.escape(plain(class_name))
     return bool(wanted) and re.search(rf"\b{wanted}(?:e?s)?\b", plain(words)) is not None

@@ -48,7 +48,7 @@ KINDS = (DETECTORS, SCORERS, AGENTS, ROBOTS)
 
 
 @dataclass(frozen=True)
-class Named:
+class PluginReference:
     """Plug-in named by a setting: an attribute of a module, and an argument."""
 
     spec: str  # text of the setting
@@ -57,17 +57,17 @@ class Named:
     argument: str = ""
 
 
-def find(kind: Kind, spec: str) -> Named | None:
+def find(kind: Kind, spec: str) -> PluginReference | None:
     """Plug-in that a setting names; None for a plain name without an entry point."""
     first, colon, rest = spec.partition(":")
     attribute, _, argument = rest.partition(":")
     for entry in entry_points(group=kind.group, name=first):
         if (entry.module, entry.attr) == (first, attribute):  # full package:attribute
             break
-        return Named(spec, entry.module, entry.attr, rest)
+        return PluginReference(spec, entry.module, entry.attr, rest)
     if not colon:
         return None
-    return Named(spec, first, attribute, argument)
+    return PluginReference(spec, first, attribute, argument)
 
 
 def check_there(kind: Kind, spec: str) -> None:
@@ -85,7 +85,7 @@ def check_there(kind: Kind, spec: str) -> None:
         raise InvalidInput(_not_found(kind, spec, top))
 
 
-def load(kind: Kind, named: Named) -> Any:
+def load(kind: Kind, named: PluginReference) -> Any:
     """The attribute itself. Raises InvalidInput if the module fails to import or lacks it."""
     _check_words(kind, named)
     _look_here()
@@ -108,7 +108,7 @@ def load(kind: Kind, named: Named) -> Any:
     return getattr(module, named.attribute)
 
 
-def load_factory(kind: Kind, named: Named, base: type[T]) -> Callable[..., T]:
+def load_factory(kind: Kind, named: PluginReference, base: type[T]) -> Callable[..., T]:
     """Class of a plug-in, or function that returns an instance; does not call it.
 
     Raises InvalidInput if it cannot be imported, has another type, or lacks methods.
@@ -130,7 +130,7 @@ def load_factory(kind: Kind, named: Named, base: type[T]) -> Callable[..., T]:
 
 def make(
     kind: Kind,
-    named: Named,
+    named: PluginReference,
     base: type[T],
     offered: Mapping[str, Any],
     *,
@@ -169,7 +169,7 @@ def list_names(kind: Kind) -> str:
 
 
 def _arguments(
-    kind: Kind, named: Named, factory: Callable[..., Any], offered: Mapping[str, Any]
+    kind: Kind, named: PluginReference, factory: Callable[..., Any], offered: Mapping[str, Any]
 ) -> dict[str, Any]:
     try:
         parameters = inspect.signature(factory).parameters
@@ -190,7 +190,7 @@ def _arguments(
     return {name: value for name, value in offered.items() if name in parameters}
 
 
-def _check_words(kind: Kind, named: Named) -> None:
+def _check_words(kind: Kind, named: PluginReference) -> None:
     if not all(part.isidentifier() for part in (*named.module.split("."), named.attribute)):
         raise InvalidInput(
             f"{kind.name} {named.spec!r} is no package:attribute, such as my_package:Mine"
@@ -217,7 +217,7 @@ def _not_found(kind: Kind, spec: str, module: str) -> str:
     )
 
 
-def _not_imported(kind: Kind, named: Named, error: BaseException) -> str:
+def _not_imported(kind: Kind, named: PluginReference, error: BaseException) -> str:
     return (
         f"{kind.name} {named.spec!r} cannot be loaded: the import of {named.module} failed "
         f"({_reason(error)}); mend that, or install what it needs"

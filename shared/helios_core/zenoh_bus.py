@@ -25,7 +25,7 @@ from zenoh import ext
 from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
-from helios_core.latest_value_sender import Repeater, Unseen
+from helios_core.latest_value_sender import DuplicateFilter, Repeater
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
 from helios_core.zenoh_config import client_config
 from helios_core.zenoh_messages import answer, assembled, reply_of
@@ -88,7 +88,7 @@ class ZenohBus(Bus):
             else:
                 subscriber = self._session.declare_subscriber(key, channel)
 
-        unseen = Unseen()
+        unseen = DuplicateFilter()
 
         def read() -> None:
             for sample in _received(subscriber.handler):

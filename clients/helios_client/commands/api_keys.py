@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from helios_core.atomic_file import refusal, write_file
+from helios_core.atomic_file import unwritable_reason, write_file
 from helios_core.errors import Conflict, InvalidInput
 
 from helios_client.usage_errors import UsageError
@@ -33,7 +33,7 @@ def add_key(file: Path, name: str, scope: str) -> str:
     digest = hashlib.sha256(key.encode()).hexdigest()
     quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is also a TOML string
     entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
-    if why := refusal(file):
+    if why := unwritable_reason(file):
         raise UsageError(why)
     try:
         with _alone_in(file.parent):

@@ -86,7 +86,7 @@ def make_folder(folder: Path) -> None:
 def check_folder_of(file: Path) -> None:
     """Raise UsageError if the folder of a file to be written does not exist, or if the file is a
     folder."""
-    if why := atomic_file.refusal(file):
+    if why := atomic_file.unwritable_reason(file):
         raise UsageError(why)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.types import Frame
 from helios_map2d.camera_view import View, view_of
 from helios_map2d.grid import GridSpec, TileMask
-from helios_map2d.layers.explored_area import SearchArea
+from helios_map2d.layers.explored_area import ExploredArea
 from helios_map2d.layers.frontiers import FrontierFinder, FrontierRules
 from helios_map2d.layers.occupancy import OccupancyLayer, OccupancyRules
 from helios_map2d.layers.reachability import ReachableFloor
@@ -107,7 +107,7 @@ class OurMaps:
         self.grid = GridSpec.centred_on(0.0, 0.0, CELL_M, cells)
         rules = FrontierRules()
         self.layer = OccupancyLayer(self.grid, OccupancyRules())
-        self.search = SearchArea(self.grid)
+        self.search = ExploredArea(self.grid)
         self.ground = ReachableFloor(self.grid, rules.robot_radius_m / CELL_M)
         self.finder = FrontierFinder(self.grid, rules)
 

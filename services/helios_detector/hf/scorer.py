@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from helios_core.embedding_similarity import fit
+from helios_core.embedding_similarity import image_text_score
 from helios_core.errors import InvalidInput
 from helios_core.types import Embedding, Frame
 from numpy.typing import NDArray
@@ -192,7 +192,9 @@ class HfScorer(ScorerBackend):
             texts = self._text_vectors(model, processor, prompts)
         image = Embedding(self._model.source, vectors.reshape(-1, vectors.shape[-1]))
         scale, offset = self._tower.scale, self._tower.offset
-        return image, [fit(image, Embedding(image.model, t[None]), scale, offset) for t in texts]
+        return image, [
+            image_text_score(image, Embedding(image.model, t[None]), scale, offset) for t in texts
+        ]
 
     def _text_vectors(
         self, model: Any, processor: Any, texts: list[str]

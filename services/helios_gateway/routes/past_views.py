@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query
 from helios_core import proto as pb
 from helios_core.codec.frames import frame_id_from_proto
 from helios_core.errors import HeliosError
-from helios_core.name_rules import names
+from helios_core.name_rules import mentions_class
 from helios_core.topics import RECALL
 
 from helios_gateway import api_map_models, message_conversion
@@ -49,7 +49,7 @@ def seen(
         objects=[
             found
             for found in sorted(maps.objects().objects, key=lambda o: -(o.score or 0.0))
-            if names(prompt, found.class_name)
+            if mentions_class(prompt, found.class_name)
         ],
         views=[_view(place) for place in recalled.places],
         views_asked=recalled.views,

@@ -87,7 +87,7 @@ def decode_map(
     for kept in message.values:
         tile = read_values(kept, version + 1)
         values.setdefault(tile.layer, {})[tile.place] = tile
-    state = rebuilt(
+    state = map_from_content(
         MapContent(
             frame_id=frame_id_from_proto(message.id) if message.HasField("id") else None,
             stamp_ns=message.stamp_ns,
@@ -108,7 +108,7 @@ def decode_map(
     return state, WorldId(message.robot_boot_id, message.world_epoch, message.origin_id)
 
 
-def rebuilt(
+def map_from_content(
     content: MapContent, rules: MapRules, footprint_radius_m: float, version: int
 ) -> EpochMap:
     """Map with this content and a new id, so that viewers of another map start over.
@@ -134,7 +134,7 @@ def rebuilt(
               for id, cells in content.frontiers.items() if len(cells))
     )  # fmt: skip
     state.restore(content.ground, content.values)
-    state.go_on_from(version)
+    state.publish_above(version)
     return state
 
 

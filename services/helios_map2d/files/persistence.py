@@ -10,13 +10,13 @@ from pathlib import PurePosixPath
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.map_autosave import Kept, KeptFile, of_another_world
+from helios_core.map_autosave import AutosavedFile, SavedMap, of_another_world
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN
 from helios_core.printable_text import counted
 
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.files.map_file import FILE_NAME, decode_map, encode_map, rebuilt
+from helios_map2d.files.map_file import FILE_NAME, decode_map, encode_map, map_from_content
 from helios_map2d.files.npz_and_ros import decode_exported, decode_ros, encode_ros
 from helios_map2d.map_queries import DEFAULT_PICTURE_PX, known
 from helios_map2d.pictures.map_picture import OCCUPANCY, png_of, render
@@ -45,12 +45,12 @@ class MapFiles:
         self._restored: tuple[EpochMap, str, str] | None = None  # map, time of saving, content
         self._logged = ""  # note already in the log
         self._lock, self._maps, self._say = lock, maps, say
-        self._kept: KeptFile | None = None
+        self._kept: AutosavedFile | None = None
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
-            self._kept = KeptFile(path, settings.keep_period_s, self._newer, self._troubled)
+            self._kept = AutosavedFile(path, settings.keep_period_s, self._newer, self._troubled)
 
-    def said(self) -> str:
+    def health_note(self) -> str:
         """Health note: a problem with saving, and the fate of the saved map until another map
         supersedes it. "" if there is none."""
         fate = self._fate()
@@ -59,7 +59,7 @@ class MapFiles:
             log.info("%s", fate)
         return "; ".join(part for part in (self._trouble, fate) if part)
 
-    def superseded(self, searching: bool) -> bool:
+    def note_map_change(self, searching: bool) -> bool:
         """Note a change of the present map, which then differs from the saved one.
 
         Returns True if the result of `said` has changed.
@@ -69,7 +69,7 @@ class MapFiles:
         maps, restored = self._maps(), self._restored
         if maps is None or restored is None or not (searching or maps.current is restored[0]):
             return False
-        self.said()  # writes the log
+        self.health_note()  # writes the log
         self._restored = None
         return True
 
@@ -93,9 +93,9 @@ class MapFiles:
             self._trouble = self._refused
         self._kept.start()
 
-    def _restore(self, found: Kept, maps: EpochMaps) -> None:
+    def _restore(self, found: SavedMap, maps: EpochMaps) -> None:
         state, world = decode_map(found.data, maps.rules, maps.footprint_radius_m, maps.version)
-        state.go_on_from(state.version + LOST_VERSIONS)
+        state.publish_above(state.version + LOST_VERSIONS)
         newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
         known_m2 = areas_m2(state.published)[0]
         content = f"{known_m2:.0f} m² known, {counted(len(state.memory), 'view')}{newest}"
@@ -179,7 +179,7 @@ class MapFiles:
             published = known(maps)
             current = maps.current if maps is not None else None
             views = current.memory.snapshot() if current is not None else ()
-            world = maps.key if maps is not None else None
+            world = maps.world if maps is not None else None
         return published.version, encode_map(published, views, world)
 
     def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
@@ -223,4 +223,4 @@ def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> EpochMap:
             f"cannot load {', '.join(sorted(f.name[:80] for f in request.files)) or 'nothing'}: "
             "send one .map, one .npz, or a .yaml and the picture it names"
         )
-    return rebuilt(content, rules, maps.footprint_radius_m, version)
+    return map_from_content(content, rules, maps.footprint_radius_m, version)

@@ -83,7 +83,7 @@ def take_row(depth, v, step, around):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def clear_veil(around, kinds, jump_m, jump_ratio):
+def remove_flying_pixels(around, kinds, jump_m, jump_ratio):
     """Clear in `kinds` the obstacle pixels of a row that float between two surfaces or are
     isolated: mixed pixels at edges, and outliers. Unmeasured neighbours are ignored.
 
@@ -164,7 +164,7 @@ def project_depth(
             heights[i] = height
         if 0 < v < h - 1:
             first_kind, last_kind = kinds[0], kinds[n - 1]
-            clear_veil(around, kinds, jump_m, jump_ratio)
+            remove_flying_pixels(around, kinds, jump_m, jump_ratio)
             kinds[0] = first_kind  # pixels at the image edge lack a neighbour
             kinds[n - 1] = last_kind if last_whole else kinds[n - 1]
         for i in range(n):

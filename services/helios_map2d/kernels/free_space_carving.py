@@ -17,7 +17,7 @@ WIDEST = 6  # most pixels that a cell covers on each side of its centre
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def aim(
+def project_obstacles(
     shape,  # (h, w) of the image
     lens,  # float32 [4]: fx, fy, cx, cy
     pose,  # float32 [3, 4]: rotation; the camera's column and row in the window, height in metres
@@ -70,7 +70,7 @@ def aim(
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def undecided(flat, lows, highs, depths, pixels, tolerance, unsure):
+def mark_possibly_seen_through(flat, lows, highs, depths, pixels, tolerance, unsure):
     """Set `unsure` uint8 [n] to 1 for mapped obstacles that the view may see through.
 
     That is so if, for any of its points, the depth at the middle pixel lies behind the obstacle or
@@ -122,7 +122,7 @@ def on_surface(flat, line, at, width, nearest, farthest):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def look_at(flat, line, depths, pixels, widths, tolerance, low, high, hit):
+def test_obstacle(flat, line, depths, pixels, widths, tolerance, low, high, hit):
     """Test a mapped obstacle from `low` to `high` (m) at its points from `aim`: `depths`, `pixels`,
     `widths` [samples + 1].
 

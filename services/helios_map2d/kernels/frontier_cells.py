@@ -16,7 +16,7 @@ OTHER = 2  # the frontier has changed
 
 
 @njit(cache=True, nogil=True)
-def look_again(occupancy, explored, corner, stale, first_tile, side, old):
+def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, old):
     """Frontier cells of the whole map, updated in stale tiles.
 
     Frontier cells are free explored cells beside a cell that is neither explored nor occupied (4

@@ -35,7 +35,7 @@ def clusters_of(cells, side, least):
     """
     n = cells.shape[0]
     parent = np.arange(n).astype(np.int32)
-    hang_together(cells, side, parent)
+    unite_neighbours(cells, side, parent)
     labels, sizes = np.empty(n, np.int32), np.empty(n, np.int32)
     found = 0
     for i in range(n):
@@ -65,7 +65,7 @@ def clusters_of(cells, side, least):
 
 
 @njit(cache=True, nogil=True)
-def hang_together(cells, side, parent):
+def unite_neighbours(cells, side, parent):
     """Unite all neighbouring cells in `parent` int32 [n]; see `clusters_of`."""
     n = cells.shape[0]
     if n == 0:

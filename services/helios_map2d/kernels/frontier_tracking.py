@@ -14,7 +14,7 @@ CHUNK = 16  # cells per run; the boxes of two runs are compared before their cel
 
 
 @njit(cache=True, nogil=True)
-def recognise(cells, starts, former, former_starts, former_ids, reach, next_id):
+def match_frontier_ids(cells, starts, former, former_starts, former_ids, reach, next_id):
     """Id of each cluster: that of a matching former frontier, or a new one from `next_id` on.
 
     Clusters are cells int32 [m, 2] with `starts` int64 [clusters + 1]; former ones have the same

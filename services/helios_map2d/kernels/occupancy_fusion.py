@@ -11,7 +11,13 @@ import numpy as np
 from numba import njit
 
 from helios_map2d.kernels.depth_projection import FAST, NO_LOW, diamond_angle
-from helios_map2d.kernels.free_space_carving import BATCH, HEIGHT_SAMPLES, aim, look_at, undecided
+from helios_map2d.kernels.free_space_carving import (
+    BATCH,
+    HEIGHT_SAMPLES,
+    mark_possibly_seen_through,
+    project_obstacles,
+    test_obstacle,
+)
 
 SEEN_NOW = 1  # flags of a frame's effect on a cell: the frame saw the cell
 HEIGHTS = 2  # heights of its obstacle changed
@@ -132,9 +138,9 @@ def fold_obstacles(
             xs[i], ys[i] = np.float32(column + 0.5), np.float32(row + 0.5)
             r, c = row + corner[0], column + corner[1]
             lows[i], highs[i] = z_low[r, c], z_high[r, c]
-        aim(depth.shape, lens, pose, cell_m, far, xs[:n], ys[:n], lows[:n], highs[:n],
+        project_obstacles(depth.shape, lens, pose, cell_m, far, xs[:n], ys[:n], lows[:n], highs[:n],
             depths, pixels, widths)  # fmt: skip
-        undecided(flat, lows[:n], highs[:n], depths, pixels, tolerance, unsure)
+        mark_possibly_seen_through(flat, lows[:n], highs[:n], depths, pixels, tolerance, unsure)
         for i in range(n):
             row, column = active[start + i, 0], active[start + i, 1]
             r, c = row + corner[0], column + corner[1]
@@ -144,8 +150,10 @@ def fold_obstacles(
                 hit = hit_of(count, row, column, weak, strong, tail_ratio)
             bottom, top = lows[i], highs[i]
             if e > 0 and unsure[i] != 0:
-                gone, bottom, top = look_at(flat, line, depths[:, i], pixels[:, i], widths[:, i],
-                                            tolerance, bottom, top, hit > 0)  # fmt: skip
+                gone, bottom, top = test_obstacle(
+                    flat, line, depths[:, i], pixels[:, i], widths[:, i], tolerance, bottom, top,
+                    hit > 0,
+                )  # fmt: skip
                 if gone:
                     e = max(0, e - loss)
             if hit > 0:

@@ -17,7 +17,7 @@ STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the neighbour at 
 
 
 @njit(cache=True, nogil=True)
-def follow(
+def update_open_ground(
     before, occupancy, row_lo, column_lo, half_widths,  # see `follow_obstacles`
     crowd, labels, counts, edges, offsets,  # see `ReachableFloor`
 ):  # fmt: skip

@@ -15,7 +15,7 @@ from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.camera_view import View
-from helios_map2d.grid import EMPTY, Box, GridSpec, carried_over
+from helios_map2d.grid import EMPTY, Box, GridSpec, copy_to_larger_grid
 from helios_map2d.kernels import flood_fill as flood_kernels
 from helios_map2d.kernels import tile_changes as change_kernels
 from helios_map2d.kernels.occupancy_fusion import SEEN_NOW
@@ -23,7 +23,7 @@ from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.value_layers import Cone, bin_directions, cone_of
 
 
-class ExploredAreaLayer(Protocol):
+class ExplorationRule(Protocol):
     """Rule that decides which ground a view explores."""
 
     def reach_m(self, max_depth_m: float) -> float:
@@ -45,7 +45,7 @@ class ExploredAreaLayer(Protocol):
         ...
 
     def tidy(
-        self, layer: OccupancyLayer, search: SearchArea, cell: tuple[int, int], box: Box
+        self, layer: OccupancyLayer, search: ExploredArea, cell: tuple[int, int], box: Box
     ) -> None:
         """Correct the explored area after the fusion of a frame; `cell` is the robot's."""
         ...
@@ -70,7 +70,7 @@ class DepthVisibility:
         pass
 
     def tidy(
-        self, layer: OccupancyLayer, search: SearchArea, cell: tuple[int, int], box: Box
+        self, layer: OccupancyLayer, search: ExploredArea, cell: tuple[int, int], box: Box
     ) -> None:
         pass
 
@@ -113,7 +113,7 @@ class ConeVisibility:
     def tidy(
         self,
         layer: OccupancyLayer,
-        search: SearchArea,
+        search: ExploredArea,
         cell: tuple[int, int],
         box: Box,
     ) -> None:
@@ -200,7 +200,7 @@ def part_around(explored: NDArray[np.uint8], cell: tuple[int, int]) -> NDArray[n
     return out
 
 
-class SearchArea:
+class ExploredArea:
     """Explored area of the current search: `explored` uint8 [rows, columns] is 1 in seen cells;
     `box` (world cells) contains all of them."""
 
@@ -211,7 +211,7 @@ class SearchArea:
 
     def grow(self, grid: GridSpec) -> None:
         """Continue on a larger grid."""
-        self.explored = carried_over(self.explored, self.grid, grid, self.box)
+        self.explored = copy_to_larger_grid(self.explored, self.grid, grid, self.box)
         self.grid = grid
 
     def reset(self) -> None:

@@ -105,7 +105,7 @@ class FrontierFinder:
         self, occupancy: NDArray[np.int8], explored: NDArray[np.uint8], tiles: TileMask
     ) -> None:
         """Update the frontier cells of the given tiles; arrays are over the whole grid."""
-        self._cells, other = frontier_kernels.look_again(
+        self._cells, other = frontier_kernels.update_frontier_cells(
             occupancy, explored, self.grid.corner, tiles.mask, tiles.first, TILE, self._cells
         )
         self._same = self._same and not other
@@ -158,7 +158,7 @@ class FrontierFinder:
         cell_m = self.grid.cell_m
         least = self.rules.min_size_m / cell_m - 1e-9
         own, starts = cluster_kernels.clusters_of(self._cells, TILE, least)
-        ids, same, self.next_id = identity_kernels.recognise(
+        ids, same, self.next_id = identity_kernels.match_frontier_ids(
             own, starts, self._own, self._starts, self._ids,
             int(self.rules.same_within_m / cell_m), self.next_id,
         )  # fmt: skip

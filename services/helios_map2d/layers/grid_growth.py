@@ -44,7 +44,7 @@ def grown_for(grid: GridSpec, needed: Box, margin: int, most_cells: int) -> Grid
     return GridSpec.over(grown, grid.cell_m)
 
 
-def refuse_a_leap(
+def check_plausible_move(
     robot_m: tuple[float, float],
     camera_m: tuple[float, float],
     last_m: tuple[float, float] | None,

@@ -18,7 +18,7 @@ from helios_core.map_snapshot import UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.camera_view import View
-from helios_map2d.grid import Box, GridSpec, carried_over
+from helios_map2d.grid import Box, GridSpec, copy_to_larger_grid
 from helios_map2d.kernels import depth_projection as project_kernels
 from helios_map2d.kernels import occupancy_fusion as fuse_kernels
 
@@ -98,11 +98,11 @@ class OccupancyLayer:
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Continue on a larger grid; `known` (world cells) contains all known cells."""
-        self.occupancy = carried_over(self.occupancy, self.grid, grid, known, UNKNOWN)
-        self.z_low_m = carried_over(self.z_low_m, self.grid, grid, known)
-        self.z_high_m = carried_over(self.z_high_m, self.grid, grid, known)
-        self.evidence = carried_over(self.evidence, self.grid, grid, known)
-        self.floor_seen = carried_over(self.floor_seen, self.grid, grid, known)
+        self.occupancy = copy_to_larger_grid(self.occupancy, self.grid, grid, known, UNKNOWN)
+        self.z_low_m = copy_to_larger_grid(self.z_low_m, self.grid, grid, known)
+        self.z_high_m = copy_to_larger_grid(self.z_high_m, self.grid, grid, known)
+        self.evidence = copy_to_larger_grid(self.evidence, self.grid, grid, known)
+        self.floor_seen = copy_to_larger_grid(self.floor_seen, self.grid, grid, known)
         self.grid = grid
 
     def integrate(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_map2d.grid import TILE, Box, GridSpec, carried_over
+from helios_map2d.grid import TILE, Box, GridSpec, copy_to_larger_grid
 from helios_map2d.kernels import reachability as ground_kernels
 
 
@@ -47,7 +47,7 @@ class ReachableFloor:
         self.radius_cells = radius_cells
         down = np.arange(-self.reach, self.reach + 1)
         self._half_widths = np.sqrt(radius_cells**2 - down**2).astype(np.int64)
-        self.crowd = np.zeros(grid.shape, np.uint16)
+        self.obstacle_count = np.zeros(grid.shape, np.uint16)
         self.labels = np.zeros(grid.shape, np.uint16)
         self._begin(grid)
 
@@ -62,8 +62,8 @@ class ReachableFloor:
         """Continue on a larger grid; `known` (world cells) contains all open ground and
         obstacles."""
         near = known.grown(self.reach)
-        self.crowd = carried_over(self.crowd, self.grid, grid, near)
-        self.labels = carried_over(self.labels, self.grid, grid, known)
+        self.obstacle_count = copy_to_larger_grid(self.obstacle_count, self.grid, grid, near)
+        self.labels = copy_to_larger_grid(self.labels, self.grid, grid, known)
         counts, edges = self.counts, self.edges
         self._begin(grid)
         row = (self.grid.corner[0] - grid.corner[0]) // TILE
@@ -75,9 +75,9 @@ class ReachableFloor:
 
     def update(self, occupancy: NDArray[np.int8], before: NDArray[np.int8], box: Box) -> None:
         """Update after a change of `occupancy` (over the whole grid) from `before` within `box`."""
-        self._components = ground_kernels.follow(
+        self._components = ground_kernels.update_open_ground(
             before, occupancy, box.row_lo, box.column_lo, self._half_widths,
-            self.crowd, self.labels, self.counts, self.edges, self._offsets,
+            self.obstacle_count, self.labels, self.counts, self.edges, self._offsets,
         )  # fmt: skip
 
     def reached_from(
@@ -89,7 +89,7 @@ class ReachableFloor:
         leave the cells of its own disc even if they are beside an obstacle.
         """
         reached, near, corner = ground_kernels.reach(
-            occupancy, self.crowd, self.labels, self.edges, self._offsets, self._components,
-            cell, blind_cells, self.radius_cells,
+            occupancy, self.obstacle_count, self.labels, self.edges, self._offsets,
+            self._components, cell, blind_cells, self.radius_cells,
         )  # fmt: skip
         return ReachedCells(self._offsets, reached, near, corner)

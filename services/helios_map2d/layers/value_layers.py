@@ -18,7 +18,7 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_map2d.camera_view import View
-from helios_map2d.grid import EMPTY, Box, GridSpec, Tile, carried_over
+from helios_map2d.grid import EMPTY, Box, GridSpec, Tile, copy_to_larger_grid
 from helios_map2d.kernels import value_fusion as value_kernels
 from helios_map2d.layers.occupancy import intrinsics_of
 
@@ -139,8 +139,8 @@ class ValueLayers:
         """Continue on a larger grid."""
         self.layers = {
             name: ValueLayer(
-                carried_over(layer.value, self.grid, grid, self.box),
-                carried_over(layer.confidence, self.grid, grid, self.box),
+                copy_to_larger_grid(layer.value, self.grid, grid, self.box),
+                copy_to_larger_grid(layer.confidence, self.grid, grid, self.box),
             )
             for name, layer in self.layers.items()
         }
@@ -185,7 +185,7 @@ class ValueLayers:
         for name in scores:
             self.touch(name)
         cell_m = self.grid.cell_m
-        box = cone.box(cell_m).cut(self.grid.to_world(self.grid.whole))
+        box = cone.box(cell_m).intersection(self.grid.to_world(self.grid.whole))
         if box.empty or not scores:
             return EMPTY
         spread, seen = spread_over(box, cone, cell_m, self.rules.least_confidence)

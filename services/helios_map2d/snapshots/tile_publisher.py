@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from helios_map2d.grid import Box, Tile
-from helios_map2d.layers.explored_area import SearchArea
+from helios_map2d.layers.explored_area import ExploredArea
 from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.value_layers import ValueLayers
 from helios_map2d.snapshots.tiles import (
@@ -42,7 +42,7 @@ class PublishedTiles:
         self,
         place: Tile,
         occupancy: OccupancyLayer,
-        search: SearchArea,
+        search: ExploredArea,
         version: int,
         *,
         shown: bool,
@@ -58,7 +58,7 @@ class PublishedTiles:
         )  # fmt: skip
 
     def retile_known(
-        self, box: Box, occupancy: OccupancyLayer, search: SearchArea, version: int
+        self, box: Box, occupancy: OccupancyLayer, search: ExploredArea, version: int
     ) -> None:
         """Renew all existing ground tiles of a box of world cells."""
         for place in box.tiles:

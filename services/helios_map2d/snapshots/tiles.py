@@ -158,7 +158,7 @@ def assembled(tiles: Iterable[tuple[Tile, NDArray]], grid: GridSpec, fill: float
     whole = grid.to_world(grid.whole)
     for tile, array in parts:
         box = Box.of_tile(tile)
-        common = box.cut(whole)
+        common = box.intersection(whole)
         if not common.empty:
             inner = common.moved(-box.row_lo, -box.column_lo)
             out[grid.to_local(common).slices] = array[inner.slices]
@@ -172,7 +172,7 @@ def cut_up(array: NDArray, grid: GridSpec, fill: float = 0) -> dict[Tile, NDArra
     out = {}
     for tile in whole.tiles:
         box = Box.of_tile(tile)
-        common = box.cut(whole)
+        common = box.intersection(whole)
         part = np.full(SHAPE, fill, array.dtype)
         inner = common.moved(-box.row_lo, -box.column_lo).slices
         part[inner] = array[grid.to_local(common).slices]

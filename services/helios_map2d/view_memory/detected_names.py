@@ -10,7 +10,7 @@ from helios_core.types import Detection, Frame, Observation
 
 
 @dataclass(frozen=True)
-class DetectedNames:
+class DetectedClass:
     """Class detected in a view."""
 
     class_name: str
@@ -21,15 +21,15 @@ class DetectedNames:
 
 def sighted(
     observation: Observation, min_depth_m: float, max_depth_m: float
-) -> list[DetectedNames]:
+) -> list[DetectedClass]:
     """Best detection of each class among those with measured depth, highest score first."""
-    out: dict[str, DetectedNames] = {}
+    out: dict[str, DetectedClass] = {}
     for detection in sorted(observation.detections, key=lambda d: -d.score):
         if detection.class_name in out or not math.isfinite(detection.score):
             continue
         place = _place(observation.frame, detection, min_depth_m, max_depth_m)
         if place is not None:
-            out[detection.class_name] = DetectedNames(detection.class_name, detection.score, *place)
+            out[detection.class_name] = DetectedClass(detection.class_name, detection.score, *place)
     return list(out.values())
 
 

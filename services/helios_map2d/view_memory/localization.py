@@ -19,7 +19,7 @@ from helios_map2d.layers.value_layers import Cone, ValueRules, spread_over
 
 CELL_M = 0.10
 MOST_CELLS = 4_000_000  # larger ground gets larger cells
-DOUBT = 2.0  # number of virtual views with the median score in every cell
+VIRTUAL_VIEWS = 2.0  # number of virtual views with the median score in every cell
 NEAR_BEST = 0.99  # the place is the mean of the cells within this share of the best
 
 
@@ -32,8 +32,8 @@ class Localization:
         cell_m = CELL_M * math.ceil(max(1.0, math.sqrt(box.rows * box.columns / MOST_CELLS)))
         self._grid = GridSpec.over(_around(seen, cell_m), cell_m)
         usual = float(np.median([score for _, score in seen])) if seen else 0.0
-        total = np.full(self._grid.shape, DOUBT)
-        self.fit = np.full(self._grid.shape, DOUBT * usual)
+        total = np.full(self._grid.shape, VIRTUAL_VIEWS)
+        self.fit = np.full(self._grid.shape, VIRTUAL_VIEWS * usual)
         for cone, score in seen:
             at, confidence = self._spread(cone)
             total[at] += confidence

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from helios_core import proto as pb
 from helios_core.codec import embedding_from_proto, frame_id_to_proto
-from helios_core.embedding_similarity import fit
+from helios_core.embedding_similarity import image_text_score
 from helios_core.errors import Unavailable
-from helios_core.name_rules import names
+from helios_core.name_rules import mentions_class
 from helios_core.types import Embedding
 
 from helios_map2d.layers.value_layers import Cone
@@ -32,7 +32,7 @@ class Question:
 
     def score(self, image: Embedding) -> float:
         """Score of an image, 0 to 1."""
-        return fit(image, self.text, self.scale, self.offset)
+        return image_text_score(image, self.text, self.scale, self.offset)
 
 
 def questions(prompts: Sequence[str], reply: pb.EmbedTextReply) -> list[Question]:
@@ -81,7 +81,7 @@ def by_name(views: Sequence[SeenView], prompt: str) -> list[Answer]:
         Answer(v, s.score, (s.x_m, s.y_m), s.class_name)
         for v in views
         for s in v.named
-        if names(prompt, s.class_name)
+        if mentions_class(prompt, s.class_name)
     ]
 
 

@@ -28,7 +28,7 @@ from helios_core.types import Embedding, FrameId
 from numpy.typing import NDArray
 
 from helios_map2d.layers.value_layers import Cone, bin_directions
-from helios_map2d.view_memory.detected_names import DetectedNames
+from helios_map2d.view_memory.detected_names import DetectedClass
 
 PICTURE_PX = 320  # longer side of a thumbnail
 PATCH_M = 0.5  # side of the ground squares by which views are compared
@@ -49,7 +49,7 @@ class SeenView:
     cone: Cone
     embedding: Embedding | None
     jpeg: bytes
-    named: tuple[DetectedNames, ...] = ()
+    named: tuple[DetectedClass, ...] = ()
 
     @cached_property
     def patches(self) -> frozenset[tuple[int, int, int]]:
@@ -119,7 +119,7 @@ def read_view(message: pb.KeptView) -> SeenView:
         frame_id_from_proto(message.id), message.stamp_ns, cone,
         embedding_from_proto(message.embedding) if message.HasField("embedding") else None,
         message.jpeg,
-        tuple(DetectedNames(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
+        tuple(DetectedClass(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
     )  # fmt: skip
 
 

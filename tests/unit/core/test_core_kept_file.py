@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helios_core.map_autosave import KeptFile
+from helios_core.map_autosave import AutosavedFile
 
 from tests.full_disk import fill, small_disk
 from tests.support import wait_until
@@ -19,7 +19,7 @@ class Map:
         self.version, self.data = 0, b""
         self.said: list[str] = []
         self.fails: Exception | None = None
-        self.kept = KeptFile(path, period_s, self.newer, self.said.append)
+        self.kept = AutosavedFile(path, period_s, self.newer, self.said.append)
 
     def change(self, data: bytes) -> None:
         self.version, self.data = self.version + 1, data

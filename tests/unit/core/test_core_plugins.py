@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.plugins import DETECTORS, Kind, Named, check_there, find, load, make
+from helios_core.plugins import DETECTORS, Kind, PluginReference, check_there, find, load, make
 
 SOURCE = """
 from helios_core.errors import Unavailable
@@ -115,7 +115,7 @@ def test_looking_whether_it_is_there_runs_nothing(folder: Path) -> None:
 
 
 def test_a_plain_name_is_an_entry_point_or_nothing(folder: Path) -> None:
-    assert find(DETECTORS, "paint:x") == Named(
+    assert find(DETECTORS, "paint:x") == PluginReference(
         "paint:x", "helios_examples.paint_detector", "open_paint", "x"
     )
     assert find(DETECTORS, "nobody") is None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 import zenoh
-from helios_core.latest_value_sender import PAUSES_S, REMEMBERED, Repeater, Unseen
+from helios_core.latest_value_sender import PAUSES_S, REMEMBERED, DuplicateFilter, Repeater
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -97,7 +97,7 @@ def test_a_repetition_that_cannot_be_sent_is_tried_again_and_a_message_raises() 
 
 @given(st.lists(st.integers(0, 9), max_size=30))
 def test_a_reader_takes_what_is_newer_than_all_before(numbers: list[int]) -> None:
-    unseen = Unseen()
+    unseen = DuplicateFilter()
     taken = [n for n in numbers if unseen.take(f"me/{n}".encode())]
     assert taken == sorted(set(taken))
     assert not numbers or taken[-1] == max(numbers)
@@ -105,7 +105,7 @@ def test_a_reader_takes_what_is_newer_than_all_before(numbers: list[int]) -> Non
 
 @given(st.lists(st.binary(max_size=30) | st.none()))
 def test_what_does_not_say_which_it_is_is_read(attachments: list[bytes | None]) -> None:
-    unseen = Unseen()
+    unseen = DuplicateFilter()
     for attachment in attachments:
         if attachment is None or not attachment.rpartition(b"/")[2].isdigit():
             assert unseen.take(attachment)
@@ -114,7 +114,7 @@ def test_what_does_not_say_which_it_is_is_read(attachments: list[bytes | None]) 
 
 
 def test_sources_are_told_apart_and_few_are_remembered() -> None:
-    unseen = Unseen()
+    unseen = DuplicateFilter()
     for k in range(REMEMBERED + 10):
         assert unseen.take(f"{k}/5".encode())
         assert not unseen.take(f"{k}/5".encode())

@@ -15,7 +15,7 @@ from helios_core.codec import (
     frame_to_proto,
     observation_from_proto,
 )
-from helios_core.embedding_similarity import fit
+from helios_core.embedding_similarity import image_text_score
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -126,7 +126,9 @@ def test_a_prompt_scored_later_by_its_embedding_scores_the_same(
     later = scorer.embed_text(list(PROMPTS.values()))
     image = embedding_from_proto(embedding_to_proto(judged.image))  # float16 on the wire
     for score, text in zip(judged.scores.values(), later.texts, strict=True):
-        assert fit(image, text, later.scale, later.offset) == pytest.approx(score, abs=2e-3)
+        assert image_text_score(image, text, later.scale, later.offset) == pytest.approx(
+            score, abs=2e-3
+        )
 
 
 def test_the_matching_head_sends_no_embedding_and_embeds_no_text(models: dict[str, Path]):
@@ -207,7 +209,7 @@ def test_the_observation_carries_the_embedding_and_a_prompt_can_be_asked_on_the_
     assert observation.image_embedding.vectors.shape == (4, 16)  # one row per query token
     reply = bus.call(EMBED_TEXT, pb.EmbedTextRequest(prompts=["a bed"]), 5.0)
     text = embedding_from_proto(reply.embeddings[0])
-    later = fit(observation.image_embedding, text, reply.scale, reply.offset)
+    later = image_text_score(observation.image_embedding, text, reply.scale, reply.offset)
     assert later == pytest.approx(observation.layer_scores["place"], abs=2e-3)
     with pytest.raises(HeliosError, match="0 prompts came; send 1 to 64"):
         bus.call(EMBED_TEXT, pb.EmbedTextRequest(), 5.0)
@@ -223,7 +225,7 @@ def test_a_scorer_of_names_says_that_it_has_no_embeddings():
 def test_embeddings_of_two_models_are_not_compared():
     a, b = Embedding("a", np.ones((1, 4), np.float32)), Embedding("b", np.ones((1, 4), np.float32))
     with pytest.raises(InvalidInput, match="embed the text with the same model"):
-        fit(a, b)
+        image_text_score(a, b)
 
 
 @pytest.mark.parametrize(("rows", "size"), [(0, 8), (1, 0), (3, 8), (1, 3)])

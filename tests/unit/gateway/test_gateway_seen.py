@@ -7,7 +7,7 @@ import base64
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
-from helios_core.name_rules import names
+from helios_core.name_rules import mentions_class
 
 from tests.gateway_backend import Backend
 from tests.gateway_home import picture_jpeg
@@ -59,4 +59,4 @@ def test_a_question_without_words_is_refused(
      ("a cup (of tea", "cup (of", True)],
 )  # fmt: skip
 def test_words_name_a_class(prompt: str, class_name: str, named: bool) -> None:
-    assert names(prompt, class_name) is named
+    assert mentions_class(prompt, class_name) is named

@@ -15,7 +15,7 @@ from helios_core.codec import (
     observation_to_proto,
     state_to_proto,
 )
-from helios_core.embedding_similarity import fit
+from helios_core.embedding_similarity import image_text_score
 from helios_core.geometry import se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -64,7 +64,7 @@ class Scorer:
         return self._vector(f"image {frame.id.seq}")
 
     def score(self, frame: Frame, prompt: str) -> float:
-        return fit(self.image(frame), self.text(prompt), SCALE, OFFSET)
+        return image_text_score(self.image(frame), self.text(prompt), SCALE, OFFSET)
 
     def serve(self, bus: Bus) -> None:
         bus.serve(EMBED_TEXT, self._embed)

@@ -139,38 +139,38 @@ def test_what_begins_just_above_the_floor_is_not_looked_under() -> None:
 
 def test_late_frames_that_fall_among_themselves_are_no_other_robots() -> None:
     order = FrameOrder(100)
-    assert not any(order.is_newest(seq) for seq in (5, 4, 3, 2, 1))
-    assert [order.is_newest(seq) for seq in (2, 3)] == [False, True]
+    assert not any(order.record(seq) for seq in (5, 4, 3, 2, 1))
+    assert [order.record(seq) for seq in (2, 3)] == [False, True]
 
 
 def test_the_robots_own_epoch_is_taken_although_a_strangers_was_later() -> None:
     walk, maps = Walk(room(), epoch=5), EpochMaps(RULES, 0.2)
-    maps.robot_is_in(WorldId("boot", 0))
-    stranger = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    maps.set_robot_world(WorldId("boot", 0))
+    stranger = maps.map_for(walk.frame(2.0, 1.5, 0.0))
     walk.epoch = 0
-    assert maps.state_for(walk.frame(2.0, 1.5, 0.0)) is not stranger
-    assert maps.key == WorldId("boot", 0)
+    assert maps.map_for(walk.frame(2.0, 1.5, 0.0)) is not stranger
+    assert maps.world == WorldId("boot", 0)
 
 
 def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
     own, later = (walk.frame(2.0, 1.5, 0.0) for _ in range(2))
-    state = maps.state_for(own)
+    state = maps.map_for(own)
     walk.epoch = 5
     strange, again = (walk.frame(2.0, 1.5, 0.0) for _ in range(2))
-    stranger = maps.state_for(strange)
-    maps.robot_is_in(WorldId("boot", 0))
-    assert maps.state_for(later) is state
+    stranger = maps.map_for(strange)
+    maps.set_robot_world(WorldId("boot", 0))
+    assert maps.map_for(later) is state
     assert list(parked(maps).values()) == [stranger]
     with pytest.raises(Conflict, match="which is over"):
-        maps.state_for(again)
+        maps.map_for(again)
     assert maps.current is state
 
 
 def test_of_many_parked_maps_the_newest_are_kept() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2, most_parked=2)
     for walk.epoch in range(5):
-        maps.state_for(walk.frame(2.0, 1.5, 0.0))
+        maps.map_for(walk.frame(2.0, 1.5, 0.0))
     assert list(parked(maps)) == [WorldId("boot", 2), WorldId("boot", 3)]
 
 
@@ -188,7 +188,7 @@ def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> N
 
 def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
-    state = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    state = maps.map_for(walk.frame(2.0, 1.5, 0.0))
     walk.epoch = 1
     frame = walk.frame(2.0, 1.5, 0.0)
     for broken in (
@@ -196,24 +196,24 @@ def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:
         dataclasses.replace(frame, depth_m=frame.depth_m[:-1]),
     ):
         with pytest.raises(InvalidInput):
-            maps.state_for(broken)
+            maps.map_for(broken)
     assert maps.current is state
     assert not parked(maps)
-    assert maps.state_for(frame) is not state
+    assert maps.map_for(frame) is not state
 
 
 def test_an_observation_of_an_ended_search_parks_no_map() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
     maps.reset_search(SearchContext("now", (), {}))
-    state = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    state = maps.map_for(walk.frame(2.0, 1.5, 0.0))
     walk.epoch = 1
     frame = walk.frame(2.0, 1.5, 0.0)
     ended, present = (Observation(frame, id, (), {}, "test") for id in ("ended", "now"))
     with pytest.raises(Conflict, match="search context 'ended'"):
-        maps.state_for(frame, ended)
+        maps.map_for(frame, ended)
     assert maps.current is state
     assert not parked(maps)
-    assert maps.state_for(frame, present) is not state
+    assert maps.map_for(frame, present) is not state
 
 
 def test_obstacles_of_an_export_are_believed() -> None:

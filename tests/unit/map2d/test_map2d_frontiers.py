@@ -10,7 +10,7 @@ from helios_map2d.grid import Box, GridSpec, TileMask
 from helios_map2d.kernels import frontier_cells as frontier_kernels
 from helios_map2d.kernels import frontier_clusters as cluster_kernels
 from helios_map2d.kernels import frontier_tracking as identity_kernels
-from helios_map2d.layers.explored_area import SearchArea, near_ground
+from helios_map2d.layers.explored_area import ExploredArea, near_ground
 from helios_map2d.layers.frontiers import NO_CELLS, Frontier, FrontierFinder, FrontierRules
 from helios_map2d.layers.reachability import ReachableFloor
 from hypothesis import given, settings
@@ -72,7 +72,7 @@ def look_again(
     side: int,
     old: NDArray[np.int32],
 ) -> tuple[NDArray[np.int32], bool]:
-    return frontier_kernels.look_again(
+    return frontier_kernels.update_frontier_cells(
         occupancy, explored, corner, tiles.mask, tiles.first, side, old
     )
 
@@ -109,7 +109,7 @@ def test_frontiers_are_recognised_as_by_brute_force(
         now = np.where(former > 2, former, np.where(now > 2, 0, now)).astype(np.int8)
     old, new = by_colour(former), by_colour(now)
     numbers = [7 + 3 * k for k in range(len(old))]
-    ids, same, next_id = identity_kernels.recognise(
+    ids, same, next_id = identity_kernels.match_frontier_ids(
         *packed(new), *packed(old), np.array(numbers, np.int64), reach, 100
     )
     twins = [next((j for j, b in enumerate(old) if a.tolist() == b.tolist()), -1) for a in new]
@@ -166,7 +166,7 @@ class World:
 
     def __init__(self, rules: FrontierRules = RULES) -> None:
         self.occupancy = np.full(GRID.shape, -1, np.int8)
-        self.area = SearchArea(GRID)
+        self.area = ExploredArea(GRID)
         self.finder = FrontierFinder(GRID, rules)
         self.ground = ReachableFloor(GRID, rules.robot_radius_m / GRID.cell_m)
         self.values = {"pick": np.zeros(GRID.shape, np.float32)}

@@ -18,7 +18,7 @@ from helios_core.types import Detection, Embedding, FrameId, Observation
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.layers.value_layers import Cone
-from helios_map2d.view_memory.detected_names import DetectedNames
+from helios_map2d.view_memory.detected_names import DetectedClass
 from helios_map2d.view_memory.ranking import Question, questions, scored
 from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, read_view
 from helios_map2d.view_search import MOST_LATE_LAYERS
@@ -183,7 +183,7 @@ def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named
 SEEN = Embedding("model", np.array([[1.0, 0.0]], np.float32))
 
 
-def view(seq: int, x: float, y: float, yaw: float, *named: DetectedNames) -> SeenView:
+def view(seq: int, x: float, y: float, yaw: float, *named: DetectedClass) -> SeenView:
     reach = np.zeros(400, np.float32)
     reach[180:220] = 3.0
     cone = Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
@@ -268,7 +268,7 @@ def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() 
 
 
 def test_a_kept_view_round_trips_and_a_damaged_one_is_refused() -> None:
-    one = view(7, 1.0, 2.0, 0.5, DetectedNames("mug", 0.5, 3.0, 4.0))
+    one = view(7, 1.0, 2.0, 0.5, DetectedClass("mug", 0.5, 3.0, 4.0))
     message = pb.KeptMap.FromString(one.kept).views[0]
     again = read_view(message)
     np.testing.assert_array_equal(again.cone.reach_m, one.cone.reach_m)

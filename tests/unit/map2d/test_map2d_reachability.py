@@ -59,7 +59,9 @@ def scribble(rng: np.random.Generator, occupancy: NDArray[np.int8]) -> Box:
     """Change one rectangle; its box."""
     height, width = rng.integers(1, 60, 2) if rng.random() < 0.7 else rng.integers(1, 4, 2)
     row, column = rng.integers(0, GRID.rows - 1), rng.integers(0, GRID.columns - 1)
-    box = Box(int(row), int(row + height), int(column), int(column + width)).cut(GRID.whole)
+    box = Box(int(row), int(row + height), int(column), int(column + width)).intersection(
+        GRID.whole
+    )
     occupancy[box.slices] = rng.choice([-1, 0, 0, 0, 100])
     return box
 
@@ -109,10 +111,10 @@ def test_room_around_an_obstacle_at_the_edge_of_what_is_known_grows_too() -> Non
     occupancy[100, 60] = 100
     ground = ReachableFloor(GRID, 6.2)
     ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
-    before = ground.crowd.sum()
+    before = ground.obstacle_count.sum()
     large = GridSpec(0.025, 6 * TILE, 5 * TILE, (-3 * TILE, 3 * TILE))
     ground.grow(large, GRID.to_world(Box(100, 101, 60, 61)))
-    assert ground.crowd.sum() == before > 100
+    assert ground.obstacle_count.sum() == before > 100
 
 
 @settings(max_examples=10, deadline=None)
@@ -129,6 +131,6 @@ def test_a_grown_grid_gives_what_a_large_one_gives(rng: np.random.Generator) -> 
     over[large.to_local(GRID.to_world(GRID.whole)).slices] = occupancy
     anew = ReachableFloor(large, 6.2)
     anew.update(over, np.full(large.shape, -1, np.int8), large.whole)
-    np.testing.assert_array_equal(ground.crowd, anew.crowd)
+    np.testing.assert_array_equal(ground.obstacle_count, anew.obstacle_count)
     np.testing.assert_array_equal(ground.labels, anew.labels)
     np.testing.assert_array_equal(ground.counts, anew.counts)

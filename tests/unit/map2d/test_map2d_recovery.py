@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
-from helios_core.map_autosave import KeptFile
+from helios_core.map_autosave import AutosavedFile
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
 from helios_map2d.files.map_file import FILE_NAME
@@ -20,7 +20,7 @@ def kept(tmp_path: Path) -> tuple[str, ...]:
     return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
 
 
-def persistence(rig: Rig) -> KeptFile:
+def persistence(rig: Rig) -> AutosavedFile:
     found = rig.service._keeping._kept
     assert found is not None
     return found

@@ -254,32 +254,32 @@ def test_a_new_epoch_parks_the_map_and_starts_a_fresh_one_in_the_same_search() -
     walk = open_room()
     maps = EpochMaps(RULES, 0.2)
     maps.reset_search(context("first"))
-    first = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    first = maps.map_for(walk.frame(2.0, 1.5, 0.0))
     old_frame = walk.frame(2.0, 1.5, 0.0)
     assert first.integrate_frame(old_frame)
     walk.epoch = 1
-    second = maps.state_for(walk.frame(3.0, 1.5, 0.0))
+    second = maps.map_for(walk.frame(3.0, 1.5, 0.0))
     assert second is not first
     assert second.context_id == "first"
     assert list(parked(maps).values()) == [first]
     assert second.published.empty
     with pytest.raises(Conflict, match="which is over"):
-        maps.state_for(old_frame)
+        maps.map_for(old_frame)
 
 
 def test_what_a_robot_sent_before_it_was_started_anew_is_over() -> None:
     walk, maps = open_room(), EpochMaps(RULES, 0.2)
     old = walk.frame(2.0, 1.5, 0.0)
-    maps.state_for(old)
+    maps.map_for(old)
     new = dataclasses.replace(old, id=dataclasses.replace(old.id, robot_boot_id="later"))
-    second = maps.state_for(new)
+    second = maps.map_for(new)
     with pytest.raises(Conflict, match="which is over"):
-        maps.state_for(old)
-    assert maps.state_for(new) is second
+        maps.map_for(old)
+    assert maps.map_for(new) is second
     third, unseen = (dataclasses.replace(new.id, world_epoch=epoch) for epoch in (5, 3))
-    maps.state_for(dataclasses.replace(new, id=third))
+    maps.map_for(dataclasses.replace(new, id=third))
     with pytest.raises(Conflict, match="which is over"):
-        maps.state_for(dataclasses.replace(new, id=unseen))
+        maps.map_for(dataclasses.replace(new, id=unseen))
 
 
 def test_line_of_sight_is_blocked_by_a_wall_and_passes_over_a_table() -> None:

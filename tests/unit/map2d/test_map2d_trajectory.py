@@ -50,16 +50,16 @@ def test_no_line_leads_from_the_end_of_a_loaded_map_to_the_robot() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
     for x in (1.0, 1.3, 1.6):
         frame = walk.frame(x, 1.5, 0.0)
-        maps.state_for(frame).integrate_frame(frame)
+        maps.map_for(frame).integrate_frame(frame)
     assert maps.current is not None
     file = encode_map(maps.current.published, (), frame.world)
     later = EpochMaps(RULES, 0.2)
     frame = walk.frame(3.0, 2.5, 0.0)
-    later.state_for(frame).integrate_frame(frame)
+    later.map_for(frame).integrate_frame(frame)
     later.replace(decode_map(file, RULES, 0.2, 0)[0])
     for x in (3.0, 3.2):
         frame = walk.frame(x, 2.5, 0.0)
-        later.state_for(frame).integrate_frame(frame)
+        later.map_for(frame).integrate_frame(frame)
     assert later.current is not None
     now = later.current.published
     assert now.trajectory_m[:, 0].tolist() == pytest.approx([1.0, 1.3, 1.6, 3.0, 3.2])
