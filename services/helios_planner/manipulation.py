@@ -88,7 +88,7 @@ class _Failed:
 class Manipulation:
     """Pick and place of one object at a time. `picks` counts over the whole task."""
 
-    body: RobotInterface
+    robot: RobotInterface
     base: BaseController
     settings: Settings
     belief: Belief
@@ -101,13 +101,13 @@ class Manipulation:
     placed_on: ObjectInstance | None = None  # receptacle as known at the newest placing
 
     # --- restart -------------------------------------------------------------------------------
-    def memory(self) -> dict[str, Any]:
-        """State that must outlive a crash of the planner, as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a crash of the planner, as JSON, for `restore`."""
         return {"picks": self.picks, "falls": self.falls, "last_reason": self.last_reason}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.picks, self.falls = memory["picks"], memory["falls"]
-        self.last_reason = memory["last_reason"]
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.picks, self.falls = checkpoint["picks"], checkpoint["falls"]
+        self.last_reason = checkpoint["last_reason"]
 
     # --- pick ----------------------------------------------------------------------------------
     def pick(
@@ -120,7 +120,7 @@ class Manipulation:
         while attempts < self.attempts:
             if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
                 return SkillOutcome.FAILED if attempts else SkillOutcome.OUT_OF_REACH
-            tried.append(self.body.pose().xy)
+            tried.append(self.robot.pose().xy)
             near = self.near = self.belief.from_near(thing, class_name, SAME_THING_M)
             if not confirmed(near):
                 return SkillOutcome.DOUBTED
@@ -131,7 +131,7 @@ class Manipulation:
             self._count_pick()
             x, y, z = (float(v) for v in thing.center_m)
             result = self.base.monitor.act(Pick((x, y, z), class_name))
-            if result.succeeded and self.body.held():
+            if result.succeeded and self.robot.held():
                 self.belief.taken(thing)
                 self.base.monitor.carrying = True
                 return SkillOutcome.SUCCEEDED
@@ -156,7 +156,7 @@ class Manipulation:
                 Cause.PICK_FAILED, f"{self.picks} picks were tried, the limit: {self.last_reason}"
             )
         self.picks += 1
-        self.body.listener.on_picks(self.picks)
+        self.robot.listener.on_picks(self.picks)
 
     def _approach(
         self, target_m: np.ndarray, tried: list[tuple[float, float]], purpose: str
@@ -166,7 +166,7 @@ class Manipulation:
         hides it: in a height map the boards of a shelf seem to do so."""
         for above_m, level in product((ON_TOP_M, ON_SHELF_M), self.base.levels):
             stand = stand_for(
-                target_m, self.base.reach(level), self.body.description, self._reach_m, tried,
+                target_m, self.base.reach(level), self.robot.description, self._reach_m, tried,
                 above_m,
             )  # fmt: skip
             if stand is None:
@@ -181,25 +181,25 @@ class Manipulation:
             return False
         self._face(target_m)
         if (missing_m := self._missing_m(target_m)) > 0:
-            step_m = max(missing_m + 0.02, self.body.description.min_forward_m)
+            step_m = max(missing_m + 0.02, self.robot.description.min_forward_m)
             self.base.ahead(step_m)
             self._face(target_m)
         return self._missing_m(target_m) <= 0
 
     def _face(self, target_m: np.ndarray) -> None:
-        pose = self.body.pose()
+        pose = self.robot.pose()
         self.base.turn_to(pose.yaw_rad + pose.bearing_rad(target_m))
-        distance_m = self.body.pose().distance_m(target_m)
-        self.base.tilt(tilt_towards(distance_m, float(target_m[2]), self.body.description))
+        distance_m = self.robot.pose().distance_m(target_m)
+        self.base.tilt(tilt_towards(distance_m, float(target_m[2]), self.robot.description))
 
     @property
     def _reach_m(self) -> float:
-        return self.body.description.reach_m - REACH_SPARE_M
+        return self.robot.description.reach_m - REACH_SPARE_M
 
     def _missing_m(self, target_m: np.ndarray) -> float:
         """Distance (m) that the robot stands too far away; at most 0 when the point is in reach."""
         spare = REACH_SPARE_M / 3
-        return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
+        return self.robot.pose().distance_m(target_m) - self.robot.description.reach_m + spare
 
     # --- place ---------------------------------------------------------------------------------
     def place(
@@ -228,7 +228,7 @@ class Manipulation:
             elif self._put(point or self._raised(spot)):
                 return SkillOutcome.SUCCEEDED
             else:
-                failed.stands.append(self.body.pose().xy)
+                failed.stands.append(self.robot.pose().xy)
             failed.points.append(point or spot.point_m)
         return SkillOutcome.FAILED if stood else SkillOutcome.OUT_OF_REACH
 
@@ -241,13 +241,13 @@ class Manipulation:
         x, y, z = point_m
         self.surface_m = z
         result = self.base.monitor.act(Place((x, y, z + drop_m)))
-        if not self.body.held():
+        if not self.robot.held():
             self.base.monitor.carrying = False
         if result.succeeded:
             return True
         self.last_reason = result.reason
-        if not self.body.held():
-            raise Dropped(self.body.pose().xy, result.reason or "it fell while it was placed")
+        if not self.robot.held():
+            raise Dropped(self.robot.pose().xy, result.reason or "it fell while it was placed")
         return False
 
     def _free_spots(
@@ -268,13 +268,13 @@ class Manipulation:
             spots = self._free_spots(receptacle, self.base.reach(level), failed)
             if spots:
                 return spots[0]
-        here = self.body.pose()
+        here = self.robot.pose()
         for level in self.base.levels:
             point = edge_spot(receptacle, here, PLACE_INSET_M + 0.05)
             if not failed.lacks(point):
                 return None
             stand = stand_for(
-                point, self.base.reach(level), self.body.description, self._reach_m, failed.stands,
+                point, self.base.reach(level), self.robot.description, self._reach_m, failed.stands,
                 tried_m=OTHER_SIDE_M,
             )  # fmt: skip
             if stand is not None:
@@ -286,10 +286,10 @@ class Manipulation:
     ) -> tuple[float, float, float] | None:
         """Best point within reach on the surface as now seen from near. None if every free spot is
         out of reach."""
-        here = self.body.pose()
+        here = self.robot.pose()
         if self.settings.place_rule == "paper":
             rules = AheadRules(self._reach_m)
-            return highest_ahead(receptacle, self.body.ground(), here, rules) or spot.point_m
+            return highest_ahead(receptacle, self.robot.ground(), here, rules) or spot.point_m
         reached = self.base.reach(self.base.levels[-1])
         seen = self._free_spots(receptacle, reached, failed)
         if not seen:
@@ -301,7 +301,7 @@ class Manipulation:
     def _raised(self, spot: Spot) -> tuple[float, float, float]:
         """The spot's point, raised to the highest surface that is seen there now."""
         x, y, z = spot.point_m
-        return x, y, max(z, top_at_m(self.body.ground(), (x, y), SURFACE_RADIUS_M))
+        return x, y, max(z, top_at_m(self.robot.ground(), (x, y), SURFACE_RADIUS_M))
 
 
 class PlacementCheck(Enum):
@@ -336,7 +336,7 @@ def seen_after(
 
 
 def look_after(
-    body: RobotInterface,
+    robot: RobotInterface,
     receptacle: ObjectInstance,
     before: Sequence[ObjectInstance],
     now: Callable[[], Sequence[ObjectInstance]],
@@ -349,7 +349,7 @@ def look_after(
         # The map takes the object in the placing's keyframe for still held. Without a step left to
         # look once more, the placing counts all the same.
         with contextlib.suppress(TaskFailed):
-            body.act(Observe())
+            robot.act(Observe())
         seen, thing = seen_after(receptacle, before, now(), least_class_score, surface_m)
     return seen, thing
 

@@ -136,15 +136,15 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
     world = World(*_prepared(home, trial, item))
     try:
         furniture = as_instance(item)
-        body = SimulatedRobot(world, [furniture])
+        robot = SimulatedRobot(world, [furniture])
         settings = Settings(place_rule=rule)
-        base = BaseController(body, settings)
-        skills = Manipulation(body, base, settings, MapBelief(body, settings), attempts=1)
-        if not _hold(world, body, trial.thing):
+        base = BaseController(robot, settings)
+        skills = Manipulation(robot, base, settings, MapBelief(robot, settings), attempts=1)
+        if not _hold(world, robot, trial.thing):
             return None
         try:
             middle = (item.x, item.y)
-            base.turn_to(body.pose().yaw_rad + body.pose().bearing_rad(middle))
+            base.turn_to(robot.pose().yaw_rad + robot.pose().bearing_rad(middle))
             base.tilt(settings.travel_tilt_rad)
             message = skills.place(furniture, item.class_name).name.lower()
             message = f"{message} {skills.last_reason}".strip()
@@ -154,7 +154,7 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
         how = _how(tries)
         thing = home.class_of(trial.thing)
         return Outcome(trial.seed, item.name, item.class_name, thing, rule, how == "succeeded",
-                       how, message, body.steps)  # fmt: skip
+                       how, message, robot.steps)  # fmt: skip
     finally:
         world.close()
 
@@ -171,14 +171,14 @@ def _prepared(home: Home, trial: Trial, item: Receptacle) -> tuple[Home, Episode
     )
 
 
-def _hold(world: World, body: SimulatedRobot, thing: str) -> bool:
+def _hold(world: World, robot: SimulatedRobot, thing: str) -> bool:
     """Look at the object and pick it up; True on success."""
-    base = BaseController(body, Settings())
+    base = BaseController(robot, Settings())
     x, y, z = (float(v) for v in world.position_m(thing))
-    pose = body.pose()
+    pose = robot.pose()
     base.turn_to(pose.yaw_rad + pose.bearing_rad((x, y)))
-    base.tilt(tilt_towards(pose.distance_m((x, y)), z, body.description))
-    return body.act(Pick((x, y, z), world.home.class_of(thing))).succeeded
+    base.tilt(tilt_towards(pose.distance_m((x, y)), z, robot.description))
+    return robot.act(Pick((x, y, z), world.home.class_of(thing))).succeeded
 
 
 def _how(tries: Sequence[PlaceTried]) -> str:

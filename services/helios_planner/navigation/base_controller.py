@@ -69,20 +69,20 @@ def never() -> bool:
 class BaseController:
     """Moves a robot over known ground only, and records unseen obstacles that it met."""
 
-    def __init__(self, body: RobotInterface, settings: Settings) -> None:
-        robot = body.description
-        self.body, self.settings = body, settings
+    def __init__(self, robot: RobotInterface, settings: Settings) -> None:
+        description = robot.description
+        self.robot, self.settings = robot, settings
         self.rules = MotionRules(
-            footprint_m=robot.footprint_radius_m,
+            footprint_m=description.footprint_radius_m,
             margin_m=settings.margins_m[0],
-            min_forward_m=robot.min_forward_m,
-            max_forward_m=robot.max_forward_m,
-            min_turn_rad=robot.min_turn_rad,
-            max_turn_rad=robot.max_turn_rad,
+            min_forward_m=description.min_forward_m,
+            max_forward_m=description.max_forward_m,
+            min_turn_rad=description.min_turn_rad,
+            max_turn_rad=description.max_turn_rad,
         )
-        self.monitor = MotionMonitor(body)
+        self.monitor = MotionMonitor(robot)
         self.felt_obstacles: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
-        self.blind_zone = BlindZone(body.description, self.rules.footprint_m, settings.blind_m)
+        self.blind_zone = BlindZone(robot.description, self.rules.footprint_m, settings.blind_m)
         self._cached: dict[tuple, Reach] = {}
         self._turns = 0  # in a row, since the last move ahead
         self._cleared: list[tuple[float, float]] = []  # unknown ground that was looked at
@@ -91,7 +91,7 @@ class BaseController:
     def turn_to(self, yaw_rad: float) -> None:
         """Turn on the spot until the heading is within the smallest turn."""
         for _ in range(16):
-            error = wrap_angle(yaw_rad - self.body.pose().yaw_rad)
+            error = wrap_angle(yaw_rad - self.robot.pose().yaw_rad)
             if abs(error) < self.rules.min_turn_rad:
                 return
             most = self.rules.max_turn_rad
@@ -105,9 +105,9 @@ class BaseController:
 
     def tilt(self, tilt_rad: float) -> bool:
         """Tilt the head; False if no action was needed."""
-        low, high = self.body.description.tilt_range_rad
+        low, high = self.robot.description.tilt_range_rad
         wanted = float(np.clip(tilt_rad, low, high))
-        if abs(wanted - self.body.tilt_rad()) < math.radians(2):
+        if abs(wanted - self.robot.tilt_rad()) < math.radians(2):
             return False
         self.monitor.act(Tilt(wanted))
         return True
@@ -125,18 +125,20 @@ class BaseController:
 
     def look_down_around(self) -> bool:
         """Look at the ground next to the robot, all around; False if it is already known."""
-        if not near_ground_unknown(self.body.ground(), self.body.pose(), self.rules.footprint_m):
+        if not near_ground_unknown(self.robot.ground(), self.robot.pose(), self.rules.footprint_m):
             return False
         self._full_turn(down_only=True)
         self.tilt(self.settings.travel_tilt_rad)
         return True
 
     def _full_turn(self, down_only: bool) -> None:
-        robot = self.body.description
+        description = self.robot.description
         turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
         step = 2 * math.pi / turns
-        apart = max(1, int(0.85 * robot.camera.hfov_rad / step))  # turns between two looks down
-        travel, down = self.settings.travel_tilt_rad, down_tilt_rad(robot)
+        apart = max(
+            1, int(0.85 * description.camera.hfov_rad / step)
+        )  # turns between two looks down
+        travel, down = self.settings.travel_tilt_rad, down_tilt_rad(description)
         both = not down_only and down > travel + math.radians(5)
         if not self.tilt(down if down_only else travel):
             self.monitor.act(Observe())
@@ -150,8 +152,8 @@ class BaseController:
     # --- what can be reached -------------------------------------------------------------------
     def reach(self, level: int = 0) -> Reach:
         """Everything reachable now with the margin of that level (0 is the widest)."""
-        ground, robot = self.body.ground(), self.body.pose()
-        key = (ground.version, robot, level, len(self.felt_obstacles), len(self.blind_zone.discs))
+        ground, pose = self.robot.ground(), self.robot.pose()
+        key = (ground.version, pose, level, len(self.felt_obstacles), len(self.blind_zone.discs))
         if key not in self._cached:
             if len(self._cached) > 8:
                 self._cached.clear()
@@ -160,18 +162,18 @@ class BaseController:
 
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-        return reach(self._covering(ground), self.body.pose(), rules, *self._discs())
+        return reach(self._covering(ground), self.robot.pose(), rules, *self._discs())
 
-    def memory(self) -> dict[str, Any]:
-        """State that must outlive a crash of the planner, as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a crash of the planner, as JSON, for `restore`."""
         return {
             "felt": [list(f) for f in self.felt_obstacles],
             "trusted": [list(disc) for disc in self.blind_zone.discs],
         }
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.felt_obstacles[:] = [(x, y, r) for x, y, r in memory["felt"]]
-        self.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.felt_obstacles[:] = [(x, y, r) for x, y, r in checkpoint["felt"]]
+        self.blind_zone.discs[:] = [(x, y, r) for x, y, r in checkpoint["trusted"]]
 
     def _covering(self, ground: GroundMap) -> GroundMap:
         """Map that also covers the rings taken as free."""
@@ -204,7 +206,7 @@ class BaseController:
         self.tilt(self.settings.travel_tilt_rad)
         self._turns = 0
         outcome = self._drive(goal, purpose, stop, slip_m)
-        self.body.listener.on_plan(np.empty((0, 2)), None, "")
+        self.robot.listener.on_plan(np.empty((0, 2)), None, "")
         if outcome is Outcome.ARRIVED and face:
             self.turn_to(goal.yaw_rad)
         return outcome
@@ -216,7 +218,7 @@ class BaseController:
         self._settle_jump()
         self._get_free()
         for _ in range(self._most_motions(goal)):
-            pose = self.body.pose()
+            pose = self.robot.pose()
             step = self._next_step(goal, purpose, slip_m, level)
             if step is Outcome.ARRIVED:
                 return Outcome.ARRIVED
@@ -240,12 +242,12 @@ class BaseController:
         return Outcome.UNREACHABLE
 
     def _most_motions(self, goal: Pose2) -> int:
-        return 80 + int(10 * self.body.pose().distance_m(goal.xy))
+        return 80 + int(10 * self.robot.pose().distance_m(goal.xy))
 
     def _next_step(self, goal: Pose2, purpose: str, slip_m: float, level: int) -> Step:
         """Next motion towards a goal with the margin of a level; or ARRIVED, or UNREACHABLE
         with that margin."""
-        pose = self.body.pose()
+        pose = self.robot.pose()
         if pose.distance_m(goal.xy) < ARRIVED_M:
             return Outcome.ARRIVED
         reached = self.reach(level)
@@ -253,7 +255,7 @@ class BaseController:
         if place is None:
             return Outcome.UNREACHABLE
         corners = straightened(reached.route_to(place), reached)
-        self.body.listener.on_plan(corners, goal, purpose)
+        self.robot.listener.on_plan(corners, goal, purpose)
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
         move = next_primitive(corners, reached, rules)
         if move is None or (isinstance(move, Turn) and self._turns > MOST_TURNS):
@@ -272,7 +274,7 @@ class BaseController:
 
     def back(self) -> bool:
         """Move straight back as far as the robot can and the ground is clear; True if it moved."""
-        most_m = self.body.description.max_back_m
+        most_m = self.robot.description.max_back_m
         free_m = self.reach(self.levels[-1]).free_back_m(most_m, self.rules)
         if free_m < self.rules.min_forward_m - 1e-9:
             return False
@@ -303,7 +305,7 @@ class BaseController:
         if self._wedged():
             self.look_down_around()
         if self._wedged():
-            self.blind_zone.trust(self.body.pose())
+            self.blind_zone.trust(self.robot.pose())
         while self._wedged():
             self.monitor.wedged_in(self.blind_zone.too_wide())
             self.felt_obstacles.clear()
@@ -326,7 +328,7 @@ class BaseController:
     def clear_way(self, target: tuple[float, float], within_m: float) -> bool:
         """Look at the unknown ground that blocks the path to within `within_m` of a place. False if
         something else blocks it, or if it was looked at before."""
-        barred = self.way_ends(self.body.ground(), target, within_m)
+        barred = self.way_ends(self.robot.ground(), target, within_m)
         if barred is None or any(math.dist(barred.at, c) < SAME_BARRIER_M for c in self._cleared):
             return False
         self._cleared.append(barred.at)
@@ -360,27 +362,27 @@ class BaseController:
     def look_past(self, barred: BlockedPath, stop: Callable[[], bool] = never) -> None:
         """Go to the end of the known path, and look at the unknown ground beyond, until
         `stop()` is true."""
-        unknown = unknown_near(self.body.ground(), barred.at, self.rules.footprint_m + 0.2)
+        unknown = unknown_near(self.robot.ground(), barred.at, self.rules.footprint_m + 0.2)
         goal = facing(*barred.stand, unknown)
         outcome = self.go_to(goal, "look at unknown ground in the way", stop)
         if outcome is not Outcome.ARRIVED:
             return
-        pose = self.body.pose()
+        pose = self.robot.pose()
         self.turn_to(pose.yaw_rad + pose.bearing_rad(unknown))
-        away_m = self.body.pose().distance_m(unknown)
-        robot = self.body.description
-        ahead_m = max(away_m - robot.camera_forward_m, 0.1)
-        self.tilt(math.atan2(robot.camera_height_m, ahead_m))
+        away_m = self.robot.pose().distance_m(unknown)
+        description = self.robot.description
+        ahead_m = max(away_m - description.camera_forward_m, 0.1)
+        self.tilt(math.atan2(description.camera_height_m, ahead_m))
 
 
 class PoseBaseController(BaseController):
     """Controller of a robot whose footprint is a box: plans over poses on a lattice."""
 
-    def __init__(self, body: RobotInterface, settings: Settings, capsule: Capsule) -> None:
-        super().__init__(body, settings)
+    def __init__(self, robot: RobotInterface, settings: Settings, capsule: Capsule) -> None:
+        super().__init__(robot, settings)
         self.capsule = capsule
         self.rules = replace(self.rules, footprint_m=capsule.reach_m)
-        self.blind_zone = BlindZone(body.description, capsule.reach_m, settings.blind_m)
+        self.blind_zone = BlindZone(robot.description, capsule.reach_m, settings.blind_m)
         self._lattice_xy: tuple[float, float] | None = None
 
     def reach(self, level: int = 0) -> PoseReach:
@@ -391,7 +393,7 @@ class PoseBaseController(BaseController):
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
         reached = pose_reach(
-            self._covering(ground), self.body.pose(), self.capsule, rules, *self._discs(),
+            self._covering(ground), self.robot.pose(), self.capsule, rules, *self._discs(),
             lattice_xy=self._lattice_xy,
         )  # fmt: skip
         self._lattice_xy = reached.node_xy
@@ -403,15 +405,15 @@ class PoseBaseController(BaseController):
         self._cached.clear()
 
     def _most_motions(self, goal: Pose2) -> int:
-        return 80 + int(20 * self.body.pose().distance_m(goal.xy))
+        return 80 + int(20 * self.robot.pose().distance_m(goal.xy))
 
     def _next_step(self, goal: Pose2, purpose: str, slip_m: float, level: int) -> Step:
-        pose = self.body.pose()
+        pose = self.robot.pose()
         reached = self.reach(level)
         end = reached.best_near(goal, slip_m)
         if end is not None:
             way = reached.way_to(end)
-            self.body.listener.on_plan(reached.route_along(way), goal, purpose)
+            self.robot.listener.on_plan(reached.route_along(way), goal, purpose)
             if len(way) == 1 and pose.distance_m(goal.xy) < max(slip_m, ARRIVED_M):
                 return Outcome.ARRIVED
             move = reached.next_move(way, self.rules)
@@ -438,22 +440,22 @@ class PoseBaseController(BaseController):
         return abs(free_rad) >= abs(angle_rad) - 1e-6
 
 
-def base_controller_for(body: RobotInterface, settings: Settings) -> BaseController:
+def base_controller_for(robot: RobotInterface, settings: Settings) -> BaseController:
     """Base controller for the robot's footprint."""
-    box = body.description.footprint_box_m
+    box = robot.description.footprint_box_m
     return (
-        BaseController(body, settings)
+        BaseController(robot, settings)
         if box is None
-        else PoseBaseController(body, settings, Capsule.around(*box))
+        else PoseBaseController(robot, settings, Capsule.around(*box))
     )
 
 
-def down_tilt_rad(robot: RobotDescription) -> float:
+def down_tilt_rad(description: RobotDescription) -> float:
     """Tilt at which the lower edge of the image shows the ground at the rim."""
     # A little within the rim: the image's lower edge is straight, the rim is round.
-    rim_m = 0.8 * robot.footprint_radius_m - robot.camera_forward_m
-    rim = math.atan2(robot.camera_height_m, rim_m)
-    return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
+    rim_m = 0.8 * description.footprint_radius_m - description.camera_forward_m
+    rim = math.atan2(description.camera_height_m, rim_m)
+    return float(np.clip(rim - description.camera.vfov_rad / 2, *description.tilt_range_rad))
 
 
 def near_ground_unknown(ground: GroundMap, pose: Pose2, footprint_m: float) -> bool:

@@ -31,19 +31,19 @@ class MotionMonitor:
     sets `jumped`, and the code that handles it clears it. The code that picks an
     object sets `carrying`."""
 
-    def __init__(self, body: RobotInterface) -> None:
-        self.body = body
+    def __init__(self, robot: RobotInterface) -> None:
+        self.robot = robot
         self.jumped = self.carrying = False
         self.blocks = self.wedged = self.jumps = 0
 
     def act(self, action: Action) -> ActionResult:
         """Perform an action. Raises TaskFailed at a limit, and Dropped if the
         carried object fell."""
-        before = self.body.pose()
-        result = self.body.act(action)
-        after = self.body.pose()
+        before = self.robot.pose()
+        result = self.robot.act(action)
+        after = self.robot.pose()
         self._see_jump(before, after, result)
-        if isinstance(action, Turn) and not self.jumped and not self.body.cut_short:
+        if isinstance(action, Turn) and not self.jumped and not self.robot.cut_short:
             turned = abs(wrap_angle(after.yaw_rad - before.yaw_rad))
             if max(turned, abs(result.turned_rad)) < 0.5 * abs(action.angle_rad):
                 self.blocked()
@@ -54,14 +54,14 @@ class MotionMonitor:
 
     def _still_held(self) -> bool:
         """True if the gripper reports an object; asks twice before the object counts as fallen."""
-        if not self.body.held():
-            self.body.act(Observe())
-        return bool(self.body.held())
+        if not self.robot.held():
+            self.robot.act(Observe())
+        return bool(self.robot.held())
 
     def stood_still(self, move: Forward, result: ActionResult) -> bool:
         """True if a move met an unseen obstacle; after stop-now and jumps only if it collided."""
         still = result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m)
-        return (still and not self.body.cut_short and not self.jumped) or result.collided
+        return (still and not self.robot.cut_short and not self.jumped) or result.collided
 
     def blocked(self) -> None:
         """Count a motion without effect. Raises TaskFailed at the limit."""
@@ -75,7 +75,7 @@ class MotionMonitor:
         """Count that no path led out. advice: remedy for the message at the limit."""
         self.wedged += 1
         if self.wedged > MOST_WEDGED:
-            x_m, y_m = self.body.pose().xy
+            x_m, y_m = self.robot.pose().xy
             raise TaskFailed(
                 Cause.STUCK,
                 f"the robot is wedged at ({x_m:.2f}, {y_m:.2f}) m: no way leads out of where it "

@@ -50,18 +50,18 @@ class PointGoal:
         self._on_stage = on_stage
         self.walls: list[XY] = []
 
-    def memory(self) -> dict[str, Any]:
-        """State as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State as JSON, for `restore`."""
         return {"walls": [list(wall) for wall in self.walls]}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.walls = [(x, y) for x, y in memory["walls"]]
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.walls = [(x, y) for x, y in checkpoint["walls"]]
 
     def drive(self, yaw_rad: float | None, purpose: str) -> float:
         """Drive there and face that heading; returns the remaining distance (m). Raises TaskFailed
         with the reason why the point is out of reach, and the nearest place that is not."""
         base = self._base
-        away_m = base.body.pose().distance_m(self.xy_m)
+        away_m = base.robot.pose().distance_m(self.xy_m)
         if away_m > MOST_AWAY_M:
             raise TaskFailed(
                 Cause.UNREACHABLE,
@@ -75,7 +75,7 @@ class PointGoal:
                 goal, slip_m = self._goal(yaw_rad), self._within_m
                 if base.go_to(goal, purpose, slip_m=slip_m, face=False) is Outcome.ARRIVED:
                     self._face(yaw_rad)
-                    return base.body.pose().distance_m(self.xy_m)
+                    return base.robot.pose().distance_m(self.xy_m)
                 continue
             stages += 1
             if not self._stage():
@@ -84,7 +84,7 @@ class PointGoal:
 
     def _goal(self, yaw_rad: float | None) -> Pose2:
         """Goal pose; without a given heading, that of the direct line to the point."""
-        pose = self._base.body.pose()
+        pose = self._base.robot.pose()
         on_the_way = pose.yaw_rad + pose.bearing_rad(self.xy_m)
         return Pose2(*self.xy_m, on_the_way if yaw_rad is None else yaw_rad)
 
@@ -96,7 +96,7 @@ class PointGoal:
     def _stage(self) -> bool:
         """Look at the unknown ground where the known path ends; False when no path is left."""
         base = self._base
-        ground = walled(padded_to_point(base.body.ground(), self.xy_m), self.walls)
+        ground = walled(padded_to_point(base.robot.ground(), self.xy_m), self.walls)
         barred = base.way_ends(ground, self.xy_m, self._within_m)
         if barred is None:
             return False
@@ -117,7 +117,7 @@ class PointGoal:
         if yaw_rad is None:
             return
         self._base.turn_to(yaw_rad)
-        pose = self._base.body.pose()
+        pose = self._base.robot.pose()
         least = max(FACED_RAD, self._base.rules.min_turn_rad)
         if abs(wrap_angle(yaw_rad - pose.yaw_rad)) > least:
             raise TaskFailed(
@@ -129,7 +129,7 @@ class PointGoal:
     def _why_not(self) -> str:
         """Reason why the point is out of reach, with the nearest place that is not."""
         base = self._base
-        said = state_of(base.body.ground(), self.xy_m, base.body.description.inner_radius_m)
+        said = state_of(base.robot.ground(), self.xy_m, base.robot.description.inner_radius_m)
         place = nearest_reachable(base.reach(base.levels[-1]), self.xy_m)
         if place is None:
             return f"{point_text(self.xy_m)} {said}"

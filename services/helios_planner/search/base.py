@@ -1,4 +1,4 @@
-"""Base of every search: frontiers, candidates, later rounds, and the memory of a search."""
+"""Base of every search: frontiers, candidates, later rounds, and the checkpoint of a search."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ GRID_M = 0.2  # spacing of the considered places
 class SearchTools:
     """Objects that the searches of one task share."""
 
-    body: RobotInterface
+    robot: RobotInterface
     settings: Settings
     base: BaseController
     looking: ViewPlanner
@@ -45,22 +45,22 @@ class SearchTools:
     rng: np.random.Generator
     given_up: list[tuple[float, float]] = field(default_factory=list)  # remaining after a visit
 
-    def memory(self) -> dict[str, Any]:
-        """State that must outlive a crash of the planner, as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a crash of the planner, as JSON, for `restore`."""
         return {
             "given_up": [list(f) for f in self.given_up],
-            "looked": self.looking.memory(),
-            "belief": self.belief.memory(),
+            "looked": self.looking.checkpoint(),
+            "belief": self.belief.checkpoint(),
             "draws": self.rng.bit_generator.state,
-            **self.base.memory(),
+            **self.base.checkpoint(),
         }
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.given_up[:] = [(x, y) for x, y in memory["given_up"]]
-        self.looking.recall(memory["looked"])
-        self.belief.recall(memory["belief"])
-        self.rng.bit_generator.state = memory["draws"]
-        self.base.recall(memory)
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.given_up[:] = [(x, y) for x, y in checkpoint["given_up"]]
+        self.looking.restore(checkpoint["looked"])
+        self.belief.restore(checkpoint["belief"])
+        self.rng.bit_generator.state = checkpoint["draws"]
+        self.base.restore(checkpoint)
 
 
 class Search(ABC):
@@ -70,7 +70,7 @@ class Search(ABC):
     def __init__(self, tools: SearchTools, phase: Phase, name: str, refused_m: float) -> None:
         """refused_m: radius around a refused candidate in which no other is tried."""
         self.tools, self.phase, self.name = tools, phase, name
-        self.body, self.settings = tools.body, tools.settings
+        self.robot, self.settings = tools.robot, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
         self.refused = PlaceSet(refused_m)  # permanently
         self.unreachable = PlaceSet(SAME_PLACE_M)  # until more ground is known
@@ -100,7 +100,7 @@ class Search(ABC):
                 "act_on_best gives it"
             )
         if decision.candidates:
-            self.body.listener.on_decision(decision)
+            self.robot.listener.on_decision(decision)
             self.tell(decision.why)
         return decision
 
@@ -148,51 +148,51 @@ class Search(ABC):
             while True:
                 decision = self.decide_and_publish()
                 if decision.do is Do.ACT:
-                    self._acted_from = self.body.pose()
+                    self._acted_from = self.robot.pose()
                     return self.chosen(decision)
                 more = self.explore() or self.clear_way() or self.patrol()
                 if not self.end_waiting() and not more and not self.relax():
                     break
         raise self._not_found()
 
-    def memory(self) -> dict[str, Any]:
-        """State that must outlive a restart, as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a restart, as JSON, for `restore`."""
         return {
             "round": self._round, "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
-            "refused": self.refused.memory(), "waiting": self.unreachable.memory(),
+            "refused": self.refused.checkpoint(), "waiting": self.unreachable.checkpoint(),
             "doubts": list(self._doubts.items()),
         }  # fmt: skip
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self._round = self._first_round = int(memory["round"])
-        self._waited_at = [(x, y) for x, y in memory.get("waited_at", [])]
-        self._patrol.seen_from = [(x, y) for x, y in memory["patrol"]]
-        self._doubts = {int(id): int(n) for id, n in memory.get("doubts", [])}
-        self.refused.recall(memory["refused"])
-        self.unreachable.recall(memory["waiting"])
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self._round = self._first_round = int(checkpoint["round"])
+        self._waited_at = [(x, y) for x, y in checkpoint.get("waited_at", [])]
+        self._patrol.seen_from = [(x, y) for x, y in checkpoint["patrol"]]
+        self._doubts = {int(id): int(n) for id, n in checkpoint.get("doubts", [])}
+        self.refused.restore(checkpoint["refused"])
+        self.unreachable.restore(checkpoint["waiting"])
 
     def _not_found(self) -> TaskFailed:
         if self.phase is Phase.FIND_OBJECT:
             cause, where = Cause.OBJECT_NOT_FOUND, "every frontier and every candidate place"
         else:
             cause, where = Cause.RECEPTACLE_NOT_FOUND, "every frontier"
-        said = f"no {self.name} was found: {where} was searched{self.body.detector_trouble()}"
+        said = f"no {self.name} was found: {where} was searched{self.robot.detector_trouble()}"
         return TaskFailed(cause, said)
 
     def tell(self, message: str) -> None:
         used, first = self._first
-        said_first = [first] if used == self.body.budget_used() else []
-        self.body.listener.on_phase(self.phase, self.name, "; ".join([*said_first, message]))
+        said_first = [first] if used == self.robot.budget_used() else []
+        self.robot.listener.on_phase(self.phase, self.name, "; ".join([*said_first, message]))
 
     def set_message_prefix(self, why: str) -> None:
         """Set why it searches again. The reason precedes every message until the robot acts."""
-        self._first = self.body.budget_used(), why
+        self._first = self.robot.budget_used(), why
 
     def give_up(self, what: Act, thing: ObjectInstance, reason: str) -> None:
         """Record and publish why a chosen candidate is left; `what`: the intended action."""
         kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
         decision = give_up(what, thing, kind, reason)
-        self.body.listener.on_decision(decision)
+        self.robot.listener.on_decision(decision)
         self.tell(decision.why)
         self.set_message_prefix(decision.why)
 
@@ -203,7 +203,7 @@ class Search(ABC):
             self.refused.add(candidate)
             return
         middle = _xy(candidate)
-        if self.body.pose() != self._acted_from:
+        if self.robot.pose() != self._acted_from:
             self._waited_at.append(middle)
         of_one = sum(math.dist(middle, m) < SAME_PLACE_M for m in self._waited_at)
         if of_one > MAX_UNREACHABLE_PER_CANDIDATE or len(self._waited_at) > MAX_UNREACHABLE:
@@ -212,7 +212,7 @@ class Search(ABC):
             middle, self._near_enough_m(candidate)
         ):
             self.unreachable.add(candidate)
-            self._left_at = self.body.ground().version
+            self._left_at = self.robot.ground().version
 
     def doubt(self, candidate: ObjectInstance) -> None:
         """Count a rejection from near. Its views decide if the candidate comes back; after
@@ -225,11 +225,11 @@ class Search(ABC):
         """Allow candidates that were out of reach again; True if the map has changed since."""
         waited = bool(self.unreachable.points)
         self.unreachable.clear()
-        return waited and self.body.ground().version != self._left_at
+        return waited and self.robot.ground().version != self._left_at
 
     def _near_enough_m(self, candidate: ObjectInstance) -> float:
         """Distance from its centre at which some part of the candidate is in reach."""
-        reach_m = self.body.description.reach_m - REACH_SPARE_M
+        reach_m = self.robot.description.reach_m - REACH_SPARE_M
         return reach_m + float(min(candidate.size_m[:2])) / 2
 
     def open(self, candidate: ObjectInstance) -> bool:
@@ -249,7 +249,7 @@ class Search(ABC):
     # --- frontiers -----------------------------------------------------------------------------
     def frontier_options(self, layer: str) -> list[FrontierOption]:
         """Frontiers that can be driven near to, with the widest margin that reaches any."""
-        pose = self.body.pose()
+        pose = self.robot.pose()
         frontiers = self._open_frontiers()
         for level in self.base.levels:
             reached = self.base.reach(level)
@@ -267,12 +267,12 @@ class Search(ABC):
 
     def _open_frontiers(self) -> Sequence[Frontier]:
         return [
-            f for f in self.body.frontiers()
+            f for f in self.robot.frontiers()
             if all(math.dist(f.xy_m, g) > SAME_PLACE_M for g in self.tools.given_up)
         ]  # fmt: skip
 
     def _frontier_at(self, xy_m: tuple[float, float]) -> bool:
-        return any(math.dist(f.xy_m, xy_m) <= SAME_PLACE_M for f in self.body.frontiers())
+        return any(math.dist(f.xy_m, xy_m) <= SAME_PLACE_M for f in self.robot.frontiers())
 
     def visit_frontier(self, xy_m: tuple[float, float], found: Callable[[], bool]) -> None:
         """Drive near a frontier and look at it, until it is gone or `found()` is true. A frontier
@@ -290,7 +290,7 @@ class Search(ABC):
             if outcome is Outcome.INTERRUPTED:
                 return
             if self._frontier_at(xy_m):
-                pose = self.body.pose()
+                pose = self.robot.pose()
                 self.base.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
             if self._frontier_at(xy_m):
                 self.base.look_down_around()
@@ -300,7 +300,7 @@ class Search(ABC):
     def clear_way(self) -> bool:
         """Look at unknown ground that blocks the path to a frontier or to a waiting candidate, when
         no frontier is in reach; False if there is none."""
-        pose = self.body.pose()
+        pose = self.robot.pose()
         targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
         targets += [(float(p[0]), float(p[1])) for p in self.unreachable.points]
         return any(self.base.clear_way(t, FRONTIER_REACH_M) for t in targets)
@@ -337,14 +337,14 @@ class RevisitSearch:
 
     def begin(self) -> None:
         """Start again from the present place, where the robot has just looked around."""
-        self.seen_from = [self._base.body.pose().xy]
+        self.seen_from = [self._base.robot.pose().xy]
 
     def step(self, purpose: str, found: Callable[[], bool]) -> bool:
         """Look around from one more place, until `found()` is true; False when none is left."""
         place = next_place(self._base.reach(), self.seen_from, self._apart_m)
         if place is None:
             return False
-        pose = self._base.body.pose()
+        pose = self._base.robot.pose()
         goal = Pose2(*place, pose.yaw_rad)
         outcome = self._base.go_to(goal, purpose, found, face=False)
         if outcome is Outcome.INTERRUPTED:

@@ -63,7 +63,7 @@ class TrustingSearch(Search):
         ]  # fmt: skip
 
     def decide(self) -> Decision:
-        pose = self.body.pose()
+        pose = self.robot.pose()
         kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
         candidates = []
         for thing in self.reported():
@@ -82,12 +82,12 @@ class TrustingSearch(Search):
     def explore(self) -> bool:
         return self._explorer.step(lambda: bool(self.reported()))
 
-    def memory(self) -> dict[str, Any]:
-        return super().memory() | {"explorer": self._explorer.memory()}
+    def checkpoint(self) -> dict[str, Any]:
+        return super().checkpoint() | {"explorer": self._explorer.checkpoint()}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        super().recall(memory)
-        self._explorer.recall(memory["explorer"])
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        super().restore(checkpoint)
+        self._explorer.restore(checkpoint["explorer"])
 
 
 class StopSearch(ScoredSearch):
@@ -103,19 +103,19 @@ class StopSearch(ScoredSearch):
 
     def candidates(self) -> list[ObjectInstance]:
         return [
-            o for o in self.body.objects(self.name)
+            o for o in self.robot.objects(self.name)
             if o.class_score >= self.settings.cs_g and self.open(o)
         ]  # fmt: skip
 
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)
 
-    def memory(self) -> dict[str, Any]:
-        return super().memory() | {"explorer": self._explorer.memory()}
+    def checkpoint(self) -> dict[str, Any]:
+        return super().checkpoint() | {"explorer": self._explorer.checkpoint()}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        super().recall(memory)
-        self._explorer.recall(memory["explorer"])
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        super().restore(checkpoint)
+        self._explorer.restore(checkpoint["explorer"])
 
 
 class VlfmBelief(TrustingBelief):
@@ -141,7 +141,7 @@ class VlfmBelief(TrustingBelief):
 
     @property
     def _range_m(self) -> float:
-        return min(RANGE_M, self.body.description.max_depth_m)
+        return min(RANGE_M, self.robot.description.max_depth_m)
 
     def _take_in(self, sighting: Sighting) -> None:
         if sighting.confidence < self.settings.vlfm_confidence or sighting.nearest_m < TOO_NEAR_M:
@@ -158,7 +158,7 @@ class VlfmBelief(TrustingBelief):
 
     def _disproved(self, thing: ObjectInstance) -> bool:
         """True if the camera faces part of the object from near: it would have seen it well."""
-        robot, pose = self.body.description, self.body.pose()
+        robot, pose = self.robot.description, self.robot.pose()
         eye = (*eye_of(pose, robot), robot.camera_height_m)
         points = np.vstack([outline_of(thing), thing.center_m[:2]])
         return any(

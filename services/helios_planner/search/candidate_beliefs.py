@@ -25,8 +25,8 @@ class Belief(ABC):
 
     required_parts: ClassVar[tuple[str, ...]]  # keyframe parts to be acknowledged before a decision
 
-    def __init__(self, body: RobotInterface, settings: Settings) -> None:
-        self.body, self.settings = body, settings
+    def __init__(self, robot: RobotInterface, settings: Settings) -> None:
+        self.robot, self.settings = robot, settings
 
     @abstractmethod
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
@@ -47,12 +47,12 @@ class Belief(ABC):
         """Remove an object that was picked up."""
 
     @abstractmethod
-    def memory(self) -> list[str]:
-        """State that only this belief holds, as JSON, for `recall`."""
+    def checkpoint(self) -> list[str]:
+        """State that only this belief holds, as JSON, for `restore`."""
 
     @abstractmethod
-    def recall(self, memory: Sequence[str]) -> None:
-        """Restore the state that `memory` returned."""
+    def restore(self, checkpoint: Sequence[str]) -> None:
+        """Restore the state that `checkpoint` returned."""
 
 
 class MapBelief(Belief):
@@ -61,24 +61,24 @@ class MapBelief(Belief):
     answered = tuple(MapPart)
 
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
-        return self.body.objects(class_name)
+        return self.robot.objects(class_name)
 
     def from_near(
         self, thing: ObjectInstance, class_name: str, within_m: float
     ) -> ObjectInstance | None:
         """The same instance within `within_m`; if it is gone, the one now in its place."""
-        known = self.body.objects(class_name)
+        known = self.robot.objects(class_name)
         same = [o for o in known if o.id == thing.id]
         within_m = within_m if same else min(within_m, SAME_THING_M)
         return nearest_to(thing.center_m, same or known, within_m)
 
     def taken(self, thing: ObjectInstance) -> None:
-        self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")
+        self.robot.retire(thing.id, np.asarray(thing.center_m), "picked up")
 
-    def memory(self) -> list[str]:
+    def checkpoint(self) -> list[str]:
         return []
 
-    def recall(self, memory: Sequence[str]) -> None:
+    def restore(self, checkpoint: Sequence[str]) -> None:
         """Do nothing: the object map keeps its own state."""
 
 
@@ -88,13 +88,13 @@ class TrustingBelief(Belief):
 
     answered = (MapPart.OCCUPANCY, MapPart.VALUE, DETECTIONS)
 
-    def __init__(self, body: RobotInterface, settings: Settings) -> None:
-        super().__init__(body, settings)
+    def __init__(self, robot: RobotInterface, settings: Settings) -> None:
+        super().__init__(robot, settings)
         self._things: list[ObjectInstance] = []
         self._read = self._ids = 0
 
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
-        sightings = self.body.sightings()
+        sightings = self.robot.sightings()
         for sighting in sightings[self._read :]:
             self._take_in(sighting)
         self._read = len(sightings)
@@ -108,11 +108,11 @@ class TrustingBelief(Belief):
     def taken(self, thing: ObjectInstance) -> None:
         self._things = [t for t in self._things if t.id != thing.id]
 
-    def memory(self) -> list[str]:
+    def checkpoint(self) -> list[str]:
         return [object_to_proto(t).SerializeToString().hex() for t in self._things]
 
-    def recall(self, memory: Sequence[str]) -> None:
-        kept = (pb.ObjectInstance.FromString(bytes.fromhex(text)) for text in memory)
+    def restore(self, checkpoint: Sequence[str]) -> None:
+        kept = (pb.ObjectInstance.FromString(bytes.fromhex(text)) for text in checkpoint)
         self._things = [object_from_proto(thing) for thing in kept]
         self._ids = max((t.id for t in self._things), default=0)
 

@@ -31,7 +31,7 @@ class Exploration:
     """Exploration of one task. `given_up`: middles of borders that remained after a look."""
 
     def __init__(self, base: BaseController, settings: Settings) -> None:
-        self._base, self._body, self._settings = base, base.body, settings
+        self._base, self._body, self._settings = base, base.robot, settings
         self.given_up: list[XY] = []
         self._ids: list[XY] = []  # middles of all borders so far; the index + 1 is a border's id
         self._before_m2: float | None = None  # known floor at the start
@@ -39,18 +39,18 @@ class Exploration:
         self._left: list[XY] = []  # borders that remain
         self._cached: tuple[int, list[Border]] = (-1, [])
 
-    def memory(self) -> dict[str, Any]:
-        """State as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State as JSON, for `restore`."""
         return {
             "borders_given_up": [list(xy) for xy in self.given_up],
             "borders": [list(xy) for xy in self._ids],
             "before_m2": self._before_m2,
         }
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.given_up = [(x, y) for x, y in memory["borders_given_up"]]
-        self._ids = [(x, y) for x, y in memory["borders"]]
-        self._before_m2 = memory["before_m2"]
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.given_up = [(x, y) for x, y in checkpoint["borders_given_up"]]
+        self._ids = [(x, y) for x, y in checkpoint["borders"]]
+        self._before_m2 = checkpoint["before_m2"]
 
     def run(self) -> None:
         """Explore until every border that can be reached was looked at."""

@@ -29,16 +29,16 @@ class Explorer(ABC):
         """Explore one frontier, until `found()` is true; False when none is left."""
 
     @abstractmethod
-    def memory(self) -> list[float]:
-        """State that must outlive a restart, for `recall`."""
+    def checkpoint(self) -> list[float]:
+        """State that must outlive a restart, for `restore`."""
 
     @abstractmethod
-    def recall(self, memory: Sequence[float]) -> None:
-        """Restore the state that `memory` returned."""
+    def restore(self, checkpoint: Sequence[float]) -> None:
+        """Restore the state that `checkpoint` returned."""
 
     def _visit(self, decision: Decision, found: Callable[[], bool]) -> bool:
         """Publish a decision and carry it out; False if nothing is left."""
-        self.search.body.listener.on_decision(decision)
+        self.search.robot.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
         self.search.tell(decision.why)
@@ -57,10 +57,10 @@ class RuleExplorer(Explorer):
         options = self.search.frontier_options(self.layer)
         return self._visit(self._rule(options, self.layer, self.search.tools.rng), found)
 
-    def memory(self) -> list[float]:
+    def checkpoint(self) -> list[float]:
         return []
 
-    def recall(self, memory: Sequence[float]) -> None:
+    def restore(self, checkpoint: Sequence[float]) -> None:
         """Do nothing: the rule has no state."""
 
 
@@ -79,12 +79,12 @@ class TargetPursuit(Explorer):
             self.last = ChosenFrontier(chosen.position_m[:2], chosen.terms["value"])
         return self._visit(decision, lambda: found() or self._fell())
 
-    def memory(self) -> list[float]:
+    def checkpoint(self) -> list[float]:
         return [] if self.last is None else [*self.last.xy_m, self.last.value_when_chosen]
 
-    def recall(self, memory: Sequence[float]) -> None:
-        if memory:
-            x_m, y_m, value = memory
+    def restore(self, checkpoint: Sequence[float]) -> None:
+        if checkpoint:
+            x_m, y_m, value = checkpoint
             self.last = ChosenFrontier((x_m, y_m), value)
 
     def _fell(self) -> bool:
@@ -94,7 +94,7 @@ class TargetPursuit(Explorer):
         last = self.last
         near = [
             f
-            for f in self.search.body.frontiers()
+            for f in self.search.robot.frontiers()
             if math.dist(f.xy_m, last.xy_m) <= SAME_FRONTIER_M
         ]
         if not near:

@@ -65,15 +65,15 @@ class ObjectSearch(ScoredSearch):
         self.visited = PlaceSet(SAME_PLACE_M)
         self._last_seen: tuple = ()
 
-    def memory(self) -> dict[str, Any]:
-        return super().memory() | {
-            "visited": self.visited.memory(), "objective": self.seen.as_json(),
+    def checkpoint(self) -> dict[str, Any]:
+        return super().checkpoint() | {
+            "visited": self.visited.checkpoint(), "objective": self.seen.as_json(),
         }  # fmt: skip
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        super().recall(memory)
-        self.visited.recall(memory["visited"])
-        self.seen = SearchMemory.of_json(memory["objective"])
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        super().restore(checkpoint)
+        self.visited.restore(checkpoint["visited"])
+        self.seen = SearchMemory.of_json(checkpoint["objective"])
 
     def end_waiting(self) -> bool:
         self._last_seen = ()
@@ -86,18 +86,18 @@ class ObjectSearch(ScoredSearch):
     # --- the object ----------------------------------------------------------------------------
     def candidates(self) -> list[ObjectInstance]:
         return [
-            o for o in self.body.objects(self.name)
+            o for o in self.robot.objects(self.name)
             if o.class_score >= self.settings.cs_g and self.open(o)
         ]  # fmt: skip
 
     def in_place(self, candidate: ObjectInstance) -> bool:
-        return self.start is None or is_on_any(candidate, self.body.objects(self.start))
+        return self.start is None or is_on_any(candidate, self.robot.objects(self.start))
 
     def place_of(self, candidate: ObjectInstance) -> float:
         return (
             1.0
             if self.start is None
-            else place_probability(candidate, self.body.objects(self.start))
+            else place_probability(candidate, self.robot.objects(self.start))
         )
 
     def relax(self) -> bool:
@@ -106,7 +106,7 @@ class ObjectSearch(ScoredSearch):
 
     def _something_to_do(self) -> bool:
         """True if a candidate object interrupts the search."""
-        found = self.body.objects(self.name)
+        found = self.robot.objects(self.name)
         seen = tuple((o.id, o.views, round(o.score, 3)) for o in found)
         if not seen or self._last_seen == seen:
             return False
@@ -119,7 +119,7 @@ class ObjectSearch(ScoredSearch):
         options = self._receptacle_options()
         frontiers = self.frontier_options(PICK_LAYER)
         decision = self.next_place(options, frontiers)
-        self.body.listener.on_decision(decision)
+        self.robot.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
         self.tell(decision.why)
@@ -135,10 +135,10 @@ class ObjectSearch(ScoredSearch):
     def _receptacles(self) -> list[ObjectInstance]:
         if not self.start:
             return []
-        return [o for o in self.body.objects(self.start) if o.class_score >= self.settings.cs_a]
+        return [o for o in self.robot.objects(self.start) if o.class_score >= self.settings.cs_a]
 
     def _receptacle_options(self) -> list[ReceptacleOption]:
-        pose = self.body.pose()
+        pose = self.robot.pose()
         options = []
         for r in self._receptacles():
             if r in self.visited:

@@ -29,10 +29,10 @@ class PluginRuleExplorer(Explorer):
         decision = by_own_rule(self._rule, (), frontiers, self.search.name, self.layer, rng)
         return self._visit(decision, found)
 
-    def memory(self) -> list[float]:
+    def checkpoint(self) -> list[float]:
         return []
 
-    def recall(self, memory: Sequence[float]) -> None:
+    def restore(self, checkpoint: Sequence[float]) -> None:
         """Do nothing: the rule has no state."""
 
 

@@ -48,7 +48,7 @@ class ScoredSearch(Search):
         refused_m: float,
     ) -> None:
         super().__init__(tools, phase, name, refused_m)
-        self._thresholds, self._since = standards, tools.body.budget_used()
+        self._thresholds, self._since = standards, tools.robot.budget_used()
         self._step = 0  # index into the acceptance thresholds
         self._decision_threshold = standards.steps[0]  # acceptance threshold of the newest decision
         self._views: dict[int, BestView | None] = {}
@@ -90,7 +90,7 @@ class ScoredSearch(Search):
 
     @property
     def _standard(self) -> AcceptanceThreshold:
-        due = self._thresholds.least_at(self.body.budget_used(), self._since)
+        due = self._thresholds.least_at(self.robot.budget_used(), self._since)
         self._step = max(self._step, due)
         return self._thresholds.steps[self._step]
 
@@ -151,16 +151,17 @@ class ScoredSearch(Search):
         self._step += 1
         return True
 
-    def memory(self) -> dict[str, Any]:
-        return super().memory() | {
-            "standard": self._step, "since": self._since, "remembered": self._remembered.memory(),
+    def checkpoint(self) -> dict[str, Any]:
+        return super().checkpoint() | {
+            "standard": self._step, "since": self._since,
+            "remembered": self._remembered.checkpoint(),
         }  # fmt: skip
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        super().recall(memory)
-        self._step, self._since = int(memory["standard"]), float(memory["since"])
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        super().restore(checkpoint)
+        self._step, self._since = int(checkpoint["standard"]), float(checkpoint["since"])
         self._decision_threshold = self._thresholds.steps[self._step]
-        self._remembered.recall(memory.get("remembered", []))
+        self._remembered.restore(checkpoint.get("remembered", []))
 
     def decide(self) -> Decision:
         """Decision to act on a candidate, to look at one again, or to search on."""
@@ -229,7 +230,7 @@ class ReceptacleSearch(ScoredSearch):
 
     def candidates(self) -> list[ObjectInstance]:
         return [
-            o for o in self.body.objects(self.name)
+            o for o in self.robot.objects(self.name)
             if o.class_score >= self.settings.cs_b
             and self.open(o)
             and (self._not_at is None or not near_outline(o, self._not_at, PICKED_PLACE_M))
@@ -253,13 +254,15 @@ class CandidateMemory:
         """Candidate with the largest class score times views; None if none is allowed."""
         return max(filter(allowed, self._things.values()), key=_evidence_key, default=None)
 
-    def memory(self) -> list[str]:
-        """The best candidates as JSON, for `recall`; few, as every action stores them."""
+    def checkpoint(self) -> list[str]:
+        """The best candidates as JSON, for `restore`; few, as every action stores them."""
         best = heapq.nlargest(MOST_WRITTEN, self._things.values(), key=_evidence_key)
         return [object_to_proto(c).SerializeToString().hex() for c in best]
 
-    def recall(self, memory: Sequence[str]) -> None:
-        self.note(object_from_proto(pb.ObjectInstance.FromString(bytes.fromhex(m))) for m in memory)
+    def restore(self, checkpoint: Sequence[str]) -> None:
+        self.note(
+            object_from_proto(pb.ObjectInstance.FromString(bytes.fromhex(m))) for m in checkpoint
+        )
 
 
 def _evidence_key(c: ObjectInstance) -> tuple[float, int]:

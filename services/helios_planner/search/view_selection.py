@@ -49,13 +49,13 @@ class PlaceSet:
         self.ids.clear()
         self.points.clear()
 
-    def memory(self) -> dict[str, Any]:
-        """State as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State as JSON, for `restore`."""
         return {"ids": sorted(self.ids), "points": [p.tolist() for p in self.points]}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        self.ids = set(memory["ids"])
-        self.points = [np.asarray(p, float) for p in memory["points"]]
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.ids = set(checkpoint["ids"])
+        self.points = [np.asarray(p, float) for p in checkpoint["points"]]
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class ViewPlanner:
 
     def __init__(
         self,
-        body: RobotInterface,
+        robot: RobotInterface,
         base: BaseController,
         settings: Settings,
         other_share: float = 0.0,
     ) -> None:
         """other_share: share of the evidence of an expected view that goes to the *other* class."""
-        self.body, self.base, self.settings = body, base, settings
+        self.robot, self.base, self.settings = robot, base, settings
         self._other_share = other_share
         self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's centre, viewpoint
         self._views: dict[tuple, BestView | None] = {}
@@ -106,7 +106,7 @@ class ViewPlanner:
     def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
         """Gaze points with the widest margin that reaches any."""
         for level in self.base.levels:
-            points = gaze_points(candidate, self.base.reach(level), self.body.description, rules)
+            points = gaze_points(candidate, self.base.reach(level), self.robot.description, rules)
             if points:
                 return points
         return []
@@ -125,12 +125,12 @@ class ViewPlanner:
         """Make every gaze point available again."""
         self._looked.clear()
 
-    def memory(self) -> list[list[float]]:
-        """Centres and poses [x, y, x, y, yaw] as JSON, for `recall`."""
+    def checkpoint(self) -> list[list[float]]:
+        """Centres and poses [x, y, x, y, yaw] as JSON, for `restore`."""
         return [[*map(float, m), p.x_m, p.y_m, p.yaw_rad] for m, p in self._looked]
 
-    def recall(self, memory: Sequence[Sequence[float]]) -> None:
-        self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in memory]
+    def restore(self, checkpoint: Sequence[Sequence[float]]) -> None:
+        self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in checkpoint]
 
     # --- expected effect of views --------------------------------------------------------------
     def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
@@ -142,8 +142,8 @@ class ViewPlanner:
             receptacle.id, receptacle.views, receptacle.gaussians, tuple(g.pose for g in points)
         )  # fmt: skip
         if key not in self._gains:
-            poses = [g.T_world_cam(self.body.description) for g in points]
-            answer = self.body.what_if(
+            poses = [g.T_world_cam(self.robot.description) for g in points]
+            answer = self.robot.what_if(
                 receptacle.id, class_name, poses, joint=True, other_share=self._other_share
             )
             self._gains[key] = answer.gains_nats[0] if answer.gains_nats else 0.0
@@ -158,15 +158,15 @@ class ViewPlanner:
             return None
         key = (thing.id, thing.views, thing.gaussians, tuple(g.pose for g in points))
         if key not in self._views:
-            poses = [g.T_world_cam(self.body.description) for g in points]
-            answer = self.body.what_if(thing.id, class_name, poses, joint=False)
+            poses = [g.T_world_cam(self.robot.description) for g in points]
+            answer = self.robot.what_if(thing.id, class_name, poses, joint=False)
             scores = list(answer.scores)
             if len(scores) != len(points):
                 self._views[key] = None
             else:
                 k = int(np.argmax(scores))
                 self._views[key] = BestView(points[k], float(scores[k]))
-                self.body.listener.on_decision(
+                self.robot.listener.on_decision(
                     best_view(thing, scores, [g.pose.xy for g in points])
                 )
         return self._views[key]
@@ -182,7 +182,7 @@ class ViewPlanner:
         """Candidate with its terms; with `ask` and a score below threshold also its best view."""
         matters = ask and thing.score < threshold
         view = self.best_view(thing, class_name) if matters else None
-        distance_m = self.body.pose().distance_m(thing.center_m)
+        distance_m = self.robot.pose().distance_m(thing.center_m)
         score = view.score if view else None
         return ViewOption(thing, thing.score, score, distance_m, in_place), view
 
@@ -202,7 +202,7 @@ class ViewPlanner:
         middle = np.asarray(candidate.center_m[:2], float)
         self._looked.append((middle, gaze.pose))
         if outcome is Outcome.ARRIVED:
-            pose = self.body.pose()
+            pose = self.robot.pose()
             self.base.turn_to(wrap_angle(pose.yaw_rad + pose.bearing_rad(middle)))
             self.base.tilt(gaze.tilt_rad)
         return outcome

@@ -50,7 +50,7 @@ class TaskExecutor:
 
     def run(self) -> None:
         """Run the task until it ends or the planner closes; the registry publishes the end."""
-        body: RobotClient | None = None
+        robot: RobotClient | None = None
         mission: Mission | MoveMission | None = None
         try:
             if not self._task.instruction.kind.only_moves:
@@ -58,31 +58,31 @@ class TaskExecutor:
             check_able(self._task.instruction, self._robot)
             context = search_context(self._task.context_id, self._task.instruction, self._settings)
             self._bus.publish(CONTEXT, context_to_proto(context))
-            body = self._body(context.id)
-            mission = self._mission(body)
+            robot = self._body(context.id)
+            mission = self._mission(robot)
             if self._again:
                 self._take_up(mission)
-            self._journal.memory = mission.memory
+            self._journal.checkpoint = mission.checkpoint
             self._journal.note()
-            body.begin()
-            message = mission.run() + _contacts(body)
+            robot.begin()
+            message = mission.run() + _contacts(robot)
             self._end(mission, State.SUCCEEDED, message)
         except TaskCancelled:
-            self._end(mission, State.CANCELLED, f"cancelled; {self._left(body)}")
+            self._end(mission, State.CANCELLED, f"cancelled; {self._left(robot)}")
         except TaskFailed as failure:
-            by_robot = failure.cause is not Cause.SYSTEM_ERROR and body is not None
+            by_robot = failure.cause is not Cause.SYSTEM_ERROR and robot is not None
             message = failure.message
-            if isinstance(failure, TimeIsUp) and body is not None:
-                message += body.detector_trouble()
-            message += _contacts(body) if by_robot else ""
-            if by_robot and (held := self._held(body)):
+            if isinstance(failure, TimeIsUp) and robot is not None:
+                message += robot.detector_trouble()
+            message += _contacts(robot) if by_robot else ""
+            if by_robot and (held := self._held(robot)):
                 message += f"; {held}"
             self._end(mission, State.FAILED, message, failure.cause)
         except HeliosError as error:
             self._end(mission, State.FAILED, error.message, Cause.SYSTEM_ERROR)
         finally:
-            if body is not None:
-                body.end()
+            if robot is not None:
+                robot.end()
 
     def _end(
         self,
@@ -94,19 +94,19 @@ class TaskExecutor:
         seen = mission and mission.seen_at_goal
         self._registry.end(self._task.id, state, message, cause, seen_at_goal=seen)
 
-    def _left(self, body: RobotClient | None) -> str:
+    def _left(self, robot: RobotClient | None) -> str:
         """Message about the robot after a task that does not go on."""
         if not self._journal.is_settled:
             return "the robot has not answered its last action and may still be at it"
-        held = self._held(body)
+        held = self._held(robot)
         return f"the robot stands; {held}" if held else "the robot stands"
 
-    def _held(self, body: RobotClient | None) -> str:
+    def _held(self, robot: RobotClient | None) -> str:
         """Message about the held object; empty if there is none, or if it is not queried."""
-        if body is None or not self._journal.is_settled:
+        if robot is None or not self._journal.is_settled:
             return ""
         try:
-            thing = body.held()
+            thing = robot.held()
         except (TaskCancelled, TaskFailed):
             return ""
         return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
@@ -118,19 +118,19 @@ class TaskExecutor:
         """The task's robot client. Each life has its own action ids, so that none repeats
         an earlier one."""
         life = self._journal.entry.life
-        body = RobotClient(
+        robot = RobotClient(
             self._bus, self._line(), self._settings, self._robot, self._acks,
             f"{self._task.id}.{life}" if life else self._task.id, context_id,
             self._task.max_steps, self._reporter, self._parts(),
         )  # fmt: skip
-        body.steps = self._task.steps
-        return body
+        robot.steps = self._task.steps
+        return robot
 
-    def _mission(self, body: RobotClient) -> Mission | MoveMission:
+    def _mission(self, robot: RobotClient) -> Mission | MoveMission:
         instruction = self._task.instruction
         if instruction.kind.only_moves:
-            return MoveMission(body, instruction, self._settings)
-        return Mission(body, instruction, self._settings, self._task.agent)
+            return MoveMission(robot, instruction, self._settings)
+        return Mission(robot, instruction, self._settings, self._task.agent)
 
     def _parts(self) -> Sequence[str]:
         """Parts of a keyframe that must be acknowledged before the next action. A task that only
@@ -143,8 +143,8 @@ class TaskExecutor:
         """Settle the action in flight, and restore the mission's state."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
         last = last_action(self._line(), self._settings, self._journal, lambda: self._calls.held_s)
-        if self._journal.entry.memory:
-            mission.recall(self._journal.entry.memory, last)
+        if self._journal.entry.checkpoint:
+            mission.restore(self._journal.entry.checkpoint, last)
 
     def _named(self) -> None:
         """Translate the task's names to the detector's; waits for a detector that is away."""
@@ -152,7 +152,7 @@ class TaskExecutor:
         self._task = self._registry.change(self._task.id, instruction=named)
 
 
-def _contacts(body: RobotClient | None) -> str:
-    if body is None or not body.collisions:
+def _contacts(robot: RobotClient | None) -> str:
+    if robot is None or not robot.collisions:
         return ""
-    return f" (with {body.collisions} contact{'' if body.collisions == 1 else 's'} on the way)"
+    return f" (with {robot.collisions} contact{'' if robot.collisions == 1 else 's'} on the way)"

@@ -31,29 +31,29 @@ class Mission:
     """One task from start to end; `run` returns the message of its success."""
 
     def __init__(
-        self, body: RobotInterface, instruction: Instruction, settings: Settings, agent: str = ""
+        self, robot: RobotInterface, instruction: Instruction, settings: Settings, agent: str = ""
     ) -> None:
         """agent: a name of `agents.AGENTS`; empty for that of the settings."""
-        self.body, self.instruction, self.settings = body, instruction, settings
+        self.robot, self.instruction, self.settings = robot, instruction, settings
         self.agent = agent_named(agent or settings.agent)
-        base = base_controller_for(body, settings)
-        belief = self.agent.belief(body, settings)
+        base = base_controller_for(robot, settings)
+        belief = self.agent.belief(robot, settings)
         self.tools = SearchTools(
-            body, settings, base, ViewPlanner(body, base, settings, self.agent.other_share), belief,
+            robot, settings, base, ViewPlanner(robot, base, settings, self.agent.other_share),
+            belief,
             np.random.default_rng(settings.agent_seed),
         )  # fmt: skip
         attempts = settings.picks_per_object if self.agent.retries else 1
-        self.skills = Manipulation(body, base, settings, belief, attempts)
+        self.skills = Manipulation(robot, base, settings, belief, attempts)
         self.looked_around = self.placed = False
-        self.seen_at_goal: bool | None = (
-            None  # True if the placed object is seen there; None: nothing is known to be placed
-        )
+        # True if the placed object is seen there; None: nothing is known to be placed
+        self.seen_at_goal: bool | None = None
         self.target_m: np.ndarray | None = None  # centre of the object to pick
         self.picked_at_m: np.ndarray | None = None
         self.unsure: dict[Phase, str] = {}  # notes about doubtful choices, for the final message
         self._fell = ""  # message about a fall, for the next search
         self.search: Search | None = None  # the current one
-        self._recalled: Mapping[str, Any] | None = None  # memory of the interrupted search
+        self._restored: Mapping[str, Any] | None = None  # checkpoint of the interrupted search
 
     def run(self) -> str:
         """Run the task; returns its message. Raises TaskFailed and TaskCancelled."""
@@ -62,7 +62,7 @@ class Mission:
             self._take_over(i.object or "")
         if not self.looked_around:
             phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
-            self.body.listener.on_phase(phase, i.object or i.goal or "", "looking around")
+            self.robot.listener.on_phase(phase, i.object or i.goal or "", "looking around")
             self.tools.base.look_around()
             self.looked_around = True
         if i.kind is Kind.GO_TO:
@@ -94,19 +94,19 @@ class Mission:
     def _take_over(self, name: str) -> None:
         """Use an object that an earlier task left in the gripper: the right one only needs to be
         placed. Raises TaskFailed for any other."""
-        held = self.body.held()
+        held = self.robot.held()
         if held and held != name:
             message = f"the gripper is not free for the {name}: a {held} is in it"
             raise TaskFailed(Cause.PICK_FAILED, message)
         if held:
-            self.picked_at_m = np.array([*self.body.pose().xy, 0.0])
+            self.picked_at_m = np.array([*self.robot.pose().xy, 0.0])
             self.tools.base.monitor.carrying = True
 
     def _begun(self, search: Search) -> Search:
-        """Make a search the current one; an interrupted search gets its memory back."""
-        recalled, self._recalled = self._recalled, None
-        if recalled is not None and recalled["phase"] == search.phase:
-            search.recall(recalled)
+        """Make a search the current one; an interrupted search gets its checkpoint back."""
+        restored, self._restored = self._restored, None
+        if restored is not None and restored["phase"] == search.phase:
+            search.restore(restored)
         self.search = search
         if self._fell:
             search.set_message_prefix(self._fell)
@@ -115,28 +115,28 @@ class Mission:
         return search
 
     # --- restart -------------------------------------------------------------------------------
-    def memory(self) -> dict[str, Any]:
-        """State that must outlive a crash of the planner, as JSON, for `recall`."""
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a crash of the planner, as JSON, for `restore`."""
         search = self.search
         return {
             "looked_around": self.looked_around,
             "target_m": _listed(self.target_m),
             "picked_at_m": _listed(self.picked_at_m),
             "unsure": list(self.unsure.items()),
-            "search": None if search is None else search.memory() | {"phase": search.phase},
-            **self.skills.memory(),
-            **self.tools.memory(),
+            "search": None if search is None else search.checkpoint() | {"phase": search.phase},
+            **self.skills.checkpoint(),
+            **self.tools.checkpoint(),
         }
 
-    def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
+    def restore(self, checkpoint: Mapping[str, Any], last: LastAction) -> None:
         """Restore the state; `last`: outcome of the newest action. Raises TaskFailed."""
-        self.looked_around = memory["looked_around"]
-        self.target_m = _array(memory["target_m"])
-        self.picked_at_m = _array(memory["picked_at_m"])
-        self.unsure = {Phase(phase): said for phase, said in memory["unsure"]}
-        self.skills.recall(memory)
-        self.tools.recall(memory)
-        self._recalled = memory["search"]
+        self.looked_around = checkpoint["looked_around"]
+        self.target_m = _array(checkpoint["target_m"])
+        self.picked_at_m = _array(checkpoint["picked_at_m"])
+        self.unsure = {Phase(phase): said for phase, said in checkpoint["unsure"]}
+        self.skills.restore(checkpoint)
+        self.tools.restore(checkpoint)
+        self._restored = checkpoint["search"]
         name = self.instruction.object or ""
         if isinstance(last.action, Pick) and self.picked_at_m is None:
             if last.succeeded or (last.succeeded is None and last.held):
@@ -146,15 +146,15 @@ class Mission:
         elif self.picked_at_m is not None and not last.held:
             self.placed = isinstance(last.action, Place) and last.succeeded is not False
             if not self.placed:
-                fall = Dropped(self.body.pose().xy, last.reason or "the planner was away")
+                fall = Dropped(self.robot.pose().xy, last.reason or "the planner was away")
                 self.skills.count_fall(fall, name)
-                self.picked_at_m = self._recalled = None
+                self.picked_at_m = self._restored = None
         self.tools.base.monitor.carrying = self.picked_at_m is not None and not self.placed
 
     def _was_picked(self, name: str) -> None:
         """Record a pick that succeeded while the planner was away."""
         assert self.target_m is not None
-        self.picked_at_m, self._recalled = self.target_m, None
+        self.picked_at_m, self._restored = self.target_m, None
         thing = nearest_to(self.target_m, self.tools.belief.known(name), SAME_THING_M)
         if thing is not None:
             self.tools.belief.taken(thing)
@@ -175,7 +175,9 @@ class Mission:
                 raise
             self.target_m = np.asarray(found.center_m)
             self._note_if_unsure(search, found)
-            self.body.listener.on_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
+            self.robot.listener.on_phase(
+                Phase.PICK, search.name, f"going to pick the {search.name}"
+            )
             done = self.skills.pick(found, search.name, search.confirmed)
             if done is SkillOutcome.SUCCEEDED:
                 return np.asarray(found.center_m)
@@ -197,7 +199,7 @@ class Mission:
                     raise TaskFailed(Cause.PLACE_MISSED, message) from failure
                 raise
             self._note_if_unsure(search, found)
-            self.body.listener.on_phase(Phase.PLACE, goal, f"going to place on the {goal}")
+            self.robot.listener.on_phase(Phase.PLACE, goal, f"going to place on the {goal}")
             name = self.instruction.object or ""
             before = list(self.tools.belief.known(name))
             done = self.skills.place(found, goal, search.confirmed)
@@ -237,7 +239,7 @@ class Mission:
         seen beside it."""
         least, surface_m = self.settings.cs_g, self.skills.surface_m
         seen, thing = look_after(
-            self.body, receptacle, before, lambda: self.tools.belief.known(name), least, surface_m
+            self.robot, receptacle, before, lambda: self.tools.belief.known(name), least, surface_m
         )
         if seen is PlacementCheck.BESIDE_IT and thing is not None:
             x, y, z = thing.center_m
@@ -253,7 +255,7 @@ class Mission:
         if isinstance(search, ScoredSearch):
             search.action = Act.STOP  # for its explanations
         search = self._begun(search)
-        looking, pose = self.tools.looking, self.body.pose
+        looking, pose = self.tools.looking, self.robot.pose
         while True:
             found = search.find()
             points = looking.remaining_gaze_points(found) or looking.views_of(found)
@@ -269,7 +271,7 @@ class Mission:
         must still reach the threshold."""
         looking, near_m = self.tools.looking, max(STOP_RULES.distances_m)
         while True:
-            used = self.body.budget_used()
+            used = self.robot.budget_used()
             found = search.find()
             stood = self._stand(found, looking.stops_at(found))
             if stood is Outcome.UNREACHABLE:
@@ -283,7 +285,7 @@ class Mission:
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
             search.give_up(Act.STOP, found, worse or search.why_not(None))
-            if self.body.budget_used() == used:  # without a step, another try would end the same
+            if self.robot.budget_used() == used:  # without a step, another try would end the same
                 search.reject_or_postpone(found, out_of_reach=stood is Outcome.UNREACHABLE)
 
     def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:

@@ -27,13 +27,13 @@ class MoveMission:
 
     seen_at_goal: bool | None = None  # nothing is placed
 
-    def __init__(self, body: RobotInterface, instruction: Instruction, settings: Settings) -> None:
-        self.body, self.instruction, self.settings = body, instruction, settings
-        self.base = base_controller_for(body, settings)
+    def __init__(self, robot: RobotInterface, instruction: Instruction, settings: Settings) -> None:
+        self.robot, self.instruction, self.settings = robot, instruction, settings
+        self.base = base_controller_for(robot, settings)
         self.looked_around = False
         self.exploration = Exploration(self.base, settings)
         self.point_goal: PointGoal | None = None
-        self._recalled: Mapping[str, Any] = {"walls": []}
+        self._restored: Mapping[str, Any] = {"walls": []}
 
     def run(self) -> str:
         """Run the task; returns its message. Raises TaskFailed and TaskCancelled."""
@@ -48,26 +48,26 @@ class MoveMission:
                 return self._go((point.x_m, point.y_m), point.yaw_rad, GO_WITHIN_M, "the goal")
 
     # --- restart -------------------------------------------------------------------------------
-    def memory(self) -> dict[str, Any]:
-        """State that must outlive a crash of the planner, as JSON, for `recall`."""
-        going = self._recalled if self.point_goal is None else self.point_goal.memory()
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a crash of the planner, as JSON, for `restore`."""
+        going = self._restored if self.point_goal is None else self.point_goal.checkpoint()
         return {
             "looked_around": self.looked_around,
-            "exploration": self.exploration.memory(),
+            "exploration": self.exploration.checkpoint(),
             "going": dict(going),
-            **self.base.memory(),
+            **self.base.checkpoint(),
         }
 
-    def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
+    def restore(self, checkpoint: Mapping[str, Any], last: LastAction) -> None:
         """Restore the state. The robot's pose shows the outcome of the newest action."""
-        self.looked_around = memory["looked_around"]
-        self.base.recall(memory)
-        self.exploration.recall(memory["exploration"])
-        self._recalled = memory["going"]
+        self.looked_around = checkpoint["looked_around"]
+        self.base.restore(checkpoint)
+        self.exploration.restore(checkpoint["exploration"])
+        self._restored = checkpoint["going"]
 
     # --- going ---------------------------------------------------------------------------------
     def _go_home(self) -> str:
-        start = self.body.start()
+        start = self.robot.start()
         if start is None:
             raise TaskFailed(
                 Cause.UNREACHABLE, "the 2D map does not know yet where the robot started"
@@ -78,10 +78,10 @@ class MoveMission:
             ) -> str:  # fmt: skip
         self._tell(f"going to {point_text(xy_m)}", xy_m)
         goal = PointGoal(self.base, xy_m, within_m, lambda barred: self._on_stage(xy_m, barred))
-        goal.recall(self._recalled)
+        goal.restore(self._restored)
         self.point_goal = goal
         left_m = goal.drive(yaw_rad, f"go to {point_text(xy_m)}")
-        pose = self.body.pose()
+        pose = self.robot.pose()
         facing = "" if yaw_rad is None else f", facing {math.degrees(pose.yaw_rad):.0f}°"
         return f"stands at {point_text(pose.xy)}{facing}, {left_m:.2f} m from {what}"
 
@@ -94,13 +94,13 @@ class MoveMission:
             "total": -(barred.before_m + barred.after_m),
         }  # fmt: skip
         candidate = Candidate("frontier", "end of the known way", (*barred.stand, 0.0), terms)
-        self.body.listener.on_decision(
+        self.robot.listener.on_decision(
             Decision(DecisionRule.WAY_THROUGH_UNKNOWN, Do.GO_TO_FRONTIER, (candidate,), 0, why)
         )
         self._tell(why, xy_m)
 
     def _tell(self, message: str, xy_m: tuple[float, float]) -> None:
-        self.body.listener.on_phase(Phase.GO, point_text(xy_m), message)
+        self.robot.listener.on_phase(Phase.GO, point_text(xy_m), message)
 
     # --- exploring -----------------------------------------------------------------------------
     def _explore(self) -> str:
@@ -108,7 +108,7 @@ class MoveMission:
         exploration = self.exploration
         try:
             if not self.looked_around:
-                self.body.listener.on_phase(Phase.EXPLORE, "unknown floor", "looking around")
+                self.robot.listener.on_phase(Phase.EXPLORE, "unknown floor", "looking around")
                 if exploration.begin():
                     self.base.look_around()
                 self.looked_around = True

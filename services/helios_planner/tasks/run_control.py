@@ -1,6 +1,6 @@
 """Control of one running task: its journal before every action, pause, time limit, and recovery.
 
-A journal entry holds the newest action, its id, its result, and the mission's memory. A planner
+A journal entry holds the newest action, its id, its result, and the mission's checkpoint. A planner
 that resumes the task repeats that action under the same id. The bridge carries out an id once, so
 no action is repeated or left out.
 """
@@ -25,17 +25,17 @@ from helios_planner.robot.rpc import HOLDER, RETRY_S, RobotConnection, number_of
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.registry import TaskReporter
-from helios_planner.tasks.store import Entry, Memory, Store
+from helios_planner.tasks.store import Entry, Checkpoint, Store
 
 log = logging.getLogger(__name__)
 
 
 class Journal:
-    """Journal of one running task, for its worker alone. `memory` returns the mission's memory."""
+    """Journal of one running task, for its worker alone. `checkpoint` returns the mission's checkpoint."""
 
     def __init__(self, store: Store, task_id: str, entry: Entry) -> None:
         self._store, self.task_id, self.entry = store, task_id, entry
-        self.memory: Callable[[], Memory] = lambda: self.entry.memory
+        self.checkpoint: Callable[[], Checkpoint] = lambda: self.entry.checkpoint
 
     @property
     def is_settled(self) -> bool:
@@ -49,7 +49,7 @@ class Journal:
 
     def before(self, request: pb.ActionRequest) -> bool:
         """Write an action before it begins; False if it could not be written."""
-        entry = replace(self.entry, request=request, result=None, memory=self.memory())
+        entry = replace(self.entry, request=request, result=None, checkpoint=self.checkpoint())
         if not self._store.keep(self.task_id, entry):
             return False
         self.entry = entry
@@ -62,8 +62,8 @@ class Journal:
         self._keep(replace(self.entry, result=result, epoch=epoch))
 
     def note(self) -> None:
-        """Write the mission's present memory."""
-        self._keep(replace(self.entry, memory=self.memory()))
+        """Write the mission's present checkpoint."""
+        self._keep(replace(self.entry, checkpoint=self.checkpoint()))
 
     def _keep(self, entry: Entry) -> None:
         self.entry = entry

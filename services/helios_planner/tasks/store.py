@@ -25,7 +25,7 @@ from helios_core import proto as pb
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
 from helios_planner.tasks.write_proof import WriteProof
 
-Memory = dict[str, Any]  # JSON
+Checkpoint = dict[str, Any]  # JSON
 log = logging.getLogger(__name__)
 _PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
 _SETTLE = "DELETE FROM journal WHERE task_id = ?"
@@ -41,7 +41,7 @@ class Entry:
     life: int = 0
     request: pb.ActionRequest | None = None
     result: pb.ActionResult | None = None
-    memory: Memory = field(default_factory=dict)
+    checkpoint: Checkpoint = field(default_factory=dict)
     epoch: tuple[str, int] | None = None  # world of its poses: (boot id, world epoch)
 
 
@@ -132,7 +132,7 @@ class Store:
         """Store the journal of a running task."""
         request = entry.request.SerializeToString() if entry.request is not None else None
         result = entry.result.SerializeToString() if entry.result is not None else None
-        row = (task_id, entry.life, request, result, json.dumps(entry.memory),
+        row = (task_id, entry.life, request, result, json.dumps(entry.checkpoint),
                json.dumps(entry.epoch), time.time())  # fmt: skip
         return self._write(("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row))
 
@@ -145,14 +145,14 @@ class Store:
             ).fetchone()
         if row is None:
             return None
-        life, request, result, memory, epoch = row
+        life, request, result, checkpoint, epoch = row
         boot = json.loads(epoch)
         try:
             return Entry(
                 life,
                 None if request is None else pb.ActionRequest.FromString(request),
                 None if result is None else pb.ActionResult.FromString(result),
-                json.loads(memory),
+                json.loads(checkpoint),
                 None if boot is None else (str(boot[0]), int(boot[1])),
             )
         except DecodeError as error:

@@ -129,7 +129,7 @@ def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
     assert [o.id for o in search.candidates()] == [3]
     search.next_round()
     again = mission.agent.seek_object(mission.tools, "mug", "coffee table")
-    again.recall(search.memory())
+    again.restore(search.checkpoint())
     for later in (search, again):
         assert not later.open(wrong)
         assert later.open(next(o for o in world.objects("mug") if o.id == 3))

@@ -59,8 +59,8 @@ def test_who_needs_no_gripper_may_carry_something(text: str) -> None:
 
 def test_a_pick_that_was_refused_took_nothing_whatever_is_held() -> None:
     again = mission(holding_a_mug(), "Move the can to the counter")
-    memory = again.memory() | {"target_m": [1.0, 1.0, 0.5]}
-    again.recall(memory, LastAction(Pick((1.0, 1.0, 0.5), "can"), False, "it is full", "mug"))
+    checkpoint = again.checkpoint() | {"target_m": [1.0, 1.0, 0.5]}
+    again.restore(checkpoint, LastAction(Pick((1.0, 1.0, 0.5), "can"), False, "it is full", "mug"))
     assert again.picked_at_m is None
     assert again.skills.last_reason == "it is full"
 

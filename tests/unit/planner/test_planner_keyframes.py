@@ -43,11 +43,11 @@ class Scene:
         self.bus.subscribe(OBJECTMAP_ACK, acks.add)
         self.listener = create_autospec(TaskListener, instance=True)
         line = RobotConnection(self.bus, IMPATIENT, threading.Event(), self.listener.on_wait)
-        self.body = RobotClient(
+        self.robot = RobotClient(
             self.bus, line, IMPATIENT, description_to_proto(self.peers.world.description), acks,
             "task", "", 100, self.listener, tuple(MapPart),
         )  # fmt: skip
-        self.body.begin()
+        self.robot.begin()
 
     def done(self) -> list[type]:
         return [type(action) for action in self.peers.world.log]
@@ -56,10 +56,10 @@ class Scene:
 @pytest.mark.parametrize(("what", "new"), [("boot", "another"), ("world_epoch", 2)])
 def test_poses_of_another_world_end_the_task(what: str, new: object) -> None:
     scene = Scene()
-    scene.body.act(Turn(0.3))
+    scene.robot.act(Turn(0.3))
     setattr(scene.peers, what, new)
     with pytest.raises(TaskFailed, match="restarted or its localisation jumped") as failure:
-        scene.body.act(Turn(0.3))
+        scene.robot.act(Turn(0.3))
     assert failure.value.cause is Cause.SYSTEM_ERROR
 
 
@@ -77,7 +77,7 @@ def test_a_robot_that_sends_no_keyframe_is_named() -> None:
     scene = Scene()
     scene.peers.bus.serve(ACT, lambda request: pb.ActionResult(action_id=request.action_id))
     with pytest.raises(TaskFailed, match="sent no keyframe") as failure:
-        scene.body.act(Turn(0.3))
+        scene.robot.act(Turn(0.3))
     assert failure.value.cause is Cause.SYSTEM_ERROR
 
 
@@ -88,7 +88,7 @@ def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twi
     scene = Scene()
     scene.peers.silent.add(part)
     scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()  # it is back
-    result = scene.body.act(Turn(0.3))
+    result = scene.robot.act(Turn(0.3))
     assert result.turned_rad == pytest.approx(0.3)
     assert scene.done()[-2:] == [Turn, Observe]
     assert scene.done().count(Turn) == 1
@@ -113,9 +113,9 @@ def test_looking_anew_after_a_stop_does_not_hide_that_the_action_was_cut_short(
     monkeypatch.setattr(scene.peers.world, "act", stopped)
     scene.listener.on_paused.side_effect = lambda _: setattr(scene.peers, "stopped", False)
     scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()
-    assert not scene.body.act(Turn(0.3)).succeeded
+    assert not scene.robot.act(Turn(0.3)).succeeded
     assert scene.done()[-1] is Observe
-    assert scene.body.cut_short
+    assert scene.robot.cut_short
 
 
 def test_a_long_pause_does_not_count_against_settling_the_last_action(

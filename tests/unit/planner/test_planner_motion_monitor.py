@@ -68,19 +68,19 @@ def lane(max_back_m: float) -> BaseController:
 def test_a_wedged_robot_that_can_moves_back_out_of_where_it_came_in() -> None:
     base = lane(0.3)
     assert base.go_to(Pose2(0.8, 3.0, 3.1), "test") is Outcome.ARRIVED
-    assert isinstance(base.body, FakeWorld)
-    back = [a.distance_m for a in base.body.log if isinstance(a, Forward) and a.distance_m < 0]
+    assert isinstance(base.robot, FakeWorld)
+    back = [a.distance_m for a in base.robot.log if isinstance(a, Forward) and a.distance_m < 0]
     assert 1 <= len(back) <= MOST_WEDGED
     assert min(back) >= -0.3
-    assert base.body.contacts == 0
+    assert base.robot.contacts == 0
 
 
 def test_a_robot_that_cannot_move_back_is_never_told_to() -> None:
     base = lane(0.0)
     with pytest.raises(TaskFailed, match="wedged"):
         base.go_to(Pose2(0.8, 3.0, 3.1), "test")
-    assert isinstance(base.body, FakeWorld)
-    assert not any(isinstance(a, Forward) for a in base.body.log)
+    assert isinstance(base.robot, FakeWorld)
+    assert not any(isinstance(a, Forward) for a in base.robot.log)
 
 
 @pytest.mark.parametrize(("behind_m", "free_m"), [(0.9, 0.3), (0.52, 0.2), (0.36, 0.0)])

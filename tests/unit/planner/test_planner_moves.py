@@ -159,7 +159,7 @@ def test_a_home_that_is_known_is_not_explored_again() -> None:
 
 def test_a_map_that_shrank_is_reported_as_nothing_new() -> None:
     exploration = mission(flat(), "explore").exploration
-    exploration.recall({"borders_given_up": [], "borders": [], "before_m2": 1e3})
+    exploration.restore({"borders_given_up": [], "borders": [], "before_m2": 1e3})
     exploration.run()
     assert ", 0.0 m² of them new" in exploration.said()
 
@@ -212,11 +212,11 @@ def test_it_goes_on_where_it_was_cut_off(text: str) -> None:
     with pytest.raises(TaskCancelled):
         first.run()
     world.cancel_after = None
-    memory = json.loads(json.dumps(first.memory()))
+    checkpoint = json.loads(json.dumps(first.checkpoint()))
     again = mission(world, text)
-    again.recall(memory, LastAction(Forward(0.5), True, "", ""))
+    again.restore(checkpoint, LastAction(Forward(0.5), True, "", ""))
     again.run()
-    assert json.loads(json.dumps(again.memory())).keys() == memory.keys()
+    assert json.loads(json.dumps(again.checkpoint())).keys() == checkpoint.keys()
     assert world.contacts == 0
 
 

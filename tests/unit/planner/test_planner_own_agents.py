@@ -189,8 +189,8 @@ def test_what_it_remembers_survives_a_restart() -> None:
     mission = run(world, "helios_examples.careful_agent:agent")
     search = mission.agent.seek_object(mission.tools, "mug", None)
     again = mission.agent.seek_object(mission.tools, "mug", None)
-    again.recall(search.memory())
-    assert again.memory() == search.memory()
+    again.restore(search.checkpoint())
+    assert again.checkpoint() == search.checkpoint()
 
 
 # --- over the bus ------------------------------------------------------------------------------

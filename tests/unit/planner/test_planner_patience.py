@@ -69,7 +69,7 @@ def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_res
     assert search.decide().do is Do.ACT
     rig.world.steps = 0
     again = ReceptacleSearch(rig.tools, "counter", None, patient)
-    again.recall(search.memory())
+    again.restore(search.checkpoint())
     assert again.decide().do is Do.ACT
 
 
@@ -188,7 +188,7 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     assert search.decide().do is Do.ACT
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
     again.accept_likeliest_after(0.92)
-    again.recall(search.memory())
+    again.restore(search.checkpoint())
     assert again.accepted_as_likeliest(rig.known[0])
 
 
@@ -266,7 +266,7 @@ def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
     rig, search = _forgotten(paper)
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
     again.accept_likeliest_after(0.9)
-    again.recall(json.loads(json.dumps(search.memory())))
+    again.restore(json.loads(json.dumps(search.checkpoint())))
     rig.world.steps = int(0.95 * rig.world.max_steps)
     assert again.chosen(again.decide()).views == 20
 
@@ -275,8 +275,8 @@ def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
 def test_of_many_that_were_believed_the_likeliest_are_written_down(views: list[int]) -> None:
     before, after = CandidateMemory(), CandidateMemory()
     before.note(replace(instance(counter(), id=v), views=v) for v in views)
-    assert len(before.memory()) == MOST_WRITTEN
-    after.recall(before.memory())
+    assert len(before.checkpoint()) == MOST_WRITTEN
+    after.restore(before.checkpoint())
     refused: set[int] = set()
     for _ in range(MOST_WRITTEN):
         best, as_before = (r.best(lambda c: c.id not in refused) for r in (after, before))

@@ -27,7 +27,7 @@ def cut_off(world: FakeWorld, after: int, agent: str = "helios-paper") -> dict:
     with pytest.raises(TaskCancelled):
         first.run()
     world.cancel_after = None
-    return json.loads(json.dumps(first.memory()))
+    return json.loads(json.dumps(first.checkpoint()))
 
 
 def last(action: Action | None = None, succeeded: bool | None = True, held: str = "",
@@ -42,10 +42,10 @@ def searched(world: FakeWorld) -> list[int]:
 @pytest.mark.parametrize("agent", ["helios-paper", "trusting"])
 def test_a_mission_goes_on_where_it_was_cut_off(agent: str) -> None:
     world = flat([coffee_table(), counter(), mug()])
-    memory = cut_off(world, 60, agent)
-    assert memory["looked_around"]
+    checkpoint = cut_off(world, 60, agent)
+    assert checkpoint["looked_around"]
     again = mission(world, agent)
-    again.recall(memory, last(Turn(0.1)))
+    again.restore(checkpoint, last(Turn(0.1)))
     steps = world.steps
     again.run()
     assert world.released is world.things[3]
@@ -79,10 +79,10 @@ def test_what_was_searched_is_not_searched_again() -> None:
     assert first != second
 
     world = two_bare_tables()
-    memory = cut_off(world, steps[1] + 2)
+    checkpoint = cut_off(world, steps[1] + 2)
     world.decisions.clear()
     again = mission(world)
-    again.recall(memory, last())
+    again.restore(checkpoint, last())
     with pytest.raises(TaskFailed) as failure:
         again.run()
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
@@ -91,20 +91,20 @@ def test_what_was_searched_is_not_searched_again() -> None:
 
 def test_memory_comes_back_as_it_was() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    memory = cut_off(world, 60)
+    checkpoint = cut_off(world, 60)
     again = mission(world)
-    again.recall(memory, last())
+    again.restore(checkpoint, last())
     search = again._begun(again.agent.seek_object(again.tools, "mug", "coffee table"))
     assert again.search is search
-    assert json.loads(json.dumps(again.memory())) == memory
+    assert json.loads(json.dumps(again.checkpoint())) == checkpoint
 
 
 def test_a_pick_whose_answer_was_lost_is_not_tried_again() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    memory = until(world, Pick)
+    checkpoint = until(world, Pick)
     assert world.held() == "mug"
     again = mission(world)
-    again.recall(memory, last(world.log[-1], succeeded=None, held="mug"))
+    again.restore(checkpoint, last(world.log[-1], succeeded=None, held="mug"))
     again.run()
     assert sum(isinstance(a, Pick) for a in world.log) == 1
     assert world.released is world.things[3]
@@ -112,10 +112,10 @@ def test_a_pick_whose_answer_was_lost_is_not_tried_again() -> None:
 
 def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    memory = until(world, Place)
+    checkpoint = until(world, Place)
     steps = world.steps
     again = mission(world)
-    again.recall(memory, last(world.log[-1]))
+    again.restore(checkpoint, last(world.log[-1]))
     assert again.run() == "put the mug on the counter; it was not seen there yet"
     assert again.seen_at_goal is False
     assert sum(isinstance(a, Place) for a in world.log) == 1
@@ -127,17 +127,17 @@ def test_who_settled_for_less_before_the_planner_died_still_says_so(kind: type) 
     doubtful = mug()
     doubtful.rate = 0.4
     world = flat([coffee_table(), counter(), doubtful])
-    memory = until(world, kind)
+    checkpoint = until(world, kind)
     again = mission(world)
-    again.recall(memory, last(world.log[-1], held=world.held()))
+    again.restore(checkpoint, last(world.log[-1], held=world.held()))
     assert "no surer mug was found than this one (0." in again.run()
 
 
 def test_a_thing_that_fell_meanwhile_is_searched_again() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    memory = until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
+    checkpoint = until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
     again = mission(world)
-    again.recall(memory, last(Turn(0.1), held=""))
+    again.restore(checkpoint, last(Turn(0.1), held=""))
     assert (again.picked_at_m, again.skills.falls) == (None, 1)
 
 
@@ -148,7 +148,7 @@ def until(world: FakeWorld, kind: type) -> dict:
     act = world.act
 
     def watched(action: Action) -> ActionResult:
-        kept.append(json.loads(json.dumps(first.memory())))
+        kept.append(json.loads(json.dumps(first.checkpoint())))
         result = act(action)
         if isinstance(action, kind):
             raise TaskCancelled

@@ -145,5 +145,5 @@ def test_the_places_of_a_patrol_are_remembered() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
     search._patrol.seen_from = [(1.0, 2.0), (3.5, 1.0)]
     again = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
-    again.recall(search.memory())
+    again.restore(search.checkpoint())
     assert again._patrol.seen_from == [(1.0, 2.0), (3.5, 1.0)]

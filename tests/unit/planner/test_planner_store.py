@@ -38,14 +38,14 @@ def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
     result = pb.ActionResult(action_id="a-1", succeeded=True)
     for entry in (
         Entry(),
-        Entry(life=2, request=request, memory={"looked": [[1.5, 2.0]]}, epoch=("boot", 3)),
+        Entry(life=2, request=request, checkpoint={"looked": [[1.5, 2.0]]}, epoch=("boot", 3)),
         Entry(life=2, request=request, result=result, epoch=("boot", 3)),
     ):
         store.keep("a", entry)
         again = store.entry("a")
         assert again is not None
-        assert (again.life, again.request, again.result, again.memory, again.epoch) == (
-            entry.life, entry.request, entry.result, entry.memory, entry.epoch
+        assert (again.life, again.request, again.result, again.checkpoint, again.epoch) == (
+            entry.life, entry.request, entry.result, entry.checkpoint, entry.epoch
         )  # fmt: skip
     store.finish(pb.Task(id="a", state="failed"))
     assert store.entry("a") is None

@@ -108,7 +108,7 @@ def test_unfiltered_believes_what_is_at_the_side_and_doubts_only_what_is_far() -
 def test_a_planner_that_starts_again_knows_what_was_tentative() -> None:
     eyes, later = Eyes(), Eyes()
     eyes.report(seen(5.0, 3.0, at_side=True))
-    later.belief.recall(eyes.belief.memory())
+    later.belief.restore(eyes.belief.checkpoint())
     assert later.report() == [5.0]
     later.world._pose = Pose2(3.0, 1.0, 0.0)
     assert later.report() == []
@@ -168,7 +168,7 @@ def test_a_frontier_that_keeps_its_value_is_gone_to() -> None:
     world, pursuit = chased([0.5])
     assert pursuit.step(lambda: False)
     assert world.pose().distance_m((4.0, 1.2)) < 1.5
-    assert pursuit.memory() == [4.0, 1.2, 0.5]
+    assert pursuit.checkpoint() == [4.0, 1.2, 0.5]
 
 
 def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
@@ -176,9 +176,9 @@ def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
     for agent in ("vlfm", "vlfm-helios-stop"):
         first = AGENTS[agent].seek_object(mission.tools, "mug", None)
-        memory = first.memory() | {"explorer": [1.0, 2.0, 0.3]}
-        first.recall(memory)
-        assert first.memory() == memory
+        checkpoint = first.checkpoint() | {"explorer": [1.0, 2.0, 0.3]}
+        first.restore(checkpoint)
+        assert first.checkpoint() == checkpoint
 
 
 # --- finding -------------------------------------------------------------------------------------

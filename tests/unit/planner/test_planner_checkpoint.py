@@ -1,7 +1,7 @@
-"""What a planner that dies forgets is forgotten on purpose: each field is in a memory, or here.
+"""Each field of a mission is in its checkpoint, or listed here as one that a crash may lose.
 
-A new field fails this test until it is in the `memory` and `recall` of its class, or named as one
-that may be lost.
+A new field fails this test until the `checkpoint` and `restore` of its class hold it, or the list
+below names it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from helios_planner.tasks.move_mission import MoveMission
 from helios_planner.tasks.run_control import LastAction
 from planner_flat import MOVE, flat_with_mug
 
-GIVEN = "body settings instruction agent tools base belief looking rng attempts rules"
+GIVEN = "robot settings instruction agent tools base belief looking rng attempts rules"
 # What is worked out anew, or holds only between two actions.
 SEARCH_KEPT = "refused waiting _waited_at _doubts _round _first_round _patrol"
 SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
@@ -59,7 +59,7 @@ def test_every_field_is_remembered_or_lost_on_purpose(name: str) -> None:
     (found,) = (one for one in stateful() if type(one).__name__ == name)
     kept, lost = (set(text.split()) for text in KEPT_AND_LOST[name])
     unnamed = vars(found).keys() - kept - lost - set(GIVEN.split())
-    assert not unnamed, f"add {unnamed} of {name} to its memory and recall, or to this table"
+    assert not unnamed, f"add {unnamed} of {name} to its checkpoint and restore, or to this table"
     assert kept | lost <= vars(found).keys(), "the table names what is not there"
 
 
@@ -70,7 +70,7 @@ def test_what_was_remembered_is_remembered_again() -> None:
     mission.tools.base.felt_obstacles.append((1.0, 2.0, 0.08))
     mission.tools.base.blind_zone.discs.append((1.0, 1.0, 0.5))
     mission.tools.given_up.append((3.0, 4.0))
-    memory = json.loads(json.dumps(mission.memory()))
+    checkpoint = json.loads(json.dumps(mission.checkpoint()))
     again = Mission(flat_with_mug(), parse(MOVE), Settings())
-    again.recall(memory, LastAction(Observe(), True, "", ""))
-    assert json.loads(json.dumps(again.memory())) == memory
+    again.restore(checkpoint, LastAction(Observe(), True, "", ""))
+    assert json.loads(json.dumps(again.checkpoint())) == checkpoint
