@@ -32,12 +32,10 @@ class Rig:
     tolerance_m: float = 0.05  # tolerance of the reported position after a drive
     tolerance_rad: float = 0.06
     depth_tolerance_m: float = 0.05  # tolerance of the depth image, at 2 m
-    away: Callable[[], AbstractContextManager[object]] | None = (
-        None  # context in which the robot is unreachable
-    )
-    started_again: Callable[[], AbstractContextManager[RobotDriver]] | None = (
-        None  # a second driver of the same robot, like after a restart
-    )
+    # Context in which the robot is unreachable.
+    away: Callable[[], AbstractContextManager[object]] | None = None
+    # A second driver of the same robot, as after a restart.
+    started_again: Callable[[], AbstractContextManager[RobotDriver]] | None = None
 
     @property
     def robot(self) -> RobotDescription:

@@ -25,9 +25,8 @@ from helios_planner.search.view_selection import PlaceSet
 from helios_planner.task import Phase
 
 UNSEEN_PLACE_SCORE = 0.05  # score of an unseen start receptacle, which may be anywhere
-EXPECTED_RECEPTACLE_SCORE = (
-    0.4  # score of a start receptacle still to be found, unless a known one has more
-)
+# Score of a start receptacle still to be found, unless a known one has more.
+EXPECTED_RECEPTACLE_SCORE = 0.4
 
 
 def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:

@@ -25,13 +25,13 @@ from helios_planner.robot.rpc import HOLDER, RETRY_S, RobotConnection, number_of
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.registry import TaskReporter
-from helios_planner.tasks.store import Entry, Checkpoint, Store
+from helios_planner.tasks.store import Checkpoint, Entry, Store
 
 log = logging.getLogger(__name__)
 
 
 class Journal:
-    """Journal of one running task, for its worker alone. `checkpoint` returns the mission's checkpoint."""
+    """Journal of one running task, for its worker alone."""
 
     def __init__(self, store: Store, task_id: str, entry: Entry) -> None:
         self._store, self.task_id, self.entry = store, task_id, entry
