@@ -45,7 +45,7 @@ class EpochMaps:
         self._starts.begin(id.robot_boot_id)
         return self.current
 
-    def robot_is_in(self, world: WorldId, boot_id: str) -> bool:
+    def set_robot_world(self, world: WorldId, boot_id: str) -> bool:
         """Note the robot's world. Returns True if this replaces the current map.
 
         A map that was read from disk and is of another world is parked at once.

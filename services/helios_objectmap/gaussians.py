@@ -14,20 +14,21 @@ from helios_objectmap.viewpoint_weights import NEVER
 
 NO_INSTANCE = NO_GROUP
 OTHER = -1
-_FIELDS = (
-    "means",
-    "radius_m",
-    "opacity",
-    "color",
-    "positive",
-    "asked",
-    "votes",
-    "born",
-    "believed",
-    "through",
-    "through_from",
-    "seen",
-)
+# Field of a row -> its name in a map file.
+_FIELDS = {
+    "means": "means",
+    "radius_m": "radius_m",
+    "opacity": "opacity",
+    "color": "color",
+    "class_evidence": "positive",
+    "total_evidence": "asked",
+    "votes": "votes",
+    "created_update": "born",
+    "class_column": "believed",
+    "seen_through_views": "through",
+    "seen_through_viewpoint": "through_from",
+    "last_seen_update": "seen",
+}
 KEPT = 0.9
 
 
@@ -61,14 +62,14 @@ class GaussianStore:
         self._radius_m = np.empty(0, np.float32)
         self._opacity = np.empty(0, np.float32)
         self._color = np.empty((0, 3), np.uint8)
-        self._positive = np.empty((0, 0), np.float32)
-        self._asked = np.empty((0, 0), np.float32)
+        self._class_evidence = np.empty((0, 0), np.float32)
+        self._total_evidence = np.empty((0, 0), np.float32)
         self._votes = np.empty((0, 0, sectors, 2), np.uint16)
-        self._born = np.empty(0, np.int64)
-        self._believed = np.empty(0, np.int16)
-        self._through = np.empty(0, np.float32)
-        self._through_from = np.empty(0, np.int32)
-        self._seen = np.empty(0, np.int64)
+        self._created_update = np.empty(0, np.int64)
+        self._class_column = np.empty(0, np.int16)
+        self._seen_through_views = np.empty(0, np.float32)
+        self._seen_through_viewpoint = np.empty(0, np.int32)
+        self._last_seen_update = np.empty(0, np.int64)
         self._widest_m = 0.0
 
     def __len__(self) -> int:
@@ -97,12 +98,12 @@ class GaussianStore:
     @property
     def class_evidence(self) -> NDArray[np.float32]:
         """Evidence [n, classes] for each class, in units of alpha_cpa times kappa."""
-        return self._positive[: self._n]
+        return self._class_evidence[: self._n]
 
     @property
     def total_evidence(self) -> NDArray[np.float32]:
         """All evidence [n, classes] of the views that searched for the class."""
-        return self._asked[: self._n]
+        return self._total_evidence[: self._n]
 
     @property
     def votes(self) -> NDArray[np.uint16]:
@@ -112,27 +113,27 @@ class GaussianStore:
     @property
     def created_update(self) -> NDArray[np.int64]:
         """Number [n] of the update that created the Gaussian."""
-        return self._born[: self._n]
+        return self._created_update[: self._n]
 
     @property
     def class_column(self) -> NDArray[np.int16]:
         """Column [n] of the most likely class, or OTHER."""
-        return self._believed[: self._n]
+        return self._class_column[: self._n]
 
     @property
     def seen_through_views(self) -> NDArray[np.float32]:
         """Number [n] of distinct views that saw through the Gaussian since a view last saw it."""
-        return self._through[: self._n]
+        return self._seen_through_views[: self._n]
 
     @property
     def seen_through_viewpoint(self) -> NDArray[np.int32]:
         """Viewpoint [n] that last saw through it, or NEVER."""
-        return self._through_from[: self._n]
+        return self._seen_through_viewpoint[: self._n]
 
     @property
     def last_seen_update(self) -> NDArray[np.int64]:
         """Number [n] of the last update that saw the Gaussian."""
-        return self._seen[: self._n]
+        return self._last_seen_update[: self._n]
 
     @property
     def instance(self) -> NDArray[np.int32]:
@@ -141,7 +142,7 @@ class GaussianStore:
 
     def arrays(self) -> dict[str, NDArray]:
         """Copies of all data of each row; without votes if none are kept."""
-        out = {name: getattr(self, name).copy() for name in self._fields}
+        out = {_FIELDS[name]: getattr(self, name).copy() for name in self._fields}
         return out | {"instance": self.instance.copy()}
 
     def fill(self, arrays: dict[str, NDArray]) -> None:
@@ -151,15 +152,15 @@ class GaussianStore:
         """
         n, classes = len(arrays["means"]), len(self.class_names)
         self._grow(n)
-        for name in (*self._fields, "instance"):
-            like = self.instances.group if name == "instance" else getattr(self, f"_{name}")
+        expected = {_FIELDS[name]: getattr(self, f"_{name}") for name in self._fields}
+        for name, like in (expected | {"instance": self.instances.group}).items():
             if arrays[name].shape != (n, *like.shape[1:]) or arrays[name].dtype != like.dtype:
                 raise ValueError(
                     f"{name} is {arrays[name].dtype} {arrays[name].shape}; wanted {like.dtype} for "
                     f"{n} Gaussians and {classes} classes"
                 )
-            if name != "instance":
-                like[:n] = arrays[name]
+        for name, array in expected.items():
+            array[:n] = arrays[name]
         self._n = n
         self._widest_m = float(np.max(arrays["radius_m"], initial=0.0))
         self.blocks.add(np.arange(n), self.means)
@@ -175,8 +176,8 @@ class GaussianStore:
         if class_name not in self.class_names:
             self.class_names.append(class_name)
             empty = np.zeros((len(self._means), 1), np.float32)
-            self._positive = np.concatenate([self._positive, empty], axis=1)
-            self._asked = np.concatenate([self._asked, empty], axis=1)
+            self._class_evidence = np.concatenate([self._class_evidence, empty], axis=1)
+            self._total_evidence = np.concatenate([self._total_evidence, empty], axis=1)
             silent = np.zeros((len(empty), 1, *self._votes.shape[2:]), np.uint16)
             self._votes = np.concatenate([self._votes, silent], axis=1)
         return self.class_names.index(class_name)
@@ -187,9 +188,9 @@ class GaussianStore:
         keep = [c for c in range(len(self.class_names)) if c not in gone]
         renumbered = np.full(len(self.class_names) + 1, OTHER, np.int16)  # index -1 is OTHER
         renumbered[keep] = np.arange(len(keep), dtype=np.int16)
-        self._believed[: self._n] = renumbered[self._believed[: self._n]]
-        self._positive = np.ascontiguousarray(self._positive[:, keep])
-        self._asked = np.ascontiguousarray(self._asked[:, keep])
+        self._class_column[: self._n] = renumbered[self._class_column[: self._n]]
+        self._class_evidence = np.ascontiguousarray(self._class_evidence[:, keep])
+        self._total_evidence = np.ascontiguousarray(self._total_evidence[:, keep])
         self._votes = np.ascontiguousarray(self._votes[:, keep])
         self.class_names = [self.class_names[c] for c in keep]
 
@@ -211,14 +212,14 @@ class GaussianStore:
         self._radius_m[rows] = radius_m
         self._opacity[rows] = opacity
         self._color[rows] = color
-        self._positive[rows] = 0
-        self._asked[rows] = 0
+        self._class_evidence[rows] = 0
+        self._total_evidence[rows] = 0
         self._votes[rows] = 0
-        self._born[rows] = born
-        self._believed[rows] = OTHER
-        self._through[rows] = 0
-        self._through_from[rows] = NEVER
-        self._seen[rows] = born
+        self._created_update[rows] = born
+        self._class_column[rows] = OTHER
+        self._seen_through_views[rows] = 0
+        self._seen_through_viewpoint[rows] = NEVER
+        self._last_seen_update[rows] = born
         self._widest_m = max(self._widest_m, float(np.max(radius_m, initial=0.0)))
         self.blocks.add(np.arange(first, n), self._means[rows])
         return rows

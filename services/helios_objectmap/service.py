@@ -162,7 +162,7 @@ class ObjectMapService:
             return
         with self._lock:
             self._held = held
-            another = bool(message.robot_boot_id) and self._maps.robot_is_in(
+            another = bool(message.robot_boot_id) and self._maps.set_robot_world(
                 WorldId.of(message.robot_boot_id, message.world_epoch, message.origin_id),
                 message.robot_boot_id,
             )

@@ -101,7 +101,7 @@ def arms_of(
         for arm, label in zip(arms, short, strict=True)
     ]
     return [
-        replace(arm, label=label, asked=counts.get(arm.identity, 0))
+        replace(arm, label=label, requested_episodes=counts.get(arm.identity, 0))
         for arm, label in zip(arms, labels, strict=True)
     ]
 

@@ -94,7 +94,11 @@ class FurnitureReplacement:
             model, scale = fitting[int(rng.integers(len(fitting)))]
             shape = self._shape(model, scale, drawn, origin_z=0.5)
             # A ball keeps its sphere as the collision shape.
-            return replace(shape, solids=drawn.collision_primitives) if _is_ball(drawn) else shape
+            return (
+                replace(shape, collision_primitives=drawn.collision_primitives)
+                if _is_ball(drawn)
+                else shape
+            )
 
         return made
 

@@ -1,9 +1,9 @@
 """Data types of a home: immutable, in metres and radians, z up, floor at 0.
 
 A `Shape` is geometry in a body's own frame: drawn meshes (`visuals`), collision primitives
-(`solids`) and support surfaces (`surfaces`). A furniture frame has its origin on the floor at the
-centre of the footprint, with the back (towards the wall) at +y. An object frame has its origin at
-the centre of the bounding box.
+(`collision_primitives`) and support surfaces (`surfaces`). A furniture frame has its origin on the
+floor at the centre of the footprint, with the back (towards the wall) at +y. An object frame has
+its origin at the centre of the bounding box.
 """
 
 from dataclasses import dataclass, field

@@ -127,7 +127,7 @@ def _shifted_x(shape: Shape, by_m: float) -> Shape:
         replace(s, center=(s.center[0] + by_m, s.center[1], s.center[2]))
         for s in shape.collision_primitives
     )
-    return replace(shape, visuals=visuals, solids=solids)
+    return replace(shape, visuals=visuals, collision_primitives=solids)
 
 
 def salt_shaker(rng: np.random.Generator, palette: Palette) -> Shape:

@@ -166,7 +166,7 @@ def lowered(shape: Shape, by_m: float) -> Shape:
         replace(s, center=(s.center[0], s.center[1], s.center[2] - by_m))
         for s in shape.collision_primitives
     )
-    return replace(shape, visuals=visuals, solids=solids)
+    return replace(shape, visuals=visuals, collision_primitives=solids)
 
 
 def _quat(tilt_rad: Vec3) -> Quat:

@@ -19,7 +19,7 @@ def joined(shape: Shape, more: Shape) -> Shape:
     return replace(
         shape,
         visuals=(*shape.visuals, *more.visuals),
-        solids=(*shape.collision_primitives, *more.collision_primitives),
+        collision_primitives=(*shape.collision_primitives, *more.collision_primitives),
         surfaces=(*shape.surfaces, *more.surfaces),
     )
 
@@ -38,7 +38,7 @@ def scaled(shape: Shape, factor: float) -> Shape:
             )
             for v in shape.visuals
         ),
-        solids=tuple(
+        collision_primitives=tuple(
             replace(s, half_extent=_times(s.half_extent, factor), center=_times(s.center, factor))
             for s in shape.collision_primitives
         ),
@@ -57,7 +57,7 @@ def laid_down(shape: Shape) -> Shape:
             replace(v, mesh=mesh_primitives.transformed(v.mesh, turn, (0, 0, 0)))
             for v in shape.visuals
         ),
-        solids=tuple(_turned(s) for s in shape.collision_primitives),
+        collision_primitives=tuple(_turned(s) for s in shape.collision_primitives),
         rolls=True,
     )
 

@@ -94,7 +94,7 @@ class StopSearch(ScoredSearch):
     """Search that explores as VLFM does until there is a candidate by class score. It then goes to
     gaze points around it, and stops there only if its score is high enough."""
 
-    kind, what = "object", Act.STOP
+    kind, action = "object", Act.STOP
 
     def __init__(self, tools: SearchTools, name: str) -> None:
         within = paper(tools.settings.tau_g, False)
@@ -135,7 +135,7 @@ class VlfmBelief(TrustingBelief):
     ) -> ObjectInstance | None:
         return nearest_to(thing.center_m, self.known(class_name), within_m)
 
-    def holds(self, thing: ObjectInstance) -> bool:
+    def still_supports(self, thing: ObjectInstance) -> bool:
         """Also False if another object was seen well meanwhile."""
         return any(t.id == thing.id for t in self.known(thing.class_name))
 

@@ -58,7 +58,7 @@ class Belief(ABC):
 class MapBelief(Belief):
     """Belief of the object map, with scores over all views (HELIOS)."""
 
-    answered = tuple(MapPart)
+    required_parts = tuple(MapPart)
 
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
         return self.robot.objects(class_name)
@@ -86,7 +86,7 @@ class TrustingBelief(Belief):
     """Belief that every detection is true for good: no map, no doubt. A later detection at the same
     place replaces the position."""
 
-    answered = (MapPart.OCCUPANCY, MapPart.VALUE, DETECTIONS)
+    required_parts = (MapPart.OCCUPANCY, MapPart.VALUE, DETECTIONS)
 
     def __init__(self, robot: RobotInterface, settings: Settings) -> None:
         super().__init__(robot, settings)

@@ -49,10 +49,10 @@ class ObjectSearch(ScoredSearch):
 
     If the instruction names a start receptacle, the paper's thresholds accept a candidate elsewhere
     only when nothing is left to search. The patient agent's thresholds lower its score by
-    `place_of`.
+    `place_probability`.
     """
 
-    kind, what = "object", Act.PICK
+    kind, action = "object", Act.PICK
 
     def __init__(
         self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
@@ -92,7 +92,7 @@ class ObjectSearch(ScoredSearch):
     def in_place(self, candidate: ObjectInstance) -> bool:
         return self.start is None or is_on_any(candidate, self.robot.objects(self.start))
 
-    def place_of(self, candidate: ObjectInstance) -> float:
+    def place_probability(self, candidate: ObjectInstance) -> float:
         return (
             1.0
             if self.start is None

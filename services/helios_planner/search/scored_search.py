@@ -124,7 +124,7 @@ class ScoredSearch(Search):
         return min(self._decision_threshold.score, threshold) - self.settings.tau_inc
 
     @property
-    def at_last(self) -> bool:
+    def accepted_any_candidate(self) -> bool:
         """True if the newest decision used the threshold that accepts any candidate."""
         return (
             self._thresholds.at_last is not None
@@ -135,13 +135,13 @@ class ScoredSearch(Search):
         sure = thing.score * self._place(thing) >= standard.score
         return sure and (standard.anywhere or self.in_place(thing))
 
-    def accept_likeliest_after(self, after: float) -> None:
+    def accept_any_after_share(self, after: float) -> None:
         if after < 1:
             self._thresholds = with_final_fallback(self._thresholds, after)
 
     def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
         doubtful = self._from_memory or not self._meets(thing, self._thresholds.steps[-2])
-        return self.at_last and doubtful
+        return self.accepted_any_candidate and doubtful
 
     def relax(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first search everything once more
@@ -170,7 +170,7 @@ class ScoredSearch(Search):
         things = self.candidates()
         self._remembered.note(things)
         self._decision_threshold = self._standard
-        known_once = None if things or not self.at_last else self._remembered.best(self.open)
+        known_once = None if things or not self.accepted_any_candidate else self._remembered.best(self.open)
         self._from_memory = known_once is not None
         for thing in [known_once] if known_once else things:
             in_place = self.in_place(thing)
@@ -188,7 +188,7 @@ class ScoredSearch(Search):
         known_once = self._remembered.get(decision.chosen.id) if self._from_memory else None
         return known_once or super().chosen(decision)
 
-    def conclude(self) -> Decision:
+    def decide_and_publish(self) -> Decision:
         """Look at candidates again as long as the decision orders it; returns the other one."""
         while (decision := super().decide_and_publish()).do is Do.LOOK:
             self._look_again(decision)
@@ -209,7 +209,7 @@ class ScoredSearch(Search):
 class ReceptacleSearch(ScoredSearch):
     """Search for the goal receptacle. The object map of the object search counts from the start."""
 
-    kind, what = "receptacle", Act.PLACE
+    kind, action = "receptacle", Act.PLACE
 
     def __init__(
         self, tools: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule
@@ -226,7 +226,7 @@ class ReceptacleSearch(ScoredSearch):
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
         """Also True at the last threshold: no time is left for another receptacle."""
-        return self.at_last or super().confirmed(near)
+        return self.accepted_any_candidate or super().confirmed(near)
 
     def candidates(self) -> list[ObjectInstance]:
         return [

@@ -130,7 +130,7 @@ AWAY = Unavailable("the text model is away")
 def test_a_context_that_the_back_end_cannot_take_is_kept_and_tried_again(
     fault: Exception, said: str, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
     rig, moody = moody_rig()
     moody.fault = fault
     rig.look_for()
@@ -164,7 +164,7 @@ def test_a_keyframe_that_goes_well_does_not_hide_a_context_that_is_not_sought():
 
 
 def test_a_newer_context_takes_the_place_of_one_that_waits(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
     rig, moody = moody_rig()
     moody.fault = AWAY
     rig.look_for()
@@ -188,7 +188,7 @@ def test_a_context_is_not_asked_for_again_while_the_back_end_is_at_it():
 def test_a_context_that_the_back_end_calls_wrong_is_said_and_not_tried_again(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
     rig, moody = moody_rig()
     moody.fault = InvalidInput("no mugs, please; ask for cups")
     rig.look_for()

@@ -62,7 +62,7 @@ def test_a_hosted_detector_tries_a_context_again_that_its_back_end_could_not_tak
     models = Models(Moody(SceneTruth()), LexicalScorer())
     monkeypatch.setattr(hosted_module, "load_models", lambda *_: models)
     monkeypatch.setattr(hosted_module, "CHECK_S", 0.01)
-    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
     MemoryBus(hub).publish(CONTEXT, context_to_proto(context_of("mug")))
     service = RobotDetector(MemoryBus(hub), health, Settings())
     wait_until(lambda: health.state == ("ready", ""), 10, "the context is sought")
@@ -73,7 +73,7 @@ def test_a_hosted_detector_tries_a_context_again_that_its_back_end_could_not_tak
 def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_came_meanwhile(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
     hub, truth, members = MemoryHub(), SceneTruth(), Members("me", ["ada"])
     bus, answers = MemoryBus(hub, "ada"), []
     bus.subscribe(OBSERVATION, answers.append)

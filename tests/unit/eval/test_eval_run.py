@@ -180,10 +180,12 @@ def test_a_run_never_goes_on_from_an_agent_with_other_settings(
     def changed(_: str) -> dict[str, str]:
         return now | {"planner.is_new": "1"}
 
-    monkeypatch.setattr(service_settings, "ran_with", changed)
+    monkeypatch.setattr(service_settings, "default_settings_of", changed)
     run(asked(tmp_path, 2), quiet())
     assert len(stage.played) == 2
-    monkeypatch.setattr(service_settings, "ran_with", lambda _: now | {"planner.tau_g": "0.4"})
+    monkeypatch.setattr(
+        service_settings, "default_settings_of", lambda _: now | {"planner.tau_g": "0.4"}
+    )
     with pytest.raises(InvalidInput, match=r"played with planner\.tau_g = 0\.5; it is 0\.4 here"):
         run(asked(tmp_path, 3), quiet())
     assert len(stage.played) == 2
@@ -214,7 +216,7 @@ def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None
 def test_a_run_that_is_killed_lets_go_of_its_folder(stage: Stage, tmp_path: Path) -> None:
     holds = (
         "import pathlib, sys, time; from helios_eval import run_folder\n"
-        "with run_folder.held(pathlib.Path(sys.argv[1])): print('held', flush=True); "
+        "with run_folder.locked_folder(pathlib.Path(sys.argv[1])): print('held', flush=True); "
         "time.sleep(600)"
     )
     command = [sys.executable, "-c", holds, str(tmp_path)]

@@ -284,7 +284,7 @@ def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_no
 def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(reported):
     chosen = SIDES.model_copy(update={"side_views": 3.0})
     one, other = again_of(reported, chosen), again_of(reported, chosen)
-    assert np.array_equal(one.content().store.votes, reported.memory().store.votes)
+    assert np.array_equal(one.content().store.votes, reported.content().store.votes)
     other = again_of(other, chosen)
     more = [(0.1, 0.3), (0.3, 0.5)]
     for objects in (one, other):
@@ -312,7 +312,7 @@ def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_
 
 
 def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
-    arrays = persistence.arrays_of(reported.memory(), None)
+    arrays = persistence.arrays_of(reported.content(), None)
     wrong = {
         "more for a class than in all": arrays["store.votes"][..., ::-1] + np.uint16(1),
         "other sectors": arrays["store.votes"][:, :, :6],
@@ -322,7 +322,7 @@ def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
         with pytest.raises(InvalidInput):
             persistence.read(
                 persistence.to_bytes(arrays | {"store.votes": np.ascontiguousarray(votes)}),
-                reported.no_viewpoints(),
+                reported.empty_viewpoints(),
             )
 
 

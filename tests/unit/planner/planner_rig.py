@@ -44,7 +44,7 @@ class Looks:
         self.then: Callable[[], None] = lambda: None  # after each look
         self.stop: Callable[[], bool] = lambda: False  # what would end the newest one
 
-    def around(self, _: ObjectInstance) -> list[GazePoint]:
+    def remaining_gaze_points(self, _: ObjectInstance) -> list[GazePoint]:
         return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
 
     def information_gain_nats(self, *_: object) -> float | None:

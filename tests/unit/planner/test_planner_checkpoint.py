@@ -19,25 +19,25 @@ from planner_flat import MOVE, flat_with_mug
 
 GIVEN = "robot settings instruction agent tools base belief looking rng attempts rules"
 # What is worked out anew, or holds only between two actions.
-SEARCH_KEPT = "refused waiting _waited_at _doubts _round _first_round _patrol"
+SEARCH_KEPT = "refused unreachable _waited_at _doubts _round _first_round _patrol"
 SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
-SCORED_KEPT = f"{SEARCH_KEPT} _step _since _acted _remembered"
-SCORED_LOST = f"{SEARCH_LOST} _standards _views _from_memory"
+SCORED_KEPT = f"{SEARCH_KEPT} _step _since _decision_threshold _remembered"
+SCORED_LOST = f"{SEARCH_LOST} _thresholds _views _from_memory"
 KEPT_AND_LOST = {
     "Mission": (
         "looked_around target_m picked_at_m unsure skills search placed",
-        "seen_at_goal _fell _recalled",
+        "seen_at_goal _fell _restored",
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
     "Manipulation": ("picks falls last_reason", "near surface_m placed_on"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
-    "Looking": ("_looked", "_other_share _thing_rules _place_rules _stop_rules _views _gains"),
+    "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (f"{SCORED_KEPT} seen visited", f"{SCORED_LOST} start _rule _last_seen"),
     "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),
-    "MoveMission": ("looked_around exploration point_goal", "_recalled"),
+    "MoveMission": ("looked_around exploration point_goal", "_restored"),
     "Exploration": (
         "given_up _ids _before_m2",
-        "_body _base _settings _now_m2 _left _cached",
+        "_robot _base _settings _now_m2 _left _cached",
     ),
 }
 

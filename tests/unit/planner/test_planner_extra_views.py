@@ -52,7 +52,7 @@ def test_the_gain_of_a_local_search_is_that_of_the_views_that_are_left_now(
     gains = iter([1.0, 2.0])
     world.what_if = lambda *args, **kwargs: WhatIf((), (next(gains),))
     for points, gain in ((here, 1.0), (here, 1.0), (there, 2.0)):
-        monkeypatch.setattr(looking, "around", lambda _, points=points: points)
+        monkeypatch.setattr(looking, "remaining_gaze_points", lambda _, points=points: points)
         assert looking.information_gain_nats(thing, "counter") == gain
 
 
@@ -76,7 +76,7 @@ def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
     here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size))
     elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.9)
     rig.known = [instance(coffee_table()), here, elsewhere]
-    (gaze,) = looks.around(here)
+    (gaze,) = looks.remaining_gaze_points(here)
     rig.search._views = {3: BestView(gaze, 0.6)}
     look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", Act.PICK)
     rig.search._look_again(look)

@@ -83,11 +83,11 @@ def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -
     _settle(search)
     decision = search.decide()
     assert decision.chosen.id == 3
-    assert search.place_of(here) == 1.0
-    assert search.place_of(elsewhere) == pytest.approx(0.05 / 0.65)
+    assert search.place_probability(here) == 1.0
+    assert search.place_probability(elsewhere) == pytest.approx(0.05 / 0.65)
     assert decision.candidates[1].terms["total"] == pytest.approx(0.6 * 0.05 / 0.65)
     rig.known = [here, elsewhere]  # no table is known
-    assert search.place_of(elsewhere) == search.place_of(here)
+    assert search.place_probability(elsewhere) == search.place_probability(here)
 
 
 def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() -> None:
@@ -97,16 +97,16 @@ def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() ->
     on_the_table = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     thing = instance(on_the_table, score=0.9)
     rig.known = [thing]
-    assert search.place_of(thing) == pytest.approx(0.05 / 0.45)
+    assert search.place_probability(thing) == pytest.approx(0.05 / 0.45)
     assert search.decide().do is not Do.ACT
     rig.known = [instance(coffee_table(), score=0.3), thing]
-    assert search.place_of(thing) == pytest.approx(0.35 / 0.45)
+    assert search.place_probability(thing) == pytest.approx(0.35 / 0.45)
     assert search.decide().do is Do.ACT
 
 
 def test_a_patient_search_searches_everything_again_before_it_goes_below_the_threshold() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, patient)
-    search.accept_likeliest_after(0.92)
+    search.accept_any_after_share(0.92)
     while search.relax():
         pass
     assert search.threshold == search.settings.tau_b
@@ -174,7 +174,7 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
-    search.accept_likeliest_after(0.92)
+    search.accept_any_after_share(0.92)
     rig.world.steps = int(0.9 * rig.world.max_steps)
     assert search.decide().do is not Do.ACT
     rig.world.steps = int(0.93 * rig.world.max_steps)
@@ -187,14 +187,14 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     rig.known = [replace(rig.known[0], score=-0.01)]  # Ψ is S − U
     assert search.decide().do is Do.ACT
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
-    again.accept_likeliest_after(0.92)
+    again.accept_any_after_share(0.92)
     again.restore(search.checkpoint())
     assert again.accepted_as_likeliest(rig.known[0])
 
 
 def test_everything_is_searched_a_second_time_before_it_settles() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
-    search.accept_likeliest_after(0.92)
+    search.accept_any_after_share(0.92)
     assert not search.relax()
     search._round = Settings().rounds - 1
     assert search.relax()
@@ -215,7 +215,7 @@ def _forgotten(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
     """A search whose candidates, one of many views and a surer one of few, are known no more."""
     rig = Rig(Looks([]), **settings)
     search = ReceptacleSearch(rig.tools, "counter", None, agent)
-    search.accept_likeliest_after(0.9)
+    search.accept_any_after_share(0.9)
     once, fleeting = instance(counter(), score=0.3), instance(coffee_table(), score=0.45)
     rig.known = [replace(once, views=20), replace(fleeting, class_name="counter", views=1)]
     assert search.decide().do is not Do.ACT
@@ -265,7 +265,7 @@ def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
 def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
     rig, search = _forgotten(paper)
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
-    again.accept_likeliest_after(0.9)
+    again.accept_any_after_share(0.9)
     again.restore(json.loads(json.dumps(search.checkpoint())))
     rig.world.steps = int(0.95 * rig.world.max_steps)
     assert again.chosen(again.decide()).views == 20

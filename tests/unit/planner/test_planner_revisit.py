@@ -119,7 +119,7 @@ def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
-    search.accept_likeliest_after(0.88)
+    search.accept_any_after_share(0.88)
     assert not search.confirmed(None)
     rig.world.steps = int(0.9 * rig.world.max_steps)
     search.decide()

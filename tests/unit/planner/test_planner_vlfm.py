@@ -70,11 +70,11 @@ def test_what_is_at_the_side_or_far_is_tentative_until_its_place_is_seen_from_ne
     eyes = Eyes()
     assert eyes.report(seen(5.0, 3.0, at_side=True), seen(8.0, 4.9)) == [5.0, 8.0]
     first, _ = eyes.belief.known("mug")
-    assert eyes.belief.holds(first)
+    assert eyes.belief.still_supports(first)
     assert first.score == 0.0  # no robot says that it found this
     eyes.world._pose = Pose2(3.0, 1.0, 0.0)  # 2 m before the first
     assert eyes.report() == [8.0]
-    assert not eyes.belief.holds(first)
+    assert not eyes.belief.still_supports(first)
     assert eyes.belief.from_near(first, "mug", 0.3) is None
 
 
