@@ -1,4 +1,4 @@
-"""A real Chromium for tests of pages: the system's, or what `HELIOS_TEST_CHROMIUM` names."""
+"""Start a real Chromium for page tests: an installed one, or what `HELIOS_TEST_CHROMIUM` names."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, BrowserType, sync_playwright
 
-# A graphics card in software: the page may draw in 3D on any machine.
+# Software rendering: WebGL works on any machine.
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 DEADLINE_MS = 30_000
 
 
 def chromium_path() -> str | None:
-    """Of an installed Chromium."""
+    """Return `HELIOS_TEST_CHROMIUM`, else the path of an installed Chromium, else None."""
     named = os.environ.get("HELIOS_TEST_CHROMIUM")
     return named or next(filter(None, map(shutil.which, _NAMES)), None)
 
 
 @contextmanager
 def chromium(*more: str) -> Iterator[Browser]:
-    """Started with `more` arguments. Skips the test where none is installed."""
+    """Start Chromium with the arguments `more`; skip the test where none is installed."""
     path = chromium_path()
     if path is None:
         pytest.skip("no Chromium: apt-get install chromium, or set HELIOS_TEST_CHROMIUM")
@@ -34,7 +34,7 @@ def chromium(*more: str) -> Iterator[Browser]:
 
 @contextmanager
 def beside(browser: Browser, *more: str) -> Iterator[Browser]:
-    """One more, started with other arguments: Playwright runs once in a thread."""
+    """Start a second browser with other arguments: Playwright runs only once per thread."""
     path = chromium_path()
     assert path is not None
     with _launched(browser.browser_type, path, more) as another:

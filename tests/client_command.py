@@ -1,4 +1,4 @@
-"""The command line against one gateway, for tests."""
+"""Run the `helios` command against one gateway, for tests."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.gateway_process import Served
 
 
 class Helios:
-    """The command, against one gateway."""
+    """Runs the `helios` command against one gateway. `error`: its last standard error."""
 
     def __init__(self, gateway: Served, capsys: pytest.CaptureFixture[str]) -> None:
         self.gateway, self._capsys = gateway, capsys

@@ -1,4 +1,4 @@
-"""A disk that is full: a real one where this user may mount, and one that only says so."""
+"""Simulate a full disk: a small file system where this user may mount, or writes that fail."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 @contextmanager
 def small_disk(folder: Path, kilobytes: int = 1024) -> Iterator[Path]:
-    """A file system of that size. Skips the test where none may be mounted."""
+    """Mount a file system of that size; skip the test where the user may not mount."""
     folder.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)]
     try:
@@ -30,7 +30,7 @@ def small_disk(folder: Path, kilobytes: int = 1024) -> Iterator[Path]:
 
 
 def fill(folder: Path) -> Path:
-    """Write until nothing fits any more; the file that fills it."""
+    """Write until the disk is full; return the file that fills it."""
     filler = folder / "filler"
     with filler.open("wb", 0) as file, contextlib.suppress(OSError):
         while True:
@@ -39,8 +39,8 @@ def fill(folder: Path) -> Path:
 
 
 def refuse_writing(monkeypatch: pytest.MonkeyPatch, beginning: str = "", ending: str = "") -> None:
-    """From now on the disk is full for files whose names begin and end so, and only half of what
-    is written to them fits."""
+    """Make writes to files whose names begin and end so fail as on a full disk: half of the data is
+    written, then ENOSPC is raised."""
     write_bytes = Path.write_bytes
 
     def half(path: Path, data: bytes) -> int:

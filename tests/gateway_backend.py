@@ -1,4 +1,4 @@
-"""Made-up services on a MemoryBus: a small home, a robot in it, one task. Deterministic."""
+"""Fake services on a MemoryBus: a small home, a robot in it, one task. Deterministic."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ CAMERA = Pinhole(fx=520.0, fy=520.0, cx=319.5, cy=239.5, width=640, height=480)
 
 
 class Backend(MadeUpTasks):
-    """`start` brings everything up; tests then change single things."""
+    """All services behind a gateway. `start` serves them; tests then change single values."""
 
     def __init__(self, hub: MemoryHub, robot: str = "robot") -> None:
         self.hub = hub
@@ -69,9 +69,9 @@ class Backend(MadeUpTasks):
         self.stopped, self.stop_reason = False, ""
         self.map_version = 41
         self.rendered: pb.RenderRequest | None = None
-        self.kept = {"map2d": b"walls", "objects": b"things"}  # what a save gives
-        self.refuses_maps: HeliosError | None = None  # what map2d says to a load
-        self.recalls: HeliosError | None = None  # what it says to a question to past views
+        self.kept = {"map2d": b"walls", "objects": b"things"}  # data that a save returns
+        self.refuses_maps: HeliosError | None = None  # error that map2d raises at a load
+        self.recalls: HeliosError | None = None  # error that map2d raises at a query of past views
         self.seq = 0
 
     def start(self) -> None:
@@ -108,7 +108,7 @@ class Backend(MadeUpTasks):
         self.report(name, pid, state, reason)
 
     def die(self, name: str) -> None:
-        """As if the process were gone."""
+        """Drop the liveliness token, as if the process had died."""
         self._alive.pop(name).close()
 
     def report(self, name: str, pid: int, state: str, reason: str = "") -> None:
@@ -133,7 +133,7 @@ class Backend(MadeUpTasks):
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
     def publish_frame(self, color: NDArray[np.uint8] | None = None) -> pb.Frame:
-        """A keyframe from where the robot is."""
+        """Publish a keyframe from the robot's pose."""
         self.seq += 1
         if color is None:
             rows, columns = np.mgrid[0:480, 0:640]
@@ -147,7 +147,7 @@ class Backend(MadeUpTasks):
         return frame
 
     def publish_observation(self, frame: pb.Frame) -> None:
-        """What the detector makes of the frame: a mug at pixels (200, 150) to (280, 240)."""
+        """Publish the detections in the frame: a mug at pixels (200, 150) to (280, 240)."""
         mask = pb.Mask(x=200, y=150, width=80, height=90, bits=bytes(900))
         self.bus.publish(OBSERVATION, pb.Observation(
             frame=frame, context_id="c1",
@@ -169,13 +169,13 @@ class Backend(MadeUpTasks):
         ))  # fmt: skip
 
     def reset(self) -> None:
-        """No stop is latched, and every task is queued."""
+        """Clear the stop and set every task to queued."""
         self._latch(False, "")
         for task in self.tasks.values():
             task.state = "queued"
 
     def serve_settings(self, service: str, settings: dict) -> None:
-        """A service that tells its settings."""
+        """Serve the settings of a service."""
         described = {
             name: value
             if isinstance(value, dict)

@@ -1,4 +1,4 @@
-"""A made-up bridge: grants the lease, makes moves, blocks where a test says so."""
+"""A fake bridge: grants the lease, executes moves, and blocks them where a test wants it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from helios_core.topics import ACT, LEASE
 
 
 class MadeUpDriving:
-    """`moves`: what the robot was asked for, in order; `blocked`: why it drives no further ahead;
-    `gate`: while it is clear, moves last."""
+    """A fake bridge. `moves`: the requested actions, in order; `blocked`: the reason why forward
+    moves fail; `gate`: while it is clear, no move finishes."""
 
     def __init__(self, bus: Bus) -> None:
         self.moves: list[pb.ActionRequest] = []

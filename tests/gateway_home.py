@@ -1,4 +1,4 @@
-"""A small made-up home as services tell of it: its map, its things, a decision. Deterministic."""
+"""A small fake home as services report it: its map, its objects, a decision. Deterministic."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FURNITURE_M = (
 
 
 def gaussians(found: Sequence[pb.ObjectInstance]) -> pb.GaussiansReply:
-    """The boxes of the objects, filled evenly."""
+    """Fill the boxes of the objects evenly with Gaussians."""
     rng = np.random.default_rng(0)
     names = ["other", *sorted({one.class_name for one in found})]
     means, instances, concentrations = [], [], []
@@ -46,7 +46,7 @@ def gaussians(found: Sequence[pb.ObjectInstance]) -> pb.GaussiansReply:
 
 
 def picture_jpeg(tone: int) -> bytes:
-    """A small picture, as map2d keeps of a view."""
+    """Encode a small camera image, as map2d stores one per view."""
     _, jpeg = cv2.imencode(".jpg", np.full((180, 320, 3), (90, 60 + tone, 150), np.uint8))
     return jpeg.tobytes()
 
@@ -68,7 +68,7 @@ def thing(
     score: float,
     views: int,
 ) -> pb.ObjectInstance:
-    """An instance of the object map with a rectangle for an outline."""
+    """Make an instance of the object map with a rectangular outline."""
     (x, y, _), (w, d, _) = center, size
     outline = [x - w / 2, y - d / 2, x + w / 2, y - d / 2, x + w / 2, y + d / 2, x - w / 2,
                y + d / 2]  # fmt: skip
@@ -82,7 +82,7 @@ def thing(
 
 
 def decision(index: int) -> pb.Decision:
-    """A global search over two tables and two frontiers."""
+    """Make a global search decision over two tables and two frontiers."""
     rows = [
         ("receptacle", "coffee table 2", (1.7, 1.5), 0.68, 0.74, 1.6, True),
         ("frontier", "frontier 12", (4.5, 2.9), 0.41, 0.42, 1.5, False),
@@ -107,7 +107,7 @@ def decision(index: int) -> pb.Decision:
 
 
 def snapshot(version: int, pose: tuple[float, float, float]) -> pb.MapSnapshot:
-    """The home as it is known when three of its four rooms have been seen."""
+    """Make a map of the home in which three of its four rooms have been seen."""
     rows, columns = round(7 / CELL_M), round(9 / CELL_M)
     occupancy = np.zeros((rows, columns), np.int8)
     for x0, y0, x1, y1 in (*WALLS_M, *FURNITURE_M):

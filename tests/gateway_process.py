@@ -1,4 +1,4 @@
-"""A gateway on a free port over made-up services, for whoever talks HTTP to it."""
+"""Run a gateway on a free port over fake services, for tests of its HTTP clients."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from helios_gateway.settings import Settings
 
 from tests.gateway_backend import Backend
 
-# Made-up services report once, and tests do not wait for the next tick.
+# Fake services report once, and tests do not wait for the next tick.
 QUICK = ("--tick-s", "0.05", "--silent-after-s", "3600")
 
 
 @dataclass
 class Served:
-    """What runs."""
+    """A running gateway with its fake services."""
 
     port: int
     backend: Backend
@@ -32,7 +32,7 @@ class Served:
 
 @contextmanager
 def served(*flags: str, port: int = 0, backend: Backend | None = None) -> Iterator[Served]:
-    """A gateway with these settings; `backend` where it outlives the gateway."""
+    """Run a gateway with these flags; `backend`: fake services that outlive the gateway."""
     hub = MemoryHub()
     if backend is None:
         backend = Backend(hub)

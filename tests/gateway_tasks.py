@@ -1,4 +1,4 @@
-"""A made-up planner: tasks that are submitted, go on when a test says so, and end."""
+"""A fake planner: accepts tasks, and changes their states when a test calls for it."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from tests.gateway_home import decision
 
 
 class MadeUpTasks:
-    """The planner's part of a made-up backend. `calls`: what was asked, of any part of it."""
+    """The planner of the fake backend. `calls`: requests to any part of the backend."""
 
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
         self.calls: list[str] = []
         self.tasks: dict[str, pb.Task] = {}
         self.decided: list[pb.Decision] = []
-        self.reserved = ""  # why no task is begun now
+        self.reserved = ""  # the reason why no task starts now
 
     def serve_tasks(self) -> None:
         serve = self.bus.serve
@@ -43,11 +43,11 @@ class MadeUpTasks:
         serve(RESERVE, self._reserve)
 
     def submit(self, instruction: str) -> pb.Task:
-        """As if it had come from elsewhere."""
+        """Submit a task as another client would."""
         return self._submit(pb.SubmitRequest(instruction=instruction))
 
     def change_task(self, id: str, state: str, **changes: object) -> None:
-        """The task goes on, and everybody is told."""
+        """Set the task's state and publish the task."""
         task = self.tasks[id]
         task.state = state
         for name, value in changes.items():

@@ -1,4 +1,4 @@
-"""`helios up` as tests start and end it: whatever becomes of the test, no process is left."""
+"""Start and stop `helios up` in tests, and leave no process behind even if the test fails."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import psutil
 
 from tests.support import ENDS_WITHIN_S, LOOPBACK, free_port
 
-MARK = "HELIOS_TEST_MARK"  # in the environment of all that a test starts: its own value
+MARK = "HELIOS_TEST_MARK"  # environment variable of all started processes, one value per start
 
 
 @dataclass
@@ -27,7 +27,7 @@ class Up:
     process: subprocess.Popen[bytes]
     port: int
     router_port: int
-    state: Path  # its folder; `up.log` in it is what it says
+    state: Path  # its state folder; `up.log` in it is its output
 
     @property
     def address(self) -> str:
@@ -38,7 +38,7 @@ class Up:
         return f"tcp/127.0.0.1:{self.router_port}"
 
     def ready(self) -> bool:
-        """Whether a task would start. Raises AssertionError where the process has ended."""
+        """Return whether a task would start. Raises AssertionError if the process has ended."""
         ended = self.process.poll()
         assert ended is None, f"ended with {ended}: {(self.state / 'up.log').read_text()[-2000:]}"
         return is_ready(self.port)
@@ -48,7 +48,7 @@ U = TypeVar("U", bound=Up)
 
 
 def is_ready(port: int) -> bool:
-    """What the gateway there says; no, where there is none."""
+    """Return whether the gateway reports ready; False where no gateway answers."""
     try:
         return LOOPBACK.get(f"http://127.0.0.1:{port}/readyz").status_code == 200
     except httpx.TransportError:
@@ -59,7 +59,7 @@ def is_ready(port: int) -> bool:
 def helios_up(
     state: Path, *flags: str, kind: type[U] = Up, environment: Mapping[str, str] | None = None
 ) -> Iterator[U]:
-    """With ports of its own. Does not wait for anything."""
+    """Start `helios up` on free ports. Does not wait until it is ready."""
     port, router_port = free_port(), free_port()
     argv = [
         sys.executable, "-m", "helios_client", "up", *flags, "--port", str(port),
@@ -73,10 +73,10 @@ def helios_up(
 def started(
     argv: Sequence[str], log: Path, environment: Mapping[str, str], cwd: Path | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """A command that starts others. Shows what it said where the block fails; ends it then.
+    """Run a command that starts other processes; stop it after the block.
 
-    Raises AssertionError when it leaves a process behind, TimeoutExpired when it does not end as
-    it is asked to. Either way nothing of it runs any more.
+    Prints the output if the block fails. Raises AssertionError if the command leaves a process
+    behind, TimeoutExpired if it does not stop on SIGTERM. Kills all its processes in any case.
     """
     mark = uuid.uuid4().hex
     log.parent.mkdir(parents=True, exist_ok=True)
@@ -95,7 +95,7 @@ def started(
 
 
 def left_of(mark: str) -> list[psutil.Process]:
-    """All running processes with this mark."""
+    """Return all running processes with this mark."""
     return [p for p in psutil.process_iter() if _environment(p).get(MARK) == mark]
 
 
@@ -116,5 +116,5 @@ def _end(process: subprocess.Popen[bytes], mark: str) -> None:
 def _environment(process: psutil.Process) -> dict[str, str]:
     try:
         return process.environ()
-    except psutil.Error:  # ended meanwhile, or another user's
+    except psutil.Error:  # the process has ended, or belongs to another user
         return {}

@@ -1,4 +1,4 @@
-"""What a planner that was killed needs until it acts again, as the bus tells it."""
+"""Measure over the bus how long a killed planner takes until it acts again."""
 
 from __future__ import annotations
 
@@ -19,30 +19,32 @@ from tests.stack import Stack
 
 @dataclass(frozen=True)
 class Restart:
-    """Seconds on the wall after SIGKILL; `cpu_s`: processor time of the new process until it had
-    acted, and `imports_cpu_s` of that until its first word."""
+    """Wall-clock seconds after SIGKILL. `cpu_s`: processor time of the new process until its first
+    action is done; `imports_cpu_s`: the part of it until the first status message."""
 
-    started_s: float  # the supervisor has started it again
-    imported_s: float  # its first word: all is imported, and the router is there
-    ready_s: float  # its kernels are loaded, and it knows the robot
-    acted_s: float  # its first action is done
+    started_s: float  # the supervisor has restarted the planner
+    imported_s: float  # first status message: imports are done, the router is connected
+    ready_s: float  # the kernels are loaded, and the robot is known
+    acted_s: float  # the first action is done
     imports_cpu_s: float
     cpu_s: float
 
     @property
     def of_first_word(self) -> float:
-        """How many times what its first word took its first action took. That word, mostly
-        imports, takes a second where nothing else runs, and is as slow as all else on a busy
-        machine."""
+        """Time to the first action as a multiple of the time to the first status message.
+
+        The time to that message is mostly imports: a second on an idle machine, and on a busy
+        machine it grows like all else.
+        """
         return self.acted_s / self.imported_s
 
 
 class _Witness:
-    """Notes when the planner of a new process says what, and when the task has a new step."""
+    """Records when the new planner process reports each state, and when the task has a new step."""
 
     def __init__(self, bus: Bus, task_id: str, old_pid: int) -> None:
         self._task_id, self._old_pid = task_id, old_pid
-        self._steps: int | None = None  # with which the new process took the task up
+        self._steps: int | None = None  # of the task when the new process resumed it
         self.at_s: dict[str, float] = {}
         self.cpu_s: dict[str, float] = {}
         self.acted = threading.Event()

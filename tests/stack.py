@@ -1,4 +1,4 @@
-"""A running `helios up` with the simulated robot, for tests of what happens when a part dies."""
+"""Run `helios up` with the simulated robot, for tests in which a service dies."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FLAGS = ("--robot", "sim", "--seed", "1", "--detector", "ground-truth")
 
 
 class Stack:
-    """A running `helios up` with the simulated robot. Close it."""
+    """A running `helios up` with the simulated robot. Call `close` at the end."""
 
     def __init__(self, state: Path) -> None:
         self._running = ExitStack()
@@ -35,14 +35,14 @@ class Stack:
         return answer.json()
 
     def task(self, id: str) -> dict[str, Any]:
-        """As it is told while the planner is away, too."""
+        """Return the task; its state is `unknown` while the planner does not answer."""
         try:
             return self.get(f"/v1/tasks/{id}")
         except (httpx.HTTPStatusError, httpx.TransportError):
             return {"state": "unknown", "steps": -1}
 
     def service(self, name: str) -> dict[str, Any]:
-        """How a service is, as `helios status` tells it: state, reason, pid, restarts."""
+        """Return a service's entry in `helios status`: state, reason, pid, restarts."""
         status = json.loads((self.state / "supervisor.json").read_text())
         return next(s for s in status["services"] if s["name"] == name)
 

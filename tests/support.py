@@ -1,4 +1,4 @@
-"""Helpers of all tests."""
+"""Helpers for all tests."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from pathlib import Path
 import httpx
 from helios_core.settings import ServiceSettings
 
-# Each `httpx.get` reads the certificates of the world first: 25 ms of a core for every question.
+# `httpx.get` loads the CA certificates at every call: 25 ms of processor time per request.
 LOOPBACK = httpx.Client(
     verify=False, trust_env=False, timeout=10, limits=httpx.Limits(max_keepalive_connections=0)
 )
 
 
 def free_port() -> int:
-    """A TCP port on loopback that was free a moment ago."""
+    """Return a TCP port on loopback that was free a moment ago."""
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         return int(s.getsockname()[1])
 
 
-ENDS_WITHIN_S = 30.0  # a process that was asked to; more than that hangs, on a busy machine too
+ENDS_WITHIN_S = 30.0  # limit for a process to stop; beyond it, it hangs, also on a busy machine
 
 
 def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> None:
-    """Ask until the condition holds; fail after the deadline with what was waited for."""
+    """Poll until the condition holds; fail after the deadline with the text `what`."""
     deadline = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > deadline:
@@ -38,7 +38,7 @@ def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> 
 
 
 def settings_of(module: str) -> type[ServiceSettings]:
-    """The settings that a service declares, by its package's name."""
+    """Return the settings class that the package of a service declares."""
     declared = vars(importlib.import_module(f"{module}.settings")).values()
     [own] = (
         d for d in declared
@@ -48,5 +48,5 @@ def settings_of(module: str) -> type[ServiceSettings]:
 
 
 def python_blocks(page: Path) -> list[str]:
-    """The Python that a page of the documents shows, in its order."""
+    """Return the Python code blocks of a documentation page, in order."""
     return re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)

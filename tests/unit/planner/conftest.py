@@ -1,4 +1,4 @@
-"""Makes the helpers beside the tests importable, and `start` and `group` fixtures of all."""
+"""Make the helper modules of this folder importable, and provide fixtures `start` and `group`."""
 
 import sys
 from pathlib import Path

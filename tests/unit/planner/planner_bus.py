@@ -1,4 +1,4 @@
-"""A planner among its peers, and how a test asks it over the bus."""
+"""Start a planner with fake peers, and call it over the bus."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def lose_patience_soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def hasty(state_dir: Path, **settings: Any) -> Settings:
-    """Settings of a planner that waits for nobody for long."""
+    """Make settings with short timeouts."""
     given = {"agent": "helios-paper", **settings}  # its settings are the defaults
     return Settings(state_dir=state_dir, ack_timeout_s=0.4, away_s=0.4, **given)
 
 
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
-    """Starts a planner among peers; quick to lose patience."""
+    """Start a planner with fake peers and short timeouts."""
     lose_patience_soon(monkeypatch)
     running: list[PlannerService] = []
 

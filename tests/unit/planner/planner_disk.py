@@ -1,4 +1,4 @@
-"""A disk that takes nothing, for the store of a planner."""
+"""Simulate a full disk for the store of a planner."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from helios_planner.tasks.store import Store
 
 
 def refuse(store: Store, refuses: bool = True) -> None:
-    """Let every write to a store fail, or none any more."""
+    """Make every write to a store fail; with `refuses=False` none."""
     with store._lock:
         store._db.execute(f"PRAGMA query_only={int(refuses)}")
 
 
 @contextmanager
 def refusing(planner: PlannerService) -> Iterator[Store]:
-    """The store of a planner, whose disk takes nothing meanwhile."""
+    """Make all writes to a planner's store fail inside the block; yield the store."""
     refuse(planner._store)
     try:
         yield planner._store

@@ -1,4 +1,4 @@
-"""What a made-up robot sees of a made-up floor: the ground up to what is tall, and points."""
+"""Camera view of a fake robot: visible floor up to tall obstacles, visible points, frontiers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 CELL_M = 0.025
-TALL_M = 1.3  # from here on it hides what is behind it
+TALL_M = 1.3  # an obstacle of at least this height hides what is behind it
 CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
 ROBOT = RobotDescription(
     name="fake", footprint_radius_m=0.3, height_m=1.4, camera=CAMERA, camera_height_m=1.31,
@@ -25,7 +25,7 @@ ROBOT = RobotDescription(
 def floor_seen(
     top_m: NDArray[np.float32], pose: Pose2, tilt_rad: float, height_m: float
 ) -> NDArray[np.bool_]:
-    """Cells [rows, columns] that a camera at that height and tilt sees; top_m: [rows, columns]."""
+    """Return the cells that a camera at that height and tilt sees; both arrays: [rows, columns]."""
     half = CAMERA.hfov_rad / 2
     lowest = tilt_rad + CAMERA.vfov_rad / 2
     highest = tilt_rad - CAMERA.vfov_rad / 2
@@ -47,7 +47,7 @@ def _look_along(
     tall: NDArray[np.bool_], x_m: float, y_m: float, cos: NDArray[np.float64],
     sin: NDArray[np.float64], ranges: NDArray[np.float64], near_m: float, seen: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """Mark in `seen` what lies on each ray, up to just behind the first tall cell."""
+    """Mark in `seen` the cells on each ray, up to just behind the first tall cell."""
     rows, columns = tall.shape
     for a in range(cos.size):
         end = ranges.size
@@ -56,14 +56,14 @@ def _look_along(
             c = min(max(int((x_m + cos[a] * ranges[i]) / CELL_M), 0), columns - 1)
             r = min(max(int((y_m + sin[a] * ranges[i]) / CELL_M), 0), rows - 1)
             if tall[r, c]:
-                end = min(end, i + 4)  # a wall's own thickness shows
+                end = min(end, i + 4)  # the wall itself is visible
             if ranges[i] >= near_m:
                 seen[r, c] = True
             i += 1
 
 
 def under_robot(shape: tuple[int, int], pose: Pose2) -> NDArray[np.bool_]:
-    """Cells that a robot stands on, and a little around."""
+    """Return the cells under a robot and a little around it."""
     column, row, around = int(pose.x_m / CELL_M), int(pose.y_m / CELL_M), int(0.35 / CELL_M) + 2
     rows = np.arange(max(0, row - around), min(shape[0], row + around))
     columns = np.arange(max(0, column - around), min(shape[1], column + around))
@@ -75,7 +75,7 @@ def under_robot(shape: tuple[int, int], pose: Pose2) -> NDArray[np.bool_]:
 
 
 def sees(top_m: NDArray[np.float32], pose: Pose2, point: NDArray[np.float64]) -> bool:
-    """Whether a point is in the picture, near enough, and nothing tall stands before it."""
+    """Return whether a point is in the image, near enough, and not hidden by a tall obstacle."""
     d = pose.distance_m(point)
     if d > 4.0 or abs(pose.bearing_rad(point)) > CAMERA.hfov_rad / 2:
         return False
@@ -87,7 +87,7 @@ def sees(top_m: NDArray[np.float32], pose: Pose2, point: NDArray[np.float64]) ->
 
 
 def frontiers_of(known: NDArray[np.bool_], top_m: NDArray[np.float32]) -> list[Frontier]:
-    """Edges of the known free ground that are long enough."""
+    """Return the edges of the known free ground that are long enough."""
     unknown = (~known).astype(np.uint8)
     edge = (cv2.dilate(unknown, np.ones((3, 3), np.uint8)) > 0) & known
     edge &= top_m == 0

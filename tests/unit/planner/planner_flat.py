@@ -1,4 +1,4 @@
-"""A ready-made flat, what may stand in it, and what may be asked for there."""
+"""A flat for tests, objects for it, and instructions that can be done there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GO = "go to the counter"
 def flat(
     things: Sequence[Thing] = (), start: Pose2 | None = None, extra: Sequence[Box] = ()
 ) -> FakeWorld:
-    """Three rooms, 9 x 7 m, doors 1 m wide; a coffee table, a counter, a bed as boxes."""
+    """Make three rooms, 9 x 7 m, doors 1 m wide; a coffee table, a counter, a bed as boxes."""
     walls = [
         Box(4.4, 0, 4.5, 2.5, 2.5), Box(4.4, 3.5, 4.5, 7, 2.5), Box(4.5, 4.0, 6.5, 4.1, 2.5),
         Box(7.5, 4.0, 9, 4.1, 2.5),
@@ -42,5 +42,5 @@ def mug(id: int = 3, x: float = 7.2, y: float = 5.35, z: float = 0.5, rate: floa
 
 
 def flat_with_mug() -> FakeWorld:
-    """In which `MOVE` can be done."""
+    """Make a flat in which `MOVE` can be done."""
     return flat([coffee_table(), counter(), mug()])

@@ -1,4 +1,4 @@
-"""Ground of any shape, and places on it where a robot fits."""
+"""Random ground maps, and places on them where a robot fits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CELL_M = 0.05
 
 
 def random_ground(seed: int, size: int = 120) -> GroundMap:
-    """A walled square with boxes in it; nothing unknown."""
+    """Make a walled square with boxes in it and no unknown cells."""
     rng = np.random.default_rng(seed)
     occupancy = np.zeros((size, size), np.int8)
     occupancy[:2], occupancy[-2:], occupancy[:, :2], occupancy[:, -2:] = 100, 100, 100, 100
@@ -22,7 +22,7 @@ def random_ground(seed: int, size: int = 120) -> GroundMap:
 
 
 def free_places(ground: GroundMap, count: int, seed: int) -> list[tuple[float, float]]:
-    """Places where the robot fits."""
+    """Return up to `count` places where the robot fits."""
     distance = cv2.distanceTransform((ground.occupancy == 0).astype(np.uint8), cv2.DIST_L2, 5)
     cells = np.argwhere(distance * CELL_M > 0.42)
     if not len(cells):

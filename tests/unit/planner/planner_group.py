@@ -1,4 +1,4 @@
-"""Planners, one after the other or side by side, among peers on one hub; some of them die."""
+"""Several planners on one hub with fake peers, in sequence or in parallel; some of them die."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from planner_world import FakeWorld
 
 
 class MortalBus(MemoryBus):
-    """Freezes its caller for good at the first action that `dies_at` is true for; with `answered`
-    the robot has done the action by then, and nobody has heard what came of it."""
+    """Blocks its caller for ever at the first action for which `dies_at` is true. With `answered`
+    the robot has done the action by then, and its result is lost."""
 
     dies_at: Callable[[pb.ActionRequest], bool] | None = None
     answered = True
@@ -43,7 +43,7 @@ class MortalBus(MemoryBus):
 
 
 class PlannerGroup:
-    """Planners, one after the other or side by side, among peers on one hub."""
+    """Planners on one hub with fake peers, in sequence or in parallel."""
 
     def __init__(self, state_dir: Path) -> None:
         self.state_dir, self.hub = state_dir, MemoryHub()
@@ -54,7 +54,7 @@ class PlannerGroup:
         return Peers(self.hub, world, robot=robot)
 
     def planner(self, robot: str = "robot", **settings: Any) -> MemoryBus:
-        """A planner, and a bus to ask it; its health is the last of `healths`."""
+        """Start a planner; return a bus to call it. Its health is the last of `healths`."""
         given = hasty(self.state_dir / robot, **settings)
         self.healths.append(Health())
         self.planners.append(PlannerService(MemoryBus(self.hub, robot), given, self.healths[-1]))
@@ -63,7 +63,7 @@ class PlannerGroup:
     def mortal(
         self, dies_at: Callable[[pb.ActionRequest], bool], answered: bool = True
     ) -> tuple[MortalBus, MemoryBus]:
-        """A planner that dies, and a bus to ask it."""
+        """Start a planner that dies; return its own bus and a bus to call it."""
         bus = MortalBus(self.hub)
         bus.dies_at, bus.answered = dies_at, answered
         bus.dead = threading.Event()

@@ -1,4 +1,4 @@
-"""The other services, played by one FakeWorld behind a MemoryBus."""
+"""Fakes of the other services: one FakeWorld behind a MemoryBus."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ from planner_world import FakeWorld
 
 SIZE = (400, 480)  # of the images, [h, w]
 CAMERA = Pinhole(fx=500.0, fy=500.0, cx=240.0, cy=200.0, width=480, height=400)
-BELOW_M = 10.0  # an eye under the floor that looks up sees the whole flat, 2 cm a pixel
+BELOW_M = 10.0  # a camera under the floor that looks up sees the whole flat, 2 cm per pixel
 
 
 def observation(id: FrameId, context_id: str, sightings: list[Sighting]) -> Observation:
-    """An observation whose masks, lifted with its depth, are these sightings."""
+    """Make an observation whose masks, lifted with its depth, are these sightings."""
     T_world_cam = np.eye(4)
     T_world_cam[:3, 3] = [4.5, 3.5, -BELOW_M]
     depth_m = np.zeros(SIZE, np.float32)
@@ -67,23 +67,23 @@ def observation(id: FrameId, context_id: str, sightings: list[Sighting]) -> Obse
 
 
 class Peers:
-    """Bridge, detector, objectmap and map2d. `gate`, when set, holds every action until it is
-    released; `silent` parts of a keyframe are not answered."""
+    """Fake bridge, detector, objectmap and map2d. `gate`: an event that every action waits for;
+    `silent`: parts of a keyframe that are not acknowledged."""
 
     def __init__(
         self, hub: MemoryHub, world: FakeWorld, names: tuple[str, ...] = (), robot: str = "robot"
     ) -> None:
         self.world, self.bus = world, MemoryBus(hub, robot)
-        self.boot, self.contexts = "boot", list[str]()  # ids of searches, each once in a row
-        self.world_epoch = 1  # another one after a jump of the localisation
+        self.boot, self.contexts = "boot", list[str]()  # context ids, without repeats in a row
+        self.world_epoch = 1  # changes after a jump of the localisation
         self.names = names
         self.context = pb.SearchContext()
         self.token, self.seq, self.stopped = 0, 0, False
-        self.released = 0  # the newest lease that was given back
+        self.released = 0  # the newest lease that was released
         self.done: dict[str, pb.ActionResult] = {}
         self.silent: set[str] = set()
         self._reported = 0
-        self.blank_maps = 0  # so many snapshots are of a map2d that has no map yet
+        self.blank_maps = 0  # number of snapshots without a map that still come
         self.gate: threading.Event | None = None
         self.acting = threading.Event()
         bus = self.bus

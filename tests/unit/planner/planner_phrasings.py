@@ -1,4 +1,4 @@
-"""Tables of what people type, and what it means: `test_planner_phrasings`."""
+"""Tables of instructions and their meanings, for the tests of phrasings and of moves."""
 
 from __future__ import annotations
 
@@ -285,7 +285,7 @@ move to the start position                          | go_home |
 hey robot, could you come back now                  | go_home |
 """
 
-# what it says
+# part of the refusal
 REFUSED = r"""
                                                     | empty
 ?!...                                               | empty
@@ -432,7 +432,7 @@ move back                                           | no task for â€œmove backâ€
 
 
 def rows(table: str) -> list[tuple[str, ...]]:
-    """Cells of a table; its escapes are those of Python."""
+    """Split a table into cells; its escapes are those of Python."""
     out = []
     for line in table.splitlines()[1:]:
         for escape, letter in (("\\u200b", "\u200b"), ("\\u00ad", "\u00ad"), ("\\n", "\n"),

@@ -1,6 +1,6 @@
-"""A search that is asked for one step at a time, in a world that believes what a test says.
+"""Run a search one step at a time, with instances that a test chooses.
 
-Nobody drives here: going somewhere is written down instead.
+The robot does not drive: visits are recorded instead.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ def instance(thing: Thing, id: int = 0, class_score: float = 0.6, score: float =
 
 
 class Looks:
-    """Gaze points around a receptacle by how far the way is; each is gone to once."""
+    """Gaze points around a receptacle, given by path length; each is visited once."""
 
     def __init__(self, ways: Sequence[float], interrupted_after: int = 99) -> None:
         self.left = sorted(ways)
         self.gone_to: list[float] = []
         self.interrupted_after = interrupted_after
         self.then: Callable[[], None] = lambda: None  # after each look
-        self.stop: Callable[[], bool] = lambda: False  # what would end the newest one
+        self.stop: Callable[[], bool] = lambda: False  # the stop condition of the newest look
 
     def remaining_gaze_points(self, _: ObjectInstance) -> list[GazePoint]:
         return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
@@ -72,7 +72,7 @@ class Looks:
 
 
 class Rig:
-    """A search for a mug on the coffee table, in a world in which `known` is what is believed."""
+    """A search for a mug on the coffee table; `known`: the instances in the object map."""
 
     def __init__(self, looks: Looks | None = None, **settings: Any) -> None:
         self.world = flat()
@@ -93,5 +93,5 @@ class Rig:
         self.search.visit_frontier = lambda xy_m, found: self.visited.append(xy_m)
 
     def offered(self) -> list[int]:
-        """Ids of the receptacles of the newest decision."""
+        """Return the ids of the receptacles in the newest decision."""
         return [c.id for c in self.world.decisions[-1].candidates if c.kind == "receptacle"]

@@ -1,4 +1,4 @@
-"""What stands in a made-up world: boxes on its floor, things that a detector may report."""
+"""Contents of a fake world: boxes on its floor, and objects that a detector may report."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass
 class Box:
-    """A box on the floor: x0, y0, x1, y1, height; hidden ones are never seen, only felt."""
+    """A box on the floor: x0, y0, x1, y1, height; hidden ones are never seen, only touched."""
 
     x0: float
     y0: float
@@ -23,7 +23,7 @@ class Box:
 
 @dataclass
 class Thing:
-    """Something that a detector can see. rate: share of views in which it is detected."""
+    """An object that a detector can see. rate: share of views in which it is detected."""
 
     id: int
     class_name: str
@@ -35,7 +35,7 @@ class Thing:
     slippery: int = 0  # picks that fail first
 
     def score_at(self, views: int) -> tuple[float, float, float]:
-        """(Psi, S, U) after that many views (eq. 4, 7), four classes, alpha_cpa 3."""
+        """Return (Psi, S, U) after that many views (eq. 4, 7), four classes, alpha_cpa 3."""
         total = 4.0 + 3.0 * views
         s = (1.0 + 3.0 * views * self.rate) / total
         u = math.sqrt(s * (1 - s) / (1 + total))
@@ -43,6 +43,6 @@ class Thing:
 
 
 def corners_of(thing: Thing) -> NDArray[np.float64]:
-    """Points [8, 3] of a thing's box."""
+    """Return the corners [8, 3] of an object's box."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     return thing.center_m + signs * thing.size_m / 2

@@ -1,4 +1,4 @@
-"""Trouble for a made-up world, and the robots that meet it."""
+"""Inject failures into a fake world, and run robots in it."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ Trouble = Callable[[FakeWorld, Action], ActionResult | None]
 
 
 def troubled(world: FakeWorld, trouble: Trouble) -> FakeWorld:
-    """A world in which `trouble` may do an action in its own way, or something beside it."""
+    """Let `trouble` replace the world's actions, or run beside them."""
     honest = world._do
     world._do = lambda action: trouble(world, action) or honest(action)
     return world
 
 
 def bring(world: FakeWorld, **settings: Any) -> None:
-    """Bring the mug, come what may."""
+    """Run the mission that brings the mug."""
     Mission(world, parse(MOVE), Settings(**settings)).run()
 
 
 def legs_in(world: FakeWorld) -> BaseController:
-    """Of a robot that has looked around."""
+    """Return the base controller of a robot that has looked around."""
     base = BaseController(world, Settings())
     base.look_around()
     return base
 
 
 def once(what: Callable[[], None], when: Callable[[], bool]) -> Trouble:
-    """Does `what` beside the first action at which `when` holds."""
+    """Call `what` beside the first action at which `when` holds."""
     done: list[bool] = []
 
     def trouble(_: FakeWorld, action: Action) -> None:

@@ -1,4 +1,4 @@
-"""A made-up world of plain arrays: a disc drives between boxes and handles things that it sees."""
+"""A fake world of plain arrays: a disc drives between boxes and handles objects that it sees."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planner_things import Box, Thing, corners_of
 
 
 class FakeWorld(RobotInterface):
-    """See the module. Contacts are counted in `contacts`."""
+    """A robot and its world. `contacts` counts collisions."""
 
     description: RobotDescription = ROBOT
 
@@ -33,7 +33,7 @@ class FakeWorld(RobotInterface):
         start: Pose2,
         max_steps: int = 1250,
     ) -> None:
-        self.listener = self  # it keeps what it is told
+        self.listener = self  # the world records all reports itself
         self.things = {t.id: t for t in things}
         self.max_steps, self.steps, self.contacts = max_steps, 0, 0
         self.log: list[Action] = []
@@ -41,9 +41,9 @@ class FakeWorld(RobotInterface):
         self.phases: list[Phase] = []
         self.said: list[tuple[int, str]] = []  # step, message
         self.picks, self.released = 0, None
-        self.retired: list[int] = []  # things, in the order in which the map was told
+        self.retired: list[int] = []  # ids of objects, in order of retirement
         self.cancel_after: int | None = None
-        self.shares: set[tuple[bool, float]] = set()  # of what-ifs: joint, other_share
+        self.shares: set[tuple[bool, float]] = set()  # (joint, other_share) of all what-if requests
         self._reported: list[Sighting] = []
         self._held: Thing | None = None
         self._pose, self._tilt = start, 0.0
@@ -162,7 +162,7 @@ class FakeWorld(RobotInterface):
                        for v in t.views):  # fmt: skip
                     t.views.append(here)
 
-    # --- the Body ------------------------------------------------------------------------------
+    # --- robot interface -----------------------------------------------------------------------
     def budget_used(self) -> float:
         return self.steps / self.max_steps
 

@@ -1,4 +1,4 @@
-"""How sure an agent must be, and when it settles for less."""
+"""Acceptance thresholds: their steps, and when an agent lowers them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ thresholds = st.floats(0.05, 1)
 
 
 @given(thresholds, shares, shares)
-def test_the_paper_has_one_threshold_however_late_it_is(tau: float, used: float, since: float):
+def test_the_paper_rule_has_one_threshold_for_the_whole_task(tau: float, used: float, since: float):
     for place_known in (False, True):
         standards = paper(tau, place_known)
         assert {s.score for s in standards.steps} == {tau}
         assert standards.least_at(used, since) == 0
 
 
-def test_where_a_place_is_known_things_elsewhere_wait_until_nothing_else_is_left():
+def test_candidates_elsewhere_are_accepted_last_if_the_place_is_known():
     assert paper(0.5, True).steps == (
         AcceptanceThreshold(0.5, False),
         AcceptanceThreshold(0.5, True),
@@ -46,7 +46,9 @@ def test_a_patient_agent_begins_above_the_threshold_and_ends_below_it(tau: float
 
 
 @given(st.floats(0, 0.9), st.lists(shares, min_size=2, max_size=10), st.booleans())
-def test_it_only_ever_settles_for_less(since: float, later: list[float], known: bool):
+def test_a_patient_agent_only_ever_lowers_its_threshold(
+    since: float, later: list[float], known: bool
+):
     standards = patient(0.3, known)
     steps = [standards.least_at(since + (1 - since) * x, since) for x in sorted(later)]
     assert steps == sorted(steps)
@@ -55,7 +57,7 @@ def test_it_only_ever_settles_for_less(since: float, later: list[float], known: 
 
 
 @pytest.mark.parametrize("since", [0.0, 0.3, 0.9, 1.0])
-def test_with_its_patience_used_up_it_takes_what_there_is(since: float):
+def test_a_patient_agent_is_at_its_lowest_threshold_once_its_patience_is_used_up(since: float):
     standards = patient(0.3, True)
     assert standards.least_at(since, since) == 0
     end = since + PATIENCE * (1 - since) + 1e-6
@@ -63,7 +65,7 @@ def test_with_its_patience_used_up_it_takes_what_there_is(since: float):
 
 
 @given(st.sampled_from([paper, patient]), thresholds, shares, shares, shares, st.booleans())
-def test_the_same_holds_until_at_last_anything_does(
+def test_thresholds_hold_until_the_final_fallback_accepts_any_candidate(
     rule: Rule, tau: float, used: float, since: float, at_last: float, known: bool
 ) -> None:
     usual = rule(tau, known)

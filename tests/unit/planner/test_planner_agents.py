@@ -1,4 +1,4 @@
-"""What tells the agents apart, over a world of plain arrays."""
+"""Differences between the agents, in a fake world of plain arrays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DETECTOR_AGENTS = ("trusting", "random-frontier", "homerobot-heuristic")
 
 
 class NoObjectMap(FakeWorld):
-    """Nobody may ask the object map anything."""
+    """A world in which any call to the object map fails the test."""
 
     def objects(self, class_name: str) -> NoReturn:
         raise AssertionError(f"the object map was asked for every {class_name}")
@@ -59,25 +59,25 @@ def run(world: FakeWorld, agent: AgentName, text: str = MOVE, **settings: Any) -
 
 
 def false_mug() -> Thing:
-    """On the counter; the detector says mug, the gripper finds nothing."""
+    """Make a false mug on the counter: the detector reports it, and no pick of it succeeds."""
     wrong = mug(4, 2.9, 6.5, 0.95)
     wrong.graspable = False
     return wrong
 
 
 # --- the table -----------------------------------------------------------------------------------
-def test_every_name_is_one_of_an_agent() -> None:
+def test_the_table_of_agents_has_exactly_the_known_names() -> None:
     assert tuple(AGENTS) == AGENT_NAMES
 
 
-def test_an_agent_that_there_is_not_is_refused_with_the_names() -> None:
+def test_an_unknown_agent_is_refused_with_the_known_names() -> None:
     with pytest.raises(InvalidInput, match=r"choose one of helios, helios-paper, .*trusting"):
         agent_named("clever")
 
 
 @pytest.mark.parametrize("agent", [name for name in AGENTS if "vlfm" not in name])
 def test_every_agent_brings_a_mug_that_is_always_detected(agent: AgentName) -> None:
-    """Who trusts the detector does so without the object map."""
+    """Agents that trust the detector do so without the object map."""
     world = flat([coffee_table(), counter(), mug()])
     run(without_map(world) if agent in DETECTOR_AGENTS else world, agent)
     assert world.released is world.things[3]
@@ -87,13 +87,15 @@ def test_every_agent_brings_a_mug_that_is_always_detected(agent: AgentName) -> N
 # --- trusting ------------------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", DETECTOR_AGENTS)
 @pytest.mark.parametrize("text", ["find the mug", "go to the counter"])
-def test_who_trusts_the_detector_never_asks_the_object_map(agent: AgentName, text: str) -> None:
+def test_agents_that_trust_the_detector_never_call_the_object_map(
+    agent: AgentName, text: str
+) -> None:
     run(without_map(flat([coffee_table(), counter(), mug()])), agent, text)
 
 
-def test_the_trusting_agent_picks_what_is_reported_first_even_if_it_is_wrong() -> None:
-    """A false mug on the counter is seen from the start; HELIOS, that has not found the coffee
-    table yet, leaves it alone."""
+def test_the_trusting_agent_picks_the_first_reported_mug_even_if_it_is_false() -> None:
+    """A false mug on the counter is seen from the start; HELIOS has not found the coffee table yet
+    and does not pick it."""
 
     def first_pick(agent: AgentName) -> float:
         world = flat([coffee_table(), counter(), mug(), false_mug()], Pose2(1.5, 1.5, 1.2))
@@ -104,7 +106,7 @@ def test_the_trusting_agent_picks_what_is_reported_first_even_if_it_is_wrong() -
     assert first_pick("helios-paper") == pytest.approx(7.2, abs=0.05)
 
 
-def test_after_a_failed_pick_the_place_is_left_alone_and_the_search_goes_on() -> None:
+def test_a_failed_pick_excludes_its_place_and_the_search_continues() -> None:
     world = flat([coffee_table(), counter(), mug(), false_mug()])
     run(world, "trusting")
     at_false = [a for a in world.log if isinstance(a, Pick) and a.point_world_m[0] < 4]
@@ -113,8 +115,8 @@ def test_after_a_failed_pick_the_place_is_left_alone_and_the_search_goes_on() ->
     assert world.released is world.things[3]
 
 
-def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
-    """The object map goes on to believe in it; its place is refused for the rest of the task."""
+def test_helios_refuses_an_object_that_it_could_not_pick_and_takes_another() -> None:
+    """The object map keeps the object; its place is refused for the rest of the task."""
     stuck = mug(4, 6.8, 5.6)
     stuck.graspable = False
     world = flat([coffee_table(), counter(), mug(), stuck], Pose2(7.0, 4.6, 1.57))
@@ -135,15 +137,15 @@ def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
         assert later.open(next(o for o in world.objects("mug") if o.id == 3))
 
 
-def test_picks_of_the_trusting_agent_are_limited_as_those_of_any() -> None:
+def test_the_pick_limit_holds_for_the_trusting_agent() -> None:
     world = flat([coffee_table(), counter(), mug(), false_mug()])
     with pytest.raises(TaskFailed) as failure:
         run(world, "trusting", max_picks=1)
     assert failure.value.cause is Cause.PICK_FAILED
 
 
-def test_a_thing_that_is_no_longer_detected_from_near_is_picked_all_the_same() -> None:
-    """Reported once, from afar; the robot goes there and grasps where it was."""
+def test_an_object_that_is_no_longer_detected_from_near_is_still_picked() -> None:
+    """The mug is reported once, from afar; the robot goes there and grasps at that place."""
     world = flat([coffee_table(), counter(), mug()])
     everything = world.sightings
 
@@ -167,7 +169,7 @@ def walk(agent: AgentName, seed: int) -> list[tuple[float, float]]:
     ]  # fmt: skip
 
 
-def test_random_walks_are_alike_by_seed_and_differ_between_seeds() -> None:
+def test_random_walks_are_equal_for_one_seed_and_differ_between_seeds() -> None:
     first = walk("random-frontier", 3)
     assert walk("random-frontier", 3) == first
     assert any(walk("random-frontier", seed) != first for seed in range(3))
@@ -188,7 +190,7 @@ def test_without_the_objective_no_frontier_is_chosen_while_a_receptacle_is_left(
 # --- the start receptacle ------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", ["helios-paper", "no-global-objective"])
 def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: AgentName) -> None:
-    """The only mug stands on the counter, not on the coffee table it was said to be on."""
+    """The only mug stands on the counter, not on the coffee table that the instruction names."""
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
     with pytest.raises(TaskFailed) as failure:
         run(world, agent, "Move the mug from the coffee table to the sofa", rounds=1)
@@ -201,7 +203,7 @@ def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: Agen
     assert Do.SEARCH_RECEPTACLE in kinds[:first_act]
 
 
-def test_without_a_start_receptacle_the_first_sure_mug_is_picked() -> None:
+def test_the_first_accepted_mug_is_picked_if_no_start_receptacle_is_given() -> None:
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
     with pytest.raises(TaskFailed):
         run(world, "helios-paper", "Move the mug to the sofa", rounds=1)
@@ -210,7 +212,7 @@ def test_without_a_start_receptacle_the_first_sure_mug_is_picked() -> None:
 
 
 # --- out of reach --------------------------------------------------------------------------------
-def test_what_is_out_of_reach_is_tried_again_once_more_ground_is_known_and_only_then(
+def test_an_unreachable_object_is_tried_again_only_once_more_ground_is_known(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)], Pose2(1.5, 1.5, 1.2))
@@ -218,7 +220,7 @@ def test_what_is_out_of_reach_is_tried_again_once_more_ground_is_known_and_only_
     monkeypatch.setattr(mission.tools.base, "clear_way", lambda target, within_m: False)
     search = mission.agent.seek_object(mission.tools, "mug", None)
     found = search.find()
-    for _ in range(50):  # asking costs nothing while the robot stands
+    for _ in range(50):  # retries count for nothing while the robot does not move
         search.reject_or_postpone(found, out_of_reach=True)
         assert not search.open(found)
         assert not search.end_waiting()
@@ -229,7 +231,7 @@ def test_what_is_out_of_reach_is_tried_again_once_more_ground_is_known_and_only_
     assert search.open(found)
 
 
-def test_a_thing_behind_unknown_ground_is_gone_to_look_at_at_once(
+def test_an_object_behind_unknown_ground_is_looked_at_immediately(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)], Pose2(1.5, 1.5, 1.2))

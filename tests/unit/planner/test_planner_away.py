@@ -1,4 +1,4 @@
-"""A service that is away: it is waited for, and named when it stays away."""
+"""Calls to a service that is away: the task waits, and fails if the service stays away."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from helios_planner.task import Cause, TaskFailed
 
 
 class Clock:
-    """Time that passes only by resting."""
+    """A clock that advances only in `rest`."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 100.0
@@ -27,8 +27,8 @@ class Clock:
         self.now_s += seconds
 
 
-class Answers:
-    """A bus on which one call is made, whatever it asks."""
+class AnsweringBus:
+    """A bus that answers every call with the result of one function."""
 
     def __init__(self, answer: Callable[[], Any]) -> None:
         self._answer = answer
@@ -37,9 +37,9 @@ class Answers:
         return self._answer()
 
 
-def asked(answer: Callable[[], pb.Empty], clock: Clock) -> object:
-    """What a task is answered in the end."""
-    line = RobotConnection(Answers(answer), Settings(), threading.Event(), lambda _: None)
+def final_answer(answer: Callable[[], pb.Empty], clock: Clock) -> object:
+    """Return the answer that a task gets in the end."""
+    line = RobotConnection(AnsweringBus(answer), Settings(), threading.Event(), lambda _: None)
     line.rest = clock.rest
     return line.call(OBJECTS, pb.ObjectsRequest())
 
@@ -52,7 +52,7 @@ def test_a_service_may_be_away_for_ten_seconds(monkeypatch: pytest.MonkeyPatch) 
             raise Unavailable("objectmap does not answer")
         return pb.Empty()
 
-    assert asked(ask, clock) == pb.Empty()
+    assert final_answer(ask, clock) == pb.Empty()
     assert clock.now_s >= 110.0
 
 
@@ -63,6 +63,6 @@ def test_a_service_that_stays_away_is_a_system_error(monkeypatch: pytest.MonkeyP
         raise Unavailable("objectmap does not answer")
 
     with pytest.raises(TaskFailed, match="objectmap does not answer") as failure:
-        asked(ask, clock)
+        final_answer(ask, clock)
     assert failure.value.cause is Cause.SYSTEM_ERROR
     assert clock.now_s - 100.0 < Settings().away_s + 1.0

@@ -1,4 +1,4 @@
-"""A camera that is blind for the floor at the feet: the robot drives, not further than it may."""
+"""The near blind zone: the robot drives over floor that its camera cannot see, up to a limit."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LEVEL = replace(ROBOT, camera_height_m=0.5, tilt_range_rad=(0.0, 0.0))  # blind 
 TALL = replace(LEVEL, camera_height_m=1.3)  # blind for 3.0 m
 
 
-def blind(world: FakeWorld, robot: RobotDescription = LEVEL) -> BaseController:
+def blind_base(world: FakeWorld, robot: RobotDescription = LEVEL) -> BaseController:
     world.description = robot
-    world._known[:] = False  # what was seen before its camera was fixed
+    world._known[:] = False  # forget what was seen while the camera could tilt
     world.look()
     base = base_controller_for(world, Settings())
     base.look_around()
@@ -34,42 +34,42 @@ def blind(world: FakeWorld, robot: RobotDescription = LEVEL) -> BaseController:
 
 def test_a_robot_that_does_not_see_the_floor_at_its_feet_drives() -> None:
     world = flat(start=START)
-    base = blind(world)
+    base = blind_base(world)
     assert base.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
     assert world.contacts == 0
     assert base.monitor.wedged == 0
 
 
-def test_a_robot_that_is_no_disc_drives_too() -> None:
+def test_a_box_shaped_robot_drives_over_its_blind_zone_too() -> None:
     world = BoxWorld((7, 4), [], [], Pose2(2.5, 2.0, 0.4))
     box = replace(BoxWorld.description, camera_height_m=0.6, tilt_range_rad=(0.0, 0.0))
-    base = blind(world, box)
+    base = blind_base(world, box)
     assert base.go_to(Pose2(4.5, 2.0, 0.0), "test") is Outcome.ARRIVED
     assert world.contacts == 0
     assert base.blind_zone.discs == [(2.5, 2.0, pytest.approx(blind_m(box) + SEEN_M))]
 
 
-def test_what_is_seen_in_the_ring_bars_the_way() -> None:
+def test_an_obstacle_seen_in_the_blind_zone_blocks_the_path() -> None:
     wall = Box(2.6, 2.0, 2.8, 4.0, 0.8)
     world = flat(start=START, extra=[wall])
-    base = blind(world)
-    world._known[80:160, 104:112] = True  # it is higher than the line of sight
+    base = blind_base(world)
+    world._known[80:160, 104:112] = True  # the wall is higher than the line of sight
     assert base.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED  # around it
     assert world.contacts == 0
 
 
-def test_what_is_felt_in_the_ring_bars_the_way() -> None:
+def test_an_obstacle_felt_in_the_blind_zone_blocks_the_path() -> None:
     low = Box(2.6, 2.7, 2.8, 3.3, 0.1, hidden=True)
     world = flat(start=START, extra=[low])
-    base = blind(world)
+    base = blind_base(world)
     assert base.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
     assert 1 <= world.contacts <= 4
     assert base.felt_obstacles
 
 
-def test_a_ring_wider_than_allowed_is_not_driven_over_and_the_task_says_why() -> None:
+def test_a_blind_zone_wider_than_allowed_fails_the_task_with_the_reason() -> None:
     world = flat(start=START)
-    base = blind(world, TALL)
+    base = blind_base(world, TALL)
     with pytest.raises(TaskFailed, match=r"sees the floor only from 3\.0 m on.*BLIND_M") as failure:
         base.go_to(Pose2(3.9, 3.0, 0.0), "test")
     assert failure.value.cause is Cause.STUCK
@@ -78,14 +78,14 @@ def test_a_ring_wider_than_allowed_is_not_driven_over_and_the_task_says_why() ->
     assert base.blind_zone.discs == []
 
 
-def test_a_robot_that_sees_its_feet_trusts_no_ground() -> None:
+def test_a_robot_without_a_blind_zone_trusts_no_unknown_ground() -> None:
     base = BaseController(flat(start=START), Settings())
     assert base.blind_zone.width_m == 0
     assert not base.blind_zone.trust(START)
     assert base.blind_zone.too_wide() == ""
 
 
-def test_rings_do_not_add_up_to_a_way_through_the_unknown() -> None:
+def test_overlapping_blind_zones_open_no_path_through_unknown_ground() -> None:
     ring = BlindZone(LEVEL, 0.3, 1.5)
     radius_m = blind_m(LEVEL) + SEEN_M
     assert ring.trust(Pose2(0.0, 0.0, 0.0))

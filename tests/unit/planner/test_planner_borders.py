@@ -1,4 +1,4 @@
-"""Borders of the known floor on made-up maps."""
+"""Borders between known and unknown floor, on synthetic maps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def ground(occupancy: np.ndarray) -> GroundMap:
 
 
 def room(unknown_from: int) -> np.ndarray:
-    """A walled room of 40 cells; columns from there on were never seen."""
+    """Make a walled room of 40 x 40 cells; columns from `unknown_from` on were never seen."""
     occupancy = np.zeros((40, 40))
     occupancy[[0, -1]], occupancy[:, [0, -1]] = 100, 100
     occupancy[:, unknown_from:] = -1
@@ -33,11 +33,11 @@ def test_a_border_is_where_free_floor_meets_the_unknown() -> None:
     assert abs(border.size_m - 38 * CELL_M) < 1e-9
 
 
-def test_a_room_that_is_known_up_to_its_walls_has_none() -> None:
+def test_a_room_that_is_known_up_to_its_walls_has_no_border() -> None:
     assert borders_of(ground(room(40)), 0.4, 0.01) == []
 
 
-def test_specks_and_short_borders_are_left_alone() -> None:
+def test_specks_and_short_borders_are_ignored() -> None:
     occupancy = room(40)
     occupancy[10:12, 10:12] = -1
     assert borders_of(ground(occupancy), 0.1, 0.015) == []
@@ -46,7 +46,7 @@ def test_specks_and_short_borders_are_left_alone() -> None:
     assert len(borders_of(ground(occupancy), 0.4, 0.015)) == 1
 
 
-def test_the_longest_comes_first() -> None:
+def test_the_longest_border_comes_first() -> None:
     occupancy = room(40)
     occupancy[5:10, 5:10] = -1
     occupancy[20:35, 20:35] = -1

@@ -18,7 +18,7 @@ from helios_planner.tasks.run_control import LastAction
 from planner_flat import MOVE, flat_with_mug
 
 GIVEN = "robot settings instruction agent tools base belief looking rng attempts rules"
-# What is worked out anew, or holds only between two actions.
+# The lost fields are computed again, or hold only between two actions.
 SEARCH_KEPT = "refused unreachable _waited_at _doubts _round _first_round _patrol"
 SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
 SCORED_KEPT = f"{SEARCH_KEPT} _step _since _decision_threshold _remembered"
@@ -43,7 +43,7 @@ KEPT_AND_LOST = {
 
 
 def stateful() -> list[object]:
-    """One of each class that has a memory of fields."""
+    """Return one object of each class that has a checkpoint."""
     mission = Mission(flat_with_mug(), parse(MOVE), Settings())
     moves = MoveMission(flat_with_mug(), parse("explore"), Settings())
     tools, agent = mission.tools, mission.agent
@@ -55,7 +55,7 @@ def stateful() -> list[object]:
 
 
 @pytest.mark.parametrize("name", KEPT_AND_LOST)
-def test_every_field_is_remembered_or_lost_on_purpose(name: str) -> None:
+def test_every_field_is_in_the_checkpoint_or_listed_as_lost(name: str) -> None:
     (found,) = (one for one in stateful() if type(one).__name__ == name)
     kept, lost = (set(text.split()) for text in KEPT_AND_LOST[name])
     unnamed = vars(found).keys() - kept - lost - set(GIVEN.split())
@@ -63,7 +63,7 @@ def test_every_field_is_remembered_or_lost_on_purpose(name: str) -> None:
     assert kept | lost <= vars(found).keys(), "the table names what is not there"
 
 
-def test_what_was_remembered_is_remembered_again() -> None:
+def test_a_restored_mission_gives_the_same_checkpoint() -> None:
     mission = Mission(flat_with_mug(), parse(MOVE), Settings())
     mission.looked_around = True
     mission.skills.picks, mission.skills.last_reason = 2, "it slipped"

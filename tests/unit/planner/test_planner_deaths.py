@@ -1,4 +1,4 @@
-"""A task over its planner's death: it goes on, does nothing twice, or says why it does not."""
+"""Tasks whose planner dies: they resume without repeating an action, or fail with the reason."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def kinds(world: FakeWorld) -> list[str]:
 
 
 def stop(group: PlannerGroup, gate: threading.Event) -> None:
-    """End the first planner properly, in the middle of an action that ends when the gate opens."""
+    """Close the first planner in the middle of an action, which ends when the gate opens."""
     stopping = threading.Thread(target=group.planners[0].close)
     stopping.start()
     gate.set()
@@ -40,7 +40,7 @@ def stop(group: PlannerGroup, gate: threading.Event) -> None:
 
 
 @pytest.mark.parametrize("answered", [True, False], ids=["done", "never sent"])
-def test_a_planner_that_dies_in_a_pick_goes_on_and_picks_once(
+def test_a_task_whose_planner_dies_in_a_pick_resumes_and_picks_once(
     group: PlannerGroup, answered: bool
 ) -> None:
     peers = group.peers(flat_with_mug())
@@ -68,7 +68,7 @@ def test_a_paused_task_stays_paused_over_the_planners_death(group: PlannerGroup)
     mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
-    bus.call(PAUSE, pb.TaskRequest(id=id), 5)  # it was still there to hear this
+    bus.call(PAUSE, pb.TaskRequest(id=id), 5)  # only the worker is dead: the planner still answers
     mortal.close()
     bus = group.planner()
     wait_until(lambda: "resume" in task(bus, id).message, 60, "it waits")
@@ -83,13 +83,13 @@ def test_a_cancelled_task_does_not_go_on_after_the_planners_death(group: Planner
     mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
     wait_until(mortal.dead.is_set, 60, "its worker is dead")
-    bus.call(CANCEL, pb.TaskRequest(id=id), 5)  # it was still there to hear this
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)  # only the worker is dead: the planner still answers
     mortal.close()
     assert task(group.planner(), id).state == "cancelled"
     assert peers.world.steps == 1
 
 
-def test_a_planner_that_was_away_for_too_long_leaves_the_task(group: PlannerGroup) -> None:
+def test_a_task_fails_if_its_planner_was_away_for_too_long(group: PlannerGroup) -> None:
     peers = group.peers(flat_with_mug())
     mortal, bus = group.mortal(lambda r: r.action.HasField("turn"))
     id = submit(bus).id
@@ -103,7 +103,7 @@ def test_a_planner_that_was_away_for_too_long_leaves_the_task(group: PlannerGrou
     assert peers.world.steps == steps
 
 
-def test_a_planner_that_is_stopped_leaves_no_task_that_starts_by_itself(
+def test_a_running_task_fails_and_is_not_resumed_after_the_planner_is_stopped(
     group: PlannerGroup,
 ) -> None:
     peers = group.peers(flat_with_mug())
@@ -120,7 +120,9 @@ def test_a_planner_that_is_stopped_leaves_no_task_that_starts_by_itself(
     assert peers.world.steps == steps
 
 
-def test_a_robot_that_restarted_meanwhile_does_not_go_on(group: PlannerGroup) -> None:
+def test_a_task_fails_if_the_robot_restarted_while_the_planner_was_away(
+    group: PlannerGroup,
+) -> None:
     peers = group.peers(flat_with_mug())
     mortal, bus = group.mortal(lambda r: r.action.HasField("tilt"))
     id = submit(bus).id
@@ -132,7 +134,9 @@ def test_a_robot_that_restarted_meanwhile_does_not_go_on(group: PlannerGroup) ->
     assert "restarted" in done.message
 
 
-def test_a_pause_outlives_a_second_death_while_the_task_is_taken_up(group: PlannerGroup) -> None:
+def test_a_pause_survives_a_second_death_while_the_task_is_being_resumed(
+    group: PlannerGroup,
+) -> None:
     peers = group.peers(flat_with_mug())
     mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
@@ -149,7 +153,7 @@ def test_a_pause_outlives_a_second_death_while_the_task_is_taken_up(group: Plann
     assert ended(bus, id).state == "succeeded"
 
 
-def test_a_task_is_paused_and_cancelled_while_it_waits_to_be_taken_up(group: PlannerGroup) -> None:
+def test_a_task_that_waits_to_be_resumed_can_be_paused_and_cancelled(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
@@ -178,7 +182,7 @@ def test_clearing_the_stop_resumes_a_task_whose_planner_died_meanwhile(group: Pl
     assert ended(bus, id).state == "succeeded"
 
 
-def test_how_long_a_task_was_paused_does_not_count_as_the_planner_being_away(
+def test_the_duration_of_a_pause_does_not_count_as_absence_of_the_planner(
     tmp_path: Path,
 ) -> None:
     move, long_ago_s = parse("go to the sofa"), time.time() - 10_000
@@ -199,7 +203,7 @@ def test_how_long_a_task_was_paused_does_not_count_as_the_planner_being_away(
     assert task_registry.known("a").state is State.FAILED
 
 
-def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(
+def test_a_task_queued_when_the_planner_was_stopped_waits_to_be_resumed(
     group: PlannerGroup,
 ) -> None:
     peers = group.peers(flat_with_mug())
@@ -221,10 +225,10 @@ def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(
     assert ended(bus, queued).state == "succeeded"
 
 
-def test_a_task_of_which_the_robot_has_done_more_than_the_journal_knows_is_left(
+def test_a_task_fails_if_the_robot_has_done_an_action_that_the_journal_lacks(
     group: PlannerGroup,
 ) -> None:
-    """The computer lost power, and what it wrote last is not on its disk."""
+    """The computer lost power before its last writes were on the disk."""
     peers = group.peers(flat_with_mug())
     mortal, bus = group.mortal(lambda _: len(peers.done) >= 7)
     id = submit(bus).id

@@ -40,7 +40,7 @@ from planner_eye import ROBOT
 ALPHA_D = 0.001
 
 
-def thing(
+def instance(
     id: int = 1,
     center: tuple[float, float, float] = (2.0, 2.0, 0.5),
     size: tuple[float, float, float] = (0.1, 0.1, 0.1),
@@ -54,7 +54,7 @@ def thing(
 
 
 # --- eq. 8 and 9 ---------------------------------------------------------------------------------
-def test_v0_is_the_best_first_seen_worth_less_its_distance_to_the_frontier() -> None:
+def test_v0_is_the_best_first_seen_value_minus_its_distance_to_the_frontier() -> None:
     seen = {
         1: FirstSeen(0.5, 2.0, (0.0, 0.0)),  # worth 1.0, 3 m away
         2: FirstSeen(0.9, 1.0, (3.0, 4.0)),  # worth 0.9, 4 m away
@@ -97,7 +97,7 @@ def test_the_frontier_scale_is_one_where_it_is_not_defined(memory: SearchMemory)
     assert frontier_scale(memory, 0.1) == 1.0
 
 
-def test_what_was_first_seen_stays() -> None:
+def test_the_first_record_of_a_receptacle_is_not_overwritten() -> None:
     memory = SearchMemory()
     memory.note(1, FirstSeen(0.4, 1.0, (0.0, 0.0)))
     memory.note(1, FirstSeen(0.9, 9.0, (1.0, 1.0)))
@@ -106,9 +106,9 @@ def test_what_was_first_seen_stays() -> None:
 
 # --- eq. 10 --------------------------------------------------------------------------------------
 def test_alpha_d_of_tables_6_to_8_changes_the_winner() -> None:
-    """Two candidates that differ by 0.03 in worth and by 6 m: normalised per Gaussian, the weight
-    of a metre decides; with the paper's plain sum over 5000 Gaussians it never does."""
-    near, far = thing(1), thing(2)
+    """Two candidates differ by 0.03 in value and by 6 m. Normalised per Gaussian, the weight of a
+    metre decides; with the paper's plain sum over 5000 Gaussians it never does."""
+    near, far = instance(1), instance(2)
 
     def winner(alpha_d: float, gaussians: int) -> int:
         gains = (1.00 * gaussians, 1.06 * gaussians)
@@ -131,7 +131,7 @@ def test_the_gain_is_normalised_per_gaussian_and_never_negative() -> None:
 
 def test_a_decision_lists_every_candidate_with_its_terms_and_says_why() -> None:
     memory = SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.5)])
-    receptacle = ReceptacleOption(thing(7), 0.6, 1.5, 3.0)
+    receptacle = ReceptacleOption(instance(7), 0.6, 1.5, 3.0)
     frontier = FrontierOption(9, (5.0, 5.0), 0.4, 6.0)
     got = by_objective([receptacle], [frontier], memory, ALPHA_D)
     assert got.do is Do.SEARCH_RECEPTACLE
@@ -141,7 +141,7 @@ def test_a_decision_lists_every_candidate_with_its_terms_and_says_why() -> None:
     assert got.settings["frontier_scale"] == pytest.approx(2.0)
 
 
-def test_with_nothing_left_the_search_says_so() -> None:
+def test_every_rule_reports_that_nothing_is_left() -> None:
     assert by_objective([], [], SearchMemory(), ALPHA_D).do is Do.NOTHING_LEFT
     assert receptacles_first([], [], SearchMemory(), ALPHA_D).do is Do.NOTHING_LEFT
     for rule in (highest_value, nearest, drawn):
@@ -150,8 +150,8 @@ def test_with_nothing_left_the_search_says_so() -> None:
 
 def test_without_the_objective_the_nearest_receptacle_comes_before_a_far_better_frontier() -> None:
     receptacles = [
-        ReceptacleOption(thing(1), 0.9, 2.0, 8.0),
-        ReceptacleOption(thing(2), 0.3, 0.01, 5.0),
+        ReceptacleOption(instance(1), 0.9, 2.0, 8.0),
+        ReceptacleOption(instance(2), 0.3, 0.01, 5.0),
     ]
     frontiers = [FrontierOption(9, (1.0, 0.0), 50.0, 0.5)]
     assert by_objective(receptacles, frontiers, SearchMemory(), ALPHA_D).chosen.id == 9
@@ -171,7 +171,7 @@ FRONTIERS = [
 ]
 
 
-def test_the_highest_value_wins_and_of_two_equal_ones_the_nearer() -> None:
+def test_the_frontier_of_highest_value_wins_and_in_a_tie_the_nearer_one() -> None:
     assert highest_value(FRONTIERS, "place", RNG).chosen.id == 2
 
 
@@ -179,7 +179,7 @@ def test_the_heuristic_takes_the_nearest_frontier_whatever_its_value() -> None:
     assert nearest(FRONTIERS, "place", RNG).chosen.id == 3
 
 
-def test_frontiers_are_drawn_alike_from_the_same_seed_and_each_at_some_time() -> None:
+def test_one_seed_draws_the_same_frontiers_and_every_frontier_is_drawn() -> None:
     def draws(seed: int) -> list[int]:
         rng = np.random.default_rng(seed)
         return [drawn(FRONTIERS, "place", rng).chosen.id for _ in range(40)]
@@ -202,24 +202,26 @@ def test_frontiers_are_drawn_alike_from_the_same_seed_and_each_at_some_time() ->
         (0.48, None, Do.SEARCH_ON),  # no gaze point is left
     ],
 )
-def test_act_look_or_search_on(score: float, after: float | None, do: Do) -> None:
-    option = ViewOption(thing(score=score), score, after, 1.0)
+def test_scores_decide_between_acting_looking_and_searching_on(
+    score: float, after: float | None, do: Do
+) -> None:
+    option = ViewOption(instance(score=score), score, after, 1.0)
     assert act_or_look([option], 0.5, 0.05, "object", Act.PICK).do is do
 
 
-def test_of_two_sure_things_the_one_on_the_start_receptacle_is_taken() -> None:
+def test_an_accepted_object_on_the_start_receptacle_is_preferred() -> None:
     options = [
-        ViewOption(thing(1), 0.9, None, 1.0, in_place=False),
-        ViewOption(thing(2), 0.6, None, 5.0),
+        ViewOption(instance(1), 0.9, None, 1.0, in_place=False),
+        ViewOption(instance(2), 0.6, None, 5.0),
     ]
     assert act_or_look(options, 0.5, 0.05, "object", Act.PICK).chosen.id == 2
 
 
 @pytest.mark.parametrize(("score", "after"), [(0.9, None), (0.4, 0.9)])
-def test_a_thing_elsewhere_is_remembered_and_neither_picked_nor_looked_at(
+def test_an_object_elsewhere_is_remembered_and_neither_picked_nor_looked_at(
     score: float, after: float | None
 ) -> None:
-    options = [ViewOption(thing(1), score, after, 1.0, in_place=False)]
+    options = [ViewOption(instance(1), score, after, 1.0, in_place=False)]
     got = act_or_look(options, 0.5, 0.05, "object", Act.PICK, anywhere=False)
     assert got.do is Do.SEARCH_ON
     assert "remembered" in got.why
@@ -228,7 +230,7 @@ def test_a_thing_elsewhere_is_remembered_and_neither_picked_nor_looked_at(
 
 # --- gaze points ---------------------------------------------------------------------------------
 def room(*boxes: tuple[float, float, float, float, float]) -> GroundMap:
-    """5 x 4 m of free ground with boxes x0, y0, x1, y1, top."""
+    """Make 5 x 4 m of free ground with boxes x0, y0, x1, y1, top."""
     cell = 0.025
     occupancy = np.zeros((160, 200), np.int8)
     top = np.zeros(occupancy.shape, np.float32)
@@ -239,7 +241,7 @@ def room(*boxes: tuple[float, float, float, float, float]) -> GroundMap:
 
 
 TABLE = (2.0, 1.6, 3.0, 2.4, 0.5)
-TABLE_SEEN = thing(center=(2.5, 2.0, 0.45), size=(1.0, 0.8, 0.1))
+TABLE_SEEN = instance(center=(2.5, 2.0, 0.45), size=(1.0, 0.8, 0.1))
 GAZE = GazeRules((0.6, 0.9), 0.8)
 
 
@@ -268,7 +270,7 @@ def test_no_gaze_point_lies_behind_something_high() -> None:
 
 
 # --- standing and placing ------------------------------------------------------------------------
-def test_a_stand_is_in_reach_faces_the_thing_and_is_not_one_that_failed() -> None:
+def test_a_stand_is_in_reach_faces_the_object_and_differs_from_failed_stands() -> None:
     reached = reach(room(TABLE), Pose2(0.6, 0.6, 0.0), MotionRules(0.3, 0.05))
     target = (2.3, 1.8, 0.5)
     first = stand_for(target, reached, ROBOT, 0.74)
@@ -309,7 +311,7 @@ def test_tasks_and_decisions_outlive_the_process(tmp_path: Path) -> None:
     again.close()
 
 
-def test_a_state_directory_that_cannot_be_used_is_said(tmp_path: Path) -> None:
+def test_an_unusable_state_directory_is_reported(tmp_path: Path) -> None:
     (tmp_path / "tasks.sqlite").mkdir()
     with pytest.raises(Unavailable, match="give another --state-dir"):
         Store(tmp_path)

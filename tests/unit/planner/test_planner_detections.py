@@ -1,4 +1,4 @@
-"""Detections lifted to the world, and what an agent that trusts them makes of them."""
+"""Detections lifted to world coordinates, and the belief of an agent that trusts them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from planner_world import FakeWorld
 CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
 
 
-def seen(point_m: np.ndarray, T_world_cam: np.ndarray, half_px: int = 8) -> Observation:
-    """A patch that faces the camera, around a point of the world."""
+def observation_of(point_m: np.ndarray, T_world_cam: np.ndarray, half_px: int = 8) -> Observation:
+    """Make an observation of a patch around a world point that faces the camera."""
     uv, z = project(point_m[None], CAMERA, T_world_cam)
     u, v = (round(float(c)) for c in uv[0])
     mask = np.zeros((480, 640), bool)
@@ -35,20 +35,20 @@ def seen(point_m: np.ndarray, T_world_cam: np.ndarray, half_px: int = 8) -> Obse
     st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1), st.floats(0, 0.8),
     st.floats(0.5, 4.0), st.floats(-0.4, 0.4), st.floats(-0.3, 0.3),
 )  # fmt: skip
-def test_a_lifted_mask_lies_where_the_thing_is(
+def test_a_lifted_mask_lies_at_the_position_of_the_object(
     x: float, y: float, yaw: float, tilt: float, away: float, left: float, down: float
 ) -> None:
     T = camera_on_base(se2_to_se3(x, y, yaw), 1.31, tilt)
     point = T[:3, :3] @ np.array([left * away, down * away, away]) + T[:3, 3]
-    (found,) = sightings_of(seen(point, T))
+    (found,) = sightings_of(observation_of(point, T))
     assert np.linalg.norm(found.center_m - point) < 0.01 + 0.002 * away
     assert (found.class_name, found.confidence) == ("mug", 0.7)
 
 
-def test_the_rim_of_a_mask_that_lies_on_the_wall_behind_does_not_move_the_thing() -> None:
+def test_a_mask_rim_on_the_wall_behind_does_not_move_the_object() -> None:
     T = camera_on_base(se2_to_se3(0, 0, 0), 1.31, 0.3)
     point = T[:3, :3] @ np.array([0.0, 0.0, 1.5]) + T[:3, 3]
-    observation = seen(point, T)
+    observation = observation_of(point, T)
     rim = observation.detections[0].mask.copy()
     x0, y0, x1, y1 = observation.detections[0].box_xyxy
     rim[y0 + 1 : y1 - 1, x0 + 1 : x1 - 1] = False
@@ -59,7 +59,7 @@ def test_the_rim_of_a_mask_that_lies_on_the_wall_behind_does_not_move_the_thing(
 
 
 def test_a_detection_without_depth_is_no_sighting() -> None:
-    observation = seen(np.array([2.0, 0.0, 1.0]), camera_on_base(np.eye(4), 1.31, 0.0))
+    observation = observation_of(np.array([2.0, 0.0, 1.0]), camera_on_base(np.eye(4), 1.31, 0.0))
     observation.frame.depth_m[:] = 0
     assert sightings_of(observation) == []
 
@@ -76,42 +76,42 @@ def test_a_surface_has_its_outline_and_its_height() -> None:
 
 
 # --- trusting them -------------------------------------------------------------------------------
-def at(x: float, y: float, name: str = "mug") -> Sighting:
+def sighting_at(x: float, y: float, name: str = "mug") -> Sighting:
     points = np.array([x, y, 0.5]) + 0.02 * np.eye(3)
     return sighting_of(name, 0.4, points, np.zeros(3), at_side=False)
 
 
-def believing(*sightings: Sighting) -> tuple[TrustingBelief, FakeWorld]:
+def belief_from(*sightings: Sighting) -> tuple[TrustingBelief, FakeWorld]:
     world = flat([coffee_table()])
     world.sightings = lambda: list(sightings)
     return TrustingBelief(world, Settings()), world
 
 
-def test_every_detection_is_believed_without_doubt() -> None:
-    belief, _ = believing(at(1, 1), at(3, 3), at(5, 5, "table"))
+def test_every_detected_object_has_score_one() -> None:
+    belief, _ = belief_from(sighting_at(1, 1), sighting_at(3, 3), sighting_at(5, 5, "table"))
     assert [o.score for o in belief.known("mug")] == [1.0, 1.0]
     assert len(belief.known("table")) == 1
 
 
-def test_a_later_detection_of_the_same_thing_says_where_it_is() -> None:
-    belief, _ = believing(at(1, 1), at(1.2, 1))
+def test_a_later_detection_of_the_same_object_updates_its_position() -> None:
+    belief, _ = belief_from(sighting_at(1, 1), sighting_at(1.2, 1))
     (thing,) = belief.known("mug")
     assert thing.center_m[0] == pytest.approx(1.2, abs=0.02)
     assert thing.views == 2
 
 
-def test_from_near_the_newest_detection_counts_and_without_one_the_first() -> None:
-    belief, world = believing(at(1, 1))
+def test_from_near_the_newest_detection_counts_or_else_the_first() -> None:
+    belief, world = belief_from(sighting_at(1, 1))
     (thing,) = belief.known("mug")
     assert belief.from_near(thing, "mug", 0.3) is thing
-    world.sightings = lambda: [at(1, 1), at(1.1, 1)]
+    world.sightings = lambda: [sighting_at(1, 1), sighting_at(1.1, 1)]
     newest = belief.from_near(thing, "mug", 0.3)
     assert newest is not None
     assert newest.center_m[0] == pytest.approx(1.1, abs=0.02)
 
 
-def test_what_was_taken_is_no_longer_there() -> None:
-    belief, _ = believing(at(1, 1), at(3, 3))
+def test_a_picked_object_is_no_longer_in_the_belief() -> None:
+    belief, _ = belief_from(sighting_at(1, 1), sighting_at(3, 3))
     first, second = belief.known("mug")
     belief.taken(first)
     assert belief.known("mug") == [second]

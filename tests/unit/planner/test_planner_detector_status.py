@@ -1,4 +1,4 @@
-"""A detector in trouble: a task that waits for it, or ends in vain, says what it says."""
+"""A degraded detector: a task that waits for it or fails reports the detector's reason."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from planner_peers import Peers
 WHY = "the detector blobs gave what cannot be used, in detect(): a value of type list"
 
 
-def say(peers: Peers, state: str, reason: str = "") -> None:
+def publish_status(peers: Peers, state: str, reason: str = "") -> None:
     status = pb.ServiceStatus(service="detector", state=state, reason=reason)
     peers.bus.publish(status_topic("detector"), status)
 
 
-def test_a_task_that_waits_for_the_detector_says_what_the_detector_says(start: Start) -> None:
+def test_a_task_that_waits_for_the_detector_reports_the_detectors_reason(start: Start) -> None:
     _, bus, peers = start()
     peers.silent |= {"value", "objects"}
-    say(peers, "degraded", WHY)
+    publish_status(peers, "degraded", WHY)
     reported: list[str] = []
     bus.subscribe(TASK, lambda task: reported.append(task.message))
     done = ended(bus, submit(bus).id)
@@ -31,10 +31,10 @@ def test_a_task_that_waits_for_the_detector_says_what_the_detector_says(start: S
     assert done.message == f"the detector did not take up the search: {WHY}"
 
 
-def test_a_map_that_is_silent_by_itself_is_still_the_one_that_is_named(start: Start) -> None:
+def test_a_silent_map_is_named_even_while_the_detector_is_degraded(start: Start) -> None:
     _, bus, peers = start()
     peers.silent.add("occupancy")
-    say(peers, "degraded", WHY)
+    publish_status(peers, "degraded", WHY)
     assert ended(bus, submit(bus).id).message.startswith("map2d did not take up the search")
 
 
@@ -44,7 +44,7 @@ def test_a_detector_that_fails_in_mid_task_is_named_with_its_reason(start: Start
 
     def soon_silent(action):
         if peers.world.steps == 5:
-            say(peers, "degraded", WHY)
+            publish_status(peers, "degraded", WHY)
             peers.silent |= {"value", "objects"}
         return act(action)
 
@@ -57,16 +57,16 @@ def test_a_detector_that_fails_in_mid_task_is_named_with_its_reason(start: Start
     assert done.message.endswith(WHY)
 
 
-def test_a_search_in_vain_says_that_the_detector_was_degraded_meanwhile(start: Start) -> None:
+def test_a_failed_search_reports_that_the_detector_was_degraded_meanwhile(start: Start) -> None:
     _, bus, peers = start(flat([coffee_table(), counter()]))
-    say(peers, "degraded", "of another search")
+    publish_status(peers, "degraded", "of another search")
     act = peers.world.act
 
     def flaps(action):
         if peers.world.steps == 5:
-            say(peers, "degraded", WHY)
+            publish_status(peers, "degraded", WHY)
         if peers.world.steps == 8:
-            say(peers, "ready")
+            publish_status(peers, "ready")
         return act(action)
 
     peers.world.act = flaps
@@ -81,13 +81,13 @@ def test_a_search_in_vain_says_that_the_detector_was_degraded_meanwhile(start: S
 def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_reported_at_the_end(
     start: Start,
 ) -> None:
-    """It says so while the search begins, and nothing after that."""
+    """The detector reports this while the search begins, and nothing after that."""
     _, bus, peers = start(flat([coffee_table(), counter()]))
     act = peers.world.act
 
     def slips(action):
         if peers.world.steps == 0:
-            say(peers, "degraded", WHY)
+            publish_status(peers, "degraded", WHY)
         return act(action)
 
     peers.world.act = slips
@@ -97,12 +97,12 @@ def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_reported_at_t
     )
 
 
-def test_a_task_whose_time_is_over_says_that_the_detector_was_degraded(start: Start) -> None:
+def test_a_task_that_runs_out_of_time_reports_that_the_detector_was_degraded(start: Start) -> None:
     _, bus, peers = start(flat([coffee_table(), counter()]))
     act = peers.world.act
 
     def slow(action):
-        say(peers, "degraded", WHY)
+        publish_status(peers, "degraded", WHY)
         if peers.world.steps == 3:
             threading.Event().wait(2.1)  # until the task's time is over
         return act(action)

@@ -1,4 +1,4 @@
-"""What looks right from afar and wrong from near is neither picked nor placed on."""
+"""Candidates that score well from afar and badly from near are neither picked nor placed on."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from planner_world import FakeWorld
 
 @dataclass
 class LookAlike(Thing):
-    """Every view from near takes away from what it is believed to be from afar."""
+    """An object that loses class score with every view from near."""
 
     near_m: float = 1.3
 
@@ -40,8 +40,8 @@ class LookAlike(Thing):
         return s - 0.05, s, 0.05
 
 
-def test_nothing_is_put_on_a_receptacle_that_is_doubted_from_near() -> None:
-    """The bed is taken for a counter on the way to it."""
+def test_nothing_is_placed_on_a_receptacle_that_is_doubted_from_near() -> None:
+    """From afar the bed is classified as a counter."""
     bed = LookAlike(4, "counter", np.array([7.8, 1.0, 0.45]), np.array([2.0, 1.8, 0.1]),
                     graspable=False, near_m=2.4)  # fmt: skip
     world = flat([coffee_table(), counter(), mug(), bed])
@@ -51,7 +51,7 @@ def test_nothing_is_put_on_a_receptacle_that_is_doubted_from_near() -> None:
     assert math.dist(placed[:2], world.things[2].center_m[:2]) < 1.0
 
 
-def test_nothing_is_picked_that_is_doubted_from_near() -> None:
+def test_an_object_that_is_doubted_from_near_is_not_picked() -> None:
     lamp = LookAlike(4, "mug", np.array([6.8, 5.6, 0.5]), np.array([0.08, 0.08, 0.1]))
     world = flat([coffee_table(), counter(), mug(), lamp])
     bring(world)
@@ -61,7 +61,7 @@ def test_nothing_is_picked_that_is_doubted_from_near() -> None:
 
 
 def given_up(world: FakeWorld) -> list[str]:
-    """Why, each of which is also said first by all that is told until the robot acts again."""
+    """Return why candidates were given up; check that messages repeat it until the next action."""
     kept = [d.why for d in world.decisions if d.rule == DecisionRule.GIVEN_UP]
     for why in kept:
         (step, *_), *after = [(s, m) for s, m in world.said if m.startswith(why)]
@@ -71,21 +71,21 @@ def given_up(world: FakeWorld) -> list[str]:
     return kept
 
 
-def test_why_a_pick_is_given_up_is_kept_and_said_with_what_comes_next() -> None:
+def test_the_reason_for_giving_up_a_pick_is_recorded_and_reported() -> None:
     lamp = LookAlike(4, "mug", np.array([6.8, 5.6, 0.5]), np.array([0.08, 0.08, 0.1]))
     world = flat([coffee_table(), counter(), mug(), lamp])
     bring(world)
     assert given_up(world) == ["give up picking the mug: from near its score is 0.35 < 0.45"]
 
 
-def test_a_pick_that_failed_is_given_up_for_the_reason_that_the_robot_gave() -> None:
+def test_a_failed_pick_is_given_up_for_the_reason_that_the_robot_gave() -> None:
     world = flat([coffee_table(), counter(), replace(mug(), slippery=99)])
     with pytest.raises(TaskFailed):
         bring(world, rounds=1)
     assert given_up(world) == ["give up picking the mug: it slipped"]
 
 
-def test_why_a_receptacle_is_given_up_is_kept_and_said() -> None:
+def test_the_reason_for_giving_up_a_receptacle_is_recorded_and_reported() -> None:
     bed = LookAlike(4, "counter", np.array([7.8, 1.0, 0.45]), np.array([2.0, 1.8, 0.1]),
                     graspable=False, near_m=2.4)  # fmt: skip
     world = flat([coffee_table(), counter(), mug(), bed])
@@ -94,7 +94,7 @@ def test_why_a_receptacle_is_given_up_is_kept_and_said() -> None:
 
 
 @pytest.mark.parametrize("skill", ["pick", "place"])
-def test_what_is_doubted_again_and_again_is_left(
+def test_a_candidate_that_is_doubted_too_often_is_given_up(
     skill: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[int] = []
@@ -109,7 +109,7 @@ def test_what_is_doubted_again_and_again_is_left(
     assert asked == [3 if skill == "pick" else 2] * MOST_DOUBTS
 
 
-def test_only_what_may_still_be_chosen_is_confirmed() -> None:
+def test_a_rejected_candidate_is_not_confirmed() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.9)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
@@ -119,7 +119,7 @@ def test_only_what_may_still_be_chosen_is_confirmed() -> None:
     assert not search.confirmed(thing)
 
 
-def test_what_is_gone_is_not_taken_for_another_one_beside_it() -> None:
+def test_a_vanished_instance_is_not_matched_to_another_one_beside_it() -> None:
     world = flat([counter(2), counter(5)])
     world.things[5].center_m = np.array([2.7, 6.62, 0.85])
     world.things[5].views.append((2.2, 5.5, 1.6))
@@ -127,8 +127,8 @@ def test_what_is_gone_is_not_taken_for_another_one_beside_it() -> None:
     assert MapBelief(world, Settings()).from_near(gone, "counter", RECEPTACLE_SHIFT_M) is None
 
 
-def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
-    """From afar its left end was known alone; from near it is whole, and there are two like it."""
+def test_a_receptacle_that_is_seen_more_fully_from_near_stays_the_same_instance() -> None:
+    """From afar only its left end is known; from near it is whole, and a second one is there."""
     world = flat([coffee_table(), counter(), counter(5), mug()])
     belief = MapBelief(world, Settings())
     world.things[5].center_m = np.array([2.0, 6.62, 0.85])
@@ -141,7 +141,7 @@ def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
     assert belief.from_near(left_end, "counter", 0.3) is None
 
 
-def test_from_near_a_score_may_lack_what_one_more_view_could_bring() -> None:
+def test_from_near_a_score_may_be_below_the_threshold_by_tau_inc() -> None:
     rig = Rig(Looks([]))
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
     least = search.threshold - rig.settings.tau_inc

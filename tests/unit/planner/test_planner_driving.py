@@ -1,4 +1,4 @@
-"""A robot that must be asked again: within bounds it is waited for, beyond them it is named."""
+"""Actions that need several requests: the task retries within limits, and fails beyond them."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from helios_planner.tasks.registry import TaskReporter
 from helios_planner.tasks.run_control import Journal, PauseControl, TaskCalls
 from helios_planner.tasks.store import Entry, Store
 
-Trouble = Callable[[int], HeliosError | None]  # by the action's number, when it is first asked for
+Trouble = Callable[[int], HeliosError | None]  # by the action's number, at its first request
 
 
 class Robot:
-    """Answers an action that is asked for again as Spot's driver does: from memory, as failed."""
+    """Answers a repeated request as Spot's driver does: from memory, as failed."""
 
     def __init__(self, trouble: Trouble) -> None:
         self.hub = hub = MemoryHub()
         self.bus, self._trouble = MemoryBus(hub), trouble
         self.ids: list[str] = []
-        self.stops = 0  # that are still to be cleared
+        self.stops = 0  # not cleared yet
         served = MemoryBus(hub)
         served.serve(LEASE, lambda _: pb.LeaseReply(token=1, duration_s=10))
         served.serve(GET_STATE, self._state)
@@ -55,11 +55,11 @@ class Robot:
 
 
 @pytest.fixture(autouse=True)
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def short_retry_period(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rpc, "RETRY_S", 0.001)
 
 
-WAITED: list[str | None] = []  # for what, newest last; None: it came
+WAITED: list[str | None] = []  # what the task waited for, newest last; None: it is back
 
 
 def drive(robot: Robot, actions: int) -> None:
@@ -69,12 +69,12 @@ def drive(robot: Robot, actions: int) -> None:
         driver.do(Tilt(0.3))
 
 
-def starved(_: int) -> HeliosError:
+def no_answer(_: int) -> HeliosError:
     return DeadlineExceeded("cannot walk: no answer from the robot")
 
 
-def test_a_robot_that_never_acts_at_once_ends_the_task() -> None:
-    robot = Robot(starved)
+def test_a_robot_that_never_answers_the_first_request_fails_the_task() -> None:
+    robot = Robot(no_answer)
     with pytest.raises(TaskFailed, match="no answer from the robot; see what makes") as failure:
         drive(robot, 1000)
     assert failure.value.cause is Cause.SYSTEM_ERROR
@@ -82,28 +82,28 @@ def test_a_robot_that_never_acts_at_once_ends_the_task() -> None:
     assert len(robot.ids) == MOST_IN_VAIN + 1
 
 
-def test_every_other_action_in_vain_is_too_many() -> None:
-    robot = Robot(lambda n: starved(n) if n % 2 else None)
+def test_a_task_fails_if_every_other_action_gets_no_answer() -> None:
+    robot = Robot(lambda n: no_answer(n) if n % 2 else None)
     with pytest.raises(TaskFailed, match=f"{MOST_IN_VAIN + 1} of the last"):
         drive(robot, 1000)
     assert len(robot.ids) <= RECENT
 
 
-def test_a_link_that_hiccups_now_and_then_is_waited_for() -> None:
-    robot = Robot(lambda n: starved(n) if n % 4 == 0 else None)
+def test_a_task_tolerates_occasional_requests_without_an_answer() -> None:
+    robot = Robot(lambda n: no_answer(n) if n % 4 == 0 else None)
     WAITED.clear()
     drive(robot, 200)
     assert len(robot.ids) == 200
     assert WAITED == ["the bridge: cannot walk: no answer from the robot", None] * 50
 
 
-def test_stops_are_no_trouble_of_the_robots() -> None:
+def test_stops_do_not_count_as_requests_without_an_answer() -> None:
     robot = Robot(lambda n: Conflict("the robot is stopped (a person)") if n % 2 else None)
     drive(robot, 50)
     assert len(robot.ids) == 100
 
 
-def test_a_lease_that_ran_out_in_a_pause_is_renewed_without_a_word(
+def test_a_lease_that_ran_out_in_a_pause_is_renewed_without_a_message(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = [0.0]
@@ -141,7 +141,7 @@ def test_a_lease_that_is_lost_while_the_robot_is_driven_is_reported() -> None:
     ]  # fmt: skip
 
 
-def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
+def test_a_task_waits_as_long_as_another_client_drives_the_robot() -> None:
     robot, asked = Robot(lambda _: None), 0
 
     def lease(_: pb.LeaseRequest) -> pb.LeaseReply:
@@ -160,7 +160,7 @@ def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
     assert WAITED == ["the bridge: teleop drives the robot for 10 s more", None]
 
 
-def test_a_task_whose_time_is_over_gives_the_robot_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_task_that_runs_out_of_time_releases_its_lease(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [100.0]
     monkeypatch.setattr(time, "time", lambda: clock[0])
     robot, given_back = Robot(lambda _: None), list[int]()

@@ -1,4 +1,4 @@
-"""A thing that is not grasped, or falls while carried or put down: tried again, a few times."""
+"""Objects that are not grasped, or fall while carried or placed: the robot retries a few times."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from planner_trouble import Trouble, bring, troubled
 from planner_world import FakeWorld
 
 COUNTER_M = 0.9  # height of the flat's counter
-BOOK = Box(2.95, 6.3, 3.2, 6.6, COUNTER_M + 0.04)  # where a robot from the coffee table comes to it
+BOOK = Box(2.95, 6.3, 3.2, 6.6, COUNTER_M + 0.04)  # where a robot from the coffee table arrives
 
 
-def test_a_gripper_that_says_it_holds_and_does_not_is_a_pick_missed() -> None:
+def test_a_pick_that_leaves_the_gripper_empty_fails_although_it_reports_success() -> None:
     world = troubled(
         flat([coffee_table(), counter(), mug()]),
         lambda _, action: ActionResult(True) if isinstance(action, Pick) else None,
@@ -30,11 +30,11 @@ def test_a_gripper_that_says_it_holds_and_does_not_is_a_pick_missed() -> None:
         bring(world, rounds=1)
     assert failure.value.cause is Cause.PICK_FAILED
     assert world.picks == Settings().picks_per_object
-    assert world.retired == []  # what was not grasped stays in the map
+    assert world.retired == []  # an object that was not grasped stays in the map
 
 
 def falling(times: int, after: int = 4) -> Trouble:
-    """What is carried falls to the floor beside the robot, so many actions after each pick."""
+    """Drop the carried object to the floor beside the robot, `after` actions after each pick."""
     left, carried = [times], [0]
 
     def trouble(world: FakeWorld, action: Action) -> None:
@@ -49,19 +49,19 @@ def falling(times: int, after: int = 4) -> Trouble:
     return trouble
 
 
-def test_what_fell_on_the_way_is_picked_up_again() -> None:
+def test_an_object_that_fell_on_the_way_is_picked_up_again() -> None:
     world = troubled(flat([coffee_table(), counter(), mug()]), falling(1))
     bring(world)
     hands = [type(a) for a in world.log if isinstance(a, Pick | Place)]
     assert hands == [Pick, Pick, Place]  # noticed at once, not at the counter
     assert world.released is world.things[3]
-    assert world.retired == [3, 3]  # once for each time that it was grasped
+    assert world.retired == [3, 3]  # once per grasp
     fell = [message for _, message in world.said if message.startswith("the mug fell: ")]
     assert fell[0].endswith("; looking for the mug")
-    assert "; looking" not in fell[-1]  # said with what it then decided, too
+    assert "; looking" not in fell[-1]  # the next decision's message repeats it
 
 
-def test_a_gripper_that_is_mistaken_for_a_moment_drops_nothing() -> None:
+def test_a_single_wrong_gripper_reading_does_not_count_as_a_drop() -> None:
     world = flat([coffee_table(), counter(), mug()])
     honest, asked = world.held, [0]
 
@@ -75,14 +75,14 @@ def test_a_gripper_that_is_mistaken_for_a_moment_drops_nothing() -> None:
     assert world.picks == 1
 
 
-def test_what_falls_again_and_again_is_given_up() -> None:
+def test_an_object_that_falls_too_often_is_given_up() -> None:
     world = troubled(flat([coffee_table(), counter(), mug()]), falling(99))
     with pytest.raises(TaskFailed, match="fell 3 times") as failure:
         bring(world)
     assert failure.value.cause is Cause.PLACE_MISSED
 
 
-def test_a_place_that_let_it_fall_is_made_good() -> None:
+def test_an_object_that_fell_while_being_placed_is_picked_up_and_placed_again() -> None:
     left = [1]
 
     def slips(world: FakeWorld, action: Action) -> ActionResult | None:
@@ -100,8 +100,8 @@ def test_a_place_that_let_it_fall_is_made_good() -> None:
     assert world.released is not None
 
 
-def test_nothing_is_put_on_what_is_seen_there_only_from_near() -> None:
-    """From afar no surface is seen, so the edge must do; from near one sees what lies there."""
+def test_nothing_is_placed_on_clutter_that_is_seen_only_from_near() -> None:
+    """From afar no surface is seen, so the edge is chosen; from near the book on it is seen."""
     world = flat([coffee_table(), counter(), mug()], extra=[BOOK])
     reported = world.ground
 
@@ -118,14 +118,14 @@ def test_nothing_is_put_on_what_is_seen_there_only_from_near() -> None:
     assert world.released.center_m[2] == pytest.approx(COUNTER_M + 0.05)
 
 
-def test_on_a_cluttered_counter_it_is_put_on_what_lies_there_and_not_into_it() -> None:
+def test_an_object_is_placed_on_top_of_what_covers_a_counter() -> None:
     board = Box(1.2, 6.3, 3.2, 6.95, COUNTER_M + 0.04)
     world = flat([coffee_table(), counter(), mug()], extra=[board])
     bring(world, places_per_receptacle=1)
     assert [type(a) for a in world.log if isinstance(a, Pick | Place)] == [Pick, Place]
 
 
-def test_a_place_that_is_refused_is_tried_elsewhere_and_then_given_up() -> None:
+def test_a_place_that_fails_is_tried_at_other_points_and_then_given_up() -> None:
     def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
         return ActionResult(False, "no room") if isinstance(action, Place) else None
 
@@ -138,8 +138,8 @@ def test_a_place_that_is_refused_is_tried_elsewhere_and_then_given_up() -> None:
     assert min(math.dist(a, b) for a in asked for b in asked if a is not b) > 0.1
 
 
-def test_what_cannot_be_placed_from_one_side_is_placed_from_another() -> None:
-    """Something bars the arm from around where the robot stands first."""
+def test_an_object_that_cannot_be_placed_from_one_side_is_placed_from_another() -> None:
+    """Something blocks the arm around the robot's first stand."""
     barred: list[tuple[float, float]] = []
 
     def bar(world: FakeWorld, action: Action) -> ActionResult | None:

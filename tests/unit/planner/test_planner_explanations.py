@@ -1,4 +1,4 @@
-"""What a sentence compares is true of the numbers that stand in it."""
+"""Comparisons in explanations hold for the numbers as they are printed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ nearly = st.floats(-0.02, 0.02)
 places = st.none() | st.floats(0.05, 1.0)
 
 
-def mug(score: float, after: float | None, place: float | None) -> Candidate:
+def mug_candidate(score: float, after: float | None, place: float | None) -> Candidate:
     factor = 1.0 if place is None else place
     terms = {"score": score, "class_score": 0.6, "uncertainty": 0.1, "views": 3.0,
              "in_place": 1.0, "total": score * factor}  # fmt: skip
@@ -26,7 +26,7 @@ def mug(score: float, after: float | None, place: float | None) -> Candidate:
 
 
 def printed(sentence: str, before: str) -> float:
-    """The number, or the product, that follows these words."""
+    """Return the number, or the product, that follows these words."""
     found = re.search(re.escape(before) + NUMBER, sentence)
     assert found is not None, sentence
     return float(found[2] or found[1])
@@ -34,7 +34,7 @@ def printed(sentence: str, before: str) -> float:
 
 @given(scores, nearly, scores, places)
 @example(0.4996, 0.0004, 0.6, None)
-def test_a_look_is_below_the_threshold_and_worth_it_as_it_is_printed(
+def test_the_printed_numbers_of_a_look_are_below_the_threshold_and_worth_a_view(
     score: float, below: float, after: float, place: float | None
 ) -> None:
     factor = 1.0 if place is None else place
@@ -42,14 +42,14 @@ def test_a_look_is_below_the_threshold_and_worth_it_as_it_is_printed(
     worth = min(threshold, score * factor + 0.05)
     assume(threshold - score * factor > 1e-9)
     assume(after * factor - worth > 1e-9)
-    said = look(mug(score, after, place), threshold, 0.05)
+    said = look(mug_candidate(score, after, place), threshold, 0.05)
     assert printed(said, "score ") < printed(said, " < "), said
     assert printed(said, "bring it to ") >= printed(said, "worth it from "), said
 
 
 @given(scores, nearly, st.none() | scores, places)
 @example(0.4999, 0.0001, None, None)
-def test_what_is_searched_on_for_is_below_as_it_is_printed(
+def test_the_printed_numbers_of_searching_on_are_below_their_limits(
     score: float, below: float, after: float | None, place: float | None
 ) -> None:
     factor = 1.0 if place is None else place
@@ -57,7 +57,7 @@ def test_what_is_searched_on_for_is_below_as_it_is_printed(
     need = min(threshold, score * factor + 0.05)
     assume(threshold - score * factor > 1e-9)
     assume(after is None or need - after * factor > 1e-9)
-    said = search_on(Act.PICK, [mug(score, after, place)], threshold, 0.05, True)
+    said = search_on(Act.PICK, [mug_candidate(score, after, place)], threshold, 0.05, True)
     assert printed(said, "score ") < printed(said, " < "), said
     if after is not None:
         assert printed(said, "bring only ") < printed(said, "worth it from "), said
@@ -65,16 +65,16 @@ def test_what_is_searched_on_for_is_below_as_it_is_printed(
 
 @given(scores, nearly, places)
 @example(1 / 3, 0.0, 0.5)
-def test_what_is_acted_on_passes_as_it_is_printed(
+def test_the_printed_score_of_an_accepted_candidate_passes_the_threshold(
     score: float, above: float, place: float | None
 ) -> None:
     threshold = max(score * (1.0 if place is None else place) - abs(above), 0.0)
-    said = act(Act.PICK, mug(score, None, place), threshold, 1)
+    said = act(Act.PICK, mug_candidate(score, None, place), threshold, 1)
     assert printed(said, "score ") >= printed(said, " ≥ "), said
 
 
 @given(scores, scores)
-def test_less_is_less_as_it_is_printed(one: float, other: float) -> None:
+def test_less_prints_a_lower_number_before_a_higher_one(one: float, other: float) -> None:
     low, high = sorted((one, other))
     assume(high - low > 1e-12)
     left, right = less(low, high).split(" < ")

@@ -1,4 +1,4 @@
-"""Extra views of one candidate: which one is taken, how many, and what ends a look."""
+"""Extra views of one candidate: which view is taken, how many are, and what ends a look."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
     assert best.score == pytest.approx(0.4)
 
 
-def test_the_gain_of_a_local_search_is_that_of_the_views_that_are_left_now(
+def test_the_gain_of_a_local_search_is_that_of_its_remaining_views(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As many are left as before, at other places."""
+    """The last case has as many views as before, at other places."""
     world, looking, thing = seen_counter()
     here = looking.remaining_gaze_points(thing)[:3]
     there = [replace(g, pose=replace(g.pose, x_m=g.pose.x_m + 0.5)) for g in here]
@@ -56,7 +56,9 @@ def test_the_gain_of_a_local_search_is_that_of_the_views_that_are_left_now(
         assert looking.information_gain_nats(thing, "counter") == gain
 
 
-def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_view_is_visited_twice_and_their_number_is_limited(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     _, looking, thing = seen_counter(extra_views=2)
     monkeypatch.setattr(looking.base, "go_to", lambda *_: Outcome.UNREACHABLE)
     for _ in range(2):
@@ -69,7 +71,7 @@ def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.Mon
     assert looking.best_view(thing, "counter") is None
 
 
-def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
+def test_an_accepted_mug_elsewhere_does_not_end_a_look_at_a_mug_in_place() -> None:
     looks = Looks([1.0])
     rig = Rig(looks)
     size = np.array([0.1, 0.1, 0.1])

@@ -1,4 +1,4 @@
-"""The whole flow over a world of plain arrays."""
+"""Whole missions in a fake world of plain arrays."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(world: FakeWorld, text: str = MOVE, **settings: Any) -> str:
     return Mission(world, parse(text), Settings(**settings)).run()
 
 
-def test_phases_come_in_order_and_every_decision_says_why() -> None:
+def test_phases_come_in_order_and_every_decision_has_a_reason() -> None:
     world = flat([coffee_table(), counter(), mug()])
     run(world)
     order = [Phase.FIND_OBJECT, Phase.PICK, Phase.FIND_RECEPTACLE, Phase.PLACE]
@@ -66,7 +66,7 @@ def test_a_limit_of_picks_ends_the_task() -> None:
     assert failure.value.cause is Cause.PICK_FAILED
 
 
-def test_without_a_mug_the_home_is_searched_and_the_cause_is_named() -> None:
+def test_a_home_without_a_mug_is_searched_and_the_task_fails_with_the_cause() -> None:
     world = flat([coffee_table(), counter()])
     with pytest.raises(TaskFailed) as failure:
         run(world, rounds=1)
@@ -75,14 +75,14 @@ def test_without_a_mug_the_home_is_searched_and_the_cause_is_named() -> None:
     assert world.contacts == 0
 
 
-def test_without_a_counter_the_cause_is_the_receptacle() -> None:
+def test_a_home_without_a_counter_fails_the_task_with_receptacle_not_found() -> None:
     with pytest.raises(TaskFailed) as failure:
         run(flat([coffee_table(), mug()]), rounds=1)
     assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
 
 
-def test_an_obstacle_that_nobody_sees_is_felt_once_and_gone_around() -> None:
-    """It stands in the way through the first door's room; after a contact it is remembered."""
+def test_an_invisible_obstacle_is_avoided_after_a_contact() -> None:
+    """The obstacle stands on the path to the first door; after a contact it is remembered."""
     hidden = Box(3.0, 2.8, 3.2, 3.2, 0.5, hidden=True)
     world = flat([coffee_table(), counter(), mug()], start=Pose2(1.5, 3.0, 0.0), extra=[hidden])
     run(world)
@@ -90,7 +90,7 @@ def test_an_obstacle_that_nobody_sees_is_felt_once_and_gone_around() -> None:
     assert world.contacts <= 3
 
 
-def test_find_and_go_to_are_tasks_without_an_arm() -> None:
+def test_find_and_go_to_tasks_do_not_use_the_arm() -> None:
     world = flat([coffee_table(), counter(), mug()])
     assert "found the mug" in run(world, "find the mug")
     assert world.pose().distance_m(world.things[3].center_m[:2]) < 2.2

@@ -1,4 +1,4 @@
-"""While tasks cannot be kept none is begun, and none that has ended drives the robot again."""
+"""A full disk: no task starts while tasks cannot be stored, and no ended task moves the robot."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ pytestmark = pytest.mark.timeout(180)
 
 
 @pytest.fixture(autouse=True)
-def mends_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def short_mend_period(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service, "MEND_S", 0.05)
     monkeypatch.setattr(service, "PULSE_S", 0.05)
 
 
-def after_death(group: PlannerGroup, tmp_path: Path) -> PlannerGroup:
-    """The house in which a new planner starts on what the present one has on the disk."""
+def group_after_restart(group: PlannerGroup, tmp_path: Path) -> PlannerGroup:
+    """Return a group whose planners start with a copy of the present planner's files."""
     later = PlannerGroup(tmp_path / "later")
     later.hub = group.hub
     shutil.copytree(group.state_dir / "robot", later.state_dir / "robot")
@@ -38,7 +38,7 @@ def after_death(group: PlannerGroup, tmp_path: Path) -> PlannerGroup:
     return later
 
 
-def test_while_tasks_cannot_be_kept_the_planner_is_degraded_and_takes_none(
+def test_the_planner_is_degraded_and_refuses_tasks_while_they_cannot_be_stored(
     group: PlannerGroup,
 ) -> None:
     group.peers(flat_with_mug())
@@ -56,7 +56,7 @@ def test_while_tasks_cannot_be_kept_the_planner_is_degraded_and_takes_none(
     assert ended(bus, submit(bus, GO).id).state == "succeeded"
 
 
-def test_a_task_whose_submission_cannot_be_kept_is_not_known(group: PlannerGroup) -> None:
+def test_a_task_whose_submission_cannot_be_stored_is_not_listed(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     bus = group.planner()
     group.planners[-1]._ending.set()  # no pulse notices first
@@ -65,7 +65,7 @@ def test_a_task_whose_submission_cannot_be_kept_is_not_known(group: PlannerGroup
     assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks
 
 
-def test_no_action_is_begun_that_is_not_written_down_and_it_goes_on_with_room(
+def test_no_action_starts_before_its_journal_entry_is_written(
     group: PlannerGroup,
 ) -> None:
     peers = group.peers(flat_with_mug())
@@ -79,12 +79,12 @@ def test_no_action_is_begun_that_is_not_written_down_and_it_goes_on_with_room(
         peers.gate.set()
         wait_until(lambda: "waits for its journal" in task(bus, id).message, 10, "it says so")
         assert "tasks cannot be kept in" in task(bus, id).message
-        assert peers.world.steps == 1  # the one that was under way
+        assert peers.world.steps == 1  # the action that was running
     assert ended(bus, id).state == "succeeded"
     assert any("waits for its journal" in m for m in reported)
 
 
-def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(
+def test_a_task_whose_journal_cannot_be_written_for_long_fails_with_the_reason(
     group: PlannerGroup,
 ) -> None:
     peers = group.peers(flat_with_mug())
@@ -104,7 +104,7 @@ def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(
     assert task(group.planner(), id).state == "failed"
 
 
-def test_an_end_is_reported_when_it_is_kept(group: PlannerGroup) -> None:
+def test_the_end_of_a_task_is_reported_only_once_it_is_stored(group: PlannerGroup) -> None:
     peers = group.peers(flat_with_mug())
     bus = group.planner()
     peers.gate = threading.Event()
@@ -123,10 +123,10 @@ def test_an_end_is_reported_when_it_is_kept(group: PlannerGroup) -> None:
     assert peers.world.steps == 1
 
 
-def test_a_task_that_has_ended_on_a_full_disk_does_not_drive_after_a_restart(
+def test_a_task_that_ended_on_a_full_disk_does_not_move_the_robot_after_a_restart(
     group: PlannerGroup, tmp_path: Path
 ) -> None:
-    """Found by hand: it was told as succeeded, and after a restart the robot moved."""
+    """Found by hand: the task was reported as succeeded, and after a restart the robot moved."""
     peers = group.peers(flat_with_mug())
     bus = group.planner()
     peers.gate = threading.Event()
@@ -137,7 +137,7 @@ def test_a_task_that_has_ended_on_a_full_disk_does_not_drive_after_a_restart(
     peers.gate.set()
     wait_until(lambda: "told as cancelled once" in task(bus, id).message, 10, "it has ended")
     steps = peers.world.steps
-    later = after_death(group, tmp_path)
+    later = group_after_restart(group, tmp_path)
     bus = later.planner()
     found = task(bus, id)
     assert (found.state, found.cause) == ("failed", "system error")
@@ -149,7 +149,7 @@ def test_a_task_that_has_ended_on_a_full_disk_does_not_drive_after_a_restart(
     later.close()
 
 
-def test_what_was_queued_on_a_full_disk_waits_to_be_resumed_after_a_restart(
+def test_a_task_queued_on_a_full_disk_waits_to_be_resumed_after_a_restart(
     group: PlannerGroup, tmp_path: Path
 ) -> None:
     peers = group.peers(flat_with_mug())
@@ -161,13 +161,13 @@ def test_what_was_queued_on_a_full_disk_waits_to_be_resumed_after_a_restart(
     refuse(group.planners[-1]._store)
     bus.call(CANCEL, pb.TaskRequest(id=queued), 5)
     wait_until(lambda: group.healths[-1].state[0] == "degraded", 10, "it is told")
-    later = after_death(group, tmp_path)
+    later = group_after_restart(group, tmp_path)
     bus = later.planner()
     assert (task(bus, queued).state, task(bus, queued).on_hold) == ("queued", True)
     later.close()
 
 
-def test_of_two_tasks_that_ran_only_the_newer_may_go_on(group: PlannerGroup) -> None:
+def test_only_the_newer_of_two_running_tasks_is_resumed(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     mortal, bus = group.mortal(lambda _: True)
     id = submit(bus, GO).id
@@ -185,7 +185,9 @@ def test_of_two_tasks_that_ran_only_the_newer_may_go_on(group: PlannerGroup) -> 
     assert task(steps_of, "older").state == "failed"
 
 
-def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(group: PlannerGroup) -> None:
+def test_a_pause_works_on_a_full_disk_and_a_resumed_task_waits_for_room(
+    group: PlannerGroup,
+) -> None:
     peers = group.peers(flat_with_mug())
     bus = group.planner()
     peers.gate = threading.Event()
@@ -202,18 +204,18 @@ def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(group: PlannerGroup
 
 
 def test_tasks_are_reported_while_the_disk_does_not_answer(group: PlannerGroup) -> None:
-    """No lock that a write holds is needed to tell how a task is."""
+    """Reading the state of a task needs no lock that a write holds."""
     group.peers(flat_with_mug())
     bus = group.planner()
     id = submit(bus, GO).id
     ended(bus, id)
     planner = group.planners[-1]
-    with planner._registry._writing, planner._store._lock:  # as in a write that takes its time
+    with planner._registry._writing, planner._store._lock:  # as during a slow write
         assert task(bus, id).state == "succeeded"
         assert len(bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks) == 1
 
 
-def test_a_task_that_has_ended_is_not_paused_by_who_comes_too_late(group: PlannerGroup) -> None:
+def test_a_late_pause_does_not_change_an_ended_task(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     bus = group.planner()
     id = submit(bus, GO).id

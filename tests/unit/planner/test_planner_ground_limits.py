@@ -1,4 +1,4 @@
-"""Robots and cells of every size, at every edge of small maps: there is an answer and no NaN."""
+"""Robots and cells of every size, at every edge of small maps: results are defined and not NaN."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def described(footprint_m: float) -> RobotDescription:
 
 @st.composite
 def grounds(draw: st.DrawFn, least: int = 1) -> GroundMap:
-    """A map of `least` to 40 cells a side: free, unknown and occupied cells in any mixture."""
+    """Draw a map of `least` to 40 cells a side: free, unknown and occupied cells in any mixture."""
     rows, columns = draw(st.integers(least, 40)), draw(st.integers(least, 40))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     shares = draw(st.sampled_from([(1, 0, 0), (0, 1, 0), (0, 0, 1), (6, 1, 1), (20, 0, 1)]))
@@ -66,7 +66,7 @@ def grounds(draw: st.DrawFn, least: int = 1) -> GroundMap:
 
 @st.composite
 def points_on(draw: st.DrawFn, ground: GroundMap, off_m: float) -> tuple[float, float]:
-    """A point of the map, on its edges and corners too, or up to `off_m` off it."""
+    """Draw a point on the map, on its edges and corners too, or up to `off_m` off it."""
 
     def along(cells: int, origin_m: float) -> float:
         length_m = cells * ground.cell_m
@@ -84,8 +84,8 @@ def scenes(draw: st.DrawFn) -> tuple[GroundMap, Pose2]:
 
 
 @st.composite
-def things(draw: st.DrawFn, ground: GroundMap) -> ObjectInstance:
-    """Something on the map or off it, of any size, with an outline or without."""
+def instances(draw: st.DrawFn, ground: GroundMap) -> ObjectInstance:
+    """Draw an instance on the map or off it, of any size, with an outline or without."""
     x_m, y_m = draw(points_on(ground, 3.0))
     size_m = np.array(draw(st.tuples(*[st.floats(0.0, 2.0)] * 3)))
     corners = draw(st.sampled_from([0, 1, 3, 7]))
@@ -102,7 +102,7 @@ def finite(*values: float) -> bool:
 
 
 def check(reached: Reach, robot: Pose2) -> None:
-    """Its arrays fit its map, hold no NaN, and the robot's own place is where all ways begin."""
+    """Check that the arrays fit the map and hold no NaN, and that the robot is on the map."""
     shape = reached.ground.occupancy.shape
     assert reached.clearance.shape == reached.required_m.shape == reached.arrival.shape == shape
     for field in (reached.clearance, reached.required_m, reached.slack):
@@ -114,7 +114,7 @@ def check(reached: Reach, robot: Pose2) -> None:
 
 @settings(max_examples=300, deadline=None)
 @given(st.data())
-def test_what_a_disc_can_reach_is_known_wherever_it_stands(data: st.DataObject) -> None:
+def test_reach_of_a_disc_is_well_defined_at_any_pose(data: st.DataObject) -> None:
     ground, robot = data.draw(scenes())
     rules = MotionRules(data.draw(footprints_m), data.draw(st.sampled_from([0.0, 0.02, 0.05])))
     discs = np.array([[*data.draw(points_on(ground, 3.0)), data.draw(st.floats(0.01, 0.8))]])
@@ -142,7 +142,7 @@ def test_what_a_disc_can_reach_is_known_wherever_it_stands(data: st.DataObject) 
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_what_a_box_can_reach_is_known_wherever_it_stands(data: st.DataObject) -> None:
+def test_reach_of_a_box_is_well_defined_at_any_pose(data: st.DataObject) -> None:
     ground, robot = data.draw(scenes())
     width_m = data.draw(st.floats(0.1, 0.6))
     capsule = Capsule.around(data.draw(st.floats(width_m, 1.2)), width_m)
@@ -164,10 +164,10 @@ def test_what_a_box_can_reach_is_known_wherever_it_stands(data: st.DataObject) -
 
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_where_to_look_stand_and_place_is_answered_for_things_anywhere(data: st.DataObject) -> None:
+def test_gaze_points_stands_and_places_are_finite_for_objects_anywhere(data: st.DataObject) -> None:
     ground, robot = data.draw(scenes())
     description = described(data.draw(footprints_m))
-    thing = data.draw(things(ground))
+    thing = data.draw(instances(ground))
     reached = reach(ground, robot, MotionRules(description.footprint_radius_m))
     for gaze in gaze_points(thing, reached, description, GazeRules((0.4, 0.8, 1.2), 0.3)):
         assert finite(gaze.pose.x_m, gaze.pose.y_m, gaze.pose.yaw_rad, gaze.tilt_rad, gaze.arrival)
@@ -184,8 +184,8 @@ def test_where_to_look_stand_and_place_is_answered_for_things_anywhere(data: st.
 
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_unknown_ground_is_reported_wherever_one_asks(data: st.DataObject) -> None:
-    """Also on a map of no cells."""
+def test_unknown_ground_can_be_queried_at_any_point(data: st.DataObject) -> None:
+    """Includes maps without cells."""
     ground = data.draw(grounds(least=0))
     point = data.draw(points_on(ground, 30.0))
     radius_m = data.draw(st.floats(0.05, 1.5))
@@ -196,7 +196,7 @@ def test_unknown_ground_is_reported_wherever_one_asks(data: st.DataObject) -> No
 
 
 @given(footprints_m, st.floats(0.1, 1.9), st.floats(-1.5, 1.5), st.floats(0.0, 1.5))
-def test_the_ring_that_a_camera_cannot_see_has_a_width(
+def test_the_width_of_the_blind_zone_is_never_negative(
     footprint_m: float, height_m: float, low_rad: float, range_rad: float
 ) -> None:
     assume(low_rad + range_rad < math.pi / 2)
@@ -205,15 +205,15 @@ def test_the_ring_that_a_camera_cannot_see_has_a_width(
         camera_height_m=height_m, reach_m=0.9, max_depth_m=5.0,
         tilt_range_rad=(low_rad, low_rad + range_rad),
     )  # fmt: skip
-    assert blind_m(robot) >= 0  # inf: it never sees the floor
+    assert blind_m(robot) >= 0  # inf: the camera never sees the floor
 
 
 @pytest.mark.parametrize("footprint_m", [0.1, 0.2, 0.25, 0.27, 0.3, 0.35, 0.6])
 @pytest.mark.parametrize("side", [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1)])
-def test_a_robot_at_a_wall_of_its_room_can_leave_it(
+def test_a_robot_next_to_a_wall_can_leave_its_place(
     footprint_m: float, side: tuple[int, int]
 ) -> None:
-    """Once it was a fault of the planner for all whose radius is below 0.28 m."""
+    """Regression: the planner failed here for every radius below 0.28 m."""
     occupancy = np.zeros((160, 200), np.int8)  # 5 x 4 m of free floor in walls
     occupancy[:2] = occupancy[-2:] = 100
     occupancy[:, :2] = occupancy[:, -2:] = 100

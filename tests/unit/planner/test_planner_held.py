@@ -1,4 +1,4 @@
-"""What is in the gripper when a task begins or ends: it is neither lost nor taken for another."""
+"""Objects in the gripper when a task begins or ends: they are neither lost nor confused."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def mission(world: FakeWorld, text: str) -> Mission:
     return Mission(world, parse(text), Settings(rounds=1))
 
 
-def test_what_is_held_already_is_only_placed() -> None:
+def test_an_object_that_is_already_held_is_only_placed() -> None:
     world = holding_a_mug()
     assert mission(world, MOVE).run().startswith("put the mug on the counter")
     assert not any(isinstance(action, Pick) for action in world.log)
     assert world.released is world.things[3]
 
 
-def test_another_thing_in_the_gripper_is_said_at_once() -> None:
+def test_another_object_in_the_gripper_fails_the_task_before_its_first_step() -> None:
     world = holding_a_mug()
     with pytest.raises(TaskFailed, match="not free for the can: a mug is in it") as failure:
         mission(world, "Move the can to the counter").run()
@@ -49,7 +49,7 @@ def test_another_thing_in_the_gripper_is_said_at_once() -> None:
 
 
 @pytest.mark.parametrize("text", ["find the can", "go to the counter"])
-def test_who_needs_no_gripper_may_carry_something(text: str) -> None:
+def test_find_and_go_to_tasks_run_while_the_robot_holds_an_object(text: str) -> None:
     world = holding_a_mug()
     near = world.things[3]
     world.things[4] = Thing(4, "can", near.center_m + np.array([0.2, 0, 0]), near.size_m)
@@ -57,7 +57,7 @@ def test_who_needs_no_gripper_may_carry_something(text: str) -> None:
     assert world.held() == "mug"
 
 
-def test_a_pick_that_was_refused_took_nothing_whatever_is_held() -> None:
+def test_a_failed_last_pick_is_restored_as_failed_whatever_the_gripper_holds() -> None:
     again = mission(holding_a_mug(), "Move the can to the counter")
     checkpoint = again.checkpoint() | {"target_m": [1.0, 1.0, 0.5]}
     again.restore(checkpoint, LastAction(Pick((1.0, 1.0, 0.5), "can"), False, "it is full", "mug"))
@@ -65,7 +65,7 @@ def test_a_pick_that_was_refused_took_nothing_whatever_is_held() -> None:
     assert again.skills.last_reason == "it is full"
 
 
-def test_a_cancelled_task_says_what_it_leaves_in_the_gripper_and_the_next_one_places_it(
+def test_a_cancelled_task_reports_the_held_object_and_the_next_task_places_it(
     group: PlannerGroup,
 ) -> None:
     peers = group.peers(flat_with_mug())

@@ -1,4 +1,4 @@
-"""What people type, and what is made of it."""
+"""Parsing of instructions: accepted sentences, refusals, close names."""
 
 from __future__ import annotations
 
@@ -99,14 +99,14 @@ def test_find_and_go_to_are_understood(
 
 
 @pytest.mark.parametrize(("text", "says"), REFUSED)
-def test_what_cannot_be_read_is_refused_with_what_is_missing(text: str, says: str) -> None:
+def test_an_unreadable_instruction_is_refused_with_the_missing_part(text: str, says: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         parse(text)
     assert says in refusal.value.message
     assert len(refusal.value.message) < 500
 
 
-def test_a_refusal_says_what_was_understood() -> None:
+def test_a_refusal_lists_the_understood_parts() -> None:
     with pytest.raises(InvalidInput, match="object “cup”, from “desk”"):
         parse("fetch me the cup from the desk")
 

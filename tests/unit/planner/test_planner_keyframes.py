@@ -1,4 +1,4 @@
-"""The keyframe after each action: of the same world, there, and in every map; else it is said."""
+"""The keyframe after each action: of another world, missing, or lost by a map."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ IMPATIENT = Settings(ack_timeout_s=0.1, away_s=0.1)
 
 
 @pytest.fixture(autouse=True)
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def short_ack_patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "ACK_PATIENCE_S", 0.05)
 
 
 class Scene:
-    """One task's hold on a robot of arrays; everybody answers before a call comes back."""
+    """A task's client of a fake robot; all peers answer before a call returns."""
 
     def __init__(self) -> None:
         hub, acks = MemoryHub(), KeyframeAcks()
@@ -64,7 +64,7 @@ def test_poses_of_another_world_end_the_task(what: str, new: object) -> None:
 
 
 @pytest.mark.parametrize(("what", "new"), [("boot", "another"), ("world_epoch", 2)])
-def test_a_task_of_another_world_is_not_taken_up_again(what: str, new: object) -> None:
+def test_a_task_of_another_world_is_not_resumed(what: str, new: object) -> None:
     peers = Peers(hub := MemoryHub(), flat())
     setattr(peers, what, new)
     line = RobotConnection(MemoryBus(hub), IMPATIENT, threading.Event(), lambda _: None)
@@ -73,7 +73,7 @@ def test_a_task_of_another_world_is_not_taken_up_again(what: str, new: object) -
         last_action(line, IMPATIENT, journal)
 
 
-def test_a_robot_that_sends_no_keyframe_is_named() -> None:
+def test_a_robot_that_sends_no_keyframe_fails_the_task() -> None:
     scene = Scene()
     scene.peers.bus.serve(ACT, lambda request: pb.ActionResult(action_id=request.action_id))
     with pytest.raises(TaskFailed, match="sent no keyframe") as failure:
@@ -82,12 +82,12 @@ def test_a_robot_that_sends_no_keyframe_is_named() -> None:
 
 
 @pytest.mark.parametrize("part", MapPart)
-def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twice(
+def test_a_keyframe_that_a_map_lost_is_taken_again_without_repeating_the_action(
     part: str,
 ) -> None:
     scene = Scene()
     scene.peers.silent.add(part)
-    scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()  # it is back
+    scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()  # the map is back
     result = scene.robot.act(Turn(0.3))
     assert result.turned_rad == pytest.approx(0.3)
     assert scene.done()[-2:] == [Turn, Observe]
@@ -97,7 +97,7 @@ def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twi
     assert reported[-1] is None
 
 
-def test_looking_anew_after_a_stop_does_not_hide_that_the_action_was_cut_short(
+def test_a_new_keyframe_after_a_stop_does_not_hide_that_the_action_was_cut_short(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = Scene()
@@ -118,10 +118,10 @@ def test_looking_anew_after_a_stop_does_not_hide_that_the_action_was_cut_short(
     assert scene.robot.cut_short
 
 
-def test_a_long_pause_does_not_count_against_settling_the_last_action(
+def test_a_pause_does_not_count_towards_the_time_limit_of_the_last_action(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A task that is on hold when it is taken up, until its lease has run out meanwhile."""
+    """The task is paused while it is being resumed, until its lease has run out."""
     peers, clock = Peers(hub := MemoryHub(), flat()), [0.0]
     monkeypatch.setattr(run_control.time, "monotonic", lambda: clock[0])
     late = Settings(away_s=20.0)

@@ -1,4 +1,4 @@
-"""A language model may help to read a sentence; it decides nothing, and without it all goes on."""
+"""The optional language model: it rewrites sentences for the grammar, and may fail."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Reply = Callable[[dict], tuple[int, bytes]]
 
 
 class Endpoint:
-    """A chat-completions server on loopback; `reply` makes (status, body) of a request."""
+    """A chat-completions server on loopback; `reply` maps a request to (status, body)."""
 
     def __init__(self) -> None:
         self.reply: Reply = lambda _: (500, b"")
@@ -49,7 +49,7 @@ class Endpoint:
         return LanguageModel(self.url, "tiny", "secret", timeout_s)
 
 
-def says(content: str) -> Reply:
+def replies_with(content: str) -> Reply:
     answer = {"choices": [{"message": {"role": "assistant", "content": content}}]}
     return lambda _: (200, json.dumps(answer).encode())
 
@@ -65,8 +65,8 @@ def endpoint() -> Iterator[Endpoint]:
     endpoint.server.server_close()
 
 
-def test_a_sentence_in_another_language_is_read_with_its_help(endpoint: Endpoint) -> None:
-    endpoint.reply = says('Sure: {"sentence": "Move the mug from the table to the sofa"}')
+def test_a_sentence_in_another_language_is_parsed_with_the_models_help(endpoint: Endpoint) -> None:
+    endpoint.reply = replies_with('Sure: {"sentence": "Move the mug from the table to the sofa"}')
     got = parse_with_help(GERMAN, endpoint.model())
     assert (got.kind, got.object, got.start, got.goal) == ("move", "mug", "table", "sofa")
     path, key, body = endpoint.heard[0]
@@ -75,7 +75,9 @@ def test_a_sentence_in_another_language_is_read_with_its_help(endpoint: Endpoint
     assert body["messages"][-1] == {"role": "user", "content": GERMAN}
 
 
-def test_what_the_grammar_reads_or_refuses_for_good_is_never_asked(endpoint: Endpoint) -> None:
+def test_the_model_is_not_asked_about_sentences_that_the_grammar_decides(
+    endpoint: Endpoint,
+) -> None:
     parse_with_help("move the mug to the sofa", endpoint.model())
     for text in ("", "move the mug", "move the mug to the sofa and the bed", "x" * 10_000):
         with pytest.raises(InvalidInput):
@@ -86,17 +88,17 @@ def test_what_the_grammar_reads_or_refuses_for_good_is_never_asked(endpoint: End
 @pytest.mark.parametrize(
     ("reply", "why"),
     [
-        (says('{"missing": "the goal"}'), "it says: the goal"),
-        (says("I cannot do that"), "its answer is not what was asked for"),
-        (says('{"sentence": 7}'), "it has no sentence"),
-        (says("[1, 2]"), "its answer is not what was asked for"),
+        (replies_with('{"missing": "the goal"}'), "it says: the goal"),
+        (replies_with("I cannot do that"), "its answer is not what was asked for"),
+        (replies_with('{"sentence": 7}'), "it has no sentence"),
+        (replies_with("[1, 2]"), "its answer is not what was asked for"),
         (lambda _: (200, b"<html>"), "its answer is not what was asked for"),
         (lambda _: (200, b"{}"), "its answer is not what was asked for"),
         (lambda _: (503, b""), "it answered 503"),
         (lambda _: (200, b"x" * 100_000), "its answer is too long"),
     ],
 )
-def test_without_help_the_refusal_stands_and_says_why(
+def test_a_useless_answer_keeps_the_refusal_and_adds_its_reason(
     endpoint: Endpoint, reply: Reply, why: str
 ) -> None:
     endpoint.reply = reply
@@ -106,25 +108,25 @@ def test_without_help_the_refusal_stands_and_says_why(
     assert f"the language model tiny did not help: {why}" in refusal.value.message
 
 
-def test_its_sentence_is_read_by_the_same_grammar(endpoint: Endpoint) -> None:
-    endpoint.reply = says('{"sentence": "Move the mug and the bowl to the sofa"}')
+def test_the_models_sentence_is_parsed_by_the_same_grammar(endpoint: Endpoint) -> None:
+    endpoint.reply = replies_with('{"sentence": "Move the mug and the bowl to the sofa"}')
     with pytest.raises(InvalidInput, match=r"several things.*read by the language model tiny"):
         parse_with_help(GERMAN, endpoint.model())
 
 
-def test_an_endpoint_that_is_slow_is_given_up(endpoint: Endpoint) -> None:
+def test_a_slow_endpoint_times_out(endpoint: Endpoint) -> None:
     endpoint.hold.clear()
     with pytest.raises(InvalidInput, match=r"no answer within 0\.2 s"):
         parse_with_help(GERMAN, endpoint.model(timeout_s=0.2))
 
 
-def test_an_endpoint_that_is_away_is_said() -> None:
+def test_an_unreachable_endpoint_is_reported() -> None:
     model = LanguageModel("http://127.0.0.1:9/v1", "tiny", "", 1.0)
     with pytest.raises(InvalidInput, match="it cannot be reached"):
         parse_with_help(GERMAN, model)
 
 
-def test_an_address_that_is_none_is_said() -> None:
+def test_an_invalid_address_is_reported() -> None:
     model = LanguageModel("http//127.0.0.1/v1", "tiny", "", 1.0)
     with pytest.raises(InvalidInput, match=r"its address .http//127\.0\.0\.1/v1. is none"):
         parse_with_help(GERMAN, model)

@@ -1,4 +1,4 @@
-"""A robot that is no disc: it passes a door when turned to it, and never touches anything."""
+"""The lattice planner for box-shaped robots: they pass doors lengthwise and touch nothing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RULES = MotionRules(footprint_m=SPOT.reach_m, margin_m=0.05)
 
 
 def two_rooms(door_m: float) -> GroundMap:
-    """7 x 4 m, a wall at x = 3.5 with a door in its middle."""
+    """Make 7 x 4 m with a wall at x = 3.5 and a door in its middle."""
     occupancy = np.zeros((160, 280), np.int8)
     occupancy[[0, -1]], occupancy[:, [0, -1]] = 100, 100
     half = round(door_m / CELL_M / 2)
@@ -41,7 +41,7 @@ def two_rooms(door_m: float) -> GroundMap:
 
 
 def box_points(pose: Pose2) -> np.ndarray:
-    """Points [n, 2] all over the box at a pose."""
+    """Return points [n, 2] that cover the box at a pose."""
     x, y = np.meshgrid(np.linspace(-0.55, 0.55, 56), np.linspace(-0.25, 0.25, 26))
     c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return np.stack([pose.x_m + c * x - s * y, pose.y_m + s * x + c * y], -1).reshape(-1, 2)
@@ -71,21 +71,21 @@ def test_a_door_is_passed_only_if_the_box_fits_lengthwise(door_m: float, passes:
     assert not np.isfinite(disc.at(np.array([there.xy]))[0])
 
 
-def test_in_a_door_it_stands_lengthwise_only() -> None:
+def test_a_box_fits_into_a_door_only_lengthwise() -> None:
     reached = pose_reach(two_rooms(0.9), Pose2(1.5, 2.0, 0.0), SPOT, RULES)
     assert reached.fits(Pose2(3.5, 2.0, 0.0))
     assert not reached.fits(Pose2(3.5, 2.0, math.pi / 2))
 
 
 @pytest.mark.parametrize("cell_m", [0.0125, 0.025, 0.05])
-def test_it_does_not_plan_to_turn_where_it_cannot_whatever_the_cells(cell_m: float) -> None:
-    """In a corridor that is a little too narrow to turn in."""
+def test_no_turn_is_planned_where_the_box_cannot_turn(cell_m: float) -> None:
+    """The corridor is a little too narrow to turn in, at every cell size."""
     occupancy = np.zeros((round(1.35 / cell_m), round(4.0 / cell_m)), np.int8)
     occupancy[[0, -1]], occupancy[:, [0, -1]] = 100, 100
     ground = GroundMap(occupancy, np.zeros(occupancy.shape, np.float32), cell_m, (0.0, 0.0))
     reached = pose_reach(ground, Pose2(2.0, 0.675, 0.0), SPOT, RULES)
     across = reached.best_near(Pose2(2.5, 0.675, math.pi / 2), 0.2)
-    assert across is not None  # it comes there, but faces along the corridor
+    assert across is not None  # the robot gets there, but faces along the corridor
     assert reached.next_move(reached.way_to(across), RULES) is not None
     headings = np.unique(np.argwhere(np.isfinite(reached.times))[:, 0])
     assert not {6, 7, 8, 9, 10} & set(headings.tolist()), (
@@ -94,11 +94,9 @@ def test_it_does_not_plan_to_turn_where_it_cannot_whatever_the_cells(cell_m: flo
 
 
 @settings(max_examples=60, deadline=None)
-@example(6.34375, 0.625, 0.5)  # as near to what is behind as its front is to what is ahead
+@example(6.34375, 0.625, 0.5)  # the rear is as near to an obstacle as the front
 @given(st.floats(0.6, 6.4), st.floats(0.6, 3.4), st.floats(-3.1, 3.1))
-def test_a_move_back_touches_nothing_that_it_does_not_touch_already(
-    x: float, y: float, yaw: float
-) -> None:
+def test_a_backward_move_touches_nothing(x: float, y: float, yaw: float) -> None:
     ground, pose = two_rooms(0.9), Pose2(x, y, yaw)
     if touches(ground, pose):
         return
@@ -108,7 +106,7 @@ def test_a_move_back_touches_nothing_that_it_does_not_touch_already(
         assert not touches(ground, pose.ahead(-away))
 
 
-def test_a_box_with_room_behind_it_moves_back_and_one_without_does_not() -> None:
+def test_a_box_moves_back_only_if_there_is_room_behind_it() -> None:
     ground = two_rooms(0.9)
     free = [
         pose_reach(ground, Pose2(x, 2.0, 0.0), SPOT, RULES).free_back_m(0.3, RULES)
@@ -120,8 +118,8 @@ def test_a_box_with_room_behind_it_moves_back_and_one_without_does_not() -> None
 def drive(
     ground: GroundMap, pose: Pose2, goal: Pose2, slip: Callable[[], Pose2] = lambda: NOWHERE
 ) -> Pose2:
-    """Follow the plan, made anew before every motion, to where it ends or is lost; no intermediate
-    pose may touch anything. slip: how far it ends a motion from where it should, in m and rad."""
+    """Follow the path, planned again before every motion, until it ends or is lost. No intermediate
+    pose may touch anything. slip: the error at the end of a motion, in m and rad."""
     lattice_xy = None
     for _ in range(160):
         reached = pose_reach(ground, pose, SPOT, RULES, lattice_xy=lattice_xy)
@@ -144,7 +142,7 @@ def drive(
     return pose
 
 
-def test_it_comes_through_a_door_facing_as_asked() -> None:
+def test_a_box_passes_a_door_and_ends_with_the_wanted_heading() -> None:
     goal = Pose2(5.5, 2.6, math.pi / 2)
     end = drive(two_rooms(0.9), Pose2(1.5, 1.2, 2.0), goal)
     assert end.distance_m(goal.xy) < 0.2
@@ -152,7 +150,7 @@ def test_it_comes_through_a_door_facing_as_asked() -> None:
 
 
 def cluttered(seed: int) -> tuple[GroundMap, Pose2]:
-    """Two rooms with four things in them, and a robot."""
+    """Make two rooms with four obstacles in them, and a robot's pose."""
     rng = np.random.default_rng(seed)
     ground = two_rooms(0.9)
     for _ in range(4):
@@ -167,8 +165,8 @@ THERE = Pose2(5.8, 2.0, 0.0)
 
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10_000))
-def test_no_pose_on_its_way_touches_anything(seed: int) -> None:
-    """Wherever it gets to, also when it slips."""
+def test_no_pose_on_a_path_touches_anything(seed: int) -> None:
+    """Holds wherever the robot gets to, also when it slips."""
     ground, start = cluttered(seed)
     if pose_reach(ground, start, SPOT, RULES).least_slack_m < 0:
         return
@@ -177,15 +175,15 @@ def test_no_pose_on_its_way_touches_anything(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [2, 3, 9, 33, 145])
-def test_a_way_that_it_had_is_not_lost(seed: int) -> None:
-    """A gap lies right for the first lattice and wrong for one of halfway (9, 33), or for a heading
-    that one turn of the most and one of the least overshoot (145)."""
+def test_a_path_is_not_lost_when_it_is_planned_again(seed: int) -> None:
+    """A gap fits the first lattice but not one planned halfway (9, 33), or it needs a heading that
+    a largest plus a smallest turn overshoot (145)."""
     ground, start = cluttered(seed)
     assert drive(ground, start, THERE).distance_m(THERE.xy) < 0.25
 
 
 class BoxWorld(FakeWorld):
-    """The flat, with a robot of that box in it."""
+    """A fake world with a robot of that box."""
 
     description = replace(ROBOT, footprint_radius_m=SPOT.reach_m, footprint_box_m=BOX_M)
 
@@ -207,7 +205,7 @@ class BoxWorld(FakeWorld):
                             turned_rad=getattr(action, "angle_rad", 0.0))  # fmt: skip
 
 
-def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
+def test_a_box_drives_through_an_unknown_home_without_contact() -> None:
     walls = [Box(3.4, 0, 3.5, 1.5, 2.5), Box(3.4, 2.4, 3.5, 4, 2.5)]
     world = BoxWorld((7, 4), walls, [], Pose2(1.5, 2.0, 0.4))
     base = base_controller_for(world, Settings())
@@ -220,7 +218,7 @@ def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
 
 
 def test_a_box_that_never_comes_nearer_gives_the_goal_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slippery floor, on which it ends each move where it began it, and sees nothing new."""
+    """On a slippery floor the robot ends each move where it began, and sees nothing new."""
     world = BoxWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.0))
     world._known[:] = True
     monkeypatch.setattr(world, "look", lambda: None)
@@ -232,6 +230,6 @@ def test_a_box_that_never_comes_nearer_gives_the_goal_up(monkeypatch: pytest.Mon
     assert 80 <= world.steps <= 80 + 20 * 2 + 1  # one tilts the head
 
 
-def test_a_disc_keeps_its_own_legs() -> None:
+def test_a_disc_robot_keeps_its_own_base_controller() -> None:
     world = FakeWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.4))
     assert type(base_controller_for(world, Settings())) is BaseController

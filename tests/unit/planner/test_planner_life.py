@@ -1,4 +1,4 @@
-"""The life of a task: paused, out of time, side by side with others, forgotten."""
+"""The life of a task: pause, time limit, tasks in parallel, removal of old tasks."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_queued_task_that_is_paused_is_not_begun_until_it_is_resumed(group: Pl
     assert task(bus, first).ended_s < task(bus, third).ended_s < task(bus, second).started_s
 
 
-def test_what_has_ended_or_never_was_is_neither_paused_nor_resumed(group: PlannerGroup) -> None:
+def test_ended_and_unknown_tasks_are_neither_paused_nor_resumed(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     bus = group.planner()
     id = submit(bus, GO).id
@@ -84,7 +84,7 @@ def test_a_task_ends_when_its_time_is_over(group: PlannerGroup) -> None:
     assert done.message == "the task's 0.2 s are used up"
 
 
-def test_a_time_that_makes_no_sense_is_refused(group: PlannerGroup) -> None:
+def test_an_invalid_time_limit_is_refused(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     bus = group.planner()
     for wrong in (-1.0, float("nan"), float("inf")):
@@ -104,8 +104,8 @@ def test_two_tasks_on_one_robot_are_done_one_after_the_other(group: PlannerGroup
     assert (first, "failed") in ran[:began]
 
 
-def test_different_robots_run_side_by_side(group: PlannerGroup) -> None:
-    """One stands still with its hand on its action; the other one goes on and ends."""
+def test_tasks_of_different_robots_run_in_parallel(group: PlannerGroup) -> None:
+    """One robot is held in its action; the task of the other one runs and ends."""
     still, other = group.peers(flat_with_mug(), "one"), group.peers(flat_with_mug(), "two")
     one, two = group.planner("one", max_steps=5), group.planner("two", max_steps=5)
     still.gate = threading.Event()
@@ -118,7 +118,7 @@ def test_different_robots_run_side_by_side(group: PlannerGroup) -> None:
     assert ended(one, held).steps == 5
 
 
-def test_of_ended_tasks_the_newest_are_remembered(group: PlannerGroup) -> None:
+def test_only_the_newest_ended_tasks_are_kept(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     bus = group.planner(keep_tasks=1, max_steps=1)
     ids = []

@@ -1,4 +1,4 @@
-"""Unknown ground at the robot's feet is looked at before a goal is given up."""
+"""The robot looks down at unknown ground at its feet before it gives up a goal."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from test_planner_lattice import BoxWorld
 
 
 @pytest.mark.parametrize("kind", [FakeWorld, BoxWorld])
-def test_ground_too_near_to_be_seen_on_the_way_is_looked_down_at(kind: type[FakeWorld]) -> None:
-    """A band of unknown ground between the robot and its goal, nearer than its camera sees."""
+def test_the_robot_looks_down_at_unknown_ground_that_is_too_near_to_see_while_driving(
+    kind: type[FakeWorld],
+) -> None:
+    """A band of unknown ground lies between the robot and its goal, nearer than its camera sees."""
     world = kind((7, 4), [], [], Pose2(2.0, 2.0, 0.0))
     world._known[:] = True
     world._known[:, round(2.75 / CELL_M) : round(2.9 / CELL_M)] = False
@@ -28,7 +30,7 @@ def test_ground_too_near_to_be_seen_on_the_way_is_looked_down_at(kind: type[Fake
     assert down_rad > base.settings.travel_tilt_rad + 0.1
 
 
-def test_a_robot_that_stands_among_ground_it_did_not_see_is_not_wedged() -> None:
+def test_a_robot_surrounded_by_unseen_ground_is_not_wedged() -> None:
     world = flat(start=Pose2(2.0, 3.0, 0.0))
     world._known[:] = True
     row, column = round(3.0 / CELL_M), round(2.0 / CELL_M)
@@ -41,7 +43,7 @@ def test_a_robot_that_stands_among_ground_it_did_not_see_is_not_wedged() -> None
     assert base.monitor.wedged == 0
 
 
-def test_where_no_motion_helps_the_ground_at_the_feet_is_looked_at_before_the_goal_is_given_up(
+def test_the_robot_looks_down_at_its_feet_before_it_gives_up_a_goal_without_a_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     base = BaseController(flat(start=Pose2(1.5, 3.0, 0.0)), Settings())

@@ -1,4 +1,4 @@
-"""FM²: the front that marches over a field of speeds, and the descent against it."""
+"""FM²: fast marching over a speed field, and the descent along arrival times."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from planner_ground import CELL_M, free_places, random_ground
 
 
 def heap_marching(speed: NDArray[np.float32], source: tuple[int, int]) -> NDArray[np.float64]:
-    """The readable twin of `kernels.march`: an exact heap, one cell at a time."""
+    """Readable reference of `kernels.march`: an exact heap, one cell at a time."""
     rows, columns = speed.shape
     time = np.full(speed.shape, math.inf)
     done = np.zeros(speed.shape, bool)
@@ -59,13 +59,13 @@ def test_marching_matches_the_exact_heap() -> None:
         exact = heap_marching(speed, source)
         assert (np.isfinite(fast) == np.isfinite(exact)).all()
         known = np.isfinite(exact) & (exact > 5)
-        # Both solve the same equations; only rounding to float32 lies between them.
+        # Both solve the same equations; they differ only by rounding to float32.
         assert np.max(np.abs(fast[known] - exact[known]) / exact[known]) < 1e-4
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000))
-def test_nothing_reachable_is_called_unreachable(seed: int) -> None:
+def test_exactly_the_connected_cells_have_an_arrival_time(seed: int) -> None:
     ground = random_ground(seed)
     speed = np.where(ground.occupancy > 0, 0, 1).astype(np.float32)
     source = np.argwhere(speed > 0)[:1]
@@ -86,14 +86,14 @@ def test_a_descent_never_cuts_a_corner() -> None:
 
 
 def least_crossed(field: NDArray[np.float32], path: NDArray[np.float64]) -> float:
-    """Least value of the cells that a path [n, 2] (rows, columns, not rounded) goes through."""
+    """Return the least value of the cells on a path [n, 2] (rows, columns, not rounded)."""
     dense = np.concatenate([a + (b - a) * np.linspace(0, 1, 200)[:, None]
                             for a, b in itertools.pairwise(path)])  # fmt: skip
     cells = np.floor(dense).astype(int)
     return float(field[cells[:, 0], cells[:, 1]].min())
 
 
-def test_a_front_is_kept_from_the_border() -> None:
+def test_free_border_cells_and_blocked_sources_are_refused() -> None:
     with pytest.raises(InvalidInput, match="border"):
         path_planner.arrival_time(np.ones((8, 8), np.float32), np.array([[4, 4]]))
     with pytest.raises(InvalidInput, match="source"):
@@ -101,7 +101,7 @@ def test_a_front_is_kept_from_the_border() -> None:
 
 
 def time_along(speed: NDArray[np.float32], path: NDArray[np.float64]) -> float:
-    """Time that a path [n, 2] (rows, columns, not rounded) takes through cells of that speed."""
+    """Return the time of a path [n, 2] (rows, columns, not rounded) through cells of that speed."""
     total = 0.0
     for a, b in itertools.pairwise(path):
         length = float(np.hypot(*(b - a)))
@@ -116,8 +116,8 @@ def time_along(speed: NDArray[np.float32], path: NDArray[np.float64]) -> float:
 def test_a_path_takes_at_most_five_percent_longer_than_the_optimum_of_the_same_field(
     seed: int,
 ) -> None:
-    """The optimum: second-order marching by another implementation, on a grid five times as fine.
-    On top of 5 %, a cell's crossing: both ends of a path are cells."""
+    """The optimum is second-order marching by another implementation, on a grid five times as fine.
+    The limit adds one cell's crossing to the 5 %, since both ends of a path are cells."""
     ground = random_ground(seed, 80)
     places = free_places(ground, 2, seed)
     if len(places) < 2:

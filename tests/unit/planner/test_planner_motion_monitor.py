@@ -1,4 +1,4 @@
-"""A robot that stands still, is wedged or loses its place: recovered from, or named at a limit."""
+"""Stuck and wedged robots, and localisation jumps: the base recovers, or fails at a limit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from planner_world import FakeWorld
 
 
 @pytest.mark.parametrize("kind", [Forward, Turn])
-def test_a_robot_that_does_not_move_when_told_to_is_stuck(kind: type[Action]) -> None:
+def test_a_robot_that_does_not_move_on_command_is_stuck(kind: type[Action]) -> None:
     world = troubled(
         flat([coffee_table(), counter(), mug()]),
         lambda _, action: ActionResult(False, "no") if isinstance(action, kind) else None,
@@ -34,7 +34,7 @@ def test_a_robot_that_does_not_move_when_told_to_is_stuck(kind: type[Action]) ->
     assert sum(isinstance(a, kind) for a in world.log) <= MOST_BLOCKS + 1
 
 
-def test_a_wedged_robot_looks_around_and_then_says_so() -> None:
+def test_a_wedged_robot_looks_around_and_then_fails_the_task() -> None:
     cell = [Box(1.0, 1.0, 2.0, 1.15, 1), Box(1.0, 1.85, 2.0, 2.0, 1),
             Box(1.0, 1.0, 1.15, 2.0, 1), Box(1.85, 1.0, 2.0, 2.0, 1)]  # fmt: skip
     world = flat(start=Pose2(1.5, 1.5, 0.0), extra=cell)
@@ -48,7 +48,7 @@ def test_a_wedged_robot_looks_around_and_then_says_so() -> None:
     assert turned >= MOST_WEDGED * 2 * math.pi - 0.01
 
 
-def test_what_was_felt_and_is_no_longer_there_does_not_wedge_the_robot_for_good() -> None:
+def test_felt_obstacles_that_are_gone_do_not_wedge_the_robot_for_ever() -> None:
     base = legs_in(flat(start=Pose2(2.0, 2.0, 0.0)))
     ring = np.linspace(0, 2 * math.pi, 16, endpoint=False)
     for a in ring:
@@ -58,14 +58,14 @@ def test_what_was_felt_and_is_no_longer_there_does_not_wedge_the_robot_for_good(
 
 
 def lane(max_back_m: float) -> BaseController:
-    """A robot that stands in a lane in which it just fits, 0.4 m from where it came in."""
+    """Return the base of a robot in a lane in which it just fits, 0.4 m from the entrance."""
     walls = [Box(1.6, 2.0, 3.2, 2.7, 1.0), Box(1.6, 3.325, 3.2, 4.0, 1.0)]
     world = flat(start=Pose2(2.0, 3.0125, 0.0), extra=walls)
     world.description = replace(ROBOT, max_back_m=max_back_m)
     return legs_in(world)
 
 
-def test_a_wedged_robot_that_can_moves_back_out_of_where_it_came_in() -> None:
+def test_a_wedged_robot_backs_out_of_a_lane_if_it_can_move_back() -> None:
     base = lane(0.3)
     assert base.go_to(Pose2(0.8, 3.0, 3.1), "test") is Outcome.ARRIVED
     assert isinstance(base.robot, FakeWorld)
@@ -75,7 +75,7 @@ def test_a_wedged_robot_that_can_moves_back_out_of_where_it_came_in() -> None:
     assert base.robot.contacts == 0
 
 
-def test_a_robot_that_cannot_move_back_is_never_told_to() -> None:
+def test_a_robot_that_cannot_move_back_gets_no_command_to_do_so() -> None:
     base = lane(0.0)
     with pytest.raises(TaskFailed, match="wedged"):
         base.go_to(Pose2(0.8, 3.0, 3.1), "test")
@@ -84,8 +84,8 @@ def test_a_robot_that_cannot_move_back_is_never_told_to() -> None:
 
 
 @pytest.mark.parametrize(("behind_m", "free_m"), [(0.9, 0.3), (0.52, 0.2), (0.36, 0.0)])
-def test_a_move_back_ends_before_what_is_behind(behind_m: float, free_m: float) -> None:
-    """A box whose near edge is so far behind the robot's middle; its rim is 0.3 m away."""
+def test_a_backward_move_ends_before_an_obstacle(behind_m: float, free_m: float) -> None:
+    """`behind_m`: from the robot's centre to the near edge of a box; its rim is at 0.3 m."""
     box = Box(3.0 - behind_m - 0.5, 2.5, 3.0 - behind_m, 3.5, 1.0)
     base = legs_in(flat(start=Pose2(3.0, 3.0, 0.0), extra=[box]))
     assert base.reach(base.levels[-1]).free_back_m(0.3, base.rules) == pytest.approx(
@@ -105,7 +105,7 @@ def jumping(times: int) -> Trouble:
     return trouble
 
 
-def test_after_a_jump_of_the_localisation_it_looks_around_and_goes_on() -> None:
+def test_the_robot_looks_around_after_a_localisation_jump_and_continues() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
     base = legs_in(world)
     troubled(world, jumping(1))
@@ -114,12 +114,12 @@ def test_after_a_jump_of_the_localisation_it_looks_around_and_goes_on() -> None:
     assert base.go_to(Pose2(3.5, 1.5, 0.0), "test") is Outcome.ARRIVED
     assert base.monitor.jumps == 1
     assert not base.monitor.jumped
-    assert base.felt_obstacles == []  # who knows where that is now
+    assert base.felt_obstacles == []  # their positions are no longer valid
     turned = sum(abs(a.angle_rad) for a in world.log[before:] if isinstance(a, Turn))
     assert turned >= 2 * math.pi - 0.01
 
 
-def test_a_jump_of_the_heading_alone_is_one_too() -> None:
+def test_a_jump_of_the_heading_alone_is_detected() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
 
     def turned(world: FakeWorld, action: Action) -> None:
@@ -132,7 +132,7 @@ def test_a_jump_of_the_heading_alone_is_one_too() -> None:
     assert monitor.jumped
 
 
-def test_a_localisation_that_keeps_jumping_is_named() -> None:
+def test_repeated_localisation_jumps_fail_the_task() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
     base = legs_in(world)
     troubled(world, jumping(99))

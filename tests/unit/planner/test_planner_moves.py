@@ -1,4 +1,4 @@
-"""Going to a point, exploring and coming back, in a made-up flat."""
+"""Missions that only move the robot: go to a point, explore, return to the start."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def mission(world: FakeWorld, text: str) -> MoveMission:
     return MoveMission(world, parse(text), Settings())
 
 
-def refused(world: FakeWorld, text: str) -> TaskFailed:
+def failure_of(world: FakeWorld, text: str) -> TaskFailed:
     with pytest.raises(TaskFailed) as failure:
         mission(world, text).run()
     return failure.value
 
 
 # --- to a point ---------------------------------------------------------------------------------
-def test_the_robot_stands_on_the_point_and_faces_as_it_was_reported() -> None:
+def test_the_robot_ends_at_the_point_with_the_wanted_heading() -> None:
     world = flat()
     said = mission(world, "go to 3.5, 5 facing -90 degrees").run()
     assert world.pose().distance_m((3.5, 5.0)) < 0.12
@@ -47,7 +47,7 @@ def test_the_robot_stands_on_the_point_and_faces_as_it_was_reported() -> None:
     assert world.phases == [Phase.GO]
 
 
-def test_a_point_in_another_room_is_got_to_over_ground_that_nobody_has_seen() -> None:
+def test_a_point_in_another_room_is_reached_over_unseen_ground() -> None:
     world = flat()
     mission(world, "go to 8.3, 6.3").run()
     assert world.pose().distance_m((8.3, 6.3)) < 0.12
@@ -75,19 +75,19 @@ def test_known_ground_needs_no_decision() -> None:
 )
 def test_a_point_out_of_reach_is_reported_with_the_nearest_place(text: str, says: str) -> None:
     world = flat()
-    failure = refused(world, text)
+    failure = failure_of(world, text)
     assert failure.cause is Cause.UNREACHABLE
     assert says in failure.message
     assert "500" in text or "the nearest place that can be reached is (" in failure.message
     assert world.contacts == 0
 
 
-def test_a_point_too_near_to_a_wall_is_served_by_the_place_beside_it() -> None:
+def test_a_point_too_near_to_a_wall_is_replaced_by_a_place_beside_it() -> None:
     world = flat()
     said = mission(world, "go to 0.2, 3").run()
     assert 0.1 < world.pose().distance_m((0.2, 3.0)) < 0.37
     assert "m from the goal" in said
-    failure = refused(world, "go to 0.05, 3")
+    failure = failure_of(world, "go to 0.05, 3")
     assert "is inside an obstacle" in failure.message or "from an obstacle" in failure.message
 
 
@@ -95,22 +95,22 @@ def test_a_point_behind_a_gap_that_is_too_narrow_is_out_of_reach() -> None:
     closed = Box(4.4, 2.5, 4.5, 3.1, 2.5)  # leaves 0.4 m of the door
     world = flat(extra=[closed])
     mission(world, "explore").run()
-    failure = refused(world, "go to 7.5, 3")
+    failure = failure_of(world, "go to 7.5, 3")
     assert failure.cause is Cause.UNREACHABLE
     assert world.contacts == 0
 
 
-def test_unknown_ground_behind_closed_walls_is_given_up_within_a_few_looks() -> None:
+def test_a_point_in_a_closed_room_is_given_up_within_a_few_looks() -> None:
     """A box closes the only door of the third room."""
     world = flat(start=Pose2(5.5, 3.0, 0.0), extra=[Box(6.5, 4.0, 7.5, 4.1, 2.5)])
-    failure = refused(world, "go to 6.0, 6.0")
+    failure = failure_of(world, "go to 6.0, 6.0")
     assert failure.cause is Cause.UNREACHABLE
     assert world.contacts == 0
     assert world.steps < 400
 
 
 # --- home ---------------------------------------------------------------------------------------
-def test_it_comes_back_to_where_it_started() -> None:
+def test_the_robot_returns_to_its_start() -> None:
     world = flat()
     mission(world, "go to 8, 3").run()
     said = mission(world, "come back").run()
@@ -118,16 +118,16 @@ def test_it_comes_back_to_where_it_started() -> None:
     assert said.endswith("m from where it started")
 
 
-def test_where_the_start_is_not_known_it_says_so() -> None:
+def test_an_unknown_start_is_reported() -> None:
     world = flat()
     world.started_at = None
-    failure = refused(world, "go home")
+    failure = failure_of(world, "go home")
     assert failure.cause is Cause.UNREACHABLE
     assert "does not know yet where the robot started" in failure.message
 
 
 # --- exploring ----------------------------------------------------------------------------------
-def test_exploring_leaves_nothing_reachable_unknown_and_says_why_it_went_where() -> None:
+def test_exploring_covers_all_reachable_floor_and_gives_a_reason_for_each_frontier() -> None:
     world = flat()
     said = mission(world, "explore the home").run()
     assert "m² of floor are known" in said
@@ -147,7 +147,7 @@ def test_exploring_leaves_nothing_reachable_unknown_and_says_why_it_went_where()
 
 def test_a_home_that_is_known_is_not_explored_again() -> None:
     world = flat()
-    while borders_of(world.ground(), 0.4, 0.015):  # what the first one could not see past
+    while borders_of(world.ground(), 0.4, 0.015):  # borders that the first run could not see past
         before = world.steps
         mission(world, "explore").run()
         assert world.steps - before < 400
@@ -164,7 +164,7 @@ def test_a_map_that_shrank_is_reported_as_nothing_new() -> None:
     assert ", 0.0 m² of them new" in exploration.said()
 
 
-def test_a_place_that_it_cannot_see_past_is_named() -> None:
+def test_a_border_that_the_robot_cannot_see_past_is_reported() -> None:
     world = flat()
     explored = mission(world, "explore")
     ground = world.ground
@@ -179,7 +179,7 @@ def test_a_place_that_it_cannot_see_past_is_named() -> None:
     assert "could not see past (1." in said
 
 
-def test_the_end_of_its_time_is_no_failure_of_an_exploration() -> None:
+def test_an_exploration_that_runs_out_of_time_succeeds() -> None:
     world = flat()
     act = world.act
 
@@ -194,17 +194,17 @@ def test_the_end_of_its_time_is_no_failure_of_an_exploration() -> None:
     assert "left to look at" in said
 
 
-def test_an_exploration_that_runs_out_of_steps_says_what_it_got() -> None:
+def test_an_exploration_that_runs_out_of_steps_reports_the_known_floor() -> None:
     world = flat()
     world.max_steps = 60
-    failure = refused(world, "explore")
+    failure = failure_of(world, "explore")
     assert failure.cause is Cause.STEP_BUDGET
     assert "m² of floor are known" in failure.message
 
 
 # --- over a restart -----------------------------------------------------------------------------
 @pytest.mark.parametrize("text", ["go to 8.3, 6.3 facing 45 degrees", "explore", "come back"])
-def test_it_goes_on_where_it_was_cut_off(text: str) -> None:
+def test_an_interrupted_mission_resumes_where_it_was_cut_off(text: str) -> None:
     world = flat()
     mission(world, "go to 3, 5").run()
     first = mission(world, text)
@@ -225,7 +225,7 @@ def test_it_goes_on_where_it_was_cut_off(text: str) -> None:
     st.integers(1, 30), st.integers(1, 30), st.floats(-5, 5), st.floats(-5, 5),
     st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=4),
 )  # fmt: skip
-def test_a_spacious_map_covers_the_point_and_keeps_what_was_known(
+def test_a_padded_map_covers_the_point_and_keeps_the_known_cells(
     rows: int, columns: int, x_m: float, y_m: float, walls: list[tuple[float, float]]
 ) -> None:
     occupancy = np.zeros((rows, columns), np.int8)

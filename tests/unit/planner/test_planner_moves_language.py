@@ -1,4 +1,4 @@
-"""Sentences that only move the robot, and points as people write them."""
+"""Parsing of instructions that only move the robot, and of points in many notations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ def test_a_point_is_understood(text: str, x: str, y: str, facing: str) -> None:
 
 
 @pytest.mark.parametrize(("text", "kind", "seconds"), rows(ONLY_MOVES))
-def test_a_sentence_that_only_moves_is_understood(text: str, kind: str, seconds: str) -> None:
+def test_an_instruction_that_only_moves_the_robot_is_understood(
+    text: str, kind: str, seconds: str
+) -> None:
     got = parse(text)
     assert (got.kind, got.object, got.goal, got.point) == (kind, None, None, None)
     assert got.limit_s == (float(seconds) if seconds else None)
@@ -43,7 +45,7 @@ def test_a_sentence_that_only_moves_is_understood(text: str, kind: str, seconds:
                      "[{x:.3f}; {y:.3f}]", "{x:.3f} {y:.3f}"]),
     st.sampled_from(["facing {d:.2f} degrees", "with a yaw of {d:.2f}°", ", heading {d:.2f}"]),
 )  # fmt: skip
-def test_a_point_that_is_written_is_read_as_it_was(
+def test_a_written_point_is_parsed_exactly(
     x: float, y: float, d: float, verb: str, point: str, facing: str
 ) -> None:
     got = parse(f"{verb} {point.format(x=x, y=y)} {facing.format(d=d)}").point
@@ -60,7 +62,7 @@ NUMBERS = (
 
 
 @given(st.lists(st.sampled_from(NUMBERS.split()), max_size=12).map(" ".join))
-def test_any_heap_of_numbers_is_read_or_refused(text: str) -> None:
+def test_any_sequence_of_numbers_and_words_is_read_or_refused(text: str) -> None:
     try:
         got = parse(text)
     except InvalidInput:
@@ -88,13 +90,13 @@ def test_a_number_too_long_for_a_float_is_refused() -> None:
 @pytest.mark.parametrize(
     "text", ["go to {}, 3", "drive to (3, {})", "go to x={} y=2", "go to {} {}"]
 )
-def test_what_is_no_number_is_no_point_and_no_heap_of_things(text: str, x: str) -> None:
+def test_nan_and_infinity_are_refused_as_coordinates(text: str, x: str) -> None:
     with pytest.raises(InvalidInput, match=r"gives nan as [xy]|beyond 10000 m") as refused:
         parse(text.format(x, x))
     assert "3.2, 4.1" in refused.value.message
 
 
-def test_numbers_that_count_things_are_no_point() -> None:
+def test_numbers_that_count_objects_are_not_read_as_a_point() -> None:
     with pytest.raises(InvalidInput, match="several things at once"):
         parse("move 2, 3 mugs to the sofa")
 
@@ -107,7 +109,7 @@ def test_a_room_before_furniture_is_reported_as_unused(text: str) -> None:
     assert any("kitchen" in words for words in got.unused)
 
 
-def test_a_room_that_belongs_to_a_known_name_stays() -> None:
+def test_a_room_that_is_part_of_a_known_name_is_kept() -> None:
     names = pb.VocabularyReply(names=["table", "kitchen table"], detector="fake")
     got = in_vocabulary(parse("go to the kitchen table"), names)
     assert (got.goal, got.unused) == ("kitchen table", ())

@@ -1,4 +1,4 @@
-"""Tasks that only move the robot, over the bus: queued, watched, cancelled, taken up again."""
+"""Tasks that only move the robot, over the bus: queued, observed, cancelled, resumed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.support import wait_until
 GO = "go to 8.3, 6.3 facing 45 degrees"
 
 
-def test_a_go_is_a_task_with_its_point_its_phase_and_its_reasons(start: Start) -> None:
+def test_a_go_task_reports_its_point_its_phase_and_its_reasons(start: Start) -> None:
     _, bus, peers = start(flat())
     queued = submit(bus, GO)
     assert (queued.kind, queued.point.x_m, queued.point.y_m) == ("go_to_point", 8.3, 6.3)
@@ -39,8 +39,8 @@ def test_a_go_is_a_task_with_its_point_its_phase_and_its_reasons(start: Start) -
 
 
 @pytest.mark.parametrize("text", [GO, "explore the home", "come back"])
-def test_it_seeks_nothing_and_needs_no_detector(start: Start, text: str) -> None:
-    """Its search context is empty; what comes by way of the detector is not waited for."""
+def test_a_task_that_only_moves_the_robot_needs_no_detector(start: Start, text: str) -> None:
+    """The search context is empty; the task waits for nothing that depends on the detector."""
     _, bus, peers = start(flat(), names=("mug",))
     peers.silent = {"detections", "value", "objects"}
     id = submit(bus, text).id
@@ -61,7 +61,7 @@ def test_an_exploration_succeeds_when_its_time_is_over(start: Start) -> None:
     assert "the task's 1 s are used up" in done.message
 
 
-def test_a_limit_that_was_asked_for_counts_more_than_the_words(start: Start) -> None:
+def test_a_requested_time_limit_overrides_the_one_in_the_instruction(start: Start) -> None:
     _, bus, _ = start(flat())
     assert submit(bus, "explore for two minutes", time_limit_s=30).time_limit_s == 30
     assert submit(bus, "explore for two minutes").time_limit_s == 120
@@ -88,7 +88,7 @@ def test_a_point_out_of_reach_has_its_own_cause(start: Start) -> None:
     assert "is inside an obstacle; the nearest place" in done.message
 
 
-def test_a_robot_that_cannot_move_is_sent_nowhere(start: Start) -> None:
+def test_a_task_that_moves_a_robot_that_cannot_move_is_refused(start: Start) -> None:
     world = flat()
     world.description = replace(world.description, can_move=False)
     _, bus, _ = start(world)
@@ -98,7 +98,7 @@ def test_a_robot_that_cannot_move_is_sent_nowhere(start: Start) -> None:
 
 @pytest.mark.parametrize("text", [GO, "go to 8, 3", "explore the home"])
 @pytest.mark.parametrize("answered", [True, False])
-def test_a_planner_that_dies_on_the_way_is_followed_by_one_that_gets_there(
+def test_a_task_whose_planner_dies_on_the_way_is_completed_by_the_next_planner(
     group: PlannerGroup, text: str, answered: bool
 ) -> None:
     world = flat()
@@ -123,7 +123,7 @@ def test_a_planner_that_dies_on_the_way_is_followed_by_one_that_gets_there(
     assert len(forward) >= 3
 
 
-def test_a_point_outlives_the_planner(tmp_path: Path) -> None:
+def test_a_point_survives_a_restart_of_the_planner(tmp_path: Path) -> None:
     point = pb.GoalPoint(x_m=1.5, y_m=-2.0)
     kept = pb.Task(id="a", state="queued", kind="go_to_point", point=point, created_s=1)
     store = Store(tmp_path)

@@ -1,4 +1,4 @@
-"""A task for an agent that the services were not started for is refused with what helps."""
+"""Tasks for an agent that the services were not started for: the refusal names the remedy."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from planner_peers import Peers
 OWN = "helios_examples.left_first:agent"
 
 
-def object_map_for(peers: Peers, reported: str) -> None:
-    """An object map whose settings are this JSON."""
+def serve_object_map_settings(peers: Peers, reported: str) -> None:
+    """Serve this JSON as the settings of the object map."""
     peers.bus.serve(settings_method("objectmap"), lambda _: pb.SettingsReply(json=reported))
 
 
-def started_for(agent: str) -> str:
+def settings_for(agent: str) -> str:
     return json.dumps({"agent": {"value": agent}})
 
 
 @pytest.mark.parametrize("started", ["helios", "helios-paper"])
-def test_the_refusal_names_the_command_and_the_agent_that_can_have_the_task(
+def test_the_refusal_names_the_command_and_the_agent_that_can_run_the_task(
     started: str, start: Start
 ) -> None:
     other = "helios-paper" if started == "helios" else "helios"
     _, bus, peers = start(agent=started)
-    object_map_for(peers, started_for(started))
+    serve_object_map_settings(peers, settings_for(started))
     with pytest.raises(Conflict) as refusal:
         submit(bus, agent=other)
     assert refusal.value.message == (
@@ -50,32 +50,32 @@ def test_an_object_map_that_was_started_for_another_agent_than_the_planner_is_na
     start: Start,
 ) -> None:
     _, bus, peers = start(agent="helios")
-    object_map_for(peers, started_for("helios-paper"))
+    serve_object_map_settings(peers, settings_for("helios-paper"))
     with pytest.raises(
         Conflict, match=r"the object map was started for .*'helios-paper'"
     ) as refusal:
         submit(bus)
-    assert "or submit" not in refusal.value.message  # no agent can have it
+    assert "or submit" not in refusal.value.message  # no agent can run the task
     assert "the planner was" not in refusal.value.message
 
 
 @pytest.mark.parametrize("agent", ["trusting", "vlfm", "helios-5050", OWN])
-def test_agents_with_the_same_settings_serve_one_another(agent: str, start: Start) -> None:
+def test_an_agent_with_the_same_settings_is_accepted(agent: str, start: Start) -> None:
     _, bus, peers = start(agent="helios-paper", agents_of_tasks="any")
-    object_map_for(peers, started_for(agent))
+    serve_object_map_settings(peers, settings_for(agent))
     assert submit(bus, agent=agent).agent == agent
 
 
-def test_an_agent_of_another_package_runs_with_the_defaults(start: Start) -> None:
+def test_an_agent_of_another_package_requires_the_default_settings(start: Start) -> None:
     _, bus, _ = start(agent="helios", agents_of_tasks="any")
     with pytest.raises(Conflict, match=f"helios up --agent {OWN}"):
         submit(bus, agent=OWN)
 
 
-def test_a_task_that_waited_while_the_planner_was_started_for_another_agent_fails_with_the_words(
+def test_a_queued_task_fails_if_the_planner_is_restarted_for_another_agent(
     tmp_path: Path,
 ) -> None:
-    """It had no robot yet, so it was still queued when its planner died."""
+    """The planner had no robot yet, so the task was still queued when the planner died."""
     hub = MemoryHub()
     died = PlannerService(MemoryBus(hub), hasty(tmp_path, agent="helios"), Health())
     id = submit(MemoryBus(hub)).id
@@ -93,10 +93,10 @@ def test_a_task_that_waited_while_the_planner_was_started_for_another_agent_fail
 
 
 @pytest.mark.parametrize("reported", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])
-def test_an_object_map_that_does_not_say_its_agent_refuses_nothing(
+def test_an_object_map_that_does_not_report_its_agent_causes_no_refusal(
     reported: str, start: Start
 ) -> None:
-    """One of an older release, or one that is away; the planner's own settings still count."""
+    """It is of an older release, or away; the planner's own settings still count."""
     _, bus, peers = start(agent="helios")
-    object_map_for(peers, reported)
+    serve_object_map_settings(peers, reported)
     assert submit(bus).agent == "helios"

@@ -1,4 +1,4 @@
-"""Agents of other packages: rules and whole agents, found by name, checked, and told by it."""
+"""Agents of other packages: rules and whole agents, loaded, checked and reported by name."""
 
 from __future__ import annotations
 
@@ -107,11 +107,11 @@ def test_a_receptacle_that_is_scored_highest_is_searched() -> None:
     assert decision.chosen.name == "coffee table"
 
 
-def test_the_example_goes_left_where_the_ways_are_as_long() -> None:
+def test_the_example_rule_goes_left_between_paths_of_equal_length() -> None:
     assert chosen(left_first, frontiers_only=True).chosen.id == 7
 
 
-def test_what_is_scored_minus_infinity_is_never_gone_to() -> None:
+def test_a_place_with_score_minus_infinity_is_never_chosen() -> None:
     decision = chosen(lambda p: np.where(p.is_frontier, -np.inf, 0.0))
     assert [c.kind for c in decision.candidates] == ["receptacle"]
     assert chosen(lambda p: np.full(len(p), -np.inf)).do is Do.NOTHING_LEFT
@@ -129,7 +129,7 @@ def test_what_is_scored_minus_infinity_is_never_gone_to() -> None:
         (lambda p: p.nothing, "failed .AttributeError: .*the traceback is in its log"),
     ],
 )
-def test_a_rule_that_fails_is_reported_with_what_was_wanted(
+def test_a_failing_rule_is_reported_with_what_was_expected(
     gives: Callable[[Places], object], said: str
 ) -> None:
     with pytest.raises(Internal, match=f"the exploration rule <lambda> .*({said})"):
@@ -165,8 +165,8 @@ def test_an_agent_of_another_package_brings_a_mug(agent: str) -> None:
         "careful_of_the_tutorial:agent",
     ],
 )
-def test_what_the_tutorial_shows_brings_a_mug(agent: str, folder: Path) -> None:
-    """The blocks of docs/tutorials/your-own-agent.md; the examples of the package are the same."""
+def test_every_agent_of_the_tutorial_brings_a_mug(agent: str, folder: Path) -> None:
+    """Runs the code of docs/tutorials/your-own-agent.md; the examples package has the same."""
     page = Path(__file__).parents[3] / "docs/tutorials/your-own-agent.md"
     mine, likely, careful = python_blocks(page)
     (folder / "mine_of_the_tutorial.py").write_text(mine)
@@ -177,14 +177,14 @@ def test_what_the_tutorial_shows_brings_a_mug(agent: str, folder: Path) -> None:
     assert world.released is world.things[3]
 
 
-def test_it_goes_where_its_rule_says() -> None:
+def test_an_agent_chooses_frontiers_by_its_own_rule() -> None:
     world = flat([coffee_table(), counter(), mug()])
     run(world, "helios_examples.left_first:agent")
     rules = {d.rule for d in world.decisions if d.do is Do.GO_TO_FRONTIER}
     assert rules == {"rule left_first"}
 
 
-def test_what_it_remembers_survives_a_restart() -> None:
+def test_the_memory_of_an_own_agent_survives_a_restart() -> None:
     world = flat([coffee_table(), counter(), mug()])
     mission = run(world, "helios_examples.careful_agent:agent")
     search = mission.agent.seek_object(mission.tools, "mug", None)
@@ -194,7 +194,7 @@ def test_what_it_remembers_survives_a_restart() -> None:
 
 
 # --- over the bus ------------------------------------------------------------------------------
-def test_a_task_names_an_agent_and_is_kept_under_its_name(start: Start) -> None:
+def test_a_task_is_stored_with_the_agent_that_it_names(start: Start) -> None:
     _, bus, _ = start(agents_of_tasks="any")
     done = ended(bus, submit(bus, agent=EXAMPLES[0]).id)
     assert (done.state, done.agent) == ("succeeded", EXAMPLES[0])
@@ -216,7 +216,7 @@ def test_a_task_names_an_agent_and_is_kept_under_its_name(start: Start) -> None:
         ("this:s", "of Python's own library"),
     ],
 )
-def test_a_task_for_an_agent_that_cannot_be_had_is_refused_with_the_reason(
+def test_a_task_for_an_agent_that_cannot_be_loaded_is_refused_with_the_reason(
     start: Start, agent: str, said: str
 ) -> None:
     _, bus, _ = start(agents_of_tasks="any")
@@ -231,9 +231,7 @@ def test_a_task_for_an_agent_that_cannot_be_had_is_refused_with_the_reason(
         ("agents_of_a_test:broken", "the exploration rule broken_rule failed (AttributeError"),
     ],
 )
-def test_an_agent_that_fails_ends_its_task_and_nothing_else(
-    start: Start, agent: str, said: str
-) -> None:
+def test_a_failing_agent_ends_only_its_own_task(start: Start, agent: str, said: str) -> None:
     _, bus, _ = start(flat([coffee_table(), counter(), mug()]), agents_of_tasks="any")
     done = ended(bus, submit(bus, agent=agent).id)
     assert (done.state, done.cause) == ("failed", "system error")
@@ -254,7 +252,7 @@ def test_a_search_that_raises_is_reported_with_the_name_of_its_agent(
     assert "the traceback is in" in done.message
 
 
-def test_a_search_that_ends_the_process_ends_its_task_alone(
+def test_a_search_that_exits_the_process_ends_only_its_own_task(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_examples.careful_agent.CarefulSearch.decide", lambda _: sys.exit(3))
@@ -264,7 +262,7 @@ def test_a_search_that_ends_the_process_ends_its_task_alone(
     assert ended(bus, submit(bus).id).state == "succeeded"
 
 
-def test_a_search_that_decides_nonsense_is_told_what_is_wanted(
+def test_a_decision_of_the_wrong_type_is_reported_with_what_was_expected(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_examples.careful_agent.CarefulSearch.decide", lambda _: "go left")
@@ -292,16 +290,14 @@ def test_a_task_names_only_agents_that_the_operator_listed(tmp_path: Path) -> No
     "agent",
     ["agents_of_a_test:agent", "agents_of_a_test:agent:x", "agents_of_a_test", ":", "os:abort"],
 )
-def test_by_default_no_task_makes_the_planner_import_what_it_names(
-    start: Start, agent: str
-) -> None:
+def test_by_default_no_task_makes_the_planner_import_a_module(start: Start, agent: str) -> None:
     _, bus, _ = start()
     with pytest.raises(InvalidInput, match="there is no agent"):
         submit(bus, agent=agent)
     assert "agents_of_a_test" not in sys.modules
 
 
-def test_a_planner_whose_own_agent_cannot_be_had_does_not_start(tmp_path: Path) -> None:
+def test_a_planner_whose_own_agent_cannot_be_loaded_does_not_start(tmp_path: Path) -> None:
     settings = Settings(state_dir=tmp_path, agent="agents_of_a_test:agnet")
     with pytest.raises(InvalidInput, match="did you mean agent"):
         PlannerService(MemoryBus(MemoryHub()), settings, Health())
@@ -314,7 +310,7 @@ def test_an_agent_is_loaded_once() -> None:
     assert exploring_by(left_first) is not agent_named(EXAMPLES[0])
 
 
-def test_a_search_in_vain_of_an_own_agent_ends(start: Start) -> None:
+def test_a_search_of_an_own_agent_ends_if_it_finds_nothing(start: Start) -> None:
     world = flat([coffee_table(), counter()])
     with pytest.raises(TaskFailed, match="no mug was found"):
         Mission(world, parse("find the mug"), Settings(agent=EXAMPLES[1], rounds=1)).run()

@@ -1,4 +1,4 @@
-"""Routes over known ground and the motions along them: claims about any map."""
+"""Routes over known ground and the motions along them, as properties of any map."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_arrival_time_falls_along_a_path_that_touches_nothing(seed: int) -> None
 
 
 def pulled_straight(route: NDArray[np.float64], reached: Reach) -> NDArray[np.float64]:
-    """The readable twin of `kernels.pull_straight`."""
+    """Readable reference of `kernels.pull_straight`."""
 
     def may_pull(here: int, there: int) -> bool:
         cells = reached.ground.cells_of(route[here : there + 1])
@@ -70,7 +70,7 @@ def pulled_straight(route: NDArray[np.float64], reached: Reach) -> NDArray[np.fl
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000))
-def test_pulling_straight_matches_its_twin(seed: int) -> None:
+def test_pulling_straight_matches_its_reference(seed: int) -> None:
     ground = random_ground(seed)
     places = free_places(ground, 2, seed)
     if len(places) < 2:
@@ -83,7 +83,7 @@ def test_pulling_straight_matches_its_twin(seed: int) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000))
-def test_motions_bring_the_robot_there_without_contact(seed: int) -> None:
+def test_motions_bring_the_robot_to_its_goal_without_contact(seed: int) -> None:
     ground = random_ground(seed)
     places = free_places(ground, 2, seed)
     if len(places) < 2:
@@ -134,7 +134,7 @@ def test_unknown_ground_is_not_driven_over() -> None:
     assert reached.nearest((7.0, 2.0), 1.0) is None
 
 
-def test_unknown_ground_in_the_own_footprint_does_not_hold_the_robot() -> None:
+def test_unknown_ground_under_the_robot_does_not_block_it() -> None:
     ground = corridor(2.0)
     cells = np.argwhere(ground.occupancy == 0)
     own = np.hypot(*(ground.centres_of(cells) - (1.0, 2.0)).T) < 0.32

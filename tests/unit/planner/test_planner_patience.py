@@ -1,4 +1,4 @@
-"""A patient search looks on past what is doubtful, and settles for less when nothing is left."""
+"""Patient searches: they pass doubtful candidates, and accept less when nothing is left."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ from planner_things import Thing
 from planner_world import FakeWorld
 
 
-def _settle(search: ScoredSearch) -> None:
-    """As when everything was searched as often as it ever is."""
+def _relax_fully(search: ScoredSearch) -> None:
+    """Relax the search as after its last round."""
     search._round = search.settings.rounds - 1
     while search.relax():
         pass
 
 
-def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothing_is_left() -> None:
+def test_a_patient_search_accepts_a_doubtful_candidate_only_when_nothing_is_left() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
     search = ReceptacleSearch(rig.tools, "counter", None, patient)  # tau_b is 0.5
     assert search.decide().do is Do.SEARCH_ON
-    _settle(search)
+    _relax_fully(search)
     decision = search.decide()
     assert decision.do is Do.ACT
     assert decision.settings["threshold"] < 0.4
     rig.known.append(instance(counter(), id=9, score=0.45))
-    assert search.decide().chosen.id == 9  # the better of two, now that both will do
+    assert search.decide().chosen.id == 9  # the better of two that pass
 
 
-def test_what_a_patient_agent_was_surer_of_than_it_needs_to_be_may_lose_that_from_near() -> None:
+def test_a_candidate_may_lose_its_surplus_over_the_threshold_from_near() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.8)]  # 1.4 tau_b is 0.7
     search = ReceptacleSearch(rig.tools, "counter", None, patient)
@@ -61,7 +61,7 @@ def test_what_a_patient_agent_was_surer_of_than_it_needs_to_be_may_lose_that_fro
         assert search.confirmed(rig.known[0]) is holds
 
 
-def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_restart() -> None:
+def test_a_patient_search_lowers_its_threshold_as_steps_run_out_also_after_a_restart() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
     search = ReceptacleSearch(rig.tools, "counter", None, patient)
@@ -73,14 +73,14 @@ def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_res
     assert again.decide().do is Do.ACT
 
 
-def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -> None:
+def test_a_mug_on_the_start_receptacle_outranks_a_mug_of_higher_score_elsewhere() -> None:
     rig = Rig(Looks([]))
     search = ObjectSearch(rig.tools, "mug", "coffee table", global_search.by_objective, patient)
     size = np.array([0.1, 0.1, 0.1])
     here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size), score=0.5)
     elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.6)
     rig.known = [instance(coffee_table(), score=0.6), here, elsewhere]
-    _settle(search)
+    _relax_fully(search)
     decision = search.decide()
     assert decision.chosen.id == 3
     assert search.place_probability(here) == 1.0
@@ -90,8 +90,8 @@ def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -
     assert search.place_probability(elsewhere) == search.place_probability(here)
 
 
-def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() -> None:
-    """A thing that lies on nothing like it is not picked at once, however sure it is itself."""
+def test_an_object_on_no_known_start_receptacle_is_not_picked_at_once() -> None:
+    """An object on no known receptacle is not picked at once, however high its own score is."""
     rig = Rig(Looks([]))
     search = ObjectSearch(rig.tools, "mug", "coffee table", global_search.by_objective, patient)
     on_the_table = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
@@ -115,8 +115,8 @@ def test_a_patient_search_searches_everything_again_before_it_goes_below_the_thr
     assert search.threshold < search.settings.tau_b
 
 
-def test_with_nothing_left_to_search_what_is_held_is_put_where_it_is_likeliest_to_belong() -> None:
-    """A counter that is detected in two views of five never passes the threshold (saturation)."""
+def test_a_held_object_is_placed_on_the_likeliest_receptacle_when_nothing_is_left() -> None:
+    """The counter is detected in two views of five and never passes the threshold (saturation)."""
     doubtful = counter()
     doubtful.rate = 0.4
     world = flat([coffee_table(), doubtful, mug()])
@@ -130,9 +130,7 @@ def test_with_nothing_left_to_search_what_is_held_is_put_where_it_is_likeliest_t
     assert not recompute(at_last, {"tau_b": 0.9}).flips
 
 
-def test_with_nothing_left_to_search_the_likeliest_thing_is_brought_unless_only_sure_ones_are() -> (
-    None
-):
+def test_the_likeliest_object_is_brought_when_nothing_is_left_unless_this_is_disabled() -> None:
     def world() -> FakeWorld:
         doubtful = mug()
         doubtful.rate = 0.4
@@ -148,7 +146,7 @@ def test_with_nothing_left_to_search_the_likeliest_thing_is_brought_unless_only_
     assert shy.picks == 0
 
 
-def test_who_is_asked_to_find_a_thing_shows_no_doubtful_one() -> None:
+def test_a_find_task_accepts_no_doubtful_object() -> None:
     doubtful = mug()
     doubtful.rate = 0.4
     with pytest.raises(TaskFailed) as failure:
@@ -160,7 +158,7 @@ def test_who_is_asked_to_find_a_thing_shows_no_doubtful_one() -> None:
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
 
 
-def test_who_is_sent_to_a_place_does_not_settle_for_another() -> None:
+def test_a_go_task_accepts_no_doubtful_receptacle() -> None:
     doubtful = counter()
     doubtful.rate = 0.4
     with pytest.raises(TaskFailed) as failure:
@@ -170,7 +168,7 @@ def test_who_is_sent_to_a_place_does_not_settle_for_another() -> None:
     assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
 
 
-def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
+def test_the_likeliest_receptacle_is_accepted_before_the_steps_run_out() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
@@ -183,7 +181,7 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     assert search.confirmed(rig.known[0])
     assert not search.accepted_as_likeliest(
         instance(counter(), score=0.9)
-    )  # it would have done before
+    )  # it passes the usual threshold
     rig.known = [replace(rig.known[0], score=-0.01)]  # Ψ is S − U
     assert search.decide().do is Do.ACT
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
@@ -192,7 +190,7 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     assert again.accepted_as_likeliest(rig.known[0])
 
 
-def test_everything_is_searched_a_second_time_before_it_settles() -> None:
+def test_all_rounds_are_searched_before_the_likeliest_candidate_is_accepted() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
     search.accept_any_after_share(0.92)
     assert not search.relax()
@@ -201,7 +199,7 @@ def test_everything_is_searched_a_second_time_before_it_settles() -> None:
     assert not search.relax()
 
 
-def test_the_paper_counts_no_place() -> None:
+def test_the_paper_rule_ignores_the_place_of_an_object() -> None:
     rig = Rig(Looks([]))
     thing = Thing(4, "mug", np.array([1.0, 1.0, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), score=0.6), instance(thing, score=0.9)]
@@ -211,8 +209,8 @@ def test_the_paper_counts_no_place() -> None:
     assert "place" not in decision.candidates[0].terms
 
 
-def _forgotten(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
-    """A search whose candidates, one of many views and a surer one of few, are known no more."""
+def _search_with_forgotten_candidates(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
+    """Make a search that forgot its candidates: one of many views, and a surer one of few."""
     rig = Rig(Looks([]), **settings)
     search = ReceptacleSearch(rig.tools, "counter", None, agent)
     search.accept_any_after_share(0.9)
@@ -224,10 +222,10 @@ def _forgotten(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
 
 
 @pytest.mark.parametrize("agent", [paper, patient])
-def test_when_all_candidates_are_forgotten_the_one_of_most_views_is_gone_back_to_at_last(
+def test_the_forgotten_candidate_of_most_views_is_chosen_before_the_steps_run_out(
     agent: Rule,
 ) -> None:
-    rig, search = _forgotten(agent)
+    rig, search = _search_with_forgotten_candidates(agent)
     assert search.decide().do is not Do.ACT
     rig.world.steps = int(0.95 * rig.world.max_steps)
     decision = search.decide()
@@ -236,19 +234,19 @@ def test_when_all_candidates_are_forgotten_the_one_of_most_views_is_gone_back_to
     assert found.views == 20
     assert search.accepted_as_likeliest(found)
     assert search.confirmed(None)
-    search.reject_or_postpone(found, out_of_reach=False)  # it did not work: the next one
+    search.reject_or_postpone(found, out_of_reach=False)  # rejected: the next one follows
     assert search.chosen(search.decide()).views == 1
     rig.known = [instance(counter(), id=9, score=0.1)]
     search.refused.clear()
-    assert search.decide().chosen.id == 9  # whatever is believed now comes first
+    assert search.decide().chosen.id == 9  # a candidate in the map comes first
     assert search.chosen(search.decide()) is rig.known[0]
 
 
-def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
+def test_the_path_to_an_unreachable_candidate_is_not_cleared_near_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     cleared: list[object] = []
-    rig, search = _forgotten(paper)
+    rig, search = _search_with_forgotten_candidates(paper)
     monkeypatch.setattr(rig.tools.base, "clear_way", lambda *at: bool(cleared.append(at)) or True)
     rig.known = [instance(counter(), score=0.3)]
     search.decide()
@@ -262,8 +260,8 @@ def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
     assert not search.candidates()
 
 
-def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
-    rig, search = _forgotten(paper)
+def test_forgotten_candidates_are_remembered_after_a_restart() -> None:
+    rig, search = _search_with_forgotten_candidates(paper)
     again = ReceptacleSearch(rig.tools, "counter", None, paper)
     again.accept_any_after_share(0.9)
     again.restore(json.loads(json.dumps(search.checkpoint())))
@@ -272,7 +270,7 @@ def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
 
 
 @given(st.permutations(range(1, MOST_WRITTEN + 10)))
-def test_of_many_that_were_believed_the_likeliest_are_written_down(views: list[int]) -> None:
+def test_only_the_likeliest_of_many_past_candidates_are_in_the_checkpoint(views: list[int]) -> None:
     before, after = CandidateMemory(), CandidateMemory()
     before.note(replace(instance(counter(), id=v), views=v) for v in views)
     assert len(before.checkpoint()) == MOST_WRITTEN
@@ -287,7 +285,7 @@ def test_of_many_that_were_believed_the_likeliest_are_written_down(views: list[i
     assert after.best(lambda c: c.id not in refused) is None
 
 
-def test_an_object_that_is_forgotten_is_doubted_before_the_end() -> None:
+def test_a_forgotten_object_is_not_confirmed_before_the_end() -> None:
     rig = Rig(Looks([]))
     thing = Thing(4, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), score=0.6), instance(thing, score=0.9)]

@@ -1,4 +1,4 @@
-"""A pause that has been answered: no action begins after it, however the two fall together."""
+"""An acknowledged pause: no action begins after it, however the two coincide."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.support import wait_until
 
 
 class PausedLate(PauseControl):
-    """Somebody pauses the task just after it was seen not to be paused, once."""
+    """Pauses the task once, just after the check that it is not paused."""
 
     late = True
 
@@ -30,8 +30,8 @@ class PausedLate(PauseControl):
             self.pause()
 
 
-class Notes:
-    """Keeps entries, hears what the task waits for, and counts what the robot was asked for."""
+class CallRecorder:
+    """Records the journal entries, the pauses, and the actions requested of the robot."""
 
     def __init__(self, hold: PauseControl) -> None:
         self.kept: list[Entry] = []
@@ -69,9 +69,9 @@ def hold_of(kind: type[PauseControl]) -> PauseControl:
     return kind(0.0, 0.0, threading.Event())
 
 
-def test_a_pause_just_before_an_action_holds_it_back_and_nothing_is_written_down() -> None:
+def test_a_pause_just_before_an_action_blocks_the_action_and_its_journal_entry() -> None:
     hold = hold_of(PausedLate)
-    notes = Notes(hold)
+    notes = CallRecorder(hold)
     thread = notes.act_once()
     wait_until(lambda: notes.held == [True] or notes.acted, 10, "the task stands, or acts")
     assert not notes.acted
@@ -82,9 +82,9 @@ def test_a_pause_just_before_an_action_holds_it_back_and_nothing_is_written_down
     assert notes.held == [True, False]
 
 
-def test_a_pause_is_answered_after_what_began_before_it() -> None:
+def test_a_pause_is_acknowledged_after_an_action_that_began_before_it() -> None:
     hold = hold_of(PauseControl)
-    notes = Notes(hold)
+    notes = CallRecorder(hold)
     writes, go_on, answered = threading.Event(), threading.Event(), threading.Event()
 
     def writing() -> None:
@@ -113,7 +113,7 @@ def test_a_pause_is_answered_after_what_began_before_it() -> None:
 
 
 @pytest.mark.parametrize("kept", [True, False])
-def test_what_begins_says_whether_it_was_written_down(kept: bool) -> None:
+def test_begin_returns_whether_the_journal_entry_was_written(kept: bool) -> None:
     hold = hold_of(PauseControl)
     assert hold.begin(lambda: kept) is kept
     hold.pause()

@@ -1,4 +1,4 @@
-"""What people type, as a table: understood as what, or refused with which words."""
+"""Tables of instructions: how each is parsed, or with which words it is refused."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def test_a_go_to_is_understood(text: str, goal: str) -> None:
 
 
 @pytest.mark.parametrize(("text", "says"), rows(REFUSED))
-def test_a_refusal_says_what_was_understood_and_what_is_missing(text: str, says: str) -> None:
+def test_a_refusal_lists_the_understood_and_the_missing_parts(text: str, says: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         parse(text)
     assert says in refusal.value.message
     assert len(refusal.value.message) < 400
 
 
-def test_the_table_is_long_enough() -> None:
+def test_the_tables_hold_at_least_120_different_instructions() -> None:
     texts = [row[0] for table in (MOVES, FINDS, GOES, REFUSED) for row in rows(table)]
     assert len(set(texts)) == len(texts) >= 120
 
@@ -53,7 +53,7 @@ def test_the_table_is_long_enough() -> None:
         ("bring the mug to the sofa", ()),
     ],
 )
-def test_what_was_said_and_is_not_used_is_reported(text: str, unused: tuple[str, ...]) -> None:
+def test_unused_words_of_an_instruction_are_reported(text: str, unused: tuple[str, ...]) -> None:
     assert parse(text).unused == unused
 
 
@@ -62,7 +62,7 @@ def test_ten_thousand_characters_are_refused_with_their_number() -> None:
         parse("move the mug " * 769 + "now")
 
 
-def test_only_sentences_that_are_not_recognised_are_worth_asking_somebody_else() -> None:
+def test_only_unrecognised_sentences_raise_not_read() -> None:
     with pytest.raises(NotRead):
         parse("bewege die Tasse vom Tisch zum Sofa")
     with pytest.raises(InvalidInput) as refusal:
@@ -78,7 +78,7 @@ WORDS = (
 
 @settings(deadline=None)
 @given(st.lists(st.sampled_from(WORDS.split()), max_size=14).map(" ".join))
-def test_any_heap_of_words_is_read_or_refused(text: str) -> None:
+def test_any_sequence_of_words_is_read_or_refused(text: str) -> None:
     try:
         got = parse(text)
     except InvalidInput:

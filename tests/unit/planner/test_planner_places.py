@@ -1,4 +1,4 @@
-"""Where a thing is put down: the paper's rule and the flat free area."""
+"""Where an object is placed: the paper's rule and the flat free area."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ TABLE_TOP_M = 0.7
 
 
 def table_with_a_box() -> tuple[GroundMap, ObjectInstance]:
-    """A table from (2, 1) to (3, 2) with a box of 0.2 m on its middle, a wall behind it."""
+    """Make a table from (2, 1) to (3, 2), with a box of 0.2 m on its middle and a wall behind."""
     occupancy, top = np.zeros((120, 160), np.int8), np.zeros((120, 160), np.float32)
     for x0, y0, x1, y1, height in ((2, 1, 3, 2, 0.7), (2.4, 1.4, 2.6, 1.6, 0.9), (3, 0, 3.1, 3, 2)):
         at = np.s_[round(y0 / CELL_M) : round(y1 / CELL_M), round(x0 / CELL_M) : round(x1 / CELL_M)]
@@ -85,8 +85,8 @@ def test_the_flat_area_is_free_and_away_from_the_edge() -> None:
         assert spot.stand.distance_m((x, y)) <= 0.8
 
 
-def test_what_stands_beside_a_place_does_not_raise_it() -> None:
-    """A low seat before a high tank: let go over the seat, not from the height of the tank."""
+def test_an_obstacle_beside_a_place_does_not_raise_the_place() -> None:
+    """A low seat before a high tank: the place has the height of the seat, not of the tank."""
     ground, table = table_with_a_box()
     at = np.s_[round(1 / CELL_M) : round(2 / CELL_M), round(2 / CELL_M) : round(3 / CELL_M)]
     ground.top_m[at] = 0.8
@@ -98,7 +98,7 @@ def test_what_stands_beside_a_place_does_not_raise_it() -> None:
     assert {round(spot.point_m[2], 3) for spot in spots} == {0.45}
 
 
-def test_the_same_places_are_found_however_much_is_seen_of_a_receptacle() -> None:
+def test_a_partly_seen_receptacle_has_a_subset_of_the_same_places() -> None:
     ground, table = table_with_a_box()
     part = replace(table, outline_m=np.array([[2, 1.07], [2.6, 1.07], [2.6, 2], [2, 2]], float))
     reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
@@ -111,7 +111,7 @@ def test_the_same_places_are_found_however_much_is_seen_of_a_receptacle() -> Non
     assert some <= whole
 
 
-def test_a_place_is_reached_from_elsewhere_than_where_it_was_tried_in_vain() -> None:
+def test_a_failed_place_is_tried_from_another_stand() -> None:
     ground, table = table_with_a_box()
     reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
     rules = PlaceRules(inset_m=0.12, flat_m=0.012)
@@ -121,7 +121,7 @@ def test_a_place_is_reached_from_elsewhere_than_where_it_was_tried_in_vain() -> 
     assert all(spot.stand.distance_m(first.xy) > OTHER_SIDE_M for spot in others)
 
 
-def test_beyond_the_map_nothing_was_seen() -> None:
+def test_the_height_beyond_the_map_is_zero() -> None:
     ground, _ = table_with_a_box()
     assert top_at_m(ground, (2.5, 1.5), 0.05) == pytest.approx(0.9)
     for outside in ((-1.0, 1.5), (2.5, -1.0), (9.0, 1.5), (2.5, 9.0)):
@@ -129,7 +129,7 @@ def test_beyond_the_map_nothing_was_seen() -> None:
 
 
 def test_sight_begins_at_the_camera_and_not_at_the_base() -> None:
-    """A post beside the neck, under the hand that looks from further ahead, hides nothing."""
+    """A post just ahead of the base hides nothing from a hand camera that is further ahead."""
     ground, _ = table_with_a_box()
     ground.top_m[round(1.5 / CELL_M), round(1.3 / CELL_M)] = 1.4
     stand, target = Pose2(1.0, 1.5, 0.0), (2.2, 1.5, 0.7)
@@ -139,8 +139,8 @@ def test_sight_begins_at_the_camera_and_not_at_the_base() -> None:
     assert seen == [False, True]
 
 
-def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
-    """The map of heights knows the bookcase's top alone, and that hides what is on its boards."""
+def test_an_object_at_the_back_of_a_lower_shelf_is_picked() -> None:
+    """The height map knows only the bookcase's top, which hides the objects on its boards."""
     low = mug(x=2.5, y=6.62, z=0.4)
     world = flat([low], Pose2(2.5, 4.9, 1.57), [Box(2.0, 6.25, 3.0, 6.95, 1.2)])
     mission = Mission(world, parse("find the mug"), Settings())
@@ -149,14 +149,14 @@ def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
     reached = mission.tools.base.reach()
     assert stand_for(thing.center_m, reached, ROBOT, 0.74) is None
     assert mission.skills.pick(thing, "mug") is SkillOutcome.SUCCEEDED
-    assert low.views == []  # the object map was told that it is no longer there
+    assert low.views == []  # the object map has retired the mug
     assert world.contacts == 0
 
 
-def test_a_robot_that_drifts_faces_what_it_picks_and_looks_at_it(
+def test_a_drifting_robot_faces_the_object_that_it_picks_and_looks_at_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Every move ends 6 cm to the left, so where it stands it does not face as it planned to."""
+    """Every move ends 6 cm to the left, so the planned heading is wrong at the stand."""
     world = flat([mug(x=2.5, y=6.62, z=0.4)], Pose2(3.3, 5.5, -1.0), [Box(2.0, 6.25, 3.0, 6.95, 1)])
     drive, seen = world._drive, []
 
@@ -184,7 +184,7 @@ def test_a_robot_that_drifts_faces_what_it_picks_and_looks_at_it(
     assert mission.skills.pick(thing, "mug") is SkillOutcome.FAILED
     assert len(seen) == mission.skills.attempts
     for aside_rad, off_rad in seen:
-        assert abs(aside_rad) < np.radians(5)  # the least that it can turn
+        assert abs(aside_rad) < np.radians(5)  # the smallest turn
         assert abs(off_rad) < np.radians(2)
 
 
@@ -200,7 +200,7 @@ def test_each_rule_brings_the_mug_onto_the_counter_from_its_own_height(rule: Pla
 
 
 def placing(world: FakeWorld) -> tuple[Mission, ObjectInstance]:
-    """With the mug in hand, and the counter known."""
+    """Make a mission that holds the mug and knows the counter; return it and the counter."""
     mission = Mission(world, parse("Move the mug from the coffee table to the counter"), Settings())
     world._held = world.things[3]
     mission.tools.base.look_around()
@@ -212,7 +212,9 @@ def put_points(world: FakeWorld) -> list[tuple[float, float, float]]:
     return [a.point_world_m for a in world.log if isinstance(a, Place)]
 
 
-def test_the_robot_faces_the_place_that_it_chose_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_robot_faces_a_place_that_was_chosen_again_from_near(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     world = flat([counter(), mug()], Pose2(2.2, 5.0, 1.57))
     mission, goal = placing(world)
     aside: list[float] = []
@@ -232,10 +234,10 @@ def test_the_robot_faces_the_place_that_it_chose_anew(monkeypatch: pytest.Monkey
     monkeypatch.setattr(Manipulation, "_point_from_here", half_a_metre_aside)
     mission.skills.place(goal, "counter")
     assert aside
-    assert max(np.abs(aside)) < np.radians(5)  # the least that it can turn
+    assert max(np.abs(aside)) < np.radians(5)  # the smallest turn
 
 
-def test_the_last_try_does_with_the_place_that_was_chosen_from_afar(
+def test_the_last_attempt_uses_the_place_that_was_chosen_from_afar(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     world = flat([counter(), mug()], Pose2(2.2, 5.0, 1.57))
@@ -246,7 +248,7 @@ def test_the_last_try_does_with_the_place_that_was_chosen_from_afar(
     assert point[2] == pytest.approx(0.9 + RELEASE_HEIGHT_M, abs=0.02)
 
 
-def test_on_a_narrow_board_half_the_distance_from_the_edge_will_do() -> None:
+def test_half_the_distance_from_the_edge_is_enough_on_a_narrow_board() -> None:
     board = Thing(2, "counter", np.array([2.2, 5.6, 0.85]), np.array([2.0, 0.2, 0.1]))
     board.graspable = False
     world = flat([board, mug()], Pose2(2.2, 4.2, 1.57), [Box(1.2, 5.5, 3.2, 5.7, 0.9)])

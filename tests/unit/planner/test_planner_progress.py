@@ -1,4 +1,4 @@
-"""Progress never falls and moves with every step; when a task may end is a range, or not told."""
+"""Progress never falls and rises with every step; the time left is a range, or not given."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ events = st.one_of(
     st.sampled_from(Kind), st.integers(1, 400), st.lists(events, max_size=120),
     st.floats(0.0, 1000.0),
 )  # fmt: skip
-def test_progress_never_falls_and_a_range_is_one(
+def test_progress_never_falls_and_every_time_range_is_valid(
     kind: Kind, max_steps: int, reported: list[tuple[str, object]], left_s: float
 ) -> None:
     pace, now_s, steps, before = ProgressEstimate(kind, max_steps, 0, 0.0), 0.0, 0, 0.0
@@ -56,7 +56,7 @@ def test_progress_never_falls_and_a_range_is_one(
             assert 0 <= eta_s[0] <= eta_s[1] <= left_s
 
 
-def test_the_range_is_the_pace_of_the_task_and_a_pause_is_none_of_it() -> None:
+def test_the_time_range_follows_the_pace_of_the_task_without_its_pauses() -> None:
     pace = ProgressEstimate(Kind.FIND, 1000, 0, 0.0)
     pace.on_phase(Phase.FIND_OBJECT)
     for n in range(1, 11):
@@ -72,7 +72,7 @@ def test_the_range_is_the_pace_of_the_task_and_a_pause_is_none_of_it() -> None:
     assert after[1] == 2.0 * (300 - 12)
 
 
-def test_fewer_places_left_to_search_bring_the_end_nearer() -> None:
+def test_fewer_places_left_to_search_lower_the_estimated_steps() -> None:
     pace = ProgressEstimate(Kind.FIND, 1000, 0, 0.0)
     pace.on_phase(Phase.FIND_OBJECT)
     most = []
@@ -82,14 +82,14 @@ def test_fewer_places_left_to_search_bring_the_end_nearer() -> None:
     assert most == sorted(most, reverse=True)
 
 
-def test_a_task_that_goes_on_after_its_planner_died_keeps_its_progress() -> None:
+def test_a_task_that_is_resumed_after_its_planner_died_keeps_its_progress() -> None:
     pace = ProgressEstimate(Kind.MOVE, 1000, 120, 0.4)
     assert pace.progress == 0.4
     pace.on_step(121, 1.0)
     assert pace.progress > 0.4
 
 
-def test_a_whole_task_tells_progress_that_never_falls_and_a_range(start: Start) -> None:
+def test_a_whole_task_reports_progress_that_never_falls_and_a_time_range(start: Start) -> None:
     _, bus, _ = start()
     reported: list[pb.Task] = []
     bus.subscribe(TASK, reported.append)

@@ -1,4 +1,4 @@
-"""Which task is next: by priority, then in turn; what was under way goes first."""
+"""Order of the task queue: interrupted tasks first, then by priority, then by submission."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_queued_task_waits_and_can_be_cancelled(start: Start) -> None:
     assert ended(bus, first).state == "cancelled"
 
 
-def test_the_queue_is_taken_by_priority_and_then_in_turn(start: Start) -> None:
+def test_the_queue_is_ordered_by_priority_and_then_by_submission(start: Start) -> None:
     _, bus, peers = start()
     begun: list[str] = []
     bus.subscribe(TASK, lambda t: begun.append(t.id) if t.state == "running" else None)
@@ -51,7 +51,7 @@ def test_the_queue_is_taken_by_priority_and_then_in_turn(start: Start) -> None:
     assert list(dict.fromkeys(begun)) == [first, ids[2], ids[0], ids[3], ids[1]]
 
 
-def test_what_was_under_way_goes_on_before_anything_of_a_higher_priority() -> None:
+def test_an_interrupted_task_comes_before_queued_tasks_of_higher_priority() -> None:
     move = parse(MOVE)
     tasks = {
         name: Task(name, MOVE, move, state, 100, 0.0, priority=priority)

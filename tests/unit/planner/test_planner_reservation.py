@@ -1,4 +1,4 @@
-"""While the maps are replaced no task is begun: the queue's lock decides who was first."""
+"""No task starts while the maps are replaced; the queue's lock decides which was first."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WHY = "the maps are being loaded"
 ASK = pb.ReserveRequest(why=WHY, for_s=60.0)
 
 
-def test_a_task_that_comes_during_a_reservation_waits_for_its_end_and_says_so(start: Start) -> None:
+def test_a_task_submitted_during_a_reservation_waits_and_reports_the_reason(start: Start) -> None:
     service, bus, peers = start()
     reported: list[str] = []
     bus.subscribe(TASK, lambda t: reported.append(t.state))
@@ -25,15 +25,15 @@ def test_a_task_that_comes_during_a_reservation_waits_for_its_end_and_says_so(st
     id = submit(bus, "find the mug").id
     assert WHY in task(bus, id).message
     with service._wake:
-        service._wake.notify_all()  # the worker looks, and begins nothing
+        service._wake.notify_all()  # the worker checks, and starts nothing
     wait_until(service._described.is_set, 20, "the robot is known")
-    assert not peers.acting.wait(0.7)  # it looks every 0.5 s
+    assert not peers.acting.wait(0.7)  # the worker checks every 0.5 s
     assert set(reported) == {"queued"}
     bus.call(RESERVE, pb.ReserveRequest(token=token), 5)
     assert ended(bus, id).state == "succeeded"
 
 
-def test_what_is_queued_or_under_way_cannot_lose_its_maps(start: Start) -> None:
+def test_a_reservation_is_refused_while_a_task_is_queued_or_running(start: Start) -> None:
     _, bus, peers = start()
     peers.gate = threading.Event()
     first, second = submit(bus, "find the mug").id, submit(bus, "find the mug").id
@@ -47,7 +47,7 @@ def test_what_is_queued_or_under_way_cannot_lose_its_maps(start: Start) -> None:
     assert bus.call(RESERVE, ASK, 5).token
 
 
-def test_a_reservation_that_is_not_ended_ends_by_itself() -> None:
+def test_a_reservation_expires_by_itself() -> None:
     now_s = [0.0]
     reservation = Reservation(lambda: now_s[0])
     first = reservation.begin("a", 60.0)
@@ -56,13 +56,13 @@ def test_a_reservation_that_is_not_ended_ends_by_itself() -> None:
     now_s[0] = 60.0
     assert reservation.why == ""
     reservation.begin("b", 60.0)
-    reservation.end(first)  # that one is over
+    reservation.end(first)  # the first reservation is over
     assert reservation.why == "b"
 
 
 @pytest.mark.parametrize(
     "for_s", [0.0, -1.0, float("nan"), float("inf"), LONGEST_RESERVATION_S + 1]
 )
-def test_a_reservation_without_a_sensible_end_is_refused(for_s: float) -> None:
+def test_a_reservation_with_an_invalid_duration_is_refused(for_s: float) -> None:
     with pytest.raises(InvalidInput, match="for_s is"):
         Reservation().begin("a", for_s)

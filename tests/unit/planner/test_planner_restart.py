@@ -1,4 +1,4 @@
-"""A mission that is cut off anywhere goes on with what it knew; nothing is done twice."""
+"""Interrupted missions resume from their checkpoint, and repeat nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def mission(world: FakeWorld, agent: str = "helios-paper") -> Mission:
 
 
 def cut_off(world: FakeWorld, after: int, agent: str = "helios-paper") -> dict:
-    """Run until so many actions are done; what was remembered, as it is kept."""
+    """Run until `after` actions are done; return the checkpoint as it is stored."""
     first = mission(world, agent)
     world.cancel_after = after
     with pytest.raises(TaskCancelled):
@@ -30,8 +30,8 @@ def cut_off(world: FakeWorld, after: int, agent: str = "helios-paper") -> dict:
     return json.loads(json.dumps(first.checkpoint()))
 
 
-def last(action: Action | None = None, succeeded: bool | None = True, held: str = "",
-         reason: str = "") -> LastAction:  # fmt: skip
+def last_action(action: Action | None = None, succeeded: bool | None = True, held: str = "",
+                reason: str = "") -> LastAction:  # fmt: skip
     return LastAction(action, succeeded, reason, held)
 
 
@@ -45,7 +45,7 @@ def test_a_mission_goes_on_where_it_was_cut_off(agent: str) -> None:
     checkpoint = cut_off(world, 60, agent)
     assert checkpoint["looked_around"]
     again = mission(world, agent)
-    again.restore(checkpoint, last(Turn(0.1)))
+    again.restore(checkpoint, last_action(Turn(0.1)))
     steps = world.steps
     again.run()
     assert world.released is world.things[3]
@@ -61,8 +61,8 @@ def two_bare_tables() -> FakeWorld:
     return flat([coffee_table(), other, counter()])
 
 
-def test_what_was_searched_is_not_searched_again() -> None:
-    """Two tables without a mug: cut off on the way to the second, the first is left alone."""
+def test_a_searched_receptacle_is_not_searched_again() -> None:
+    """Two tables have no mug; a mission cut off on the way to the second skips the first."""
     whole = two_bare_tables()
     steps: list[int] = []
     tell = whole.on_decision
@@ -82,18 +82,18 @@ def test_what_was_searched_is_not_searched_again() -> None:
     checkpoint = cut_off(world, steps[1] + 2)
     world.decisions.clear()
     again = mission(world)
-    again.restore(checkpoint, last())
+    again.restore(checkpoint, last_action())
     with pytest.raises(TaskFailed) as failure:
         again.run()
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
     assert searched(world) == [second]
 
 
-def test_memory_comes_back_as_it_was() -> None:
+def test_a_restored_search_gives_the_same_checkpoint() -> None:
     world = flat([coffee_table(), counter(), mug()])
     checkpoint = cut_off(world, 60)
     again = mission(world)
-    again.restore(checkpoint, last())
+    again.restore(checkpoint, last_action())
     search = again._begun(again.agent.seek_object(again.tools, "mug", "coffee table"))
     assert again.search is search
     assert json.loads(json.dumps(again.checkpoint())) == checkpoint
@@ -101,10 +101,10 @@ def test_memory_comes_back_as_it_was() -> None:
 
 def test_a_pick_whose_answer_was_lost_is_not_tried_again() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    checkpoint = until(world, Pick)
+    checkpoint = run_until(world, Pick)
     assert world.held() == "mug"
     again = mission(world)
-    again.restore(checkpoint, last(world.log[-1], succeeded=None, held="mug"))
+    again.restore(checkpoint, last_action(world.log[-1], succeeded=None, held="mug"))
     again.run()
     assert sum(isinstance(a, Pick) for a in world.log) == 1
     assert world.released is world.things[3]
@@ -112,10 +112,10 @@ def test_a_pick_whose_answer_was_lost_is_not_tried_again() -> None:
 
 def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    checkpoint = until(world, Place)
+    checkpoint = run_until(world, Place)
     steps = world.steps
     again = mission(world)
-    again.restore(checkpoint, last(world.log[-1]))
+    again.restore(checkpoint, last_action(world.log[-1]))
     assert again.run() == "put the mug on the counter; it was not seen there yet"
     assert again.seen_at_goal is False
     assert sum(isinstance(a, Place) for a in world.log) == 1
@@ -123,26 +123,28 @@ def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
 
 
 @pytest.mark.parametrize("kind", [Pick, Place])
-def test_who_settled_for_less_before_the_planner_died_still_says_so(kind: type) -> None:
+def test_an_object_accepted_as_likeliest_is_still_reported_after_the_planner_died(
+    kind: type,
+) -> None:
     doubtful = mug()
     doubtful.rate = 0.4
     world = flat([coffee_table(), counter(), doubtful])
-    checkpoint = until(world, kind)
+    checkpoint = run_until(world, kind)
     again = mission(world)
-    again.restore(checkpoint, last(world.log[-1], held=world.held()))
+    again.restore(checkpoint, last_action(world.log[-1], held=world.held()))
     assert "no surer mug was found than this one (0." in again.run()
 
 
-def test_a_thing_that_fell_meanwhile_is_searched_again() -> None:
+def test_an_object_that_fell_meanwhile_is_searched_again() -> None:
     world = flat([coffee_table(), counter(), mug()])
-    checkpoint = until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
+    checkpoint = run_until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
     again = mission(world)
-    again.restore(checkpoint, last(Turn(0.1), held=""))
+    again.restore(checkpoint, last_action(Turn(0.1), held=""))
     assert (again.picked_at_m, again.skills.falls) == (None, 1)
 
 
-def until(world: FakeWorld, kind: type) -> dict:
-    """Run until an action of a kind is done, but not answered; what was remembered before it."""
+def run_until(world: FakeWorld, kind: type) -> dict:
+    """Run until an action of a kind is done but not answered; return the checkpoint before it."""
     first = mission(world)
     kept: list[dict] = []
     act = world.act

@@ -1,4 +1,4 @@
-"""Looking around from place to place once everything was searched."""
+"""Revisit search: looking around from place to place once everything was searched."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def rules() -> MotionRules:
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(2, 8), st.floats(2, 8), st.floats(0.8, 4))
-def test_places_are_apart_and_leave_no_ground_that_is_farther_away(
+def test_revisit_places_are_apart_and_cover_all_reachable_ground(
     width_m: float, height_m: float, apart_m: float
 ) -> None:
     reached = reach(room(width_m, height_m), Pose2(1.0, 1.0, 0.0), rules())
@@ -51,10 +51,10 @@ def test_places_are_apart_and_leave_no_ground_that_is_farther_away(
     assert np.isfinite(reached.at(np.array(places))).all()
     xy = reached.ground.centres_of(np.argwhere(np.isfinite(reached.arrival)))
     away_m = np.min([np.hypot(xy[:, 0] - x, xy[:, 1] - y) for x, y in places], axis=0)
-    assert away_m.max() < apart_m + 0.3  # the grid on which places are considered
+    assert away_m.max() < apart_m + 0.3  # 0.3 m: the grid on which places are considered
 
 
-def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place() -> None:
+def test_a_revisit_search_goes_to_the_nearest_place_first_and_looks_all_around() -> None:
     world = flat()
     base = BaseController(world, Settings())
     base.look_around()
@@ -72,7 +72,7 @@ def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place
     assert patrol.seen_from[-1] == place
 
 
-def test_a_patrol_is_left_as_soon_as_something_is_found() -> None:
+def test_a_revisit_search_stops_as_soon_as_something_is_found() -> None:
     world = flat()
     base = BaseController(world, Settings())
     base.look_around()
@@ -81,11 +81,11 @@ def test_a_patrol_is_left_as_soon_as_something_is_found() -> None:
     steps = world.steps
     assert patrol.step("look", lambda: True)
     assert world.steps - steps <= 2
-    assert len(patrol.seen_from) == 1  # it may go there again
+    assert len(patrol.seen_from) == 1  # the place may be visited again
 
 
-def test_who_holds_something_searches_on_for_a_place_while_there_are_steps() -> None:
-    """No counter is ever detected: others give up after two rounds."""
+def test_a_robot_that_holds_an_object_searches_for_a_place_in_more_rounds() -> None:
+    """No counter is ever detected; a search without a held object gives up after two rounds."""
     unseen = counter()
     unseen.rate = 0.0
     rounds = {}
@@ -98,7 +98,7 @@ def test_who_holds_something_searches_on_for_a_place_while_there_are_steps() -> 
     assert rounds[4] > rounds[1] + 3 * 12
 
 
-def test_a_counter_that_is_only_seen_on_the_second_search_is_found() -> None:
+def test_a_counter_that_is_first_seen_in_the_revisit_search_is_found() -> None:
     late = counter()
     late.rate = 0.0
     world = flat([coffee_table(), late, mug()])
@@ -115,7 +115,7 @@ def test_a_counter_that_is_only_seen_on_the_second_search_is_found() -> None:
     assert world.released is world.things[3]
 
 
-def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
+def test_near_the_end_a_receptacle_is_confirmed_whatever_is_seen_from_near() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
     search = ReceptacleSearch(rig.tools, "counter", None, paper)
@@ -126,7 +126,7 @@ def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
     assert search.confirmed(None)
 
 
-def test_what_vanished_from_near_is_placed_on_where_it_was_if_that_has_to_do() -> None:
+def test_an_object_is_placed_where_a_vanished_receptacle_was_if_that_is_accepted() -> None:
     world = flat([coffee_table(), counter(), mug()])
     Mission(world, parse("go to the counter"), Settings()).run()
     base, asked = BaseController(world, Settings()), []
@@ -141,7 +141,7 @@ def test_what_vanished_from_near_is_placed_on_where_it_was_if_that_has_to_do() -
     assert world.released is world.things[3]
 
 
-def test_the_places_of_a_patrol_are_remembered() -> None:
+def test_the_places_of_a_revisit_search_are_in_the_checkpoint() -> None:
     search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
     search._patrol.seen_from = [(1.0, 2.0), (3.5, 1.0)]
     again = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)

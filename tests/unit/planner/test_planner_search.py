@@ -1,4 +1,4 @@
-"""One step of a search at a time: what is offered, what is remembered, what is not done twice."""
+"""Single steps of a search: what is offered, what is remembered, what is not repeated."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def test_a_local_search_looks_from_every_gaze_point_nearest_first_and_only_once(
     rig.known = [instance(coffee_table())]
     assert rig.search.explore()
     assert looks.gone_to == [1.0, 2.0, 3.0]
-    looks.left = [1.0]  # another one would be there
+    looks.left = [1.0]  # a new gaze point
     assert not rig.search.explore()
     assert rig.offered() == []
 
 
-def test_what_was_searched_is_known_by_its_place_when_its_id_changes() -> None:
+def test_a_searched_receptacle_is_recognised_by_its_place_when_its_id_changes() -> None:
     rig = Rig(Looks([1.0]))
     rig.known = [instance(coffee_table())]
     rig.search.explore()
@@ -46,7 +46,7 @@ def test_what_was_searched_is_known_by_its_place_when_its_id_changes() -> None:
     assert rig.offered() == [8]
 
 
-def test_a_local_search_that_was_interrupted_goes_on_with_what_is_left() -> None:
+def test_an_interrupted_local_search_continues_with_the_remaining_gaze_points() -> None:
     looks = Looks([1.0, 2.0, 3.0], interrupted_after=1)
     rig = Rig(looks)
     rig.known = [instance(coffee_table())]
@@ -95,7 +95,7 @@ def test_a_frontier_is_remembered_with_its_value_when_it_was_chosen() -> None:
     assert [f.value_when_chosen for f in rig.search.seen.chosen] == [0.3, 0.1]
 
 
-def test_a_receptacle_is_remembered_as_it_was_first_seen_and_weighed_as_it_is() -> None:
+def test_a_receptacle_is_remembered_by_its_first_score_and_ranked_by_its_present_one() -> None:
     rig = Rig(Looks([1.0]))
     rig.known = [instance(coffee_table(), class_score=0.4)]
     rig.frontiers = [FrontierOption(4, (2.0, 1.0), 9.0, 1.0)]
@@ -109,7 +109,7 @@ def test_a_receptacle_is_remembered_as_it_was_first_seen_and_weighed_as_it_is() 
 
 
 @pytest.mark.parametrize(("score", "counts"), [(0.29, False), (0.30, True)])
-def test_what_is_believed_less_than_a_candidate_is_none(score: float, counts: bool) -> None:
+def test_an_instance_below_the_class_threshold_is_no_candidate(score: float, counts: bool) -> None:
     rig = Rig(Looks([1.0]))
     thing = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), class_score=score), instance(thing, class_score=score)]
@@ -119,7 +119,7 @@ def test_what_is_believed_less_than_a_candidate_is_none(score: float, counts: bo
     assert rig.search.explore() is counts
 
 
-def test_the_goal_is_sought_by_the_place_layer() -> None:
+def test_the_goal_receptacle_is_searched_by_the_place_layer() -> None:
     rig = Rig()
     rig.world.frontiers = lambda: [
         Frontier(1, (2.0, 1.0), 1.0, {"pick": 0.9, "place": 0.1}),
@@ -131,7 +131,7 @@ def test_the_goal_is_sought_by_the_place_layer() -> None:
     assert rig.visited == [(1.0, 1.0)]
 
 
-def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
+def test_an_object_is_not_placed_where_it_was_picked() -> None:
     rig = Rig()
     rig.known = [instance(coffee_table(), score=0.9)]
     assert ReceptacleSearch(rig.tools, "coffee table", None, paper).candidates()
@@ -143,7 +143,7 @@ def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
 @pytest.mark.parametrize(
     ("apart_m", "times"), [(0.0, MAX_UNREACHABLE_PER_CANDIDATE), (2.0, MAX_UNREACHABLE)]
 )
-def test_what_is_out_of_reach_again_and_again_is_left_for_good(
+def test_a_candidate_that_is_too_often_unreachable_is_refused_for_good(
     apart_m: float, times: int, way_cleared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = Rig()
@@ -161,7 +161,7 @@ def test_what_is_out_of_reach_again_and_again_is_left_for_good(
     assert thing in rig.search.refused
 
 
-def test_a_frontier_that_stays_one_is_given_up_until_the_next_round(
+def test_a_visited_frontier_that_remains_is_given_up_until_the_next_round(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = Rig()

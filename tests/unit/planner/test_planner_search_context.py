@@ -1,4 +1,4 @@
-"""The thresholds of Table 3 by role, and what the value layers ask for."""
+"""The search context: thresholds of Table 3 by role, and the prompts of the value layers."""
 
 from __future__ import annotations
 

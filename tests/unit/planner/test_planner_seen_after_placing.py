@@ -1,4 +1,4 @@
-"""After placing, what is seen counts and not what the robot says."""
+"""The check after placing: observed objects count, not the robot's report."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat, mug
 
 
-def thing(name: str, center: tuple[float, float, float], size: tuple[float, float, float],
-          class_score: float = 0.57) -> ObjectInstance:  # fmt: skip
+def instance(name: str, center: tuple[float, float, float], size: tuple[float, float, float],
+             class_score: float = 0.57) -> ObjectInstance:  # fmt: skip
     return ObjectInstance(
         id=1, class_name=name, center_m=np.array(center), size_m=np.array(size), score=0.4,
         class_score=class_score, uncertainty=0.17, views=1, gaussians=50, probabilities={},
@@ -26,7 +26,7 @@ def thing(name: str, center: tuple[float, float, float], size: tuple[float, floa
     )  # fmt: skip
 
 
-COUNTER = thing("counter", (2.0, 2.0, 0.85), (2.0, 0.6, 0.1))
+COUNTER = instance("counter", (2.0, 2.0, 0.85), (2.0, 0.6, 0.1))
 SIZE = (0.08, 0.08, 0.1)
 ON, BESIDE, FAR = (2.5, 2.1, 0.95), (2.5, 1.5, 0.05), (7.0, 7.0, 0.05)
 HIGH_BESIDE = (2.0, 3.2, 0.95)
@@ -45,24 +45,24 @@ HIGH_BESIDE = (2.0, 3.2, 0.95)
         ([ON], [ON], PlacementCheck.NOWHERE),
     ],
 )
-def test_what_was_not_there_before_is_what_was_placed(
+def test_only_an_object_that_was_not_there_before_counts_as_placed(
     before: list[tuple[float, float, float]],
     now: list[tuple[float, float, float]],
     seen: PlacementCheck,
 ) -> None:
-    was, is_now = ([thing("mug", p, SIZE) for p in points] for points in (before, now))
+    was, is_now = ([instance("mug", p, SIZE) for p in points] for points in (before, now))
     got, found = seen_after(COUNTER, was, is_now, 0.3, COUNTER.top_m)
     assert got is seen
     assert (found is None) == (seen is PlacementCheck.NOWHERE)
 
 
-def test_what_is_hardly_believed_does_not_count() -> None:
-    doubtful = [thing("mug", BESIDE, SIZE, class_score=0.2)]
+def test_an_instance_of_low_class_score_does_not_count_as_placed() -> None:
+    doubtful = [instance("mug", BESIDE, SIZE, class_score=0.2)]
     assert seen_after(COUNTER, [], doubtful, 0.3, COUNTER.top_m) == (PlacementCheck.NOWHERE, None)
 
 
 def mission(rolls: bool = False, blind: bool = False) -> Mission:
-    """Bring the mug; it rolls off, or nothing is seen of it once it was placed."""
+    """Make a mission whose mug rolls off, or is not seen, once it is placed."""
     world = flat([coffee_table(), counter(), mug()])
     place = world._do
 
@@ -83,20 +83,20 @@ def mission(rolls: bool = False, blind: bool = False) -> Mission:
     return Mission(world, parse(text), Settings())
 
 
-def test_a_thing_that_is_seen_on_the_goal_is_said() -> None:
+def test_an_object_that_is_seen_on_the_goal_is_reported() -> None:
     whole = mission()
     assert whole.seen_at_goal is None
     assert whole.run() == "put the mug on the counter; it is seen there"
     assert whole.seen_at_goal is True
 
 
-def test_a_thing_that_is_not_seen_after_placing_is_told_apart() -> None:
+def test_an_object_that_is_not_seen_after_placing_is_reported_as_such() -> None:
     whole = mission(blind=True)
     assert whole.run() == "put the mug on the counter; it was not seen there yet"
     assert whole.seen_at_goal is False
 
 
-def test_a_task_that_ends_before_it_could_look_does_not_say_that_nothing_was_placed(
+def test_a_task_that_fails_before_the_check_still_records_that_it_placed_the_object(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def away(*_: object) -> NoReturn:
@@ -109,7 +109,7 @@ def test_a_task_that_ends_before_it_could_look_does_not_say_that_nothing_was_pla
     assert whole.seen_at_goal is False
 
 
-def test_a_thing_that_rolled_off_is_a_failure_though_the_robot_reports_success() -> None:
+def test_an_object_that_rolled_off_is_a_failure_though_the_robot_reports_success() -> None:
     whole = mission(rolls=True)
     with pytest.raises(TaskFailed) as failure:
         whole.run()

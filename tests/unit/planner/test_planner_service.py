@@ -1,4 +1,4 @@
-"""A task over the bus, from its submission to what is remembered of it."""
+"""Tasks over the bus, from submission to the stored result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planner_bus import Start, ended, submit, task
 from tests.support import wait_until
 
 
-def test_a_task_succeeds_and_its_decisions_say_why(start: Start) -> None:
+def test_a_task_succeeds_and_its_decisions_have_reasons(start: Start) -> None:
     _, bus, peers = start()
     states: list[str] = []
     bus.subscribe(TASK, lambda t: states.append(t.state))
@@ -46,7 +46,7 @@ def test_a_running_task_is_cancelled_within_one_action(start: Start) -> None:
     assert peers.world.steps <= 1
 
 
-def test_what_ran_when_the_planner_ended_is_a_system_error_afterwards(
+def test_a_task_that_ran_when_the_planner_ended_fails_with_a_system_error(
     start: Start, tmp_path: Path
 ) -> None:
     store = Store(tmp_path)
@@ -59,7 +59,7 @@ def test_what_ran_when_the_planner_ended_is_a_system_error_afterwards(
     assert (task(bus, "ran").state, task(bus, "ran").cause) == ("failed", "system error")
 
 
-def test_the_search_context_is_there_for_late_joiners(start: Start) -> None:
+def test_late_subscribers_receive_the_search_context(start: Start) -> None:
     _, bus, _ = start()
     id = submit(bus, "go to the counter").id
     ended(bus, id)

@@ -1,4 +1,4 @@
-"""What is kept of tasks: bounded, read back as it was, and no full disk ends a task."""
+"""The task store: bounded, read back unchanged, and robust against full and damaged disks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def decisions(store: Store, count: int) -> list[int]:
     return [d.index for d in store.decisions("a")]
 
 
-def test_of_a_task_the_newest_decisions_stay(tmp_path: Path) -> None:
+def test_only_the_newest_decisions_of_a_task_are_kept(tmp_path: Path) -> None:
     store = Store(tmp_path, most_decisions=3)
     assert decisions(store, 5) == [2, 3, 4]
     assert store.last_number("a") == 4
@@ -32,7 +32,7 @@ def test_of_a_task_the_newest_decisions_stay(tmp_path: Path) -> None:
     store.close()
 
 
-def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_a_journal_entry_is_read_back_unchanged(tmp_path: Path) -> None:
     store = Store(tmp_path)
     request = pb.ActionRequest(action_id="a-1", action=pb.Action(turn=pb.Action.Turn(angle_rad=1)))
     result = pb.ActionResult(action_id="a-1", succeeded=True)
@@ -53,7 +53,7 @@ def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seen", [True, False, None])
-def test_whether_it_was_seen_at_its_goal_is_kept_and_told(seen: bool | None) -> None:
+def test_seen_at_goal_is_stored_and_reported(seen: bool | None) -> None:
     task = a_task(state=State.SUCCEEDED).with_(seen_at_goal=seen)
     reported = pb.Task.FromString(task_to_proto(task).SerializeToString())
     assert task_from_proto(reported) == task
@@ -68,7 +68,7 @@ def test_the_newest_pulse_is_kept(tmp_path: Path) -> None:
     store.close()
 
 
-def test_what_is_forgotten_is_gone(tmp_path: Path) -> None:
+def test_a_forgotten_task_leaves_no_decisions_and_no_journal(tmp_path: Path) -> None:
     store = Store(tmp_path)
     store.put(pb.Task(id="a", state="failed"))
     store.keep("a", Entry())
@@ -78,7 +78,7 @@ def test_what_is_forgotten_is_gone(tmp_path: Path) -> None:
     store.close()
 
 
-def test_a_full_disk_is_said_once_and_ends_nothing(
+def test_a_full_disk_is_logged_once_and_ends_no_task(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     store = Store(tmp_path)
@@ -94,7 +94,7 @@ def test_a_full_disk_is_said_once_and_ends_nothing(
     store.close()
 
 
-def test_from_the_first_write_that_fails_nothing_is_proven_until_all_is_written(
+def test_the_store_is_not_proven_from_a_failed_write_until_all_is_written(
     tmp_path: Path,
 ) -> None:
     store = Store(tmp_path)
@@ -121,7 +121,7 @@ def test_from_the_first_write_that_fails_nothing_is_proven_until_all_is_written(
 def test_a_store_without_room_to_spare_stays_at_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Small writes that happen to fit do not make it ready and at fault in turn."""
+    """Small writes that happen to fit do not make the store alternate between ready and fault."""
     store = Store(tmp_path)
     store._db.execute("PRAGMA max_page_count=20")
     assert not store.add(pb.Decision(task_id="a", why="x" * 200_000))
@@ -145,7 +145,7 @@ def test_a_proof_that_cannot_be_written_is_a_fault(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["a head", "the middle"])
-def test_a_damaged_file_is_put_aside_and_said(tmp_path: Path, damage: str) -> None:
+def test_a_damaged_file_is_moved_aside_and_reported(tmp_path: Path, damage: str) -> None:
     store = Store(tmp_path)
     for k in range(300):
         store.put(pb.Task(id=f"task {k}", state="succeeded", message="x" * 300))
@@ -177,7 +177,7 @@ def test_rows_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:
         store.entry("bad")
 
 
-def test_what_comes_after_the_end_is_no_fault_and_takes_no_proof(tmp_path: Path) -> None:
+def test_a_write_after_close_is_no_fault_and_keeps_the_proof(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert store.mend((), ())
     store.close()
@@ -187,12 +187,12 @@ def test_what_comes_after_the_end_is_no_fault_and_takes_no_proof(tmp_path: Path)
 
 
 def free_kb(folder: Path) -> float:
-    """Room on the disk of a folder."""
+    """Return the free space on the disk of a folder."""
     disk = os.statvfs(folder)
     return disk.f_bavail * disk.f_frsize / 1024
 
 
-def test_on_a_small_full_disk_the_room_that_is_made_is_left_until_there_is_enough(
+def test_a_full_store_leaves_freed_space_unused_until_there_is_enough(
     tmp_path: Path,
 ) -> None:
     with small_disk(tmp_path / "disk", kilobytes=4096) as disk, closing(Store(disk)) as store:
@@ -206,7 +206,7 @@ def test_on_a_small_full_disk_the_room_that_is_made_is_left_until_there_is_enoug
         os.truncate(filler, filler.stat().st_size - 150 * 1024)
         before_kb = free_kb(disk)
         assert before_kb > 100
-        assert store.put(pb.Task(id="a", state="running"))  # so little fits
+        assert store.put(pb.Task(id="a", state="running"))  # a small write fits
         before_kb = min(before_kb, free_kb(disk))
         for _ in range(3):
             assert not store.mend([], [])
@@ -217,7 +217,7 @@ def test_on_a_small_full_disk_the_room_that_is_made_is_left_until_there_is_enoug
         assert not store.fault
 
 
-def test_on_a_small_disk_the_log_does_not_grow_with_what_is_written(tmp_path: Path) -> None:
+def test_the_write_ahead_log_does_not_grow_with_the_amount_written(tmp_path: Path) -> None:
     store = Store(tmp_path, most_decisions=3)
     for index in range(300):
         assert store.add(pb.Decision(task_id="a", index=index, why="x" * 10_000))

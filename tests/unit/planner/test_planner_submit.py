@@ -1,4 +1,4 @@
-"""What may be asked of the planner: words, agent, steps, settings; the rest is refused by name."""
+"""Submission of tasks: instruction, agent, steps, settings; invalid values are refused by name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from planner_bus import Start, ended, submit, task
 from planner_flat import MOVE
 
 
-def test_a_task_may_name_its_agent_and_one_that_trusts_the_detector_needs_no_object_map(
+def test_a_task_for_an_agent_that_trusts_the_detector_needs_no_object_map(
     start: Start,
 ) -> None:
     _, bus, peers = start()
@@ -29,7 +29,7 @@ def forbidden(_: object) -> NoReturn:
     raise AssertionError("the object map was asked")
 
 
-def test_an_agent_that_there_is_not_is_refused_at_once(start: Start) -> None:
+def test_an_unknown_agent_is_refused_at_once(start: Start) -> None:
     _, bus, _ = start()
     with pytest.raises(InvalidInput, match="choose one of helios"):
         submit(bus, agent="clever")
@@ -42,7 +42,7 @@ def test_the_step_budget_of_a_task_ends_it(start: Start) -> None:
     assert (done.state, done.cause, done.steps) == ("failed", "step budget", 10)
 
 
-def test_a_task_has_settings_of_its_own_and_the_next_one_has_not(start: Start) -> None:
+def test_the_settings_of_a_task_do_not_apply_to_the_next_task(start: Start) -> None:
     _, bus, _ = start()
     asked = pb.SubmitRequest(instruction=MOVE, settings={"alpha_d": "0.02", "rounds": "1"})
     own, after = bus.call(SUBMIT, asked, 5).id, submit(bus).id
@@ -63,7 +63,7 @@ def test_a_task_has_settings_of_its_own_and_the_next_one_has_not(start: Start) -
      ("alpha_d", "1e999", "at most 1000000000"), ("rounds", "9" * 30, "at most 1000000000"),
      ("gain_norm", "none", "gain_norm is 'none'")],
 )  # fmt: skip
-def test_a_setting_that_no_task_can_have_is_refused_by_name(
+def test_an_invalid_setting_is_refused_by_name(
     start: Start, name: str, text: str, says: str
 ) -> None:
     _, bus, _ = start()
@@ -80,7 +80,7 @@ def test_an_unknown_class_is_refused_with_close_names(start: Start) -> None:
     assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
 
 
-def test_names_are_understood_in_the_vocabulary(start: Start) -> None:
+def test_names_are_mapped_to_the_vocabulary(start: Start) -> None:
     _, bus, peers = start(names=("mug", "coffee table", "counter"))
     id = submit(bus, "bring the red coffee mug to the counter").id
     assert task(bus, id).object == "mug"
@@ -89,7 +89,7 @@ def test_names_are_understood_in_the_vocabulary(start: Start) -> None:
     assert peers.world.contacts == 0
 
 
-def test_nonsense_is_refused_and_a_task_afterwards_is_done(start: Start) -> None:
+def test_a_valid_task_succeeds_after_refused_nonsense(start: Start) -> None:
     _, bus, _ = start()
     for text in ("", "x" * 10_000, "the quick brown fox", "bring it"):
         with pytest.raises(InvalidInput):

@@ -1,4 +1,4 @@
-"""VLFM in our house: what it believes, which frontier it keeps, and the stop decision of HELIOS."""
+"""The VLFM agents: their belief, their choice of frontier, and the variant that stops as HELIOS."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ FIND = "find the mug"
         (426, 608, True), (426, 607, False), (425, 640, False), (600, 640, True), (0, 640, False),
     ],
 )  # fmt: skip
-def test_at_the_side_is_what_lies_in_an_outer_third_and_at_the_edge(
+def test_a_box_in_an_outer_third_and_at_the_edge_is_at_the_side(
     left: int, right: int, aside: bool
 ) -> None:
     assert lies_at_side(left, right, 640) is aside
 
 
-# --- what is believed ----------------------------------------------------------------------------
-def seen(
+# --- belief --------------------------------------------------------------------------------------
+def mug_sighting(
     x: float, away_m: float = 2.0, at_side: bool = False, confidence: float = 0.5, y: float = 1.0
 ) -> Sighting:
     points = np.array([x, y, 0.5]) + 0.02 * np.eye(3)
     return sighting_of("mug", confidence, points, np.array([x - away_m, y, 0.5]), at_side)
 
 
-class Eyes:
-    """A robot that stands at (1, 1) and looks along x, with things reported to it one by one."""
+class SightingRobot:
+    """A robot at (1, 1) that looks along x and receives sightings one by one."""
 
     def __init__(self, belief: type[VlfmBelief] = VlfmBelief) -> None:
         self.world = flat(start=Pose2(1.0, 1.0, 0.0))
@@ -56,58 +56,63 @@ class Eyes:
         self.belief = belief(self.world, Settings())
 
     def report(self, *sightings: Sighting) -> list[float]:
-        """Where mugs are believed to be then (x)."""
+        """Add sightings; return the x of all mugs in the belief."""
         self.reported += sightings
         return [round(float(t.center_m[0]), 1) for t in self.belief.known("mug")]
 
 
-def test_a_faint_detection_and_one_from_too_near_are_not_believed() -> None:
-    assert Eyes().report(seen(3.0, confidence=0.39), seen(4.0, away_m=0.95)) == []
-    assert Eyes().report(seen(3.0, confidence=0.41), seen(4.0, away_m=1.05)) == [3.0, 4.0]
+def test_faint_detections_and_those_from_too_near_are_ignored() -> None:
+    assert (
+        SightingRobot().report(mug_sighting(3.0, confidence=0.39), mug_sighting(4.0, away_m=0.95))
+        == []
+    )
+    assert SightingRobot().report(
+        mug_sighting(3.0, confidence=0.41), mug_sighting(4.0, away_m=1.05)
+    ) == [3.0, 4.0]
 
 
-def test_what_is_at_the_side_or_far_is_tentative_until_its_place_is_seen_from_near() -> None:
-    eyes = Eyes()
-    assert eyes.report(seen(5.0, 3.0, at_side=True), seen(8.0, 4.9)) == [5.0, 8.0]
+def test_a_detection_at_the_side_or_far_away_is_tentative_until_seen_from_near() -> None:
+    eyes = SightingRobot()
+    assert eyes.report(mug_sighting(5.0, 3.0, at_side=True), mug_sighting(8.0, 4.9)) == [5.0, 8.0]
     first, _ = eyes.belief.known("mug")
     assert eyes.belief.still_supports(first)
-    assert first.score == 0.0  # no robot says that it found this
+    assert first.score == 0.0  # too low for a find
     eyes.world._pose = Pose2(3.0, 1.0, 0.0)  # 2 m before the first
     assert eyes.report() == [8.0]
     assert not eyes.belief.still_supports(first)
     assert eyes.belief.from_near(first, "mug", 0.3) is None
 
 
-def test_what_is_tentative_stays_while_the_robot_looks_elsewhere() -> None:
-    eyes = Eyes()
-    eyes.report(seen(5.0, 3.0, at_side=True))
+def test_a_tentative_detection_stays_while_the_robot_looks_elsewhere() -> None:
+    eyes = SightingRobot()
+    eyes.report(mug_sighting(5.0, 3.0, at_side=True))
     eyes.world._pose = Pose2(3.0, 1.0, 2.0)
     assert eyes.report() == [5.0]
 
 
-def test_at_the_side_and_near_it_is_not_even_tentative() -> None:
-    assert Eyes().report(seen(3.0, 2.0, at_side=True)) == []
+def test_a_near_detection_at_the_side_is_ignored() -> None:
+    assert SightingRobot().report(mug_sighting(3.0, 2.0, at_side=True)) == []
 
 
-def test_what_was_seen_well_stays_and_comes_before_all_that_is_tentative() -> None:
-    eyes = Eyes()
-    tentative, well = seen(5.0, 3.0, at_side=True), seen(5.1, 2.0)
+def test_a_good_detection_stays_and_outranks_tentative_ones() -> None:
+    eyes = SightingRobot()
+    tentative, well = mug_sighting(5.0, 3.0, at_side=True), mug_sighting(5.1, 2.0)
     assert eyes.report(tentative) == [5.0]
     assert eyes.report(well) == [5.1]
-    eyes.report(seen(5.0, 3.0, at_side=True), seen(8.0, 4.9))
+    eyes.report(mug_sighting(5.0, 3.0, at_side=True), mug_sighting(8.0, 4.9))
     eyes.world._pose = Pose2(3.0, 1.0, 0.0)
     assert eyes.report() == [5.1]
 
 
-def test_unfiltered_believes_what_is_at_the_side_and_doubts_only_what_is_far() -> None:
-    eyes = Eyes(UnfilteredBelief)
-    assert eyes.report(seen(3.0, 2.0, at_side=True)) == [3.0]
-    assert eyes.report(seen(8.0, 4.9)) == [3.0]
+def test_the_unfiltered_belief_accepts_detections_at_the_side_and_doubts_only_far_ones() -> None:
+    eyes = SightingRobot(UnfilteredBelief)
+    assert eyes.report(mug_sighting(3.0, 2.0, at_side=True)) == [3.0]
+    assert eyes.report(mug_sighting(8.0, 4.9)) == [3.0]
 
 
-def test_a_planner_that_starts_again_knows_what_was_tentative() -> None:
-    eyes, later = Eyes(), Eyes()
-    eyes.report(seen(5.0, 3.0, at_side=True))
+def test_tentative_detections_survive_a_restart_of_the_planner() -> None:
+    eyes, later = SightingRobot(), SightingRobot()
+    eyes.report(mug_sighting(5.0, 3.0, at_side=True))
     later.belief.restore(eyes.belief.checkpoint())
     assert later.report() == [5.0]
     later.world._pose = Pose2(3.0, 1.0, 0.0)
@@ -137,8 +142,8 @@ def test_without_a_frontier_nothing_is_left() -> None:
     assert kept([], "pick", ChosenFrontier((0.0, 0.0), 0.5)).do is Do.NOTHING_LEFT
 
 
-def chased(values: list[float]) -> tuple[FakeWorld, TargetPursuit]:
-    """A robot on its way to a frontier 4 m ahead, whose value after each look is the next one."""
+def pursuit_with_values(values: list[float]) -> tuple[FakeWorld, TargetPursuit]:
+    """Make a robot on its way to a frontier 4 m ahead, whose value changes after each look."""
     world = flat(start=Pose2(0.6, 1.2, 0.0))
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
     mission.tools.base.look_around()
@@ -156,22 +161,22 @@ def chased(values: list[float]) -> tuple[FakeWorld, TargetPursuit]:
     return world, TargetPursuit(search, "pick")
 
 
-def test_a_frontier_whose_value_falls_on_the_way_is_left() -> None:
-    world, pursuit = chased([0.5, 0.495, 0.48])
+def test_a_frontier_whose_value_falls_on_the_way_is_abandoned() -> None:
+    world, pursuit = pursuit_with_values([0.5, 0.495, 0.48])
     before = world.steps
     assert pursuit.step(lambda: False)
     assert world.steps - before <= 5
     assert world.pose().x_m < 3.5
 
 
-def test_a_frontier_that_keeps_its_value_is_gone_to() -> None:
-    world, pursuit = chased([0.5])
+def test_a_frontier_that_keeps_its_value_is_visited() -> None:
+    world, pursuit = pursuit_with_values([0.5])
     assert pursuit.step(lambda: False)
     assert world.pose().distance_m((4.0, 1.2)) < 1.5
     assert pursuit.checkpoint() == [4.0, 1.2, 0.5]
 
 
-def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
+def test_a_restored_search_keeps_its_frontier() -> None:
     world = flat()
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
     for agent in ("vlfm", "vlfm-helios-stop"):
@@ -191,12 +196,12 @@ def test_a_mug_that_is_always_detected_is_found(agent: AgentName) -> None:
 
 
 @pytest.mark.parametrize("agent", ["vlfm", "vlfm-unfiltered"])
-def test_what_is_seen_where_no_way_leads_is_left_for_what_can_be_gone_to(
+def test_an_unreachable_detection_is_abandoned_for_a_reachable_one(
     agent: AgentName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Through a window, too far away to be seen well."""
+    """The unreachable mug is seen through a window, too far away to be seen well."""
     world = flat([coffee_table(), counter(), mug()])
-    real, beyond = world.sightings, seen(12.0, away_m=4.9)
+    real, beyond = world.sightings, mug_sighting(12.0, away_m=4.9)
     monkeypatch.setattr(world, "sightings", lambda: [*real(), beyond])
     messages: list[str] = []
 
@@ -210,14 +215,14 @@ def test_what_is_seen_where_no_way_leads_is_left_for_what_can_be_gone_to(
     assert world.contacts == 0
 
 
-def seldom() -> Thing:
-    """Something that is taken for a mug in every fourth view."""
+def rarely_detected_mug() -> Thing:
+    """Make a false mug that is detected as a mug in every fourth view."""
     return mug(4, 2.9, 6.5, 0.95, rate=0.25)
 
 
-def test_vlfm_stops_at_what_is_taken_for_a_mug_and_with_the_stop_decision_it_goes_on() -> None:
+def test_vlfm_stops_at_a_false_mug_and_the_helios_stop_decision_does_not() -> None:
     def found_at(agent: AgentName) -> float:
-        world = flat([counter(), mug(), seldom()], Pose2(1.5, 4.0, 1.2))
+        world = flat([counter(), mug(), rarely_detected_mug()], Pose2(1.5, 4.0, 1.2))
         Mission(world, parse(FIND), Settings(agent=agent)).run()
         return world.pose().x_m
 
@@ -225,8 +230,8 @@ def test_vlfm_stops_at_what_is_taken_for_a_mug_and_with_the_stop_decision_it_goe
     assert found_at("vlfm-helios-stop") > 4.5
 
 
-def test_the_stop_decision_never_stops_at_a_score_that_is_too_low() -> None:
-    world = flat([counter(), seldom()], Pose2(1.5, 4.0, 1.2))
+def test_the_helios_stop_decision_never_stops_below_its_threshold() -> None:
+    world = flat([counter(), rarely_detected_mug()], Pose2(1.5, 4.0, 1.2))
     with pytest.raises(TaskFailed):
         Mission(world, parse(FIND), Settings(agent="vlfm-helios-stop", rounds=1)).run()
     assert not any(d.do is Do.ACT for d in world.decisions)
@@ -234,10 +239,10 @@ def test_the_stop_decision_never_stops_at_a_score_that_is_too_low() -> None:
 
 # --- 50-50 ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("agent", "share"), [("helios-paper", 0.0), ("helios-5050", 0.5)])
-def test_half_of_what_a_local_search_may_see_is_something_else_and_no_single_view(
+def test_the_5050_agent_applies_its_share_to_the_joint_gain_and_not_to_single_views(
     agent: AgentName, share: float
 ) -> None:
-    """The gain (eq. 12) is asked for jointly; the score after one more view (eq. 11) stays."""
+    """The share counts in the joint gain (eq. 12); the score after one more view (eq. 11) stays."""
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
     tools = Mission(world, parse(FIND), Settings(agent=agent)).tools
     tools.base.look_around()

@@ -1,4 +1,4 @@
-"""An instruction in the names of a detector whose vocabulary is closed."""
+"""Mapping of instructions to the names of a detector with a closed vocabulary."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def named(text: str, names: tuple[str, ...] = NAMES) -> tuple:
         ("bring the bowl of oranges to the bed", ("bowl", None, "bed", ("of oranges",))),
     ],
 )
-def test_a_thing_is_named_as_the_detector_does_and_what_is_left_out_is_reported(
+def test_names_are_mapped_to_those_of_the_detector_and_unused_words_are_reported(
     text: str, wanted: tuple
 ) -> None:
     assert named(text) == wanted
@@ -36,7 +36,7 @@ def test_an_open_vocabulary_takes_every_name() -> None:
     assert named("bring the lid of the pan to the sofa", ()) == ("lid of the pan", None, "sofa", ())
 
 
-def test_what_a_thing_belongs_to_is_not_the_thing() -> None:
+def test_a_part_of_a_known_object_is_not_mapped_to_the_object() -> None:
     with pytest.raises(InvalidInput, match="does not know the object “lid of the pan”") as refusal:
         named("bring the lid of the pan to the sofa")
     assert "did you mean pan?" in refusal.value.message
@@ -59,7 +59,7 @@ KNOWN = ("can", "candle", "banana", "scissors", "bookcase", "kitchen counter", "
         ("unicorns", "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"),
     ],
 )
-def test_only_a_name_that_is_near_is_offered_and_else_where_all_of_them_are(
+def test_a_refusal_suggests_a_close_name_or_else_where_to_list_all_names(
     said: str, wanted: str
 ) -> None:
     with pytest.raises(InvalidInput) as refusal:

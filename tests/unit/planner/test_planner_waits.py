@@ -1,4 +1,4 @@
-"""A task whose peers are away, silent or not there yet: it waits, says for whom, and gives up."""
+"""Tasks whose peers are away, silent or not started: they wait, report for which, and give up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from planner_bus import Start, ended, submit, task
 from tests.support import wait_until
 
 
-def test_stop_now_pauses_and_clearing_it_goes_on(start: Start) -> None:
+def test_stop_now_pauses_a_task_and_clearing_the_stop_resumes_the_task(start: Start) -> None:
     _, bus, peers = start()
     peers.stopped = True
     id = submit(bus, "go to the counter").id
@@ -53,7 +53,7 @@ def test_a_map_that_stays_silent_fails_the_task_and_is_named(start: Start) -> No
     assert any(m.startswith("waits for objectmap") for m in reported)
 
 
-def test_a_task_says_what_it_waits_for_and_goes_on_with_what_it_did(start: Start) -> None:
+def test_a_task_reports_what_it_waits_for_and_then_its_former_message(start: Start) -> None:
     _, bus, peers = start()
     away = [2]
 
@@ -72,7 +72,7 @@ def test_a_task_says_what_it_waits_for_and_goes_on_with_what_it_did(start: Start
     assert reported[k + 1] == reported[k - 1]
 
 
-def test_a_queued_task_says_that_no_robot_is_there_yet(tmp_path: Path) -> None:
+def test_a_queued_task_reports_that_no_robot_is_described_yet(tmp_path: Path) -> None:
     hub = MemoryHub()
     service = PlannerService(MemoryBus(hub), Settings(state_dir=tmp_path), Health())
     reported = submit(MemoryBus(hub)).message
@@ -80,7 +80,7 @@ def test_a_queued_task_says_that_no_robot_is_there_yet(tmp_path: Path) -> None:
     assert reported == "waits for its turn; the bridge has not described the robot yet"
 
 
-def test_a_task_says_that_it_waits_for_a_detector_without_a_model(start: Start) -> None:
+def test_a_task_reports_that_it_waits_for_a_detector_without_a_model(start: Start) -> None:
     _, bus, peers = start()
 
     def away(_: pb.Empty) -> NoReturn:
@@ -95,7 +95,7 @@ def test_a_task_says_that_it_waits_for_a_detector_without_a_model(start: Start) 
     assert "nano.onnx" in failed.message
 
 
-def test_a_detector_that_stays_silent_is_named_by_who_trusts_it(start: Start) -> None:
+def test_a_detector_that_stays_silent_is_named_by_an_agent_that_trusts_it(start: Start) -> None:
     _, bus, peers = start()
     peers.silent.add("detections")
     done = ended(bus, submit(bus, agent="trusting").id)

@@ -1,4 +1,4 @@
-"""Why: every decision can be read at first sight, and taken again under other settings."""
+"""Explanations of decisions, and decisions recomputed under other settings."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ USED = Settings()
 OWN = {name: float(getattr(USED, name)) for name in SETTINGS}
 
 
-def thing(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0.6,
-          xy: tuple[float, float] = (1.0, 2.0)) -> ObjectInstance:  # fmt: skip
+def instance(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0.6,
+             xy: tuple[float, float] = (1.0, 2.0)) -> ObjectInstance:  # fmt: skip
     return ObjectInstance(
         id=id, class_name=name, center_m=np.array([*xy, 0.5]), size_m=np.ones(3) * 0.1,
         score=score, class_score=class_score, uncertainty=class_score - score, views=4,
@@ -54,14 +54,14 @@ def thing(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0
     )  # fmt: skip
 
 
-def kept(decision: Decision) -> Decision:
-    """As it comes back from the store."""
+def stored(decision: Decision) -> Decision:
+    """Return the decision as it is read back from the store."""
     reported = with_replay_settings(decision, USED)
     return decision_from_proto(decision_to_proto(reported, a_task(), 0, None, 1.0))
 
 
-TABLE = ReceptacleOption(thing(7, "coffee table"), 0.62, 1.20, 3.1)
-SHELF = ReceptacleOption(thing(8, "shelf"), 0.40, 1.85, 9.0)
+TABLE = ReceptacleOption(instance(7, "coffee table"), 0.62, 1.20, 3.1)
+SHELF = ReceptacleOption(instance(8, "shelf"), 0.40, 1.85, 9.0)
 FRONTIERS = [FrontierOption(5, (2.0, 1.0), 0.25, 2.3), FrontierOption(6, (9.0, 1.0), 0.24, 8.0)]
 MEMORY = SearchMemory({7: FirstSeen(0.5, 1.0, (3.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.2)])
 
@@ -69,7 +69,7 @@ MEMORY = SearchMemory({7: FirstSeen(0.5, 1.0, (3.0, 0.0))}, [ChosenFrontier((0.0
 # --- sentences -----------------------------------------------------------------------------------
 def view(score: float, after: float | None = None, in_place: bool = True, id: int = 1
          ) -> ViewOption:  # fmt: skip
-    return ViewOption(thing(id, score=score), score, after, 1.2, in_place)
+    return ViewOption(instance(id, score=score), score, after, 1.2, in_place)
 
 
 def pick(*options: ViewOption, anywhere: bool = True) -> Decision:
@@ -116,14 +116,14 @@ SENTENCES = [
      "search on: the best mug of 2 has score 0.41 < 0.50, and no view of it is left"),
     (pick(view(0.9, in_place=False), anywhere=False),
      "search on: 1 candidate to pick is remembered, none where it was said to be"),
-    (best_view(thing(1), [0.45, 0.53], [(0.0, 0.0), (1.0, 0.0)]),
+    (best_view(instance(1), [0.45, 0.53], [(0.0, 0.0), (1.0, 0.0)]),
      "of 2 views left of the mug, view 2 would raise its score most, from 0.40 to 0.53; the next "
      "one to 0.45"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("decision", "why"), SENTENCES)
-def test_a_sentence_says_what_is_done_the_sum_and_who_came_second(
+def test_a_sentence_gives_the_action_its_sum_and_the_runner_up(
     decision: Decision, why: str
 ) -> None:
     assert decision.why == why
@@ -131,23 +131,23 @@ def test_a_sentence_says_what_is_done_the_sum_and_who_came_second(
 
 # --- kept and read back --------------------------------------------------------------------------
 @pytest.mark.parametrize("decision", [d for d, _ in SENTENCES])
-def test_a_decision_comes_back_as_it_was_kept(decision: Decision) -> None:
-    again = kept(decision)
+def test_a_stored_decision_is_read_back_unchanged(decision: Decision) -> None:
+    again = stored(decision)
     assert replace(again, settings=decision.settings) == decision
     assert again.settings.items() >= decision.settings.items()
 
 
-def test_what_equations_8_and_9_remember_is_kept_with_the_decision() -> None:
-    again = kept(by_objective([TABLE], FRONTIERS, MEMORY, 0.001))
+def test_the_memory_of_equations_8_and_9_is_stored_with_the_decision() -> None:
+    again = stored(by_objective([TABLE], FRONTIERS, MEMORY, 0.001))
     assert again.settings["frontier_scale"] == pytest.approx(frontier_scale(MEMORY, 0.001))
     under = recompute(again, {"alpha_d": 0.1}).decision
     assert under.settings["frontier_scale"] == pytest.approx(frontier_scale(MEMORY, 0.1))
 
 
 # --- under other settings ------------------------------------------------------------------------
-def test_a_higher_weight_of_a_metre_turns_to_the_nearer_one() -> None:
-    far = ReceptacleOption(thing(8, "shelf"), 0.40, 1.95, 9.0)
-    decision = kept(by_objective([TABLE, far], FRONTIERS, SearchMemory(), 0.001))
+def test_a_higher_weight_of_distance_prefers_the_nearer_candidate() -> None:
+    far = ReceptacleOption(instance(8, "shelf"), 0.40, 1.95, 9.0)
+    decision = stored(by_objective([TABLE, far], FRONTIERS, SearchMemory(), 0.001))
     assert decision.chosen.name == "shelf"
     again = recompute(decision, {"alpha_d": 0.01})
     assert again.flips
@@ -156,8 +156,8 @@ def test_a_higher_weight_of_a_metre_turns_to_the_nearer_one() -> None:
     assert not recompute(decision, {"alpha_d": 0.0, "tau_g": 0.9}).flips
 
 
-def test_a_higher_threshold_is_answered_as_far_as_it_was_asked() -> None:
-    sure, doubted = kept(pick(view(0.55))), kept(pick(view(0.41, 0.53)))
+def test_a_recomputed_threshold_is_uncertain_where_a_view_was_never_evaluated() -> None:
+    sure, doubted = stored(pick(view(0.55))), stored(pick(view(0.41, 0.53)))
     stricter = recompute(sure, {"tau_g": 0.7})
     assert (stricter.flips, stricter.certain) == (True, False)
     assert stricter.decision.why == (
@@ -174,7 +174,7 @@ def test_a_higher_threshold_is_answered_as_far_as_it_was_asked() -> None:
 
 
 def test_a_higher_class_threshold_drops_candidates_and_a_lower_one_is_not_certain() -> None:
-    decision = kept(by_objective([TABLE, SHELF], FRONTIERS, SearchMemory(), 0.001))
+    decision = stored(by_objective([TABLE, SHELF], FRONTIERS, SearchMemory(), 0.001))
     higher = recompute(decision, {"cs_a": 0.7})
     assert (higher.flips, higher.certain) == (True, True)
     assert higher.decision.chosen.kind == "frontier"
@@ -188,7 +188,7 @@ def test_a_higher_class_threshold_drops_candidates_and_a_lower_one_is_not_certai
      ({"tau_g": "nan"}, "wanted a number"), ({"alpha_d": "-1"}, "from 0 to 1000000"),
      ({"alpha_d": "1e308"}, "from 0 to 1000000")],
 )  # fmt: skip
-def test_settings_that_make_no_sense_are_refused(texts: dict[str, str], says: str) -> None:
+def test_invalid_settings_are_refused(texts: dict[str, str], says: str) -> None:
     with pytest.raises(InvalidInput, match=says):
         changes_of(texts)
 
@@ -197,7 +197,7 @@ shares = st.floats(0, 1)
 ways_m = st.floats(0, 30)
 receptacles = st.lists(
     st.builds(
-        lambda id, s, ig, d: ReceptacleOption(thing(id, class_score=s), s, ig, d),
+        lambda id, s, ig, d: ReceptacleOption(instance(id, class_score=s), s, ig, d),
         st.integers(1, 50), st.floats(0.3, 1), st.floats(0, 5), ways_m,
     ),
     max_size=6, unique_by=lambda r: r.instance.id,
@@ -218,7 +218,7 @@ memories = st.builds(
 views = st.lists(
     st.builds(
         lambda id, psi, after, d, there: ViewOption(
-            thing(id, score=psi, class_score=max(psi, 0.3)), psi, after, d, there
+            instance(id, score=psi, class_score=max(psi, 0.3)), psi, after, d, there
         ),
         st.integers(1, 50), shares, st.none() | shares, ways_m, st.booleans(),
     ),
@@ -226,7 +226,7 @@ views = st.lists(
 )  # fmt: skip
 
 
-def test_rules_are_spelled_as_kept_decisions_have_them() -> None:
+def test_rule_names_are_those_of_stored_decisions() -> None:
     assert [act.rule for act in Act] == [
         "pick (eq. 7, 11)", "place (eq. 7, 11)", "stop (eq. 7, 11)",
     ]  # fmt: skip
@@ -248,9 +248,9 @@ decisions = st.one_of(
 
 @pytest.mark.parametrize(("share", "flips"), [(1.0, False), (1.25, True)])
 def test_a_threshold_that_was_a_share_of_tau_stays_that_share(share: float, flips: bool) -> None:
-    there = [ViewOption(thing(1, score=0.6), 0.6, None, 2.0, True)]
+    there = [ViewOption(instance(1, score=0.6), 0.6, None, 2.0, True)]
     tau, share_of_tau = USED.tau_g, share * USED.tau_g
-    then = kept(act_or_look(there, share_of_tau, 0.05, "object", Act.PICK, True))
+    then = stored(act_or_look(there, share_of_tau, 0.05, "object", Act.PICK, True))
     for same in (tau, tau + 1e-6):
         assert not recompute(then, {"tau_g": same}).flips
     lower = recompute(then, {"tau_g": 0.9 * tau})
@@ -261,9 +261,9 @@ def test_a_threshold_that_was_a_share_of_tau_stays_that_share(share: float, flip
 
 @settings(deadline=None)
 @given(decisions)
-def test_under_the_same_settings_nothing_flips(decision: Decision) -> None:
+def test_a_decision_does_not_flip_under_the_same_settings(decision: Decision) -> None:
     for changes in ({}, OWN):
-        again = recompute(kept(decision), changes)
+        again = recompute(stored(decision), changes)
         assert not again.flips
         assert again.certain
         assert again.decision.candidates == decision.candidates
@@ -272,11 +272,11 @@ def test_under_the_same_settings_nothing_flips(decision: Decision) -> None:
 
 @settings(deadline=None)
 @given(receptacles, frontiers, memories, st.floats(0, 1))
-def test_recomputed_is_what_would_have_been_decided(
+def test_a_recomputed_decision_is_the_one_that_would_have_been_made(
     r: list[ReceptacleOption], f: list[FrontierOption], memory: SearchMemory, alpha_d: float
 ) -> None:
     then = by_objective(r, f, memory, alpha_d)
-    now = recompute(kept(by_objective(r, f, memory, USED.alpha_d)), {"alpha_d": alpha_d})
+    now = recompute(stored(by_objective(r, f, memory, USED.alpha_d)), {"alpha_d": alpha_d})
     assert (now.decision.do, now.decision.winner, now.decision.why) == (
         then.do, then.winner, then.why
     )  # fmt: skip
@@ -288,6 +288,6 @@ def test_recomputed_is_what_would_have_been_decided(
 def test_any_setting_can_be_tried_on_any_decision(
     decision: Decision, name: str, value: float
 ) -> None:
-    again = recompute(kept(decision), {name: value})
+    again = recompute(stored(decision), {name: value})
     assert again.decision.why
     assert (again.decision.winner is None) == (again.decision.do in (Do.SEARCH_ON, Do.NOTHING_LEFT))
