@@ -1,4 +1,4 @@
-"""A detector service on a bus in memory, its truth, and what it publishes."""
+"""A detector service on an in-memory bus, with its ground truth and what it publishes."""
 
 from detector_scene import SceneTruth, context_of
 from helios_core import proto as pb
@@ -20,7 +20,7 @@ CONTEXT_1 = SearchContext(
 
 
 class Rig:
-    """A detector service, its truth, and what it publishes."""
+    """A detector service, its ground truth, and what it publishes."""
 
     def __init__(
         self, detector: DetectorBackend | None = None, scorer: ScorerBackend | None = None
@@ -51,7 +51,7 @@ class Rig:
 
 
 class Faulty(DetectorBackend):
-    """Raises what no back end should."""
+    """Raises an error type that no back end should raise."""
 
     name = "faulty"
 
@@ -65,7 +65,7 @@ class Faulty(DetectorBackend):
         raise ZeroDivisionError("model")
 
     def warm_up(self) -> None:
-        """Always warm."""
+        """Needs no warm-up."""
 
     def close(self) -> None:
-        """Holds nothing."""
+        """Holds no resources."""

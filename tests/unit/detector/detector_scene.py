@@ -17,7 +17,7 @@ CAMERA = Pinhole(300.0, 300.0, 160.0, 120.0, 320, 240)
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-aligned thing."""
+    """An axis-aligned box that stands for an object."""
 
     id: int
     class_name: str
@@ -79,7 +79,7 @@ def frame_of(
 
 @dataclass
 class SceneTruth:
-    """Knows the truth of every frame it has made."""
+    """The ground truth of every frame that it has made."""
 
     boxes: tuple[Box, ...] = ROOM
     ids: dict[int, NDArray[np.uint16]] = field(default_factory=dict)

@@ -80,7 +80,7 @@ def lengthen(frame: pb.Frame, rng: random.Random) -> None:
 
 
 def bomb(frame: pb.Frame, rng: random.Random) -> None:
-    """A header that promises up to gigapixels."""
+    """A header that claims up to gigapixels."""
     image = rng.choice(_images(frame))
     if hasattr(image, "width"):
         image.width, image.height = rng.choice(SIZES), rng.choice(SIZES)
@@ -94,7 +94,7 @@ def bomb(frame: pb.Frame, rng: random.Random) -> None:
 
 @cache
 def giant_png() -> bytes:
-    """A whole image of 100 megapixels in a few hundred kilobytes."""
+    """A valid image of 100 megapixels in a few hundred kilobytes."""
     return cv2.imencode(".png", np.zeros((10_000, 10_000), np.uint8))[1].tobytes()
 
 
@@ -113,7 +113,7 @@ def encoding(frame: pb.Frame, rng: random.Random) -> None:
 
 
 def float_depth(frame: pb.Frame, rng: random.Random) -> None:
-    """Depth as floats with numbers that are none."""
+    """Depth as floats with NaN, infinite, negative and huge values."""
     depth_m = frame_of().depth_m.copy()
     for _ in range(20):
         y, x = rng.randrange(240), rng.randrange(320)
@@ -150,7 +150,7 @@ def drop_field(frame: pb.Frame, rng: random.Random) -> None:
 
 
 def swap(frame: pb.Frame, rng: random.Random) -> None:
-    """Colour where depth should be, and the other way round."""
+    """Colour in place of depth, or depth in place of colour."""
     if frame.HasField("raw_color") and frame.HasField("raw_depth"):
         frame.raw_color.CopyFrom(frame.raw_depth)
     elif frame.HasField("compressed_depth") and frame.HasField("compressed_color"):
@@ -164,7 +164,7 @@ MUTATIONS: tuple[Mutation, ...] = (
 
 
 def run(frames: int, detector: DetectorBackend, seed: int = 0) -> Counter[str]:
-    """Counters of the service after `frames` mutated ones. Raises AssertionError on a loss."""
+    """The service's counters after `frames` mutated ones. Raises AssertionError on a lost frame."""
     rng, health, hub = random.Random(seed), Health(), MemoryHub()
     service = DetectorService(MemoryBus(hub), detector, LexicalScorer(), health)
     out: Counter[str] = Counter()
@@ -195,7 +195,7 @@ def run(frames: int, detector: DetectorBackend, seed: int = 0) -> Counter[str]:
 
 
 def opened(spec: str, folder: Path) -> DetectorBackend:
-    """What a setting names; a tiny OWLv2 with random weights where it names nothing."""
+    """The detector of a setting; a tiny OWLv2 with random weights if the setting is empty."""
     if not spec:
         import tiny_models
 

@@ -1,4 +1,4 @@
-"""Writes an installed package with back ends of its own, as somebody outside would publish it."""
+"""Writes an installed package with its own back ends, as a third party would publish it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever comes of a keyframe, the detector acknowledges that it has ended with it, once."""
+"""The detector acknowledges each keyframe exactly once, whatever its outcome."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def test_an_answered_keyframe_is_acknowledged_after_its_observation() -> None:
     assert (ack.accepted, ack.reason, len(rig.observations)) == (True, "", 1)
 
 
-class Refusing(Faulty):
-    """Raises what it is given."""
+class FailingDetector(Faulty):
+    """Raises the given error in `detect`."""
 
     def __init__(self, error: BaseException) -> None:
         self.error = error
@@ -37,8 +37,8 @@ class Refusing(Faulty):
         raise self.error
 
 
-class RefusingScorer(LexicalScorer):
-    """Raises what it is given."""
+class FailingScorer(LexicalScorer):
+    """Raises the given error in `judge`."""
 
     def __init__(self, error: BaseException) -> None:
         super().__init__()
@@ -54,10 +54,10 @@ FAULTS = (InvalidInput("no mug model"), KeyError("mug"), SystemExit(3), MemoryEr
 @pytest.mark.parametrize("error", FAULTS, ids=lambda e: type(e).__name__)
 @pytest.mark.parametrize(
     "made",
-    [lambda e: Rig(Refusing(e)), lambda e: Rig(scorer=RefusingScorer(e))],
+    [lambda e: Rig(FailingDetector(e)), lambda e: Rig(scorer=FailingScorer(e))],
     ids=["detector", "scorer"],
 )
-def test_a_keyframe_that_a_back_end_refuses_is_acknowledged_with_the_reason_of_the_status(
+def test_a_failed_keyframe_is_acknowledged_with_the_reason_shown_in_health(
     made: Callable[[BaseException], Rig], error: BaseException
 ) -> None:
     rig = made(error)
@@ -70,7 +70,7 @@ def test_a_keyframe_that_a_back_end_refuses_is_acknowledged_with_the_reason_of_t
     assert rig.health.state[0] == "degraded"
 
 
-def test_a_keyframe_that_cannot_be_read_is_acknowledged() -> None:
+def test_an_unreadable_keyframe_is_acknowledged_as_refused() -> None:
     rig = Rig()
     rig.look_for()
     frame = rig.frame(4)
@@ -81,7 +81,7 @@ def test_a_keyframe_that_cannot_be_read_is_acknowledged() -> None:
     assert ack.reason
 
 
-def test_a_held_keyframe_is_acknowledged_when_a_newer_one_takes_its_place() -> None:
+def test_a_held_keyframe_is_refused_when_a_newer_keyframe_replaces_it() -> None:
     rig = Rig()
     rig.bus.publish(KEYFRAME, rig.frame(1))
     assert not rig.acks  # it may still be answered

@@ -1,4 +1,4 @@
-"""Box to mask: the thing, not what carries it nor what is behind it."""
+"""`box_to_mask`: the mask holds the object, not its support surface or its background."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def grown(box: Box, by_px: int) -> Box:
 
 @pytest.mark.parametrize("thing", [MUG, BOWL], ids=lambda b: b.class_name)
 @pytest.mark.parametrize("x_m", [0.2, 0.5, 0.9])
-def test_mask_of_a_thing_on_a_table_is_the_thing(thing, x_m):
+def test_the_mask_of_an_object_on_a_table_covers_the_object_and_not_the_table(thing, x_m):
     T = looking(x_m)
     depth_m, ids = render(ROOM, T)
     truth = ids == thing.id
@@ -28,7 +28,7 @@ def test_mask_of_a_thing_on_a_table_is_the_thing(thing, x_m):
     assert (mask & truth).sum() / truth.sum() > 0.7
 
 
-def test_noise_and_holes_in_depth_leave_the_mask_on_the_thing():
+def test_the_mask_stays_on_the_object_with_noise_and_holes_in_the_depth_image():
     T = looking()
     clean, ids = render(ROOM, T)
     rng = np.random.default_rng(0)
@@ -40,9 +40,9 @@ def test_noise_and_holes_in_depth_leave_the_mask_on_the_thing():
     assert abs(np.median(depth_m[mask]) - np.median(clean[truth])) < 0.02
 
 
-def test_a_thing_seen_before_a_far_wall_is_not_the_wall():
+def test_the_mask_of_an_object_excludes_a_far_background():
     T = looking()
-    depth_m, ids = render(ROOM[1:], T)  # no table: mug and bowl hang before floor and wall
+    depth_m, ids = render(ROOM[1:], T)  # no table: mug and bowl float before floor and wall
     truth = ids == MUG.id
     mask = box_to_mask(depth_m, grown(box_of(truth), 5), CAMERA, T)
     assert (mask & truth).sum() / mask.sum() > 0.95
@@ -57,7 +57,7 @@ def test_mask_of_a_table_has_its_surface_and_no_floor():
     assert not (mask & (ids == 0)).any()
 
 
-def test_a_flat_thing_is_not_taken_away_with_its_table():
+def test_a_flat_object_is_not_removed_with_the_table_below():
     book = TABLE.__class__(9, "book", (1.7, 0.0, 0.75), (1.9, 0.15, 0.752), True)
     T = looking()
     depth_m, ids = render((TABLE, book), T)
@@ -77,7 +77,7 @@ def test_box_without_valid_depth_gives_an_empty_mask():
     keep_surface=st.booleans(),
     seed=st.integers(0, 100),
 )
-def test_any_box_on_any_depth_stays_within_box_and_valid_depth(box, keep_surface, seed):
+def test_a_mask_stays_within_its_box_and_within_valid_depth(box, keep_surface, seed):
     clipped = clip_box(box, *SHAPE)
     if clipped is None:
         return

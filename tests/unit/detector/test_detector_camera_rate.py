@@ -1,4 +1,4 @@
-"""The command that sends a camera's frames through a detector process and weighs the answers."""
+"""The study of a detector process at the rate of a camera: ages, drops, mask depths, arguments."""
 
 from collections import Counter
 from dataclasses import replace
@@ -16,7 +16,7 @@ KITCHEN = SHARED / "data" / "redkitchen"
 MODEL = SHARED / "models" / "yolox_nano.onnx"
 
 
-def test_ages_drops_and_keyframes_are_counted_by_number():
+def test_ages_drops_and_keyframe_answers_are_matched_by_sequence_number():
     sent = {1: 0.0, 2: 1.0, 3: 2.0, 5: 3.0}
     answered = {1: 0.01, 3: 2.2, 5: 3.03, 9: 4.0}  # 9 was a keyframe
     observed = Counter({9: 1, 10: 2})
@@ -33,8 +33,8 @@ def test_a_stream_without_an_answer_is_an_error():
         rate_of({1: 0.0}, {}, [], Counter(), 100.0, 0.0)
 
 
-def seen_with(mask_depth_m: float, box: tuple[int, int, int, int]) -> Observation:
-    """The scene's frame with one mug whose mask lies at a depth."""
+def observation_at_depth(mask_depth_m: float, box: tuple[int, int, int, int]) -> Observation:
+    """An observation of the scene with one mug whose mask lies at this depth."""
     frame = frame_of()
     depth_m = np.full_like(frame.depth_m, mask_depth_m)
     mask = np.zeros(depth_m.shape, bool)
@@ -43,14 +43,14 @@ def seen_with(mask_depth_m: float, box: tuple[int, int, int, int]) -> Observatio
     return Observation(frame, "c", (Detection("mug", 0.9, box, mask),), {}, "d")
 
 
-def test_a_mask_counts_by_the_depth_of_its_middle():
+def test_a_mask_is_judged_by_its_median_depth_at_the_objects_centre():
     frame = frame_of()
     camera, T = frame.camera, frame.T_world_cam
     center_m = (T @ np.array([0, 0, 1.5, 1]))[:3]  # on the optical axis, 1.5 m away
     u, v = round(camera.cx), round(camera.cy)
     box = (u - 10, v - 10, u + 10, v + 10)
-    near, far = seen_with(1.46, box), seen_with(1.7, box)
-    aside = seen_with(1.5, (0, 0, 20, 20))
+    near, far = observation_at_depth(1.46, box), observation_at_depth(1.7, box)
+    aside = observation_at_depth(1.5, (0, 0, 20, 20))
     got = middles_of([near, far, aside], "mug", center_m, 0.07)
     assert (got.in_view, got.found, got.within) == (3, 2, 1)
     assert got.share == 0.5
@@ -65,7 +65,7 @@ def test_a_mask_counts_by_the_depth_of_its_middle():
         (["/tmp", "--detector", "onnx:x", "--hz", "0"], 2, "must be above 0"),
     ],
 )
-def test_wrong_use_is_one_sentence(
+def test_wrong_arguments_are_reported_in_one_sentence(
     args: list[str], status: int, sentence: str, capsys: pytest.CaptureFixture[str]
 ):
     assert main(args) == status
@@ -73,7 +73,7 @@ def test_wrong_use_is_one_sentence(
 
 
 @pytest.mark.skipif(not KITCHEN.is_dir(), reason=f"no real frames at {KITCHEN}")
-def test_a_model_that_is_not_there_ends_it_with_the_detectors_own_words(
+def test_a_missing_model_ends_the_study_with_the_detectors_message(
     capsys: pytest.CaptureFixture[str],
 ):
     assert main([str(KITCHEN), "--detector", "onnx:/no/model.onnx", "--cores", "0"]) == 1
@@ -82,10 +82,10 @@ def test_a_model_that_is_not_there_ends_it_with_the_detectors_own_words(
 
 @pytest.mark.skipif(not KITCHEN.is_dir(), reason=f"no real frames at {KITCHEN}")
 @pytest.mark.skipif(not MODEL.is_file(), reason=f"no model at {MODEL}")
-def test_on_real_frames_masks_are_right_and_every_keyframe_is_answered_once(
+def test_real_frames_get_right_masks_and_one_answer_per_keyframe(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ):
-    """Ages are for the command on a quiet machine: here the limit is off."""
+    """The age limit is off here: ages need a machine without other load."""
     args = ["--detector", f"onnx:{MODEL}", "--at", "1.80,0.715,0.80", "--at", "1.655,-0.265,0.785"]
     figures = tmp_path / "figures.json"
     status = main([str(KITCHEN), *args, "--seconds", "3", "--limit-ms", "1e6", "--cores", "0",

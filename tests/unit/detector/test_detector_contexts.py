@@ -1,4 +1,4 @@
-"""Search contexts that are wrong, beyond the vocabulary, or that the back end cannot take now."""
+"""Search contexts that are invalid, outside the vocabulary, or not yet taken by the back end."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.vocabulary_matching import fixed_wanted, refuse_unknown
 
 
-def test_a_class_outside_the_vocabulary_is_said_and_the_service_lives_on():
+def test_a_class_outside_the_vocabulary_is_reported_and_the_next_context_works():
     rig = Rig(Faulty())
     rig.look_for(context_of("unicorn"))
     state, reason = rig.health.state
@@ -27,7 +27,7 @@ def test_a_class_outside_the_vocabulary_is_said_and_the_service_lives_on():
     assert (rig.count("contexts_sought"), rig.count("classes_refused")) == (1, 0)
 
 
-def test_a_wrong_context_is_refused_and_the_old_one_stays():
+def test_an_invalid_context_is_refused_and_the_previous_context_stays():
     rig = Rig()
     rig.look_for()
     wrong = context_to_proto(CONTEXT_1)
@@ -39,7 +39,7 @@ def test_a_wrong_context_is_refused_and_the_old_one_stays():
     assert rig.count("contexts_refused") == 1
 
 
-def test_a_context_that_seeks_nothing_is_answered_without_asking_the_models():
+def test_keyframes_of_an_empty_context_are_answered_without_calling_the_models():
     class Untouched(Faulty):
         def refused(self, context):
             raise AssertionError("it was asked")
@@ -71,14 +71,14 @@ LONG = "x" * 301
         pb.SearchContext(prompts={f"layer{i}": "x" for i in range(17)}),
     ],
 )
-def test_a_context_beyond_all_measure_is_refused_and_counted(context: pb.SearchContext):
+def test_a_context_beyond_the_limits_is_refused_and_counted(context: pb.SearchContext):
     rig = Rig()
     rig.bus.publish(CONTEXT, context)
     assert rig.count("contexts_refused") == 1
     assert not rig.service.knows_context
 
 
-def test_a_class_outside_the_vocabulary_in_two_spellings_keeps_nothing_from_being_sought():
+def test_two_spellings_of_an_unknown_class_do_not_block_the_known_class():
     class Strict(Faulty):
         def detect(self, frame, context) -> Findings:
             refuse_unknown(fixed_wanted(context, COCO_NAMES)[1])
@@ -93,13 +93,13 @@ def test_a_class_outside_the_vocabulary_in_two_spellings_keeps_nothing_from_bein
 
 
 class Moody(GroundTruthDetector):
-    """Cannot always say what it would find."""
+    """Raises `fault` in `refused` while it is set."""
 
     def __init__(self, truth: SceneTruth) -> None:
         super().__init__(truth)
         self.fault: Exception | None = None
         self.asked: list[str] = []
-        self.meanwhile = lambda: None  # what happens while it is asked
+        self.meanwhile = lambda: None  # runs during the call
 
     def refused(self, context):
         self.asked.append(context.id)
@@ -127,7 +127,7 @@ AWAY = Unavailable("the text model is away")
         (KeyError("x"), "the detector ground-truth failed in refused() (KeyError: 'x')"),
     ],
 )
-def test_a_context_that_the_back_end_cannot_take_is_kept_and_tried_again(
+def test_a_context_that_the_back_end_cannot_take_yet_is_kept_and_retried(
     fault: Exception, said: str, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
@@ -146,10 +146,10 @@ def test_a_context_that_the_back_end_cannot_take_is_kept_and_tried_again(
     assert rig.health.state == ("ready", "")
     asked = len(moody.asked)
     rig.service.retry_context()
-    assert len(moody.asked) == asked  # there is nothing left to ask
+    assert len(moody.asked) == asked  # nothing is left to retry
 
 
-def test_a_keyframe_that_goes_well_does_not_hide_a_context_that_is_not_sought():
+def test_an_answered_keyframe_does_not_hide_a_pending_context_in_health():
     rig, moody = moody_rig()
     rig.look_for()
     moody.fault = AWAY
@@ -160,10 +160,10 @@ def test_a_keyframe_that_goes_well_does_not_hide_a_context_that_is_not_sought():
         "degraded", "search context c2 is not sought: the text model is away"
     )  # fmt: skip
     rig.service.retry_context()
-    assert moody.asked == ["c1", "c2"]  # too early to ask again
+    assert moody.asked == ["c1", "c2"]  # too early for a retry
 
 
-def test_a_newer_context_takes_the_place_of_one_that_waits(monkeypatch: pytest.MonkeyPatch):
+def test_a_newer_context_replaces_a_pending_context(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
     rig, moody = moody_rig()
     moody.fault = AWAY
@@ -177,7 +177,7 @@ def test_a_newer_context_takes_the_place_of_one_that_waits(monkeypatch: pytest.M
     assert rig.health.state == ("ready", "")
 
 
-def test_a_context_is_not_asked_for_again_while_the_back_end_is_at_it():
+def test_a_context_is_not_retried_while_the_back_end_works_on_it():
     rig, moody = moody_rig()
     moody.meanwhile = rig.service.retry_context
     rig.look_for()
@@ -185,7 +185,7 @@ def test_a_context_is_not_asked_for_again_while_the_back_end_is_at_it():
     assert rig.count("context_retries") == 0
 
 
-def test_a_context_that_the_back_end_calls_wrong_is_said_and_not_tried_again(
+def test_a_context_that_the_back_end_calls_invalid_is_reported_and_not_retried(
     monkeypatch: pytest.MonkeyPatch,
 ):
     monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)

@@ -1,4 +1,4 @@
-"""What a back end gives is held to its contract before it is sent."""
+"""The output of a back end is checked against its contract before it is sent."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def detection(score: float = 0.5, box: tuple[int, int, int, int] = (5, 5, 15, 15
     return Detection("mug", score, box, mask)
 
 
-def test_good_findings_pass_as_they_are():
+def test_valid_findings_pass_unchanged():
     good = Findings((detection(0.0), detection(1.0)), (Seen("mug", 0.3),))
     held, wrong = checked_findings(good, SHAPE)
     assert held is good
@@ -42,7 +42,7 @@ def test_good_findings_pass_as_they_are():
 
 
 @pytest.mark.parametrize(("score", "sent"), [(1.7, 1.0), (-0.2, 0.0), (float("inf"), 1.0)])
-def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: float):
+def test_a_score_outside_0_to_1_is_clipped_and_counted(score: float, sent: float):
     held, wrong = checked_findings(Findings((detection(score),), (Seen("mug", score),)), SHAPE)
     assert [d.score for d in held.detections] == [sent]
     assert [s.score for s in held.seen] == [sent]
@@ -60,13 +60,14 @@ def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: flo
         replace(detection(), mask=np.zeros(SHAPE, np.uint8)),
     ],
 )
-def test_what_fits_no_image_is_left_out_and_counted(bad: Detection):
+def test_an_invalid_detection_is_dropped_and_counted(bad: Detection):
     held, wrong = checked_findings(Findings((bad, detection()), ()), SHAPE)
     assert len(held.detections) == 1
     assert wrong.counts == {"detections_refused": 1}
 
 
-def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
+def test_a_box_smaller_than_its_mask_is_widened_to_the_mask():
+    """Only mask pixels within the box are sent."""
     held, wrong = checked_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
     assert held.detections[0].box_xyxy == (8, 5, 15, 15)
     assert wrong.counts == {"boxes_widened": 1}
@@ -78,7 +79,7 @@ def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
     score=st.floats(allow_nan=True, allow_infinity=True),
     box=st.tuples(*[st.integers(-5, 65)] * 4),
 )
-def test_whatever_a_back_end_gives_can_be_sent_and_read(
+def test_any_score_and_box_gives_an_observation_that_can_be_sent_and_read(
     score: float, box: tuple[int, int, int, int]
 ):
     frame = frame_of()
@@ -93,7 +94,7 @@ def test_whatever_a_back_end_gives_can_be_sent_and_read(
         assert d.mask.sum() == 16
 
 
-def test_a_scorers_numbers_are_cut_and_what_is_none_is_left_out():
+def test_layer_scores_are_clipped_and_nan_is_dropped():
     held, wrong = checked_judgement(Judgement({"pick": 1.5, "place": 0.5}), {"pick", "place"})
     assert held.scores == {"pick": 1.0, "place": 0.5}
     assert wrong.counts == {"scores_clipped": 1}
@@ -104,7 +105,7 @@ def test_a_scorers_numbers_are_cut_and_what_is_none_is_left_out():
     assert "nan as the score of 'pick', wanted a number from 0 to 1" in wrong.sentence
 
 
-def test_the_service_counts_what_a_foreign_back_end_does_wrong_and_sends_the_rest():
+def test_the_service_clips_and_counts_a_score_above_1_and_sends_the_detection():
     class Boasting(GroundTruthDetector):
         name = "boasting"
 
@@ -124,7 +125,7 @@ def test_the_service_counts_what_a_foreign_back_end_does_wrong_and_sends_the_res
     assert health.metrics()["keyframes_answered"] == 1
 
 
-def test_an_observation_of_a_foreign_process_with_such_a_score_is_refused():
+def test_a_received_observation_with_a_score_outside_0_to_1_is_refused():
     truth, hub, seen = SceneTruth(), MemoryHub(), []
     bus = MemoryBus(hub)
     bus.subscribe(OBSERVATION, seen.append)
@@ -137,10 +138,10 @@ def test_an_observation_of_a_foreign_process_with_such_a_score_is_refused():
             observation_from_proto(seen[0])
 
 
-def test_a_mask_may_go_a_little_beyond_its_box_and_specks_elsewhere_are_dropped():
+def test_a_mask_may_exceed_its_box_slightly_and_distant_specks_are_dropped():
     mask = np.zeros(SHAPE, bool)
-    mask[10:20, 10:22] = True  # the thing, beyond a box that ends at 20
-    mask[12, 22:58] = True  # what leaked out of it
+    mask[10:20, 10:22] = True  # the object, beyond a box that ends at 20
+    mask[12, 22:58] = True  # a leak out of the object
     mask[30:33, 50:53] = mask[8, 22] = True  # specks
     kept = near_box(mask, (10, 10, 20, 20))
     assert box_of(kept) == (10, 10, 22, 20)

@@ -1,4 +1,4 @@
-"""The detector's own threads: what failed is tried again or said; none of them ends unseen."""
+"""Faults in the detector's own threads are retried or reported in health, never lost."""
 
 import threading
 from typing import Any
@@ -25,11 +25,13 @@ from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from tests.support import wait_until
 
 
-def models_that_work() -> Models:
+def working_models() -> Models:
     return Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
 
 
-def test_a_detector_whose_start_fails_unforeseen_says_so(monkeypatch: pytest.MonkeyPatch):
+def test_an_unexpected_fault_at_the_start_of_a_detector_is_reported_in_health(
+    monkeypatch: pytest.MonkeyPatch,
+):
     def broken(*_: Any) -> Models:
         raise RuntimeError("torch is torn")
 
@@ -44,7 +46,7 @@ def test_a_detector_whose_start_fails_unforeseen_says_so(monkeypatch: pytest.Mon
 
 
 class Moody(GroundTruthDetector):
-    """Cannot take a context at the first two times."""
+    """Raises Unavailable for a context the first two times."""
 
     asked = 0
 
@@ -55,7 +57,7 @@ class Moody(GroundTruthDetector):
         return super().refused(context)
 
 
-def test_a_hosted_detector_tries_a_context_again_that_its_back_end_could_not_take(
+def test_a_hosted_detector_retries_a_context_that_its_back_end_could_not_take(
     monkeypatch: pytest.MonkeyPatch,
 ):
     hub, health = MemoryHub(), Health()
@@ -70,7 +72,7 @@ def test_a_hosted_detector_tries_a_context_again_that_its_back_end_could_not_tak
     service.close()
 
 
-def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_came_meanwhile(
+def test_a_fleet_detector_retries_a_context_and_then_answers_the_held_keyframe(
     monkeypatch: pytest.MonkeyPatch,
 ):
     monkeypatch.setattr("helios_detector.service.CONTEXT_RETRY_S", 0.0)
@@ -89,7 +91,7 @@ def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_c
         slot.finish(1.0)
 
 
-def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
+def test_an_unexpected_fault_at_the_start_of_a_fleet_is_reported_to_every_robot(
     monkeypatch: pytest.MonkeyPatch,
 ):
     hub, health = MemoryHub(), Health()
@@ -97,8 +99,8 @@ def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
     for robot, status in reported.items():
         MemoryBus(hub, robot).subscribe(status_topic("detector"), status.CopyFrom)
 
-    class Torn(MemoryBus):
-        """Lets nobody subscribe to keyframes."""
+    class FaultyBus(MemoryBus):
+        """Raises when somebody subscribes to keyframes."""
 
         def subscribe(self, topic: Any, handler: Any) -> Any:
             if topic is KEYFRAME:
@@ -106,10 +108,10 @@ def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
             return super().subscribe(topic, handler)
 
     def connect(_: Fleet, robot: str) -> MemoryBus:
-        return (Torn if robot == "bob" else MemoryBus)(hub, robot)
+        return (FaultyBus if robot == "bob" else MemoryBus)(hub, robot)
 
     monkeypatch.setattr(Fleet, "_connect", connect)
-    monkeypatch.setattr(fleet_module, "load_models", lambda *_: models_that_work())
+    monkeypatch.setattr(fleet_module, "load_models", lambda *_: working_models())
     settings = Settings(robots="ada,bob", detector="onnx:x")
     fleet = Fleet(MemoryBus(hub, "_detectors"), health, settings)
     try:
@@ -126,8 +128,8 @@ def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
         fleet.close()
 
 
-def test_a_desk_outlives_what_nobody_foresaw_and_says_it_meanwhile():
-    class Torn(MemoryBus):
+def test_a_robot_slot_survives_an_unexpected_fault_and_reports_it_meanwhile():
+    class FaultyBus(MemoryBus):
         torn = True
 
         def serve(self, method: Method[Any, Any], handler: Any) -> Any:
@@ -136,14 +138,14 @@ def test_a_desk_outlives_what_nobody_foresaw_and_says_it_meanwhile():
             return super().serve(method, handler)
 
     hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
-    bus, reported = Torn(hub, "ada"), pb.ServiceStatus()
+    bus, reported = FaultyBus(hub, "ada"), pb.ServiceStatus()
     MemoryBus(hub, "ada").subscribe(status_topic("detector"), reported.CopyFrom)
     slot = RobotSlot("ada", bus, members, threading.Lock(), loading)
     try:
         wait_until(lambda: "RuntimeError: the session is torn" in reported.reason, 10, "it is told")
         assert reported.state == "degraded"
         bus.torn = False
-        slot.begin(models_that_work(), ModelUsage())
+        slot.begin(working_models(), ModelUsage())
         members.change(members.me, True, -10.0)
         wait_until(lambda: reported.state == "ready", 10, "it works")
     finally:

@@ -1,4 +1,4 @@
-"""Two detector processes share four robots: every keyframe is answered once, also when one dies."""
+"""Two detector processes share four robots: every keyframe is answered once, even if one dies."""
 
 import os
 import signal
@@ -42,7 +42,7 @@ ROBOTS = ("ada", "bob", "cleo", "dan")
 
 
 class Robot:
-    """Sends frames and counts answers."""
+    """A robot that sends frames and counts answers."""
 
     def __init__(self, endpoint: str, name: str) -> None:
         self.name, self.bus = name, ZenohBus(endpoint, name)
@@ -62,7 +62,7 @@ class Robot:
         return self.seq
 
     def meet(self) -> None:
-        """What is sent before the detectors know this robot is lost."""
+        """Sends keyframes until one is answered: those before a detector subscribes are lost."""
 
         def answered() -> bool:
             return bool(self.answers) or not self.send()
@@ -117,7 +117,7 @@ def fleets(tmp_path: Path) -> Iterator[Fleets]:
 
 
 def shares(robots: list[Robot]) -> list[int]:
-    """How many robots each detector says it serves; empty until all of them are served."""
+    """Numbers of robots per detector, from their status; empty until all robots are served."""
     if not all(r.statuses and r.statuses[-1].state == "ready" for r in robots):
         return []
     return sorted(Counter(r.statuses[-1].instance for r in robots).values())
@@ -140,7 +140,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
             "every keyframe is answered",
         )  # fmt: skip
 
-        # One dies with work in hand: the other takes over what was not answered.
+        # One dies while it works: the other takes over the unanswered keyframes.
         for robot in robots:
             robot.send()
         first.send_signal(signal.SIGKILL)
@@ -155,7 +155,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
             reply = robot.bus.call(VOCABULARY, pb.Empty(), 5.0)
             assert (reply.open, reply.detector, reply.scorer) == (True, "patient:0.05", "half")
 
-        # One that comes back takes its share again.
+        # A new detector takes its share.
         fleets.detector()
         wait_until(lambda: shares(robots) == [2, 2], 60, "two are at work again")
         last = [robot.send() for robot in robots]
@@ -171,7 +171,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
 
 
 @pytest.mark.timeout(240)
-def test_a_frozen_detector_counts_as_gone_and_takes_its_share_again(fleets: Fleets):
+def test_a_frozen_detector_loses_its_robots_and_takes_its_share_when_it_resumes(fleets: Fleets):
     first, _ = fleets.detector(), fleets.detector()
     robots = fleets.robots()
     try:
@@ -198,7 +198,7 @@ def test_a_frozen_detector_counts_as_gone_and_takes_its_share_again(fleets: Flee
 
 
 @pytest.mark.timeout(120)
-def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
+def test_a_model_that_cannot_be_loaded_is_reported_to_every_robot(fleets: Fleets):
     fleets.detector("patient:-1")
     robots = fleets.robots()
     try:
@@ -212,7 +212,7 @@ def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
             robot.bus.close()
 
 
-def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_after():
+def test_a_robot_gets_the_loading_state_until_the_models_work_and_never_after():
     hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
     reported: list[str] = []
     MemoryBus(hub, "ada").subscribe(status_topic("detector"), lambda s: reported.append(s.state))
@@ -233,12 +233,12 @@ def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_af
         slot.finish(1.0)
 
 
-def test_no_robot_has_the_name_under_which_detectors_meet():
+def test_a_robot_cannot_have_the_name_of_the_fleet_bus():
     with pytest.raises(InvalidInput, match="no robot can be called"):
         robot_names(FLEET_BUS)
 
 
-def test_the_simulators_detectors_serve_one_robot():
+def test_a_simulated_detector_is_refused_for_several_robots():
     settings = Settings(robots="ada,bob", detector="simulated")
     with pytest.raises(InvalidInput, match="knows one simulated world; start one for each robot"):
         Fleet(MemoryBus(MemoryHub(), "_detectors"), Health(), settings)

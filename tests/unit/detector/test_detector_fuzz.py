@@ -1,4 +1,4 @@
-"""Mutated frames against real models; the long runs are those of `fuzz_frames.py`."""
+"""Mutated frames against real models; `fuzz_frames.py` makes the long runs."""
 
 import random
 from pathlib import Path
@@ -20,7 +20,7 @@ def test_300_mutated_frames_are_answered_or_refused(tmp_path: Path):
 
 
 @pytest.mark.skipif(not YOLOX.is_file(), reason=f"no model at {YOLOX}")
-def test_and_so_they_are_with_yolox(tmp_path: Path):
+def test_300_mutated_frames_are_answered_or_refused_with_yolox(tmp_path: Path):
     pytest.importorskip("onnxruntime")
     counts = fuzz_frames.run(300, fuzz_frames.opened(f"onnx:{YOLOX}", tmp_path), seed=2)
     assert counts["keyframes_refused"] > 100

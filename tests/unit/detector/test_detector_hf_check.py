@@ -16,7 +16,7 @@ def image(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_runs_detector_masks_scorer_and_depth_and_draws_what_was_found(
+def test_the_command_runs_detector_masks_scorer_and_depth_and_draws_detections(
     image: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     names = ("owlv2", "sam2", "clip", "depth-pro")
@@ -47,7 +47,7 @@ def test_it_runs_detector_masks_scorer_and_depth_and_draws_what_was_found(
         (["--scorer", "minilm", "--image", "/no/image.png"], 2, "is no image that can be read"),
     ],
 )
-def test_what_keeps_it_from_working_is_one_sentence_and_a_status(
+def test_a_fault_gives_one_sentence_and_an_exit_status(
     args: list[str], status: int, sentence: str, image: Path, capsys: pytest.CaptureFixture[str]
 ):
     assert main(["--image", str(image), *args]) == status
@@ -55,7 +55,7 @@ def test_what_keeps_it_from_working_is_one_sentence_and_a_status(
 
 
 @pytest.mark.parametrize("classes", ["", " , ", "mug=often"])
-def test_classes_that_cannot_be_read_are_refused(
+def test_unreadable_classes_are_refused(
     classes: str, image: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     owl = tiny_models.write("owlv2", tmp_path / "owl")

@@ -1,4 +1,4 @@
-"""Depth from colour, on tiny models with random weights: metres, focal lengths, the bus."""
+"""Depth from colour with tiny models of random weights: metres, focal lengths, service calls."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ def library_answer(folder: Path, color: np.ndarray) -> dict:
         return processor.post_process_depth_estimation(out, target_sizes=[color.shape[:2]])[0]
 
 
-def test_with_its_own_focal_length_depth_pro_is_the_librarys(models: dict[str, Path]):
+def test_depth_pro_with_its_own_focal_length_equals_the_librarys_result(models: dict[str, Path]):
     wanted = library_answer(models["depth-pro"], COLOR)
     for made in (
         opened(models["depth-pro"], "own").estimate(COLOR, 300.0),
@@ -58,7 +58,7 @@ def test_with_its_own_focal_length_depth_pro_is_the_librarys(models: dict[str, P
         np.testing.assert_allclose(made.depth_m, wanted["predicted_depth"].numpy(), rtol=1e-3)
 
 
-def test_metres_grow_with_the_calibrated_focal_length(models: dict[str, Path]):
+def test_depth_is_proportional_to_the_calibrated_focal_length(models: dict[str, Path]):
     """depth = focal / (width * inverse depth)."""
     for kind in ("depth-pro", "depth-pro without focal"):
         depth = opened(models[kind])
@@ -68,7 +68,7 @@ def test_metres_grow_with_the_calibrated_focal_length(models: dict[str, Path]):
         np.testing.assert_allclose(far.depth_m, 2 * near.depth_m, rtol=1e-3)
 
 
-def test_a_metric_depth_anything_gives_its_metres_as_they_are(models: dict[str, Path]):
+def test_a_metric_depth_anything_model_gives_its_depth_unscaled(models: dict[str, Path]):
     wanted = library_answer(models["depth-anything"], COLOR)["predicted_depth"].numpy()
     made = opened(models["depth-anything"]).estimate(COLOR, 300.0)
     assert made.focal_px == 300.0
@@ -77,21 +77,23 @@ def test_a_metric_depth_anything_gives_its_metres_as_they_are(models: dict[str, 
 
 @pytest.mark.parametrize("precision", ["bfloat16", "float16"])
 @pytest.mark.parametrize("kind", ["depth-pro", "depth-anything"])
-def test_half_precision_changes_little(kind: str, precision: str, models: dict[str, Path]):
+def test_half_precision_changes_depth_by_at_most_10_percent(
+    kind: str, precision: str, models: dict[str, Path]
+):
     exact = opened(models[kind]).estimate(COLOR, 300.0).depth_m
     depth = opened(models[kind], placement=Placement("cpu", precision))
     depth.warm_up()
     np.testing.assert_allclose(depth.estimate(COLOR, 300.0).depth_m, exact, rtol=0.1)
 
 
-def test_a_model_without_metres_is_refused(models: dict[str, Path], tmp_path: Path):
+def test_a_model_without_metric_depth_is_refused(models: dict[str, Path], tmp_path: Path):
     with pytest.raises(InvalidInput, match="gives no metres; set depth to a Depth Pro"):
         opened(models["depth-anything relative"])
     with pytest.raises(InvalidInput, match="gives no metres"):
         opened(tiny_models.write("clip", tmp_path))
 
 
-def test_a_focal_length_that_nobody_knows_is_said(models: dict[str, Path]):
+def test_an_unknown_focal_length_is_refused(models: dict[str, Path]):
     for kind in ("depth-anything", "depth-pro without focal"):
         with pytest.raises(InvalidInput, match=r"came without a calibration.*send K"):
             opened(models[kind]).estimate(COLOR, None)
@@ -99,12 +101,12 @@ def test_a_focal_length_that_nobody_knows_is_said(models: dict[str, Path]):
             opened(models[kind], "own")
 
 
-def test_what_is_farther_than_a_message_can_say_is_no_depth(models: dict[str, Path]):
+def test_depth_beyond_the_range_of_a_message_becomes_no_depth(models: dict[str, Path]):
     far = opened(models["depth-pro"]).estimate(COLOR, 1e6)
     assert (far.depth_m == 0).all()
 
 
-def test_a_guess_that_no_camera_has_is_refused(models: dict[str, Path]):
+def test_an_impossible_estimated_field_of_view_is_refused(models: dict[str, Path]):
     depth = opened(models["depth-pro"], "own")
     with depth._model.use() as (model, _):
         model.fov_model.head.layers[-1].bias.fill_(200.0)  # degrees
@@ -112,7 +114,7 @@ def test_a_guess_that_no_camera_has_is_refused(models: dict[str, Path]):
         depth.estimate(COLOR, 300.0)
 
 
-def test_settings_open_a_depth_model_or_none(models: dict[str, Path]):
+def test_depth_none_opens_no_model_and_unknown_depth_settings_are_refused(models: dict[str, Path]):
     assert open_depth("none", DetectorOptions(), "calibrated") is None
     with pytest.raises(InvalidInput, match="set none or transformers:ID"):
         open_depth("stereo", DetectorOptions(), "calibrated")
@@ -132,16 +134,16 @@ def bus(models: dict[str, Path]) -> MemoryBus:
     return MemoryBus(hub)
 
 
-def test_the_bridge_fills_a_frame_before_it_is_published(bus: MemoryBus, models: dict[str, Path]):
+def test_the_bridge_adds_estimated_depth_to_a_frame(bus: MemoryBus, models: dict[str, Path]):
     blind = frame_of()
     filled = with_estimated_depth(blind, bus, 20.0)
     assert filled.camera == CAMERA
     wanted = opened(models["depth-pro"]).estimate(blind.color, CAMERA.fx).depth_m
     np.testing.assert_allclose(filled.depth_m, wanted, atol=6e-4)  # millimetres on the wire
-    frame_from_proto(frame_to_proto(filled))  # a frame like any other
+    frame_from_proto(frame_to_proto(filled))  # is still a valid frame
 
 
-def test_without_a_calibration_the_reply_says_its_own_focal_length(bus: MemoryBus):
+def test_the_reply_without_a_calibration_holds_the_estimated_focal_length(bus: MemoryBus):
     good, png = cv2.imencode(".png", COLOR[..., ::-1])
     assert good
     request = pb.DepthRequest()
@@ -163,7 +165,7 @@ def test_bad_requests_are_refused(bus: MemoryBus):
             bus.call(ESTIMATE_DEPTH, request, 5.0)
 
 
-def test_depths_that_were_made_are_counted(models: dict[str, Path]):
+def test_depth_estimates_are_counted_and_timed(models: dict[str, Path]):
     hub, health = MemoryHub(), Health()
     depth = opened(models["depth-pro"])
     DetectorService(
@@ -174,7 +176,7 @@ def test_depths_that_were_made_are_counted(models: dict[str, Path]):
     assert health.metrics()["depth_ms_median"] > 0
 
 
-def test_a_detector_without_depth_says_what_to_set():
+def test_a_detector_without_a_depth_model_names_the_setting():
     hub = MemoryHub()
     with pytest.raises(Unavailable):
         with_estimated_depth(frame_of(), MemoryBus(hub), 0.1)

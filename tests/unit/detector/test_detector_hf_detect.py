@@ -1,7 +1,7 @@
 """Every detection path of transformers, end to end, on tiny models with random weights.
 
-What a random model finds means nothing; that boxes, scores and masks are those of the library's own
-classes, and that they reach the detections, does.
+The detections of a random model mean nothing. The tests compare boxes, scores and masks with those
+of the library's own classes, and check that they reach the detections.
 """
 
 from pathlib import Path
@@ -34,8 +34,8 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(autouse=True)
-def suppress_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """OmDet-Turbo's own suppression needs the compiled part of torchvision; here it keeps all."""
+def no_suppression(monkeypatch: pytest.MonkeyPatch) -> None:
+    """OmDet-Turbo's suppression needs compiled code of torchvision; here it keeps all boxes."""
     monkeypatch.setattr(
         "transformers.models.omdet_turbo.processing_omdet_turbo.batched_nms",
         lambda boxes, scores, labels, iou: scores.argsort(descending=True),
@@ -43,7 +43,7 @@ def suppress_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def library_answer(family: str, folder: Path, color: np.ndarray) -> dict:
-    """What the library's own post-processing makes of the same image and phrases."""
+    """The result of the library's own post-processing for the same image and phrases."""
     import transformers
 
     processor = transformers.AutoProcessor.from_pretrained(folder)
@@ -58,14 +58,14 @@ def library_answer(family: str, folder: Path, color: np.ndarray) -> dict:
 
 
 @pytest.mark.parametrize("family", TEXT_TO_BOXES)
-def test_boxes_and_best_scores_are_the_librarys(family: str, models: dict[str, Path]):
+def test_boxes_and_best_scores_equal_the_librarys(family: str, models: dict[str, Path]):
     color = frame_of().color[:, :200]  # not square
     found = TextToBoxes(str(models[family]), family, CPU).find(
         color, PHRASES, np.zeros(3, np.float32)
     )
     wanted = library_answer(family, models[family], color)
     boxes, scores = wanted["boxes"].numpy(), wanted["scores"].numpy()
-    if family == "omdet-turbo":  # it sorts, keeps one entry per class, and clips to the image
+    if family == "omdet-turbo":  # which sorts, keeps one entry per class and clips to the image
         i, phrase = np.unravel_index(found.scores.argmax(), found.scores.shape)
         assert scores[0] == pytest.approx(found.scores.max(), abs=1e-5)
         assert wanted["labels"][0] == phrase
@@ -73,14 +73,16 @@ def test_boxes_and_best_scores_are_the_librarys(family: str, models: dict[str, P
         np.testing.assert_allclose(boxes[0], clipped, atol=1e-2)
         return
     np.testing.assert_allclose(found.boxes, boxes, atol=1e-3)
-    if family != "mm-grounding-dino":  # it takes the mean of a phrase's tokens, see below
+    if family != "mm-grounding-dino":  # which takes the mean of a phrase's tokens, see below
         ours = found.scores.max(1)
         assert (ours <= scores + 1e-5).all()
         same = np.isclose(ours, scores, atol=1e-5)
         assert same.any() if "dino" in family else same.all()
 
 
-def test_grounding_dino_takes_the_best_token_and_mm_the_mean(models: dict[str, Path]):
+def test_grounding_dino_scores_by_the_best_token_and_mm_grounding_dino_by_the_mean(
+    models: dict[str, Path],
+):
     import transformers
 
     color = frame_of().color
@@ -123,7 +125,7 @@ def test_a_frame_becomes_detections_with_masks_in_every_precision(
     assert {s.class_name for s in findings.seen} <= {"mug", "dining table"}
 
 
-def test_the_threshold_of_each_class_holds(models: dict[str, Path]):
+def test_each_class_has_its_own_threshold(models: dict[str, Path]):
     detector = HfDetector(f"transformers:{models['owlv2']}", CPU)
     low = detector.detect(frame_of(), context_of("mug", "bowl", threshold=0.01))
     classes = (SearchClass("mug", Role.OBJECT, 1.0), SearchClass("bowl", Role.OBJECT, 0.01))
@@ -132,7 +134,7 @@ def test_the_threshold_of_each_class_holds(models: dict[str, Path]):
     assert {d.class_name for d in high.detections} == {"bowl"}
 
 
-def test_what_is_found_by_a_synonym_carries_the_asked_name(models: dict[str, Path]):
+def test_a_detection_by_synonym_carries_the_name_of_its_class(models: dict[str, Path]):
     detector = HfDetector(f"transformers:{models['owlv2']}", CPU)
     classes = (SearchClass("zzz", Role.OBJECT, 0.01, ("mug", "bowl")),)
     found = detector.detect(frame_of(), SearchContext("c", classes)).detections
@@ -161,7 +163,7 @@ def test_landmarks_change_no_detection(family: str, models: dict[str, Path]):
     ]
 
 
-def test_more_phrases_than_a_text_encoder_takes_go_in_several_passes(models: dict[str, Path]):
+def test_phrases_beyond_the_text_encoders_limit_take_several_passes(models: dict[str, Path]):
     many = [f"thing{i:02d}" for i in range(20)]  # 7 tokens each, 64 in one pass
     finder = TextToBoxes(str(models["grounding-dino"]), "grounding-dino", CPU)
     found = finder.find(frame_of().color, many, np.zeros(20, np.float32))
@@ -170,7 +172,7 @@ def test_more_phrases_than_a_text_encoder_takes_go_in_several_passes(models: dic
     assert ((found.scores > 0).sum(1) <= 8).all()
 
 
-def test_masks_of_boxes_are_sam_2s_own(models: dict[str, Path]):
+def test_masks_of_boxes_equal_those_of_sam_2(models: dict[str, Path]):
     import transformers
 
     color, boxes = frame_of().color, np.array([[10, 20, 90, 100], [50, 5, 300, 200]], np.float32)
@@ -186,7 +188,7 @@ def test_masks_of_boxes_are_sam_2s_own(models: dict[str, Path]):
         assert (mask != wanted.numpy()).mean() < 1e-3
 
 
-def test_more_boxes_than_one_pass_holds_get_their_masks(models: dict[str, Path]):
+def test_boxes_beyond_the_limit_of_one_pass_all_get_masks(models: dict[str, Path]):
     boxes = np.tile(np.array([[10, 20, 90, 100]], np.float32), (40, 1))
     masks = BoxesToMasks(f"transformers:{models['sam2']}", CPU).masks(frame_of().color, boxes)
     assert masks.shape == (40, 240, 320)
@@ -194,7 +196,7 @@ def test_more_boxes_than_one_pass_holds_get_their_masks(models: dict[str, Path])
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
-def test_boxes_of_one_model_get_masks_of_another(precision: str, models: dict[str, Path]):
+def test_boxes_of_one_model_get_masks_from_another_model(precision: str, models: dict[str, Path]):
     detector = HfDetector(
         f"transformers:{models['owlv2']}", Placement("cpu", precision),
         f"transformers:{models['sam2']}",
@@ -207,7 +209,7 @@ def test_boxes_of_one_model_get_masks_of_another(precision: str, models: dict[st
         assert d.box_xyxy == (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
 
 
-def test_sam_3_gives_the_same_for_many_phrases_as_for_each(models: dict[str, Path]):
+def test_sam_3_gives_the_same_result_for_phrases_together_and_one_by_one(models: dict[str, Path]):
     finder, color = TextToMasks(str(models["sam3"]), CPU), frame_of().color
     phrases = [f"thing {i}" for i in range(11)]
     together = finder.find(color, phrases, np.zeros(11, np.float32))
@@ -222,7 +224,7 @@ def test_sam_3_gives_the_same_for_many_phrases_as_for_each(models: dict[str, Pat
         assert (together.masks[own] != alone.masks).mean() < 1e-3
 
 
-def test_sam_3_is_chosen_by_its_folder_and_gives_masks_itself(models: dict[str, Path]):
+def test_sam_3_is_recognised_by_its_folder_and_makes_its_own_masks(models: dict[str, Path]):
     detector = open_detector(
         f"transformers:{models['sam3']}", DetectorOptions(device="cpu", masks="depth")
     )
@@ -242,20 +244,20 @@ def test_an_unloaded_model_loads_again_with_the_next_frame(models: dict[str, Pat
     assert [d.box_xyxy for d in after.detections] == [d.box_xyxy for d in before.detections]
 
 
-def test_a_context_without_classes_asks_the_model_nothing(models: dict[str, Path]):
+def test_a_context_without_classes_does_not_load_the_model(models: dict[str, Path]):
     detector = HfDetector(f"transformers:{models['owlv2']}", CPU)
     assert detector.detect(frame_of(), SearchContext("c", ())).detections == ()
     assert not detector._finder.model.loaded
 
 
-def test_a_model_of_another_kind_is_refused_with_what_to_set(models: dict[str, Path]):
+def test_a_model_of_the_wrong_kind_is_refused_with_the_setting_to_change(models: dict[str, Path]):
     with pytest.raises(InvalidInput, match=r"is a 'sam2' model.*set detector to a model of one of"):
         HfDetector(f"transformers:{models['sam2']}", CPU)
     with pytest.raises(InvalidInput, match=r"is a 'owlv2' model, which makes no mask.*set masks"):
         HfDetector(f"transformers:{models['owlv2']}", CPU, f"transformers:{models['owlv2']}")
 
 
-def test_a_device_that_is_not_there_is_said(models: dict[str, Path]):
+def test_a_missing_device_and_an_unknown_precision_are_refused(models: dict[str, Path]):
     if torch.cuda.is_available():
         pytest.skip("this machine has CUDA")
     model = HfModel(

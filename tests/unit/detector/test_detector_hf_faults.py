@@ -1,4 +1,4 @@
-"""Whatever keeps a model from working becomes one typed error with one sentence to act on."""
+"""Each fault of a model becomes one typed error with one sentence that says what to do."""
 
 import errno
 import json
@@ -24,7 +24,7 @@ def response(status: int) -> Any:
 
 
 def wrapped(cause: Exception) -> OSError:
-    """As transformers raises it."""
+    """The error as transformers raises it."""
     error = OSError("You are trying to access something.\nMake sure …")
     error.__cause__ = cause
     return error
@@ -66,7 +66,7 @@ CAUSES = {
 
 
 @pytest.mark.parametrize("name", CAUSES)
-def test_each_cause_has_its_sentence(name: str):
+def test_each_load_fault_has_its_own_sentence(name: str):
     error, sentence = CAUSES[name]
     fault = load_fault(error, "a/b", "detector")
     assert isinstance(fault, Unavailable)
@@ -80,18 +80,18 @@ def test_a_fault_at_a_frame_is_internal_unless_memory_ran_out():
     assert isinstance(run_fault(MemoryError(), "a/b", "detector"), Unavailable)
 
 
-def test_a_folder_that_is_not_there_is_said(tmp_path: Path):
+def test_a_missing_model_folder_is_reported(tmp_path: Path):
     with pytest.raises(Unavailable, match=r"the model folder .*missing is not there; put config"):
         open_detector(f"transformers:{tmp_path / 'missing'}", DetectorOptions())
 
 
-def test_an_id_without_a_hub_is_said_and_may_be_tried_again(monkeypatch: pytest.MonkeyPatch):
+def test_an_unreachable_hub_is_reported_as_unavailable(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
     with pytest.raises(Unavailable, match="google/owlv2-of-nobody is not on this machine and"):
         open_detector("transformers:google/owlv2-of-nobody", DetectorOptions())
 
 
-def test_a_folder_without_a_model_is_said(tmp_path: Path):
+def test_a_folder_without_a_model_is_reported_as_incomplete(tmp_path: Path):
     with pytest.raises(Unavailable, match="is not complete"):
         open_detector(f"transformers:{tmp_path}", DetectorOptions())
 
@@ -112,14 +112,14 @@ def copy_of(folder: Path, to: Path, without: str = "") -> Path:
     return to
 
 
-def test_a_damaged_weight_file_is_said(owl: Path, tmp_path: Path):
+def test_a_damaged_weight_file_is_reported(owl: Path, tmp_path: Path):
     broken = copy_of(owl, tmp_path)
     (broken / "model.safetensors").write_bytes(b"\x00" * 100)
     with pytest.raises(Unavailable, match=r"a weight file of .* is damaged"), opened(broken).use():
         pass
 
 
-def test_missing_weights_are_said(owl: Path, tmp_path: Path):
+def test_missing_weights_are_reported(owl: Path, tmp_path: Path):
     with (
         pytest.raises(Unavailable, match=r"is not complete .*copy all of its files"),
         opened(copy_of(owl, tmp_path, "model.safetensors")).use(),
@@ -127,7 +127,7 @@ def test_missing_weights_are_said(owl: Path, tmp_path: Path):
         pass
 
 
-def test_a_missing_tokenizer_is_said(owl: Path, tmp_path: Path):
+def test_a_missing_tokenizer_is_reported(owl: Path, tmp_path: Path):
     with (
         pytest.raises(Unavailable, match="is not complete: its tokenizer knows"),
         opened(copy_of(owl, tmp_path, "tokenizer.json")).use(),
@@ -136,14 +136,14 @@ def test_a_missing_tokenizer_is_said(owl: Path, tmp_path: Path):
 
 
 def edited(folder: Path, to: Path, **config: Any) -> Path:
-    """A copy with other entries in its configuration."""
+    """A copy with changed entries in its configuration."""
     out = copy_of(folder, to)
     reported = json.loads((out / "config.json").read_text())
     (out / "config.json").write_text(json.dumps(reported | config))
     return out
 
 
-def test_a_cut_weight_file_is_said(owl: Path, tmp_path: Path):
+def test_a_truncated_weight_file_is_reported_as_damaged(owl: Path, tmp_path: Path):
     broken = copy_of(owl, tmp_path)
     whole = (broken / "model.safetensors").read_bytes()
     (broken / "model.safetensors").write_bytes(whole[:-5000])
@@ -152,20 +152,22 @@ def test_a_cut_weight_file_is_said(owl: Path, tmp_path: Path):
 
 
 @pytest.mark.parametrize("missing", ["config.json", "processor_config.json"])
-def test_a_folder_that_lacks_a_file_is_not_complete(owl: Path, tmp_path: Path, missing: str):
+def test_a_folder_that_lacks_a_file_is_reported_as_incomplete(
+    owl: Path, tmp_path: Path, missing: str
+):
     folder = copy_of(owl, tmp_path, missing)
     with pytest.raises(Unavailable, match=r"is not complete .*copy all of its files"):
         open_detector(f"transformers:{folder}", DetectorOptions(device="cpu")).warm_up()
 
 
-def test_a_cut_configuration_is_said(owl: Path, tmp_path: Path):
+def test_a_truncated_configuration_is_reported_as_damaged(owl: Path, tmp_path: Path):
     folder = copy_of(owl, tmp_path)
     (folder / "config.json").write_text('{"model_type": "owlv2"')
     with pytest.raises(Unavailable, match=r"a file of .* is damaged .*copy it again"):
         open_detector(f"transformers:{folder}", DetectorOptions())
 
 
-def test_weights_of_another_size_are_said(owl: Path, tmp_path: Path):
+def test_weights_that_do_not_fit_the_configuration_are_refused(owl: Path, tmp_path: Path):
     reported = json.loads((owl / "config.json").read_text())
     vision = reported["vision_config"] | {"intermediate_size": 64}
     folder = edited(owl, tmp_path, vision_config=vision)
@@ -173,8 +175,10 @@ def test_weights_of_another_size_are_said(owl: Path, tmp_path: Path):
         pass
 
 
-def test_a_model_without_the_heads_that_are_used_is_refused_not_answered_at_random(tmp_path: Path):
-    """A BLIP-2 that writes captions has the kind of the one that scores, and not its heads."""
+def test_a_model_whose_weights_lack_the_scoring_heads_is_refused(tmp_path: Path):
+    """A captioning BLIP-2 has the model type of a scoring one, but no scoring heads; these would
+    have random weights.
+    """
     folder = tiny_models.write("blip-2", tmp_path / "blip")
     weights = load_file(folder / "model.safetensors")
     without = {k: v for k, v in weights.items() if "itm_head" not in k and "_projection" not in k}
@@ -194,7 +198,7 @@ def test_code_that_comes_with_a_model_is_never_run(owl: Path, tmp_path: Path):
     assert not mark.exists()
 
 
-def test_weights_are_weighed_as_they_will_be_loaded(owl: Path, tmp_path: Path):
+def test_the_weight_size_is_computed_for_the_precision_that_is_loaded(owl: Path, tmp_path: Path):
     """Files may hold float32 and be loaded in half precision, or the other way round."""
     exact = weights_mb(str(owl))
     assert weights_mb(str(owl), 2) == pytest.approx(exact / 2, rel=0.01)
@@ -216,14 +220,14 @@ def test_weights_that_cannot_fit_are_refused_before_they_are_read(
         pass
 
 
-def test_memory_that_runs_out_at_a_frame_frees_the_model(owl: Path):
+def test_running_out_of_memory_at_a_frame_unloads_the_model(owl: Path):
     model = opened(owl)
     with pytest.raises(Unavailable, match="too little memory"), model.use():
         raise MemoryError
     assert not model.loaded
 
 
-def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_library_is_reported_with_the_extra_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(
         "importlib.util.find_spec", lambda name, package=None: None if name == "torch" else name
     )
@@ -232,7 +236,7 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("spec", ["transformers:", "owlv2", "onnx:x"])
-def test_a_spec_of_another_form_is_refused(spec: str):
+def test_a_malformed_model_spec_is_refused(spec: str):
     with pytest.raises(InvalidInput, match="set transformers:<model id or folder>"):
         source_of(spec, "detector")
 
@@ -251,14 +255,16 @@ def cache(owl: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_model_id_that_was_loaded_before_works_without_a_network(cache: Path):
+def test_a_cached_model_id_works_without_a_network(cache: Path):
     detector = open_detector("transformers:someone/owl", DetectorOptions(device="cpu"))
     detector.warm_up()
     with pytest.raises(Unavailable, match="someone/other is not on this machine"):
         open_detector("transformers:someone/other", DetectorOptions())
 
 
-def test_the_weights_of_a_cached_id_are_weighed_too(cache: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_weight_size_of_a_cached_model_id_is_checked_too(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+):
     assert weights_mb("someone/owl") > 0.01
     assert weights_mb("someone/other") == 0
     monkeypatch.setattr(model_runtime, "free_mb", lambda device: 0.001)

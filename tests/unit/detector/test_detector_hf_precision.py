@@ -1,4 +1,4 @@
-"""Where models run and in which precision when nobody says so."""
+"""Default device and precision of the models, and the number of threads."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from helios_detector.hf.model_runtime import HfModel, Placement, _device, _dtype
 
 
 def torch_with(cuda: bool, mps: bool = False, bf16: bool = True) -> Any:
-    """What is asked of torch, as if the machine had that."""
+    """The parts of torch that are queried, as on a machine with this hardware."""
     return SimpleNamespace(
         cuda=SimpleNamespace(is_available=lambda: cuda, is_bf16_supported=lambda: bf16),
         backends=SimpleNamespace(mps=SimpleNamespace(is_available=lambda: mps)),
@@ -28,7 +28,7 @@ def torch_with(cuda: bool, mps: bool = False, bf16: bool = True) -> Any:
         (False, False, True, "cpu", "float32"),
     ],
 )
-def test_half_precision_on_cuda_alone(
+def test_half_precision_is_the_default_on_cuda_only(
     cuda: bool, mps: bool, bf16: bool, device: str, precision: str
 ):
     machine = torch_with(cuda, mps, bf16)
@@ -37,7 +37,7 @@ def test_half_precision_on_cuda_alone(
     assert _dtype("float16", device, machine) == "float16"
 
 
-def test_a_model_on_the_processor_runs_on_as_many_threads_as_are_set(tmp_path: Path):
+def test_a_model_on_the_cpu_uses_the_set_number_of_threads(tmp_path: Path):
     before = torch.get_num_threads()
     folder = tiny_models.write("clip", tmp_path)
     try:
@@ -50,7 +50,7 @@ def test_a_model_on_the_processor_runs_on_as_many_threads_as_are_set(tmp_path: P
         torch.set_num_threads(before)
 
 
-def test_weights_are_halved_unless_a_model_keeps_them(tmp_path: Path):
+def test_weights_are_loaded_in_half_precision_unless_the_model_opts_out(tmp_path: Path):
     folder, half = str(tiny_models.write("clip", tmp_path)), Placement("cpu", "bfloat16")
     for halved, dtype in ((True, torch.bfloat16), (False, torch.float32)):
         handle = HfModel(folder, "scorer", half, "AutoModel", half_weights=halved)

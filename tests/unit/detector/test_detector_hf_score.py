@@ -1,4 +1,4 @@
-"""Image-text scoring with models of transformers, on tiny models with random weights."""
+"""Image-text scoring with transformers, on tiny models with random weights."""
 
 from pathlib import Path
 
@@ -45,22 +45,22 @@ def opened(folder: Path, head: str = "itc", precision: str = "float32") -> Score
     return open_scorer(f"transformers:{folder}", options)
 
 
-def picture_of_noise(seed: int = 0) -> np.ndarray:
+def noise_image(seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, (240, 320, 3), np.uint8)
 
 
 def frame(seed: int = 0):
     from dataclasses import replace
 
-    return replace(frame_of(), color=picture_of_noise(seed))
+    return replace(frame_of(), color=noise_image(seed))
 
 
-def test_clip_scores_are_the_cosines_of_the_models_own_forward(models: dict[str, Path]):
+def test_clip_scores_equal_the_cosines_of_the_models_own_forward_pass(models: dict[str, Path]):
     scores = opened(models["clip"]).score(frame(), (), PROMPTS)
     model = hf.CLIPModel.from_pretrained(models["clip"]).eval()
     processor = hf.AutoProcessor.from_pretrained(models["clip"])
     inputs = processor(
-        text=list(PROMPTS.values()), images=picture(picture_of_noise()), padding=True,
+        text=list(PROMPTS.values()), images=picture(noise_image()), padding=True,
         truncation=True, return_tensors="pt",
     )  # fmt: skip
     with torch.inference_mode():
@@ -71,15 +71,13 @@ def test_clip_scores_are_the_cosines_of_the_models_own_forward(models: dict[str,
 
 
 @pytest.mark.parametrize("family", ["siglip", "siglip2"])
-def test_siglip_scores_are_in_the_order_of_its_own_probabilities(
-    family: str, models: dict[str, Path]
-):
+def test_siglip_scores_map_the_models_own_cosines_to_0_to_1(family: str, models: dict[str, Path]):
     scorer = opened(models[family])
     sizes = {"patch_size": 8, "max_num_patches": 16} if family == "siglip2" else {}
     model = hf.AutoModel.from_pretrained(models[family]).eval()
     processor = hf.AutoProcessor.from_pretrained(models[family])
     inputs = processor(
-        text=list(PROMPTS.values()), images=picture(picture_of_noise()), padding="max_length",
+        text=list(PROMPTS.values()), images=picture(noise_image()), padding="max_length",
         max_length=16, truncation=True, return_tensors="pt", **sizes,
     )  # fmt: skip
     with torch.inference_mode():
@@ -90,12 +88,12 @@ def test_siglip_scores_are_in_the_order_of_its_own_probabilities(
 
 
 @pytest.mark.parametrize("head", ["itc", "itm"])
-def test_blip_2_scores_are_the_models_own_heads(head: str, models: dict[str, Path]):
+def test_blip_2_scores_equal_those_of_the_models_own_heads(head: str, models: dict[str, Path]):
     scores = opened(models["blip-2"], head).score(frame(), (), PROMPTS)
     model = hf.Blip2ForImageTextRetrieval.from_pretrained(models["blip-2"]).eval()
     processor = hf.AutoProcessor.from_pretrained(models["blip-2"])
     for layer, prompt in PROMPTS.items():
-        inputs = processor(images=picture(picture_of_noise()), text=prompt, return_tensors="pt")
+        inputs = processor(images=picture(noise_image()), text=prompt, return_tensors="pt")
         with torch.inference_mode():
             out = model(**inputs, use_image_text_matching_head=head == "itm")
         logits = out.logits_per_image[0]
@@ -105,7 +103,7 @@ def test_blip_2_scores_are_the_models_own_heads(head: str, models: dict[str, Pat
 
 @pytest.mark.parametrize("precision", ["bfloat16", "float16"])
 @pytest.mark.parametrize(("family", "head"), [(f, "itc") for f in FAMILIES] + [("blip-2", "itm")])
-def test_half_precision_changes_little(
+def test_half_precision_changes_scores_by_at_most_0_05(
     family: str, head: str, precision: str, models: dict[str, Path]
 ):
     exact = opened(models[family], head).score(frame(), (), PROMPTS)
@@ -135,7 +133,7 @@ def test_the_matching_head_sends_no_embedding_and_embeds_no_text(models: dict[st
     scorer = opened(models["blip-2"], "itm")
     judged = scorer.judge(frame(), (), PROMPTS)
     assert judged.scores.keys() == PROMPTS.keys()
-    assert judged.image is None  # what it gives is no cosine: the two must not meet in one layer
+    assert judged.image is None  # its score is no cosine: one layer must not mix the two
     with pytest.raises(
         InvalidInput, match=r"\(itm\) looks at the image and the text together.*itc"
     ):
@@ -156,7 +154,7 @@ def test_texts_are_embedded_once(models: dict[str, Path], monkeypatch: pytest.Mo
     assert asked == [list(PROMPTS.values()), ["a sofa"]]
 
 
-def test_few_texts_are_remembered(models: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
+def test_the_text_cache_has_a_limit(models: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("helios_detector.hf.scorer.TEXTS_REMEMBERED", 2)
     scorer = opened(models["clip"])
     assert isinstance(scorer, HfScorer)
@@ -180,20 +178,20 @@ def test_the_image_is_encoded_once_for_all_prompts(
         assert asked == [1]
 
 
-def test_without_prompts_no_image_is_looked_at(models: dict[str, Path]):
+def test_scoring_without_prompts_does_not_load_the_model(models: dict[str, Path]):
     scorer = opened(models["clip"])
     assert isinstance(scorer, HfScorer)
     assert scorer.judge(frame(), (), {}).scores == {}
     assert not scorer._model.loaded
 
 
-def test_a_long_prompt_is_cut_not_refused(models: dict[str, Path]):
+def test_a_long_prompt_is_truncated_and_not_refused(models: dict[str, Path]):
     for family in FAMILIES[:3]:
         scores = opened(models[family]).score(frame(), (), {"pick": "a very long mug " * 50})
         assert 0 <= scores["pick"] <= 1
 
 
-def test_the_observation_carries_the_embedding_and_a_prompt_can_be_asked_on_the_bus(
+def test_an_observation_carries_an_embedding_that_scores_later_prompts_over_the_bus(
     models: dict[str, Path],
 ):
     hub, truth, out = MemoryHub(), SceneTruth(), []
@@ -217,7 +215,7 @@ def test_the_observation_carries_the_embedding_and_a_prompt_can_be_asked_on_the_
         bus.call(EMBED_TEXT, pb.EmbedTextRequest(prompts=["a bed"] * 65), 5.0)
 
 
-def test_a_scorer_of_names_says_that_it_has_no_embeddings():
+def test_the_lexical_scorer_refuses_to_embed_text():
     with pytest.raises(InvalidInput, match="lexical looks at no image and has no embeddings"):
         LexicalScorer().embed_text(["a mug"])
 
@@ -229,19 +227,19 @@ def test_embeddings_of_two_models_are_not_compared():
 
 
 @pytest.mark.parametrize(("rows", "size"), [(0, 8), (1, 0), (3, 8), (1, 3)])
-def test_an_embedding_that_does_not_hold_together_is_refused(rows: int, size: int):
+def test_an_embedding_with_inconsistent_sizes_is_refused(rows: int, size: int):
     with pytest.raises(InvalidInput, match="send float16 values row by row"):
         embedding_from_proto(pb.Embedding(model="m", rows=rows, values=b"\0" * size))
 
 
-def test_a_model_or_head_of_another_kind_is_refused(models: dict[str, Path]):
+def test_an_unsupported_score_head_is_refused(models: dict[str, Path]):
     with pytest.raises(InvalidInput, match="score_head itm is of BLIP-2 alone"):
         opened(models["clip"], "itm")
     with pytest.raises(InvalidInput, match="score_head is 'best'; set one of itc, itm"):
         opened(models["clip"], "best")
 
 
-def test_a_detectors_model_is_no_scorer(tmp_path: Path):
+def test_a_detection_model_is_refused_as_a_scorer(tmp_path: Path):
     folder = tiny_models.write("owlv2", tmp_path)
     with pytest.raises(InvalidInput, match="compares no image with a text; set scorer to"):
         opened(folder)

@@ -1,4 +1,4 @@
-"""What the simulated detector can be asked for: everything in our homes, and no unicorn."""
+"""The simulated detector's vocabulary: every class of the generated homes, no unknown class."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def vocabulary() -> pb.VocabularyReply:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_every_task_of_the_homes_can_be_asked_for_as_it_is_written(
+def test_the_vocabulary_covers_every_task_of_the_generated_homes_as_written(
     seed: int, vocabulary: pb.VocabularyReply
 ) -> None:
     home = generate_home(seed, PRESETS["demo-v1"])
@@ -33,7 +33,7 @@ def test_every_task_of_the_homes_can_be_asked_for_as_it_is_written(
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGS["ovmm"].objects))
-def test_every_thing_of_the_benchmark_can_be_asked_for(
+def test_the_vocabulary_covers_every_object_of_the_benchmark(
     name: str, vocabulary: pb.VocabularyReply
 ) -> None:
     for receptacle in CATALOGS["ovmm"].receptacles:
@@ -43,11 +43,13 @@ def test_every_thing_of_the_benchmark_can_be_asked_for(
 
 
 @pytest.mark.parametrize("name", ["couch", "remote", "remote control", "counter", "red mug", "TV"])
-def test_other_words_for_them_are_understood(name: str, vocabulary: pb.VocabularyReply) -> None:
+def test_synonyms_of_household_classes_are_understood(
+    name: str, vocabulary: pb.VocabularyReply
+) -> None:
     assert in_vocabulary(parse(f"Find the {name}"), vocabulary).object
 
 
 @pytest.mark.parametrize("name", ["unicorn", "flurbwozzle"])
-def test_what_no_home_holds_is_refused_by_name(name: str, vocabulary: pb.VocabularyReply) -> None:
+def test_an_unknown_object_is_refused_by_name(name: str, vocabulary: pb.VocabularyReply) -> None:
     with pytest.raises(InvalidInput, match=f"does not know the object “{name}”"):
         in_vocabulary(parse(f"Move the {name} from the desk to the sofa"), vocabulary)

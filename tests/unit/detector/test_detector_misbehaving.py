@@ -1,4 +1,4 @@
-"""What a plug-in gives and cannot be used: left out, said, logged, and over after good output."""
+"""Unusable output of a plug-in is dropped, reported and logged; good output clears the report."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 Slip = Callable[[Findings], Any]
 
-LOOSE: Any = Findings  # takes what a plug-in without types would give it
+LOOSE: Any = Findings  # accepts values of any type, as an untyped plug-in gives
 
 
 class Slipping(GroundTruthDetector):
-    """Its findings go through a slip."""
+    """Passes its findings through `slip`, a faulty change, if one is set."""
 
     name = "slipping"
     slip: Slip | None = None
@@ -38,7 +38,7 @@ class Slipping(GroundTruthDetector):
 
 
 class Scoring(LexicalScorer):
-    """Gives what it was told to give."""
+    """Returns `given` as its scores, if it is set."""
 
     name = "scoring"
     given: Any = None
@@ -58,7 +58,7 @@ def slipping(slip: Slip | None = None) -> tuple[Rig, Slipping]:
 
 
 def each(**changes: Any) -> Slip:
-    """A slip that changes a field of every detection."""
+    """A slip that replaces these fields of every detection."""
 
     def slip(found: Findings) -> Findings:
         return Findings(tuple(replace(d, **changes) for d in found.detections), found.seen)
@@ -88,10 +88,10 @@ def small_masks(found: Findings) -> Findings:
         (lambda found: LOOSE((), ("mug", *found.seen)), "type str in seen, wanted Seen("),
     ],
 )
-def test_what_cannot_be_used_is_left_out_and_the_detector_says_why(slip: Slip, said: str) -> None:
+def test_unusable_output_is_dropped_and_the_reason_is_reported(slip: Slip, said: str) -> None:
     rig, detector = slipping(slip)
     rig.bus.publish(KEYFRAME, rig.frame(1))
-    assert len(rig.observations) == 1  # the frame is answered all the same
+    assert len(rig.observations) == 1  # the frame is still answered
     state, reason = rig.health.state
     assert state == "degraded"
     assert "the detector slipping gave in detect()" in reason
@@ -102,7 +102,7 @@ def test_what_cannot_be_used_is_left_out_and_the_detector_says_why(slip: Slip, s
     assert rig.health.state == ("ready", "")
 
 
-def test_what_is_good_of_a_frame_is_used() -> None:
+def test_valid_detections_beside_an_invalid_one_are_used() -> None:
     def one_bad(found: Findings) -> Findings:
         first, *rest = found.detections
         return Findings((replace(first, score=float("nan")), *rest), found.seen)
@@ -113,7 +113,9 @@ def test_what_is_good_of_a_frame_is_used() -> None:
     assert rig.count("detections_refused") == 1
 
 
-def test_a_score_out_of_range_is_cut_and_said_and_one_of_rounding_is_not() -> None:
+def test_a_score_out_of_range_is_clipped_and_reported_but_a_rounding_error_is_not_reported() -> (
+    None
+):
     rig, detector = slipping(each(score=3.0))
     rig.bus.publish(KEYFRAME, rig.frame(1))
     assert "3 as the score of a detection of" in rig.health.state[1]
@@ -132,7 +134,7 @@ def test_a_score_out_of_range_is_cut_and_said_and_one_of_rounding_is_not() -> No
         (lambda found: LOOSE(3, ()), "type int as detections, wanted a tuple"),
     ],
 )
-def test_findings_of_another_type_fail_the_frame_with_what_was_wanted(
+def test_findings_of_the_wrong_type_fail_the_frame_and_name_the_expected_type(
     slip: Slip, said: str
 ) -> None:
     rig, detector = slipping(slip)
@@ -147,7 +149,7 @@ def test_findings_of_another_type_fail_the_frame_with_what_was_wanted(
     assert rig.health.state == ("ready", "")
 
 
-def test_a_frame_without_a_find_does_not_make_a_slipping_detector_ready() -> None:
+def test_a_frame_without_detections_does_not_clear_a_reported_fault() -> None:
     rig, detector = slipping(small_masks)
     rig.bus.publish(KEYFRAME, rig.frame(1))
     detector.slip = lambda found: Findings((), ())
@@ -168,7 +170,7 @@ def test_a_frame_without_a_find_does_not_make_a_slipping_detector_ready() -> Non
         ({"pick": 0.5, "x": 1.0}, "a score for 'x'", {"pick": 0.5}),
     ],
 )
-def test_a_scorers_wrong_answer_is_said_and_the_detections_are_used(
+def test_invalid_scores_are_reported_and_the_detections_are_used(
     given: Any, said: str, sent: dict[str, float]
 ) -> None:
     scorer, context = Scoring(), context_of("mug")
@@ -189,7 +191,7 @@ def test_a_scorers_wrong_answer_is_said_and_the_detections_are_used(
 
 
 @pytest.mark.parametrize("given", [[0.5], 0.5, "much"])
-def test_scores_of_another_type_fail_the_frame_with_what_was_wanted(given: Any) -> None:
+def test_scores_of_the_wrong_type_fail_the_frame_and_name_the_expected_type(given: Any) -> None:
     scorer, truth = Scoring(), SceneTruth()
     rig = Rig(GroundTruthDetector(truth), scorer)
     rig.truth = truth
@@ -204,7 +206,7 @@ def test_scores_of_another_type_fail_the_frame_with_what_was_wanted(given: Any) 
     )
 
 
-def test_a_fault_is_logged_with_its_traceback_once_and_not_at_every_frame(
+def test_a_repeated_fault_is_logged_with_its_traceback_only_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     def boom(_: Findings) -> Findings:
@@ -219,7 +221,7 @@ def test_a_fault_is_logged_with_its_traceback_once_and_not_at_every_frame(
     assert [r.getMessage() for r in caplog.records if r.exc_info] == [said]
 
 
-def test_a_reason_that_repeats_is_logged_again_after_a_while_with_how_often_it_came(
+def test_a_repeated_reason_is_logged_again_after_the_period_with_its_count(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     now_s = 0.0
@@ -236,7 +238,7 @@ def test_a_reason_that_repeats_is_logged_again_after_a_while_with_how_often_it_c
     ("given", "said"),
     [("mug", "type str ('mug'), wanted a tuple of names"), ((), "type tuple"), (7, "type int")],
 )
-def test_a_vocabulary_of_another_type_is_said_to_whoever_asks(given: Any, said: str) -> None:
+def test_a_vocabulary_of_the_wrong_type_is_reported_to_the_caller(given: Any, said: str) -> None:
     rig, detector = slipping()
     detector.vocabulary = lambda: given
     with pytest.raises(Internal, match=r"the detector slipping .* in vocabulary") as error:
@@ -244,7 +246,7 @@ def test_a_vocabulary_of_another_type_is_said_to_whoever_asks(given: Any, said: 
     assert said in error.value.message
 
 
-def test_refusals_of_another_type_are_said() -> None:
+def test_refusals_of_the_wrong_type_are_reported() -> None:
     truth = SceneTruth()
     detector = Slipping(truth)
     cast(Any, detector).refused = lambda context: ["mug"]

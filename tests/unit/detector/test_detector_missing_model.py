@@ -1,4 +1,4 @@
-"""Real processes: the system says what the detector waits for, and shows its figures."""
+"""Real processes: the system reports what the detector waits for, and its metrics."""
 
 import os
 import subprocess
@@ -61,7 +61,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 @pytest.mark.timeout(240)
-def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_shown(
+def test_gateway_and_bus_report_a_missing_model_and_later_the_detectors_metrics(
     rig: Rig, tmp_path: Path
 ):
     missing = rig.detector("--detector", f"onnx:{tmp_path / 'model.onnx'}", "--retry-s", "0.2")
@@ -71,7 +71,7 @@ def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_show
     assert ready is not None
     assert ready.status_code == 503
     assert any(r.startswith("detector is waiting: ") for r in ready.json()["reasons"])
-    status = rig.get("/v1/status")  # what the dashboard and `helios status` show
+    status = rig.get("/v1/status")  # shown by the dashboard and `helios status`
     assert status is not None
     row = next(s for s in status.json()["services"] if s["name"] == "detector")
     assert row["state"] == "waiting"
@@ -79,7 +79,7 @@ def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_show
 
     bus = ZenohBus(rig.endpoint)
     try:
-        # Whoever asks the detector, as the planner does before a task, is told the same.
+        # A caller of the detector, like the planner before a task, gets the same reason.
         with pytest.raises(Unavailable, match=r"the detector is not ready: .*put a YOLOX model"):
             bus.call(VOCABULARY, pb.Empty(), 5.0)
         missing.kill()

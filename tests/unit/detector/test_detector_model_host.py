@@ -1,4 +1,4 @@
-"""From settings to a service: ready only when the models work, and what it says until then."""
+"""From settings to a service: ready only when the models work; until then it reports why not."""
 
 import threading
 from dataclasses import replace
@@ -43,7 +43,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny_models.write("clip", tmp_path_factory.mktemp("clip"))
 
 
-def test_models_of_a_folder_become_a_ready_service_that_answers(owl: Path, clip: Path):
+def test_a_service_with_models_from_folders_becomes_ready_and_answers(owl: Path, clip: Path):
     hub, health, seen = MemoryHub(), Health(), []
     bus = MemoryBus(hub)
     bus.subscribe(OBSERVATION, seen.append)
@@ -70,7 +70,7 @@ def test_models_of_a_folder_become_a_ready_service_that_answers(owl: Path, clip:
     service.close()
 
 
-def test_until_the_model_is_there_it_waits_and_says_for_what(owl: Path, tmp_path: Path):
+def test_the_service_waits_for_a_missing_model_and_reports_the_reason(owl: Path, tmp_path: Path):
     hub, health, link = MemoryHub(), Health(), tmp_path / "model"
     service = RobotDetector(MemoryBus(hub), health, settings(detector=f"transformers:{link}"))
     wait_until(lambda: "is not there; put config.json" in health.state[1], 10, "the reason")
@@ -83,7 +83,7 @@ def test_until_the_model_is_there_it_waits_and_says_for_what(owl: Path, tmp_path
     service.close()
 
 
-def test_a_wrong_setting_is_said_once_and_not_tried_again():
+def test_a_wrong_setting_is_reported_as_degraded_and_not_retried():
     health = Health()
     service = RobotDetector(MemoryBus(MemoryHub()), health, settings(scorer="oracle"))
     wait_until(lambda: health.state[0] == "degraded", 10, "degraded")
@@ -91,7 +91,9 @@ def test_a_wrong_setting_is_said_once_and_not_tried_again():
     service.close()
 
 
-def test_a_model_that_fails_in_its_warm_up_is_never_ready(monkeypatch: pytest.MonkeyPatch):
+def test_a_model_that_fails_in_its_warm_up_is_retried_and_never_ready(
+    monkeypatch: pytest.MonkeyPatch,
+):
     class Starved(GroundTruthDetector):
         def warm_up(self) -> None:
             raise Unavailable("there is too little memory for a/b; use a smaller model")
@@ -104,7 +106,7 @@ def test_a_model_that_fails_in_its_warm_up_is_never_ready(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(models_module, "open_models", open_starved)
     service = RobotDetector(MemoryBus(MemoryHub()), health, settings())
-    wait_until(lambda: len(opened) > 2, 10, "three tries")  # tried again
+    wait_until(lambda: len(opened) > 2, 10, "three tries")
     wait_until(lambda: "too little memory for a/b" in health.state[1], 10, "the reason")
     assert health.state[0] == "waiting"
     service.close()
@@ -144,7 +146,7 @@ def test_models_are_unloaded_once_when_idle_and_never_while_they_work(
 
 
 class Slow(DetectorBackend):
-    """Works until it is let go."""
+    """Blocks in `detect` until `go` is set."""
 
     name = "slow"
 
@@ -165,13 +167,13 @@ class Slow(DetectorBackend):
         return Findings((), ())
 
     def warm_up(self) -> None:
-        """Always warm."""
+        """Needs no warm-up."""
 
     def close(self) -> None:
-        """Holds nothing."""
+        """Holds no resources."""
 
 
-def test_stream_frames_that_come_meanwhile_are_skipped_and_keyframes_are_answered():
+def test_a_busy_detector_skips_stream_frames_and_answers_keyframes():
     detector, health, truth = Slow(), Health(), SceneTruth()
     service = DetectorService(MemoryBus(MemoryHub()), detector, LexicalScorer(), health)
     service.on_context(context_to_proto(context_of("mug")))
@@ -194,13 +196,13 @@ def test_stream_frames_that_come_meanwhile_are_skipped_and_keyframes_are_answere
     assert health.metrics()["keyframes_answered"] == 1
 
 
-def test_landmarks_are_furniture_for_a_scorer_of_names():
+def test_auto_landmarks_are_furniture_names_for_the_lexical_scorer():
     assert landmarks_of("auto", LexicalScorer()) == furniture_names()
     assert landmarks_of("none", LexicalScorer()) == ()
     assert landmarks_of("sink, bed ,", LexicalScorer()) == ("sink", "bed")
 
 
-def test_settings_reach_the_models(owl: Path):
+def test_open_models_applies_landmarks_and_refuses_an_unknown_depth_model(owl: Path):
     models = open_models(
         settings(detector=f"transformers:{owl}", device="cpu", landmarks="sink"), SceneTruth()
     )
@@ -211,7 +213,7 @@ def test_settings_reach_the_models(owl: Path):
         open_models(settings(detector=f"transformers:{owl}", depth="x"), SceneTruth())
 
 
-def test_a_fixed_vocabulary_stands_in_by_similarity_where_that_is_switched_on():
+def test_similar_names_serve_classes_outside_a_fixed_vocabulary_if_enabled():
     from helios_detector.coco_classes import COCO_NAMES
     from helios_detector.name_similarity import NearestName
 
@@ -229,7 +231,7 @@ def test_a_fixed_vocabulary_stands_in_by_similarity_where_that_is_switched_on():
     assert refused.keys() == {"zeitgeist"}
 
 
-def test_every_setting_of_a_model_reaches_it(monkeypatch: pytest.MonkeyPatch):
+def test_every_model_setting_reaches_its_model(monkeypatch: pytest.MonkeyPatch):
     truth, caught = SceneTruth(), {}
 
     def opener(what: str, made: Any) -> Any:
@@ -256,7 +258,7 @@ def test_every_setting_of_a_model_reaches_it(monkeypatch: pytest.MonkeyPatch):
     assert caught["scorer"] == ("b", replace(options, landmarks=()))
 
 
-def test_a_hosted_model_leaves_the_memory_when_idle_and_comes_back(
+def test_a_hosted_model_is_unloaded_when_idle_and_loads_again_for_a_keyframe(
     owl: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("helios_detector.robot_detector.CHECK_S", 0.02)
@@ -276,7 +278,7 @@ def test_a_hosted_model_leaves_the_memory_when_idle_and_comes_back(
     service.close()
 
 
-def test_tries_are_made_at_doubling_pauses_up_to_a_minute(monkeypatch: pytest.MonkeyPatch):
+def test_pauses_between_load_attempts_double_up_to_one_minute(monkeypatch: pytest.MonkeyPatch):
     pauses: list[float] = []
 
     class Ending(threading.Event):
@@ -295,7 +297,7 @@ def test_tries_are_made_at_doubling_pauses_up_to_a_minute(monkeypatch: pytest.Mo
     assert pauses == [2, 4, 8, 16, 32, 60, 60, 60]
 
 
-def test_the_vocabulary_says_that_any_name_may_be_asked_for(owl: Path):
+def test_the_vocabulary_reply_of_an_open_detector_says_open(owl: Path):
     hub = MemoryHub()
     models = open_models(settings(detector=f"transformers:{owl}", device="cpu"), SceneTruth())
     DetectorService(MemoryBus(hub), models.detector, models.scorer, Health())
@@ -304,7 +306,7 @@ def test_the_vocabulary_says_that_any_name_may_be_asked_for(owl: Path):
     assert reply.detector == f"transformers:{owl}"
 
 
-def test_a_scorers_own_fault_is_counted_and_said():
+def test_a_fault_inside_a_scorer_is_counted_and_reported():
     class Broken(LexicalScorer):
         name = "broken"
 

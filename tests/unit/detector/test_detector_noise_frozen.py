@@ -1,6 +1,6 @@
-"""Results can be compared only while the noise is the same: its file and its draws are frozen.
+"""File and random draws of each published noise table are frozen, so that results stay comparable.
 
-A failure means that the noise under a published name is not what it was: give the new one a name.
+A failure means that a published noise table has changed: give the new table a new name.
 """
 
 import hashlib
@@ -17,17 +17,17 @@ DIGESTS = {"ovmm-v1": "f9dc2c4a9c5c2cf0"}
 SAID = {0.5: "4e493ba1093f6309", 1.0: "c54c019097d3c2fc", 2.0: "4408b067854155ba"}
 
 
-def test_the_tables_of_published_names_stay_as_they_are():
+def test_published_noise_tables_do_not_change():
     assert {name: load_noise(name).digest for name in DIGESTS} == DIGESTS
 
 
-def test_the_simulated_detector_says_what_it_said():
+def test_the_simulated_detector_gives_the_frozen_detections():
     """60 frames of a walk past a table, at three levels: names, scores, boxes and masks."""
     assert {level: said(level) for level in SAID} == SAID
 
 
 def said(level: float) -> str:
-    """A hash of everything that is found on the way."""
+    """A hash of all detections on the walk."""
     table = load_noise("ovmm-v1")
     assert isinstance(table, ViewNoiseTable)
     truth = NamedTruth()

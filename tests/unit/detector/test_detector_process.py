@@ -1,4 +1,4 @@
-"""The detector as a process over the router, with a model of a folder."""
+"""The detector as a process over the router, with a model from a folder."""
 
 import signal
 import subprocess
@@ -16,7 +16,7 @@ from helios_core.zenoh_bus import ZenohBus
 from tests.support import free_port, wait_until
 
 
-def test_a_process_says_what_it_waits_for_then_answers_and_ends_when_told(tmp_path: Path):
+def test_the_process_reports_a_missing_model_then_answers_and_ends_at_sigterm(tmp_path: Path):
     port = free_port()
     endpoint, model = f"tcp/127.0.0.1:{port}", tmp_path / "model"
     router = subprocess.Popen(
@@ -45,8 +45,8 @@ def test_a_process_says_what_it_waits_for_then_answers_and_ends_when_told(tmp_pa
         reported_s = 0.0
 
         def answered() -> bool:
-            """A keyframe that comes before its subscriber is known is lost: the bridge, too, looks
-            again where no answer comes."""
+            """Repeats the keyframe until an answer comes, as the bridge does: one sent before its
+            subscriber is known is lost."""
             nonlocal reported_s
             if time.monotonic() - reported_s > 1:
                 reported_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""How recognition of simulated things is counted. Pictures themselves are for the eye."""
+"""The realism study: how recognised objects are counted. People judge the images themselves."""
 
 import json
 from pathlib import Path
@@ -24,20 +24,20 @@ def detection(name: str, score: float, box: tuple[int, int, int, int]) -> Detect
     return Detection(name, score, box, np.zeros((60, 80), bool))
 
 
-def test_overlap_of_boxes():
+def test_iou_measures_the_overlap_of_two_boxes():
     assert iou((0, 0, 10, 10), (0, 0, 10, 10)) == 1
     assert iou((0, 0, 10, 10), (5, 0, 15, 10)) == pytest.approx(1 / 3)
     assert iou((0, 0, 10, 10), (10, 0, 20, 10)) == 0
 
 
-def test_a_thing_counts_under_its_own_name_and_else_under_its_kin():
+def test_an_object_counts_under_its_own_name_or_else_under_a_related_name():
     assert names_for("sofa", COCO_NAMES) == {"couch"}
     assert names_for("coffee table", COCO_NAMES) == {"dining table"}
     assert names_for("wardrobe", COCO_NAMES) == frozenset()
     assert names_for("wardrobe", None) == {"wardrobe"}
 
 
-def test_a_right_name_beats_a_stronger_wrong_one_and_what_is_elsewhere_does_not_count():
+def test_a_right_name_beats_a_stronger_wrong_name_and_other_places_do_not_count():
     right, wrong = frozenset({"chair"}), detection("bench", 0.9, (10, 10, 30, 50))
     good = detection("chair", 0.4, (12, 12, 30, 50))
     away = detection("chair", 0.9, (40, 10, 60, 50))
@@ -47,7 +47,7 @@ def test_a_right_name_beats_a_stronger_wrong_one_and_what_is_elsewhere_does_not_
     assert judged(CHAIR, "parametric", [away], right).found == ""
 
 
-def test_the_table_says_shares_and_what_things_are_taken_for():
+def test_the_table_shows_recognition_rates_and_confusions():
     sights = [
         Judgement("parametric", "chair", "chair", 0.9, True),
         Judgement("parametric", "chair", "bench", 0.5, False),
@@ -59,16 +59,16 @@ def test_the_table_says_shares_and_what_things_are_taken_for():
     assert "| chair | chair | 50% of 2 | bench 1 | 0% of 1 | nothing |" in text
 
 
-def test_a_camera_looks_at_what_it_is_told_to():
+def test_looking_points_the_camera_at_its_target():
     camera = Pinhole(400.0, 400.0, 320.0, 240.0, 640, 480)
     T = looking(np.array([1.0, 2.0, 1.3]), np.array([3.0, -1.0, 0.5]))
     uv, z = project(np.array([[3.0, -1.0, 0.5], [3.0, -1.0, 0.6]]), camera, T)
     np.testing.assert_allclose(uv[0], [320, 240], atol=1e-9)
     assert z[0] == pytest.approx(np.linalg.norm([2, -3, -0.8]))
-    assert uv[1][1] < 240  # higher in the world is higher in the picture
+    assert uv[1][1] < 240  # higher in the world is higher in the image
 
 
-def test_the_outline_of_a_thing_is_that_of_its_points():
+def test_the_outline_of_an_object_is_that_of_its_projected_points():
     camera = Pinhole(400.0, 400.0, 320.0, 240.0, 640, 480)
     eye = np.array([2.0, 0.0, 0.5])
     T = looking(eye, np.array([0.0, 0.0, 0.5]))
@@ -77,11 +77,11 @@ def test_the_outline_of_a_thing_is_that_of_its_points():
     assert outline is not None
     assert iou(outline[0], (300, 220, 340, 260)) > 0.9
     assert outline[1] == pytest.approx(1600, rel=0.01)
-    assert outline_of(square + np.array([0.0, 2.0, 0.0]), camera, T) is None  # beside the picture
-    assert outline_of(square + np.array([4.0, 0.0, 0.0]), camera, T) is None  # behind it
+    assert outline_of(square + np.array([0.0, 2.0, 0.0]), camera, T) is None  # outside the image
+    assert outline_of(square + np.array([4.0, 0.0, 0.0]), camera, T) is None  # behind the camera
 
 
-def test_a_view_tells_what_is_open_to_it():
+def test_a_view_lists_its_objects_and_how_much_of_each_is_unoccluded():
     home = generate_home(0, PRESETS["demo-v1"])
     eye = ObserverCamera(home, None)
     try:
@@ -96,7 +96,7 @@ def test_a_view_tells_what_is_open_to_it():
     assert all(0.2 < t.open_pixels < 1.3 for t in whole)
 
 
-def test_what_is_missing_is_one_sentence(
+def test_a_missing_model_or_furniture_is_reported_in_one_sentence(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     args = ["--detector", "onnx:/no/model.onnx", "--out", "/tmp/none"]
@@ -112,7 +112,7 @@ def test_what_is_missing_is_one_sentence(
 
 
 @pytest.mark.skipif(not MODEL.is_file(), reason=f"no model at {MODEL}")
-def test_the_command_leaves_figures_a_table_and_pictures(tmp_path: Path):
+def test_the_command_writes_figures_a_table_and_images(tmp_path: Path):
     status = main(
         ["--detector", f"onnx:{MODEL}", "--preset", "demo-v1", "--furniture", "parametric",
          "--seeds", "0", "--out", str(tmp_path)]

@@ -1,4 +1,4 @@
-"""Several detectors share several robots: pure rules, against every order of what happens."""
+"""The rules by which several detectors share several robots, in every order of events."""
 
 from helios_core import proto as pb
 from helios_detector.robot_assignment import (
@@ -15,7 +15,7 @@ ROBOTS = ("ada", "bob", "cleo", "dan")
 
 
 def member(name: str, *others: str, now_s: float = 0.0) -> Members:
-    """One detector that knows of these."""
+    """One detector that knows these others."""
     out = Members(name, ROBOTS)
     for other in (name, *others):
         out.change(f"{out.team}-{other}", True, now_s)
@@ -32,7 +32,7 @@ def claim(seq: int, instance: str, answered: bool = False) -> pb.Claim:
 
 @settings(deadline=None)
 @given(names=st.sets(st.text("abcdef", min_size=1, max_size=4), min_size=1, max_size=5))
-def test_each_robot_has_one_taker_and_nobody_has_two_more_than_another(names: set[str]):
+def test_each_robot_has_one_detector_and_loads_differ_by_at_most_one(names: set[str]):
     everybody = [member(n, *names) for n in names]
     later_s = 2 * SETTLE_S
     takers = {r: [m.me for m in everybody if m.takes(r, later_s)] for r in ROBOTS}
@@ -41,7 +41,7 @@ def test_each_robot_has_one_taker_and_nobody_has_two_more_than_another(names: se
     assert max(work) - min(work) <= 1
 
 
-def test_when_somebody_comes_or_goes_nobody_takes_anything_for_a_moment():
+def test_no_robot_is_taken_during_the_settle_time_after_a_detector_joins_or_leaves():
     one, other = member("a"), Members("b", ROBOTS)
     assert one.takes("ada", 1.0)
     one.change(other.me, True, 1.0)
@@ -52,7 +52,7 @@ def test_when_somebody_comes_or_goes_nobody_takes_anything_for_a_moment():
     assert all(one.takes(r, 5.0 + SETTLE_S) for r in ROBOTS)
 
 
-def test_a_detector_of_another_list_is_a_stranger_and_shares_nothing():
+def test_a_detector_with_another_robot_list_is_flagged_and_shares_no_robots():
     one, stranger = member("a"), Members("b", ("ada",))
     one.change(stranger.me, True, 0.0)
     assert one.has_other_lists
@@ -72,7 +72,7 @@ def test_keyframes_are_taken_oldest_first_and_once():
     assert taken == [1, 2, 3]
 
 
-def test_what_somebody_took_and_did_not_answer_is_free_when_he_is_gone():
+def test_an_unanswered_keyframe_is_free_again_when_its_detector_is_gone():
     ledger = AssignmentTable()
     ledger.add(frame(1))
     ledger.add(frame(2))
@@ -91,7 +91,7 @@ def test_a_claim_may_come_before_its_keyframe():
     assert ledger.next(frozenset()) is None
 
 
-def test_what_was_answered_long_ago_is_forgotten_and_the_rest_is_not():
+def test_old_answered_claims_are_forgotten_and_recent_claims_are_kept():
     ledger = AssignmentTable()
     for seq in range(1000):
         ledger.note(claim(seq, "a", answered=True))
@@ -102,7 +102,7 @@ def test_what_was_answered_long_ago_is_forgotten_and_the_rest_is_not():
 
 @settings(deadline=None)
 @given(st.lists(st.integers(1, 60), max_size=80))
-def test_few_keyframes_are_held_and_those_are_the_newest(seqs: list[int]):
+def test_at_most_the_8_newest_keyframes_are_held(seqs: list[int]):
     ledger = AssignmentTable()
     for seq in seqs:
         before = {key for key, entry in ledger._entries.items() if entry.message is not None}

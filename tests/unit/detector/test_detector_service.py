@@ -1,4 +1,4 @@
-"""The service on a bus in memory: every keyframe answered, every stream frame shown."""
+"""The service on an in-memory bus answers every keyframe and shows every stream frame."""
 
 import cv2
 import numpy as np
@@ -73,7 +73,7 @@ def test_a_stream_frame_before_any_context_is_shown_without_boxes():
     assert not rig.previews[0].detections
 
 
-def test_vocabulary_says_open_or_names():
+def test_the_vocabulary_reply_holds_names_or_says_open():
     rig = Rig()
     reply = rig.bus.call(VOCABULARY, pb.Empty(), 1.0)
     assert (reply.open, list(reply.names), reply.detector) == (True, [], "ground-truth")

@@ -1,4 +1,4 @@
-"""Broken frames and faults of a back end: counted, said, and outlived."""
+"""The service counts and reports broken frames and back-end faults, and keeps running."""
 
 import copy
 import random
@@ -16,7 +16,7 @@ from helios_detector.backend import Findings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 
-def test_a_fault_of_the_back_end_is_counted_and_said():
+def test_a_fault_of_the_back_end_is_counted_and_reported():
     rig = Rig(Faulty())
     rig.look_for(context_of("cup"))
     rig.bus.publish(KEYFRAME, rig.frame())
@@ -26,7 +26,7 @@ def test_a_fault_of_the_back_end_is_counted_and_said():
     assert "ZeroDivisionError" in rig.health.state[1]
 
 
-def test_while_the_world_is_away_keyframes_fail_with_the_reason_and_work_again_after():
+def test_keyframes_fail_with_the_reason_until_the_ground_truth_is_available_again():
     rig = Rig()
     rig.look_for()
     first, second = rig.frame(1), rig.frame(2)
@@ -42,7 +42,7 @@ def test_while_the_world_is_away_keyframes_fail_with_the_reason_and_work_again_a
 
 
 def broken(what: str, good: pb.Frame) -> pb.Frame:
-    """The frame with one thing wrong."""
+    """A copy of the frame with one fault."""
     out = copy.deepcopy(good)
     if what == "corrupt jpeg":
         out.compressed_color.format = "jpeg"
@@ -69,7 +69,7 @@ def broken(what: str, good: pb.Frame) -> pb.Frame:
     "what",
     ["corrupt jpeg", "empty image", "sizes", "encoding", "bomb", "pose", "no depth", "no camera"],
 )
-def test_a_broken_frame_is_counted_and_the_next_one_answered(what):
+def test_a_broken_frame_is_counted_and_the_next_frame_is_answered(what):
     rig = Rig()
     rig.look_for()
     good = rig.frame()
@@ -84,7 +84,7 @@ def test_a_broken_frame_is_counted_and_the_next_one_answered(what):
 
 
 class Leaking(GroundTruthDetector):
-    """Fails where nobody expects it: after the detection."""
+    """Raises in `accelerator_mb`, after the detection, if `fails` is set."""
 
     fails = False
 
@@ -94,7 +94,7 @@ class Leaking(GroundTruthDetector):
         return 0.0
 
 
-def test_a_fault_after_the_detection_is_counted_and_said_and_the_next_frame_answered():
+def test_a_fault_after_the_detection_is_reported_and_the_next_frame_is_answered():
     truth = SceneTruth()
     leaking = Leaking(truth)
     rig = Rig(leaking)
@@ -112,7 +112,7 @@ def test_a_fault_after_the_detection_is_counted_and_said_and_the_next_frame_answ
 
 
 @pytest.mark.parametrize(("silent", "answered"), [(2, 1), (3, 0)])
-def test_a_back_end_that_does_not_answer_is_asked_three_times(silent: int, answered: int):
+def test_an_unavailable_back_end_is_called_up_to_three_times(silent: int, answered: int):
     class Shy(GroundTruthDetector):
         asked = 0
 
@@ -134,7 +134,7 @@ def test_a_back_end_that_does_not_answer_is_asked_three_times(silent: int, answe
 
 
 def failing_at(topic: Topic[Any], bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let what the bus publishes there fail."""
+    """Makes `publish` of the bus fail on this topic."""
     publish = bus.publish
 
     def failing(to: Topic[Any], message: Any) -> None:
@@ -145,7 +145,7 @@ def failing_at(topic: Topic[Any], bus: Bus, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(bus, "publish", failing)
 
 
-def test_an_observation_that_cannot_be_sent_counts_as_failed_alone(monkeypatch):
+def test_an_observation_that_cannot_be_sent_counts_as_failed_and_not_as_answered(monkeypatch):
     rig = Rig()
     rig.look_for()
     failing_at(OBSERVATION, rig.service._bus, monkeypatch)
@@ -165,7 +165,7 @@ def test_a_preview_that_cannot_be_sent_leaves_the_keyframe_answered(monkeypatch)
     assert rig.health.state == ("ready", "")
 
 
-def test_models_that_cannot_be_unloaded_are_said_and_go_on_working(monkeypatch):
+def test_models_that_cannot_be_unloaded_are_reported_and_keep_working(monkeypatch):
     rig = Rig()
     rig.look_for()
 
@@ -182,7 +182,7 @@ def test_models_that_cannot_be_unloaded_are_said_and_go_on_working(monkeypatch):
     assert len(rig.observations) == 1
 
 
-def test_500_mutated_frames_kill_nothing():
+def test_the_service_survives_500_mutated_frames():
     rig = Rig()
     rig.look_for()
     good = rig.frame()

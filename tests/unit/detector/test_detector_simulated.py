@@ -1,4 +1,4 @@
-"""Ground truth as it is, and through noise that is the same from the same view."""
+"""The ground-truth detector, and frame noise that is the same from the same view."""
 
 import hashlib
 import math
@@ -35,7 +35,7 @@ def names(detections) -> list[str]:
     return sorted(d.class_name for d in detections)
 
 
-def test_ground_truth_gives_the_masks_of_what_was_asked_for():
+def test_ground_truth_gives_the_masks_of_the_asked_classes():
     truth = SceneTruth()
     frame = truth.frame()
     found = GroundTruthDetector(truth).detect(frame, context_of("cup", "table"))
@@ -54,7 +54,7 @@ def test_two_mugs_are_two_detections():
     assert names(found.detections) == ["mug", "mug"]
 
 
-def test_truth_of_another_size_is_refused():
+def test_ground_truth_of_another_image_size_is_refused():
     truth = SceneTruth()
     frame = truth.frame()
     truth.ids[frame.stamp_ns] = truth.ids[frame.stamp_ns][:-1]
@@ -62,7 +62,7 @@ def test_truth_of_another_size_is_refused():
         truth_of(frame, truth)
 
 
-def test_noise_level_0_is_the_truth_with_scores_below_1():
+def test_noise_level_0_gives_the_true_masks_with_scores_below_1():
     truth = SceneTruth()
     frame = truth.frame()
     context = context_of("mug", "bowl")
@@ -74,7 +74,7 @@ def test_noise_level_0_is_the_truth_with_scores_below_1():
         assert a.score == pytest.approx(DEMO.true_score[0])
 
 
-def test_same_seed_same_errors_and_another_seed_others():
+def test_equal_seeds_give_equal_errors_and_different_seeds_do_not():
     truth = SceneTruth()
     frames = [truth.frame(looking(x), n) for n, x in enumerate(np.linspace(-2, 1, 30), 1)]
     table = DEMO.scaled(3)
@@ -88,7 +88,7 @@ def test_same_seed_same_errors_and_another_seed_others():
     assert run(1) != run(2)
 
 
-def test_with_full_correlation_standing_still_repeats_every_error():
+def test_a_camera_at_rest_repeats_every_error_at_full_correlation():
     truth = SceneTruth()
     table = replace(DEMO.scaled(5, correlation=1.0), score_jitter=0.0)
     detector = simulated(truth, table)
@@ -97,7 +97,7 @@ def test_with_full_correlation_standing_still_repeats_every_error():
     assert all([(d.class_name, d.score) for d in r.detections] == first for r in runs)
 
 
-def test_without_correlation_misses_are_redrawn_in_each_frame():
+def test_misses_are_redrawn_in_each_frame_without_correlation():
     truth = SceneTruth()
     half = replace(DEMO.miss_by_pixels, at=(1.0,), value=(0.5,))
     table = replace(FAITHFUL, miss_by_pixels=half, redrawn=1.0)
@@ -113,7 +113,7 @@ def test_errors_of_views_in_different_sectors_are_independent():
     assert len(set(draws)) == 12
 
 
-def test_views_within_one_sector_and_band_share_a_cell_and_a_step_beyond_does_not():
+def test_views_within_one_sector_and_band_share_a_noise_cell_and_others_do_not():
     cell = DEMO.cell(math.radians(40), 2.2, 300)
     assert DEMO.cell(math.radians(50), 2.9, 480) == cell
     assert DEMO.cell(math.radians(61), 2.2, 300) != cell
@@ -150,14 +150,14 @@ def test_false_positives_lie_on_furniture_and_keep_their_place_in_the_world():
     assert np.ptp(centers, axis=0).max() < 0.1
 
 
-def test_false_positives_come_for_objects_and_not_for_receptacles():
+def test_false_positives_occur_for_objects_and_not_for_receptacles():
     truth = SceneTruth()
     detector = simulated(truth, replace(FAITHFUL, false_positive=1.0, false_min_px=20))
     context = SearchContext("c", (SearchClass("desk", Role.GOAL_RECEPTACLE, 0.05),))
     assert detector.detect(truth.frame(), context).detections == ()
 
 
-def test_nothing_is_imagined_on_walls_or_on_objects():
+def test_no_false_positive_lies_on_a_wall_or_on_an_object():
     truth = SceneTruth((*ROOM[1:],))  # mug, bowl and wall
     detector = simulated(truth, replace(FAITHFUL, false_positive=1.0, false_min_px=1))
     found = detector.detect(truth.frame(), context_of("teapot", threshold=0.05)).detections
@@ -175,12 +175,12 @@ def test_masks_are_eroded_and_never_empty():
         assert not (found.mask & ~inside).any()
 
 
-def test_more_things_are_missed_far_away():
+def test_the_miss_rate_rises_with_distance_and_falls_with_size():
     assert DEMO.miss(100, 6.0) > DEMO.miss(100, 2.0) > DEMO.miss(3000, 2.0)
 
 
-def test_demo_noise_is_mild():
-    """Nine of ten views of a mug that fills 500 pixels find it."""
+def test_demo_noise_detects_a_mug_in_at_least_85_of_100_views():
+    """The mug fills 500 pixels; nine of ten views are expected to detect it."""
     truth = SceneTruth()
     hits = 0
     for n in range(1, 101):
@@ -207,7 +207,7 @@ def test_draws_are_uniform():
     ("text", "said"),
     [("name = 1", "KeyError"), ("not toml", "TOMLDecodeError")],
 )
-def test_a_wrong_noise_table_says_what_is_wrong(tmp_path, text, said):
+def test_an_invalid_noise_table_is_refused_with_the_cause(tmp_path, text, said):
     path = tmp_path / "mine.toml"
     path.write_text(text)
     with pytest.raises(InvalidInput, match=said):
@@ -223,7 +223,7 @@ def test_an_unknown_noise_table_or_level_is_refused():
         DEMO.scaled(1, 2.0)
 
 
-def test_bowl_alone_is_not_a_mug():
+def test_ground_truth_does_not_detect_a_bowl_as_a_mug():
     truth = SceneTruth((BOWL,))
     assert GroundTruthDetector(truth).detect(truth.frame(), context_of("mug")).detections == ()
 
@@ -236,8 +236,8 @@ def test_bowl_alone_is_not_a_mug():
         (1.0, 0.0, "f5d10d55e0cbabee"),
     ],
 )
-def test_the_published_table_errs_as_it_did(level, correlation, expected):
-    """demo-v1 is published: what it makes of a drive towards a table never changes."""
+def test_the_published_noise_table_gives_the_frozen_errors(level, correlation, expected):
+    """demo-v1 is published: its detections on a drive towards a table never change."""
     truth, digest = SceneTruth(), hashlib.sha256()
     detector = simulated(truth, DEMO.scaled(level, correlation), seed=3)
     context = context_of("mug", "bowl", "teapot", threshold=0.05)

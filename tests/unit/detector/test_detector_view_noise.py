@@ -1,4 +1,4 @@
-"""Errors that hang together: how often they happen, and how long they last."""
+"""Correlated errors of the view noise: their rates and their persistence."""
 
 import math
 from collections import Counter
@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 
 _loaded = load_noise("ovmm-v1")
 assert isinstance(_loaded, ViewNoiseTable)
-# Far from every end of a rate, so that the claims hold whatever the shipped scales are.
+# Rates far from their limits, so that the tests do not depend on the shipped scales.
 _MILD = _loaded.file.scale.model_copy(
     update={"confuse": 0.5, "second": 0.5, "miss": 1.0, "false": 1.0}
 )
@@ -39,7 +39,7 @@ KEYS = [key_of(f"thing {n}") for n in range(3000)]
 PURPOSE = keys_of(("miss",))
 
 
-def seen_thing(class_name: str = "mug", pixels: int = 400) -> Visible:
+def visible_object(class_name: str = "mug", pixels: int = 400) -> Visible:
     instance = TruthInstance(1, class_name, np.zeros(3), True, "a")
     return Visible(instance, pixels, (0, 0, 1, 1), np.ones((1, 1), bool))
 
@@ -52,7 +52,7 @@ def at(angle_deg: float, distance_m: float = 2.5) -> np.ndarray:
 def look(
     table: ViewNoiseTable, thing: Visible, eye_m: np.ndarray, stamp_ns: int = 1
 ) -> list[SimulatedResult]:
-    """The same thing, 3000 times with different luck."""
+    """The results for one object with 3000 different random keys."""
     return verdicts([thing] * len(KEYS), table, KEYS, eye_m, stamp_ns)
 
 
@@ -72,9 +72,9 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("correlated", CORRELATIONS)
-def test_correlation_does_not_change_how_often_things_are_missed_confused_or_doubled(correlated):
+def test_correlation_does_not_change_the_rates_of_misses_confusions_and_double_names(correlated):
     table = TABLE.scaled(1, correlated)
-    thing = seen_thing()
+    thing = visible_object()
     found = look(table, thing, at(10))
     miss = float(table.miss(["mug"], np.array([400]), np.array([2.5]))[0])
     assert about(sum(not v.names for v in found), miss, len(found))
@@ -84,18 +84,18 @@ def test_correlation_does_not_change_how_often_things_are_missed_confused_or_dou
 
 
 @pytest.mark.parametrize("correlated", CORRELATIONS)
-def test_each_look_alike_is_named_as_often_as_its_row_says(correlated):
+def test_each_look_alike_is_named_at_the_rate_of_its_row(correlated):
     table = TABLE.scaled(1, correlated)
     never = table.file.miss.model_copy(update={"factor": {"bowl": 1e-9}})
     table = replace(table, file=table.file.model_copy(update={"miss": never}))
-    got = Counter(v.names[0][0] for v in look(table, seen_thing("bowl"), at(10)))
+    got = Counter(v.names[0][0] for v in look(table, visible_object("bowl"), at(10)))
     for name, probability in TABLE.file.confusion.rows()["bowl"].items():
         assert about(got[name], probability * table.file.scale.confuse, len(KEYS)), name
 
 
 @pytest.mark.parametrize("correlated", CORRELATIONS)
 @pytest.mark.parametrize("sector", [0, 1, 2])
-def test_draws_are_uniform_whatever_the_shares_are(correlated, sector):
+def test_draws_are_uniform_for_all_shares(correlated, sector):
     u = uniform(draws(sector, TABLE.scaled(1, correlated).shares))
     for count in np.histogram(u, 10, (0, 1))[0]:
         assert about(count, 0.1, len(u))
@@ -110,7 +110,7 @@ def test_any_shares_give_draws_of_unit_variance(shares, sector, stamp):
     assert 0.85 < z.std() < 1.15
 
 
-def test_frames_of_one_view_differ_by_the_frames_share_alone():
+def test_frames_of_one_view_differ_by_the_frame_share_only():
     same = TABLE.scaled(1, 1.0).shares
     np.testing.assert_array_equal(draws(3, same, 1), draws(3, same, 2))
     assert abs(correlation(draws(3, TABLE.shares, 1), draws(3, TABLE.shares, 2)) - 0.9) < 0.03
@@ -118,14 +118,14 @@ def test_frames_of_one_view_differ_by_the_frames_share_alone():
     assert abs(correlation(draws(3, none, 1), draws(3, none, 2))) < 0.08
 
 
-def test_at_even_odds_one_frame_in_seven_is_another_than_the_one_before():
-    """As the module says: acos(0.9) / pi."""
+def test_at_even_odds_one_frame_in_seven_differs_from_the_previous_frame():
+    """The share is that of the module docstring: acos(0.9) / pi."""
     changed = (draws(3, TABLE.shares, 1) < 0) != (draws(3, TABLE.shares, 2) < 0)
     assert about(int(changed.sum()), math.acos(0.9) / math.pi, len(changed))
 
 
 @pytest.mark.parametrize("correlated", [None, 1.0])
-def test_neighbouring_views_err_more_alike_than_those_a_quarter_or_half_round(correlated):
+def test_errors_correlate_more_in_adjacent_sectors_than_a_quarter_or_half_turn_apart(correlated):
     shares = TABLE.scaled(1, correlated).shares
     for start in range(12):
         near, quarter, half = (
@@ -133,27 +133,27 @@ def test_neighbouring_views_err_more_alike_than_those_a_quarter_or_half_round(co
             for k in (1, 3, 6)
         )
         assert near > quarter + 0.1 > half
-        assert abs(half - shares.thing) < 0.08  # what the thing itself keeps from everywhere
+        assert abs(half - shares.thing) < 0.08  # the object's own share, the same from everywhere
 
 
 def test_the_same_view_gives_the_same_error():
     table = TABLE.scaled(1, 1.0)
-    first = look(table, seen_thing(pixels=400), at(10), 1)
+    first = look(table, visible_object(pixels=400), at(10), 1)
     # Same sector, same bands of distance and pixels, another frame.
-    again = look(table, seen_thing(pixels=400), at(25, 2.6), 99)
+    again = look(table, visible_object(pixels=400), at(25, 2.6), 99)
     assert [[n for n, _ in v.names] for v in first] == [[n for n, _ in v.names] for v in again]
 
 
-def test_a_look_alike_stays_wrong_from_one_side():
-    """With the table's own shares: in the next frame, and mostly in the next sector."""
+def test_a_confusion_persists_less_the_farther_the_camera_moves_round_the_object():
+    """With the table's own shares, in the next frame: same sector, next sector, opposite side."""
 
     def wrong(verdict: SimulatedResult) -> bool:
         return bool(verdict.names) and verdict.names[0][0] != "mug"
 
-    first = [wrong(v) for v in look(TABLE, seen_thing(), at(40), 1)]
+    first = [wrong(v) for v in look(TABLE, visible_object(), at(40), 1)]
 
     def still(angle_deg: float) -> float:
-        later = look(TABLE, seen_thing(), at(angle_deg), 2)
+        later = look(TABLE, visible_object(), at(angle_deg), 2)
         return sum(a and wrong(b) for a, b in zip(first, later, strict=True)) / sum(first)
 
     same, next_one, opposite = still(45), still(70), still(220)
@@ -162,8 +162,8 @@ def test_a_look_alike_stays_wrong_from_one_side():
     assert opposite < 0.45
 
 
-def test_rates_grow_with_the_level_and_what_is_missed_at_a_low_level_is_at_a_higher_one():
-    thing, missed = seen_thing(pixels=1500), {}
+def test_rates_grow_with_the_level_and_misses_at_a_low_level_remain_at_a_higher_level():
+    thing, missed = visible_object(pixels=1500), {}
     for level in (0.0, 0.5, 1.0, 2.0):
         table = TABLE.scaled(level)
         found = look(table, thing, at(10, 1.2))
@@ -186,7 +186,7 @@ def test_rates_grow_with_the_level_and_what_is_missed_at_a_low_level_is_at_a_hig
         ("false", lambda t: t.false(structure=True, is_object=True), 1.0),
     ],
 )
-def test_each_kind_of_error_has_one_scale_with_an_end(kind, rate, most):
+def test_each_error_rate_is_proportional_to_its_scale_up_to_a_limit(kind, rate, most):
     def scaled(by: float) -> ViewNoiseTable:
         scale = TABLE.file.scale.model_copy(update={kind: by})
         return replace(TABLE, file=TABLE.file.model_copy(update={"scale": scale}))
@@ -196,12 +196,12 @@ def test_each_kind_of_error_has_one_scale_with_an_end(kind, rate, most):
     assert rate(scaled(1e9)) == most
 
 
-def test_a_class_remains_the_likeliest_name_of_its_things():
+def test_the_true_class_remains_the_likeliest_name_at_the_highest_level():
     for name in TABLE.rows:
         assert TABLE.scaled(10).confuse(name) < 0.5
 
 
-def test_small_and_far_things_are_missed_more_often():
+def test_small_and_far_objects_are_missed_more_often():
     far, small, plain = (
         TABLE.miss(["mug"], np.array([px]), np.array([m]))[0]
         for px, m in ((1000, 8.0), (100, 2.0), (1000, 2.0))
@@ -209,15 +209,15 @@ def test_small_and_far_things_are_missed_more_often():
     assert far > plain < small
 
 
-def test_no_threshold_parts_true_scores_from_wrong_ones():
-    """At every threshold of the paper, of each kind something lies above and something below."""
+def test_no_threshold_separates_true_scores_from_false_scores():
+    """At every threshold of the paper, each kind has scores above it and below it."""
     for threshold in (0.25, 0.35, 0.45):
         for kind in ("true", "confused", "false"):
             scores = [TABLE.score(kind, u, 500) for u in np.linspace(0, 1, 101)]
             assert 0.03 < np.mean(np.array(scores) < threshold) < 0.95, (kind, threshold)
 
 
-def test_sectors_are_12_of_30_degrees():
+def test_there_are_12_sectors_of_30_degrees():
     angles = np.radians([0, 29.9, 30.1, 179, 181, 359.9, -0.1])
     got = sectors_of(np.stack([np.cos(angles), np.sin(angles)], -1))
     assert got.tolist() == [0, 0, 1, 5, 6, 11, 11]
@@ -261,14 +261,14 @@ def test_look_alikes_of_the_homes_are_confused_by_the_table():
         (("mask", "surprise"), 1, "Extra inputs"),
     ],
 )
-def test_a_wrong_table_says_what_is_wrong(where, value, said):
+def test_an_invalid_table_is_refused_with_the_cause(where, value, said):
     data = TABLE.file.model_dump()
     data[where[0]][where[1]] = value
     with pytest.raises(ValueError, match=said):
         view_table(data, "")
 
 
-def test_a_wrong_file_and_levels_outside_are_refused(tmp_path):
+def test_an_invalid_file_level_or_correlation_is_refused(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('format = "views"\nname = "mine"\n')
     with pytest.raises(InvalidInput, match=r"ovmm-v1\.toml"):

@@ -1,4 +1,4 @@
-"""The detector that errs by thing, side and view, on a small room."""
+"""The detector with view noise (errors by object, side and view) in a small room."""
 
 import os
 import subprocess
@@ -41,7 +41,7 @@ CONTEXT = context_of("mug", "bowl", "teapot", threshold=0.05)
 
 @dataclass
 class NamedTruth(SceneTruth):
-    """With names, and body numbers that may start elsewhere."""
+    """Ground truth with instance names, and with body ids raised by `shift`."""
 
     shift: int = 0
 
@@ -61,8 +61,8 @@ def scaled(table: ViewNoiseTable = NOISE, **scale: float) -> ViewNoiseTable:
     return replace(table, file=file)
 
 
-def haunted(on_structure: float, on_furniture: float) -> ViewNoiseTable:
-    """Nothing errs but false things, which are where the rates say."""
+def only_false_positives(on_structure: float, on_furniture: float) -> ViewNoiseTable:
+    """A table whose only errors are false positives, at these rates."""
     table = scaled(false=1.0).scaled(1, 1.0)
     false = table.file.false_positive.model_copy(
         update={"on_structure": on_structure, "on_furniture": on_furniture, "min_px": 20}
@@ -75,20 +75,20 @@ def reported(found: Findings) -> list[tuple]:
 
 
 def middle_m(d: Detection, frame: Frame) -> np.ndarray:
-    """Where a detection lies in the world."""
+    """The world position of the middle of a detection."""
     v, u = np.argwhere(d.mask).mean(0)
     ray = np.array([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0])
     p_cam = ray * np.median(frame.depth_m[d.mask])
     return frame.T_world_cam[:3, :3] @ p_cam + frame.T_world_cam[:3, 3]
 
 
-def test_whatever_stands_in_a_home_may_be_sought():
+def test_the_vocabulary_covers_every_class_of_the_homes():
     ovmm = CATALOGS["ovmm"]
     things = {normalised(n) for n in (*ovmm.objects, *ovmm.receptacles, *ovmm.fixtures)}
     assert things <= set(ViewNoiseDetector(NamedTruth(), NOISE).vocabulary())
 
 
-def test_level_0_is_the_truth_exactly():
+def test_level_0_gives_exactly_the_ground_truth():
     truth = NamedTruth()
     for n, x in enumerate(np.linspace(-2, 1, 12), 1):
         frame = truth.frame(looking(float(x)), n)
@@ -100,7 +100,7 @@ def test_level_0_is_the_truth_exactly():
             np.testing.assert_array_equal(a.mask, b.mask)
 
 
-def test_the_same_seed_errs_the_same_and_another_seed_does_not():
+def test_equal_seeds_give_equal_errors_and_different_seeds_do_not():
     truth = NamedTruth()
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 30), 1)]
     runs = [
@@ -110,7 +110,7 @@ def test_the_same_seed_errs_the_same_and_another_seed_does_not():
     assert runs[0] == runs[1] != runs[2]
 
 
-def test_body_numbers_do_not_matter():
+def test_body_ids_do_not_change_the_detections():
     for n in range(1, 6):
         here, there = NamedTruth(), NamedTruth(shift=37)
         frame = here.frame(looking(0.1 * n), n)
@@ -119,8 +119,8 @@ def test_body_numbers_do_not_matter():
         assert reported(found[0]) == reported(found[1])
 
 
-def test_another_process_finds_the_same():
-    """Whatever the salt of its hashes."""
+def test_another_process_gives_the_same_detections():
+    """The other process has another hash salt (PYTHONHASHSEED)."""
     here = Path(__file__).parent
     code = (
         f"import sys; sys.path.insert(0, {str(here)!r})\n"
@@ -140,7 +140,7 @@ def fingerprint() -> str:
     return str([reported(ViewNoiseDetector(truth, table, 5).detect(f, CONTEXT)) for f in frames])
 
 
-def test_nothing_changes_when_other_things_enter_the_picture():
+def test_an_additional_object_does_not_change_the_errors_of_the_others():
     guest = Box(9, "candle", (1.75, 0.35, 0.75), (1.83, 0.43, 0.85), True)
     alone, together = NamedTruth(), NamedTruth((*ROOM, guest))
     table = scaled(confuse=1.5, miss=1.0)
@@ -155,9 +155,9 @@ def test_nothing_changes_when_other_things_enter_the_picture():
         assert found[0] == found[1]
 
 
-def test_false_things_stay_where_they_are_while_the_camera_passes():
+def test_false_positives_keep_their_place_while_the_camera_moves():
     truth = NamedTruth((TABLE,))
-    table = haunted(0.0, 0.12)
+    table = only_false_positives(0.0, 0.12)
     places: dict[int, list[np.ndarray]] = {}
     for seed in range(30):
         for n, x in enumerate((0.45, 0.50, 0.55), 1):
@@ -171,10 +171,10 @@ def test_false_things_stay_where_they_are_while_the_camera_passes():
 
 
 @pytest.mark.parametrize(("structure", "furniture", "host"), [(1.0, 0.0, WALL), (0.0, 1.0, TABLE)])
-def test_false_things_lie_on_walls_and_on_furniture(structure, furniture, host):
+def test_false_positives_lie_on_walls_and_on_furniture(structure, furniture, host):
     truth = NamedTruth()
     frame = truth.frame(looking(0.2))
-    found = ViewNoiseDetector(truth, haunted(structure, furniture)).detect(
+    found = ViewNoiseDetector(truth, only_false_positives(structure, furniture)).detect(
         frame, context_of("teapot")
     )
     ids = truth.ids[frame.stamp_ns]
@@ -183,20 +183,22 @@ def test_false_things_lie_on_walls_and_on_furniture(structure, furniture, host):
     assert "teapot" in {s.class_name for s in found.seen}
 
 
-def test_nothing_false_lies_on_a_thing_of_its_own_kind_or_on_what_can_be_picked():
+def test_no_false_positive_lies_on_an_object_of_its_class_or_on_a_graspable_object():
     truth = NamedTruth()
     frame = truth.frame(looking(0.2))
-    detector = ViewNoiseDetector(truth, haunted(0.0, 1.0))
+    detector = ViewNoiseDetector(truth, only_false_positives(0.0, 1.0))
     role = SearchContext("c", (SearchClass("table", Role.GOAL_RECEPTACLE, 0.05),))
     assert {d.score for d in detector.detect(frame, role).detections} != set()
     assert len(detector.detect(frame, role).detections) == 1  # the table itself
     things = NamedTruth((MUG, BOWL))
     frame = things.frame(looking(0.2))
-    haunts = ViewNoiseDetector(things, haunted(1.0, 1.0)).detect(frame, context_of("teapot"))
+    haunts = ViewNoiseDetector(things, only_false_positives(1.0, 1.0)).detect(
+        frame, context_of("teapot")
+    )
     assert haunts.detections == ()
 
 
-def test_the_rate_of_false_things_is_that_of_the_table():
+def test_the_rate_of_false_positives_is_that_of_the_table():
     truth = NamedTruth((WALL,))
     frame = truth.frame(looking(1.5))
     per_cell = 0.05
@@ -204,7 +206,9 @@ def test_the_rate_of_false_things_is_that_of_the_table():
 
     def count(rate: float, seed: int) -> int:
         return len(
-            ViewNoiseDetector(truth, haunted(rate, 0.0), seed).detect(frame, context).detections
+            ViewNoiseDetector(truth, only_false_positives(rate, 0.0), seed)
+            .detect(frame, context)
+            .detections
         )
 
     sure = np.mean([count(1.0, seed) for seed in range(40)])
@@ -214,7 +218,7 @@ def test_the_rate_of_false_things_is_that_of_the_table():
     assert abs(sum(counts) - expected) < 4.5 * np.sqrt(expected)
 
 
-def test_a_thing_may_be_reported_under_two_names_at_one_place():
+def test_an_object_may_be_reported_under_two_names_with_one_mask():
     truth = NamedTruth()
     frame = truth.frame(looking(0.7))
     context = context_of("mug", *NOISE.rows["mug"].names, threshold=0.0)
@@ -230,7 +234,7 @@ def test_a_thing_may_be_reported_under_two_names_at_one_place():
     assert 1 <= doubled <= 24
 
 
-def test_partial_masks_keep_about_the_share_that_was_asked_for():
+def test_partial_masks_keep_about_the_requested_share():
     crop = np.ones((40, 60), bool)
     for side in range(4):
         box, kept = partial((10, 20, 70, 60), crop, 0.5, side)
@@ -240,11 +244,11 @@ def test_partial_masks_keep_about_the_share_that_was_asked_for():
     assert all(partial((0, 0, 1, 1), one, 0.4, side)[1].any() for side in range(4))
 
 
-def test_leaking_masks_run_onto_what_is_below_and_near_and_nowhere_else():
+def test_leaking_masks_extend_only_onto_near_support_below_the_object():
     depth_m = np.full((100, 100), 2.0, np.float32)
     depth_m[:, 60:] = 3.0  # far behind
     support = np.ones((100, 100), bool)
-    support[50:60, 40:45] = False  # another thing below
+    support[50:60, 40:45] = False  # another object below
     crop = np.ones((10, 20), bool)
     box, mask = leaked((40, 40, 60, 50), crop, 6, support, depth_m, 0.3)
     whole = np.zeros((100, 100), bool)
@@ -259,7 +263,7 @@ def test_leaking_masks_run_onto_what_is_below_and_near_and_nowhere_else():
     assert not extra[56:].any()
 
 
-def test_the_stated_shares_of_masks_are_partial_or_leak():
+def test_partial_and_leaking_masks_occur_at_the_stated_rates():
     truth = NamedTruth()
     frame = truth.frame(looking(0.9))
     inside = truth.ids[frame.stamp_ns] == MUG.id
@@ -276,7 +280,7 @@ def test_the_stated_shares_of_masks_are_partial_or_leak():
         assert abs(kinds[kind] - 300 * share) < 4.5 * np.sqrt(300 * share), kinds
 
 
-def test_the_scorer_follows_what_was_reported_and_bears_names_it_does_not_know():
+def test_the_scorer_uses_the_reported_names_and_tolerates_unknown_names():
     truth = NamedTruth()
     scorer = LexicalScorer()
     prompts = {"near": "a mug ahead", "far": "a toilet ahead"}
@@ -299,7 +303,7 @@ def test_unknown_classes_in_the_truth_are_reported_as_they_are():
     assert {s.class_name for s in found.seen} == {"flurb"}
 
 
-def test_the_setting_picks_the_detector_by_the_table():
+def test_the_noise_table_selects_the_simulated_detector():
     truth = NamedTruth()
     mine = open_detector("simulated", DetectorOptions(truth, noise="ovmm-v1", noise_level=0.5))
     demo = open_detector("simulated", DetectorOptions(truth))
@@ -308,7 +312,7 @@ def test_the_setting_picks_the_detector_by_the_table():
     assert set(demo.vocabulary() or ()) <= set(mine.vocabulary() or ())
 
 
-def test_any_thing_may_be_taken_for_the_asked_one_and_furniture_never_for_a_thing():
+def test_any_object_may_be_confused_with_the_asked_object_but_furniture_never():
     truth = NamedTruth()
     frame = truth.frame(looking(0.7))
     table = scaled(second=1.0).scaled(1, 1.0)

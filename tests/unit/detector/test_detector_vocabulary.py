@@ -1,4 +1,4 @@
-"""Names that are asked for and names that a detector knows."""
+"""Matching of the class names of a context with the names that a detector knows."""
 
 import pytest
 from detector_scene import context_of
@@ -26,7 +26,7 @@ def served(*asked: str) -> dict[str, frozenset[str]]:
         ("potted_plant", "potted plant"), ("remote control", "remote"), ("cup", "cup"),
     ],
 )  # fmt: skip
-def test_asked_name_reaches_the_name_the_detector_knows(asked, known):
+def test_an_asked_name_maps_to_the_name_that_the_detector_knows(asked, known):
     assert served(asked) == {asked: frozenset({known})}
 
 
@@ -41,19 +41,19 @@ def test_unknown_class_is_refused_with_near_matches():
         refuse_unknown(refused)
 
 
-def test_known_and_unknown_classes_are_told_apart():
+def test_known_and_unknown_classes_are_separated():
     wanted, refused = fixed_wanted(context_of("cup", "unicorn"), COCO_NAMES)
     assert [w.name for w in wanted] == ["cup"]
     assert list(refused) == ["unicorn"]
 
 
-def test_a_detectors_name_serves_the_exact_class_and_the_other_is_refused():
+def test_a_detector_name_goes_to_the_exact_class_and_the_other_class_is_refused():
     wanted, refused = fixed_wanted(context_of("coffee table", "dining table"), COCO_NAMES)
     assert [w.name for w in wanted] == ["dining table"]
     assert "cannot tell them apart" in refused["coffee table"]
 
 
-def test_mug_and_cup_asked_together_are_refused_for_one_only():
+def test_mug_is_refused_if_mug_and_cup_are_asked_together():
     wanted, refused = fixed_wanted(context_of("mug", "cup"), COCO_NAMES)
     assert [w.name for w in wanted] == ["cup"]
     assert list(refused) == ["mug"]
@@ -65,18 +65,18 @@ def test_synonyms_of_the_context_are_used():
     assert "mug" in open_wanted(context)[0].names
 
 
-def test_open_vocabulary_takes_a_kind_for_the_wider_name_and_never_a_neighbour():
+def test_an_open_vocabulary_accepts_a_subclass_for_a_class_but_never_a_sibling():
     assert "coffee table" in accepted_names("table")
     assert "dining table" not in accepted_names("coffee table")
 
 
-def test_in_an_open_vocabulary_a_name_asked_for_itself_goes_to_itself():
+def test_an_asked_name_is_not_accepted_for_another_class_of_the_context():
     by_name = {w.name: w for w in open_wanted(context_of("table", "coffee table"))}
     assert "coffee table" not in by_name["table"].names
     assert "dining table" in by_name["table"].names
 
 
-def test_a_class_in_two_roles_is_one_with_the_lower_threshold_that_keeps_its_surface():
+def test_two_roles_of_a_class_merge_with_the_lower_threshold_and_keep_the_surface():
     context = SearchContext(
         "c",
         (

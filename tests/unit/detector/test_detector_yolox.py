@@ -1,4 +1,4 @@
-"""YOLOX: letter-box, decode, suppression; what a wrong model file says."""
+"""YOLOX: letter-box, decoding, suppression, and faulty model files."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_decode_refuses_an_output_of_another_grid():
         decode(np.zeros((5, 85), np.float32), SIZE)
 
 
-def test_overlapping_boxes_of_one_class_leave_the_best():
+def test_suppression_keeps_the_best_of_overlapping_boxes():
     boxes = np.array([[0, 0, 10, 10], [1, 0, 11, 10], [30, 0, 40, 10]], np.float32)
     assert suppressed(boxes, np.array([0.5, 0.9, 0.6], np.float32)) == [1, 2]
     assert suppressed(boxes[:0], np.zeros(0, np.float32)) == []
@@ -56,7 +56,7 @@ def test_a_file_that_is_no_model_is_invalid(tmp_path):
         YoloxDetector(path)
 
 
-def test_of_very_many_boxes_the_best_50_stay():
+def test_suppression_keeps_at_most_the_best_50_boxes():
     corner = 20 * np.arange(60, dtype=np.float32)
     boxes = np.stack([corner, corner, corner + 9, corner + 9], 1)
     scores = np.linspace(0.3, 0.9, 60, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Tiny models of every family, randomly initialised, written to a folder as a hub would give them.
+"""Tiny models of every family, randomly initialised, written to a folder as a hub gives them.
 
 Real classes, configurations, processors and tokenizers; only the sizes are small. One call per
 family writes a folder that `from_pretrained` reads.
@@ -30,7 +30,7 @@ def clip_tokenizer(length: int = 16) -> Any:
 
 
 def bert_tokenizer(**kwargs: Any) -> Any:
-    """A WordPiece vocabulary of letters; Grounding DINO wants four tokens at BERT's places."""
+    """A WordPiece vocabulary of letters; Grounding DINO needs four tokens at BERT's ids."""
     vocab = {f"[unused{i}]": i for i in range(1030)}
     own = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012,
            "?": 1029, ",": 1010}  # fmt: skip
@@ -228,7 +228,7 @@ def _depth_pro(own_focal: bool = True) -> tuple[Any, Any]:
     model = hf.DepthProForDepthEstimation(config)
     with torch.no_grad():
         model.head.layers[-2].weight.mul_(0.001)
-        model.head.layers[-2].bias.fill_(0.5)  # an inverse depth that is not cut at 0
+        model.head.layers[-2].bias.fill_(0.5)  # an inverse depth that is not clipped at 0
         if own_focal:
             model.fov_model.head.layers[-1].bias.fill_(60.0)  # degrees
     return model, images
@@ -272,7 +272,7 @@ FAMILIES: dict[str, Callable[[], tuple[Any, Any]]] = {
 
 
 def write(family: str, folder: Path, seed: int = 0) -> Path:
-    """The folder, with model and processor in it."""
+    """Writes model and processor to the folder and returns it."""
     torch.manual_seed(seed)
     model, processor = FAMILIES[family]()
     model.save_pretrained(folder)

@@ -1,6 +1,6 @@
-"""Tiny ONNX models written byte by byte: whatever the image, they give the array they were made of.
+"""Tiny ONNX models written byte by byte: for every image they give the same fixed array.
 
-Only what a runtime needs: one `Identity` from a constant to the output.
+They hold only what a runtime needs: one `Identity` node from a constant to the output.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _bytes(field: int, value: bytes | str) -> bytes:
 
 
 def _tensor(name: str, shape: Sequence[int | str]) -> bytes:
-    """A ValueInfoProto of floats; a dimension that is a word is left open."""
+    """A ValueInfoProto of floats; a dimension given by a name stays dynamic."""
     dims = b"".join(_bytes(1, _number(1, n) if isinstance(n, int) else _bytes(2, n)) for n in shape)
     return _bytes(1, name) + _bytes(2, _bytes(1, _number(1, FLOAT) + _bytes(2, dims)))
 
@@ -69,7 +69,7 @@ def write(
 def yolox_cell(
     box_xyxy: tuple[float, float, float, float], size: tuple[int, int]
 ) -> tuple[int, NDArray[np.float32]]:
-    """(row of the output, [4] raw numbers there) by which YOLOX says this box, in input pixels."""
+    """(row of the output, [4] raw numbers there) that YOLOX decodes to this box in input pixels."""
     x0, y0, x1, y1 = box_xyxy
     stride = STRIDES_PX[0]
     cx, cy = (x0 + x1) / 2 / stride, (y0 + y1) / 2 / stride
@@ -85,7 +85,7 @@ def yolox(
     size: tuple[int, int] = (240, 320),  # a multiple of 32 pixels is not needed
     metadata: Mapping[str, str] | None = None,
 ) -> Path:
-    """A YOLOX that finds these boxes in every image of this size."""
+    """A YOLOX model that finds these boxes in every image of this size."""
     cells = sum((size[0] // s) * (size[1] // s) for s in STRIDES_PX)
     output = np.zeros((1, cells, 5 + classes), np.float32)
     for box, class_index, score in found:

@@ -1,4 +1,4 @@
-"""Frames of a small camera, and a recorder that hears a bus in this process."""
+"""Frames of a small camera, and a recorder on a bus in this process."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CONTEXT_ID = "seek-a-cup"
 
 
 def frame(seq: int, keyframe: bool = True, seed: int | None = None) -> pb.Frame:
-    """Noise, which no lossy codec keeps."""
+    """A frame of noise, which no lossy codec preserves."""
     random = np.random.default_rng(seq if seed is None else seed)
     depth_mm = random.integers(500, 4000, (48, 64)).astype(np.float32)
     T_world_base = se2_to_se3(0.1 * seq, -0.2, 0.3 + 0.01 * seq)
@@ -72,13 +72,13 @@ class Recorded:
         )
 
     def robot(self) -> None:
-        """What a bridge says when it starts."""
+        """Publishes what a bridge publishes when it starts."""
         self.bus.publish(ROBOT_DESCRIPTION, description())
         state = RobotState(se2_to_se3(0, 0, 0), robot_boot_id="boot")
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
     def look(self, seq: int, context_id: str = CONTEXT_ID, keyframe: bool = True) -> pb.Frame:
-        """One frame, answered if it is a keyframe."""
+        """Publishes one frame, and its observation if it is a keyframe."""
         message = frame(seq, keyframe)
         self.bus.publish(KEYFRAME if keyframe else FRAME, message)
         if keyframe:
@@ -88,7 +88,7 @@ class Recorded:
         return message
 
     def tour(self, frames: int) -> list[pb.Frame]:
-        """A short recording: a robot, a search, keyframes."""
+        """Publishes a robot, a search context and keyframes: a short recording."""
         self.robot()
         self.bus.publish(CONTEXT, context())
         return [self.look(seq) for seq in range(frames)]

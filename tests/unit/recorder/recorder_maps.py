@@ -1,4 +1,4 @@
-"""Two maps that answer as a test says, and the cells of a recorded grid."""
+"""Fakes of the two maps, whose answers a test sets, and the cells of a recorded grid."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def snapshot_of(
     version: int = 1,
     values: dict[str, NDArray[np.float32]] | None = None,
 ) -> pb.MapSnapshot:
-    """As map2d sends it."""
+    """A snapshot as map2d sends it."""
     rows, columns = occupancy.shape
     out = pb.MapSnapshot(
         version=version, cell_m=cell_m, origin_x_m=origin_m[0], origin_y_m=origin_m[1],
@@ -45,13 +45,13 @@ def snapshot_of(
 
 
 class FakeMaps:
-    """Answers `map2d/snapshot` and `objectmap/objects`; announces what is new."""
+    """Answers `map2d/snapshot` and `objectmap/objects`; announces new versions."""
 
     def __init__(self, bus: Bus, snapshot: pb.MapSnapshot) -> None:
         self.bus, self.snapshot = bus, snapshot
         self.objects = pb.ObjectsReply(version=1)
         self.asked = self.at_once = self.most_at_once = 0
-        self.before: Callable[[], None] = lambda: None  # the answer
+        self.before: Callable[[], None] = lambda: None  # runs before each answer
         self._lock = threading.Lock()
         bus.serve(SNAPSHOT, self._snapshot)
         bus.serve(OBJECTS, lambda _: self.objects)
@@ -61,7 +61,7 @@ class FakeMaps:
         self.bus.publish(OBJECTMAP_ACK, pb.Ack(service="objectmap", part="objects", accepted=True))
 
     def change(self, snapshot: pb.MapSnapshot) -> None:
-        """A newer version, which is announced."""
+        """Sets a newer version and announces it."""
         snapshot.version = self.snapshot.version + 1
         self.snapshot = snapshot
         self.objects.version += 1
@@ -104,8 +104,8 @@ def cell_at(grid, x_m: float, y_m: float) -> np.void:
 
 
 def last_of(folder: Path) -> dict[str, Any]:
-    """The newest message of each channel, as a foreign program reads it; the file may be written at
-    this moment."""
+    """The newest message of each channel, as a third-party program reads it; the file may still
+    be open for writing."""
     out: dict[str, Any] = {}
     for path in sorted(folder.glob("*.mcap")):
         with path.open("rb") as file, suppress(EndOfFile, McapError):

@@ -1,4 +1,4 @@
-"""The layout shows channels that are recorded, in panels that are laid out."""
+"""The Foxglove layout: it places every panel and shows only recorded channels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from helios_core.topics import TOPICS
 LAYOUT = json.loads(
     (Path(__file__).resolve().parents[3] / "deploy/foxglove-layout.json").read_text()
 )
-LAYERS = ("pick", "place")  # of a task that moves a thing
+LAYERS = ("pick", "place")  # of a task that moves an object
 RECORDED = {channel_of(t) for t in TOPICS} | {ANNOTATIONS, CALIBRATION, LOG, TRANSFORMS}
 MAP = {OCCUPANCY, OBSTACLES, FRONTIERS, TRAJECTORY, OBJECTS, PLAN, CANDIDATES, PATH}
 RECORDED |= MAP | {VALUES + layer for layer in LAYERS}
@@ -64,16 +64,16 @@ def test_every_panel_is_laid_out_once() -> None:
     assert sorted(shown) == sorted(LAYOUT["configById"])
 
 
-def test_every_channel_of_it_is_recorded() -> None:
+def test_every_channel_of_the_layout_is_recorded() -> None:
     named = {m.group() for w in words(LAYOUT["configById"]) if (m := re.match(r"/[\w/]+", w))}
     assert named
     assert named <= RECORDED
 
 
-def test_its_3d_panel_shows_all_that_the_robot_believes() -> None:
+def test_the_3d_panel_shows_all_map_channels() -> None:
     topics = LAYOUT["configById"]["3D!world"]["topics"]
     assert set(topics) >= MAP
     shown = {name for name, settings in topics.items() if settings["visible"]}
-    assert shown >= MAP - {PATH, OBSTACLES}  # plan and occupancy draw them already
+    assert shown >= MAP - {PATH, OBSTACLES}  # already drawn by plan and occupancy
     for grid in (OCCUPANCY, *(VALUES + layer for layer in LAYERS)):
         assert topics[grid]["colorMode"] == "rgba-fields"

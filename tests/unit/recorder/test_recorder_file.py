@@ -1,4 +1,4 @@
-"""What stands in a recording."""
+"""The content of the files of a recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.unit.recorder.recorder_bus import Recorded, context, frame
 
 
 def messages(path: Path) -> dict[str, list]:
-    """All of a file as a foreign program reads it, by its own schemas."""
+    """All messages of a file, read with the schemas in the file as a third-party program does."""
     out: dict[str, list] = {}
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -35,7 +35,7 @@ def only_file(folder: Path) -> Path:
     return path
 
 
-def test_everything_that_was_said_can_be_read_without_us(tmp_path: Path) -> None:
+def test_every_recorded_message_can_be_read_without_helios_code(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
     recorded.tour(3)
     recorded.look(3, keyframe=False)
@@ -64,7 +64,7 @@ def test_everything_that_was_said_can_be_read_without_us(tmp_path: Path) -> None
     assert said["/detector/observation"][0].detections[0].class_name == "cup"
 
 
-def test_it_is_chunked_indexed_and_of_our_profile(tmp_path: Path) -> None:
+def test_a_recording_is_chunked_and_indexed_and_has_the_helios_profile(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, chunk_mb=0.02)
     recorded.tour(4)
     recorded.close()
@@ -79,7 +79,7 @@ def test_it_is_chunked_indexed_and_of_our_profile(tmp_path: Path) -> None:
     assert summary.statistics.message_count > 30
 
 
-def test_declarations_between_chunks_are_those_in_the_chunks(tmp_path: Path) -> None:
+def test_declarations_between_chunks_equal_those_in_the_chunks(tmp_path: Path) -> None:
     """MCAP allows a schema or a channel to be repeated if it is the same."""
     recorded = Recorded(tmp_path, chunk_mb=0.02)
     recorded.tour(4)
@@ -95,7 +95,7 @@ def test_declarations_between_chunks_are_those_in_the_chunks(tmp_path: Path) -> 
         assert all(one == same[0] for one in same)
 
 
-def test_every_topic_is_heard_and_truth_is_not(tmp_path: Path) -> None:
+def test_every_topic_is_subscribed_except_the_ground_truth(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
     keys = {s.key for s in recorded.hub.subscribers}
     recorded.close()
@@ -114,7 +114,7 @@ def test_pixels_are_in_the_file_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seq", range(5))
-def test_a_keyframe_is_put_together_to_the_last_bit(seq: int) -> None:
+def test_a_split_keyframe_is_joined_without_loss(seq: int) -> None:
     message = frame(seq)
     parts = split_frame(message, None)
     color = CompressedImage.FromString(parts.color.SerializeToString())
@@ -126,7 +126,7 @@ def test_a_keyframe_is_put_together_to_the_last_bit(seq: int) -> None:
     )
 
 
-def test_depth_of_a_stream_is_exact_too() -> None:
+def test_the_depth_of_a_stream_frame_is_kept_without_loss() -> None:
     message = frame(0, keyframe=False)
     parts = split_frame(message, 90)
     assert parts.depth.data == message.raw_depth.data
@@ -134,7 +134,7 @@ def test_depth_of_a_stream_is_exact_too() -> None:
     assert (seen.depth_m == frame_from_proto(message).depth_m).all()
 
 
-def test_a_frame_that_cannot_be_read_is_counted_and_the_next_is_kept(tmp_path: Path) -> None:
+def test_an_unreadable_frame_is_counted_and_the_next_frame_is_recorded(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
     recorded.robot()
     broken = frame(0)
@@ -148,7 +148,7 @@ def test_a_frame_that_cannot_be_read_is_counted_and_the_next_is_kept(tmp_path: P
     assert [m.id.seq for m in messages(only_file(tmp_path))["/bridge/keyframe"]] == [1]
 
 
-def test_files_are_rotated_and_each_stands_alone(tmp_path: Path) -> None:
+def test_files_are_rotated_and_each_can_be_read_alone(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, rotate_mb=0.05, flush_s=0.001)
     recorded.robot()
     recorded.bus.publish(CONTEXT, context())
@@ -168,7 +168,7 @@ def test_files_are_rotated_and_each_stands_alone(tmp_path: Path) -> None:
         assert said["/planner/context"][0].id == context().id
 
 
-def test_a_file_that_is_old_enough_is_followed_by_the_next(tmp_path: Path) -> None:
+def test_a_file_is_rotated_at_its_maximum_age(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, rotate_min=1e-4, flush_s=0.001)
     recorded.robot()
     wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) >= 3, 20, "the file is followed")

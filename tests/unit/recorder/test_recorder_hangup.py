@@ -1,4 +1,4 @@
-"""A recorder that is started by hand, when its session is closed."""
+"""A recorder that was started by hand when its terminal session closes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from helios_core.service_process import ending_signals
 from tests.support import ENDS_WITHIN_S, free_port
 
 
-def test_a_closed_session_ends_a_recorder_as_ctrl_c_does() -> None:
+def test_a_closed_session_ends_a_recorder_like_ctrl_c() -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "helios_recorder", "--router", f"tcp/127.0.0.1:{free_port()}"],
         stderr=subprocess.PIPE, text=True,
@@ -26,7 +26,7 @@ def test_a_closed_session_ends_a_recorder_as_ctrl_c_does() -> None:
         process.communicate()
 
 
-def test_what_is_started_with_nohup_outlives_its_session() -> None:
+def test_a_recorder_started_with_nohup_outlives_its_session() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         assert set(ending_signals()) == {signal.SIGTERM, signal.SIGINT}

@@ -1,4 +1,4 @@
-"""What a recorder does when it gets too much, and when there is no room."""
+"""The recorder at its limits: full queue, missing frames, slow or full disk."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.support import wait_until
 from tests.unit.recorder.recorder_bus import Recorded, frame
 
 
-def test_a_full_inbox_drops_streams_first_and_never_waits() -> None:
+def test_a_full_queue_drops_stream_frames_first_and_never_blocks() -> None:
     inbox = MessageQueue(limit_bytes=10 * frame(0).ByteSize())
     streams = [inbox.put("/s", frame(0, keyframe=False), droppable=True) for _ in range(20)]
     keyframes = [inbox.put("/k", frame(0), droppable=False) for _ in range(20)]
@@ -37,7 +37,7 @@ def test_a_full_inbox_drops_streams_first_and_never_waits() -> None:
 
 @pytest.mark.parametrize("step_ns", [1_000_000, 0, -1_000_000])
 def test_log_times_rise_strictly(step_ns: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the clock does."""
+    """The clock may advance, stand still or go back."""
     clock = itertools.count(10**15, step_ns)
     monkeypatch.setattr(time, "monotonic_ns", lambda: next(clock))
     inbox = MessageQueue(1e6)
@@ -48,7 +48,7 @@ def test_log_times_rise_strictly(step_ns: int, monkeypatch: pytest.MonkeyPatch) 
     assert all(b > a for a, b in itertools.pairwise(times))
 
 
-def test_what_is_dropped_is_counted_and_shown(
+def test_dropped_frames_are_counted_and_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gate_is_shut = True
@@ -73,8 +73,8 @@ def test_what_is_dropped_is_counted_and_shown(
 
 
 @given(st.lists(st.integers(0, 60), min_size=1, unique=True))
-def test_gaps_count_the_numbers_that_did_not_come(numbers: list[int]) -> None:
-    """In whatever order two threads bring them."""
+def test_gaps_counts_the_missing_sequence_numbers(numbers: list[int]) -> None:
+    """Two threads may deliver them in any order."""
     gaps = Gaps()
     missing = 0
     for seq in numbers:
@@ -82,14 +82,14 @@ def test_gaps_count_the_numbers_that_did_not_come(numbers: list[int]) -> None:
     assert missing == max(numbers) - min(numbers) + 1 - len(numbers)
 
 
-def test_a_bridge_that_starts_again_loses_no_frames() -> None:
+def test_a_restart_of_the_bridge_counts_no_missing_frames() -> None:
     gaps = Gaps()
     for seq in (1, 2, 4, 1_000_000, 1_000_001):
         missing = gaps.add(pb.FrameId(robot_boot_id="b", seq=seq))
     assert missing == 1
 
 
-def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
+def test_a_full_disk_is_reported_and_the_recording_continues_when_space_is_free(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full = False
@@ -112,7 +112,7 @@ def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
     assert "the disk is full" in said
     assert str(tmp_path) in said
     assert file._stream.closed
-    recorded.look(2)  # keeps nobody waiting
+    recorded.look(2)  # does not block
     wait_until(
         lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
     )
@@ -123,7 +123,7 @@ def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
     assert len(list(tmp_path.glob("*.mcap"))) >= 2
 
 
-def test_a_disk_that_becomes_full_ends_the_file_with_its_indexes_and_loses_nothing(
+def test_a_disk_that_becomes_full_ends_the_file_with_its_index_and_loses_no_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full = False
@@ -148,10 +148,10 @@ def test_a_disk_that_becomes_full_ends_the_file_with_its_indexes_and_loses_nothi
     recorded.close()
 
 
-def test_a_message_that_is_on_the_disk_is_not_lost_when_little_room_is_left(
+def test_a_written_message_is_not_counted_as_lost_when_the_disk_becomes_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not even where the indexes find no room any more."""
+    """The same holds if there is no space for the index."""
 
     def room(*_: object) -> None:
         if recorded.health.metrics().get("messages", 0) == 3:
@@ -170,10 +170,10 @@ def test_a_message_that_is_on_the_disk_is_not_lost_when_little_room_is_left(
     recorded.close()
 
 
-def test_what_a_full_disk_did_not_take_any_more_is_counted(
+def test_messages_that_a_full_disk_did_not_take_are_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A chunk that waits to be written is lost with the disk."""
+    """A chunk that waits to be written is lost, too."""
 
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -190,7 +190,7 @@ def test_what_a_full_disk_did_not_take_any_more_is_counted(
     recorded.close()
 
 
-def test_what_a_slow_disk_has_not_taken_at_the_end_is_said(
+def test_messages_that_a_slow_disk_did_not_take_by_the_end_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     awake = threading.Event()
@@ -203,7 +203,7 @@ def test_what_a_slow_disk_has_not_taken_at_the_end_is_said(
     assert "are lost" in caplog.text
 
 
-def test_too_little_room_at_the_start_is_said(tmp_path: Path) -> None:
+def test_too_little_disk_space_at_the_start_is_reported(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, min_free_mb=1e12)
     wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
     recorded.close()
@@ -211,7 +211,7 @@ def test_too_little_room_at_the_start_is_said(tmp_path: Path) -> None:
     assert list(tmp_path.glob("*.mcap")) == []
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+def test_an_output_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     recorded = Recorded(tmp_path / "file" / "recordings")
     wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
@@ -220,10 +220,10 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_a_disk_that_takes_nothing_leaves_no_empty_files(
+def test_a_disk_that_takes_no_byte_leaves_no_empty_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """/dev/full takes no byte, as a full disk does."""
+    """/dev/full takes no byte, like a full disk."""
     opened = Path.open
 
     def full(path: Path, mode: str = "r", *args: Any) -> Any:
@@ -240,7 +240,7 @@ def test_a_disk_that_takes_nothing_leaves_no_empty_files(
         lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
     )
     recorded.close()
-    assert recorded.health.metrics()["dropped_while_stopped"] == 2  # robot() says two things
+    assert recorded.health.metrics()["dropped_while_stopped"] == 2  # robot() publishes two messages
     assert "the disk is full" in recorded.health.state[1]
     assert list(tmp_path.iterdir()) == []
-    assert recorded.service.recording._files == 0  # nor numbers of files that are none
+    assert recorded.service.recording._files == 0  # an unwritten file takes no number

@@ -1,4 +1,4 @@
-"""A recording holds what the robot believed: grids, objects, frontiers, path, candidates."""
+"""A recording holds the robot's maps and plans: grids, objects, frontiers, path, candidates."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from tests.unit.recorder.recorder_bus import Recorded, context
 from tests.unit.recorder.recorder_maps import FakeMaps, cell_at, cells_of, snapshot_of
 from tests.unit.recorder.test_recorder_file import messages, only_file
 
-FAST = 0.01  # seconds between questions
+FAST = 0.01  # seconds between requests
 CELL = st.sampled_from([UNKNOWN, FREE, OCCUPIED])
 
 
 def small_map(marked: tuple[int, int] = (1, 3)) -> np.ndarray:
-    """Free, but for one obstacle and an unknown row at the highest y."""
+    """Free, except for one obstacle and an unknown row at the highest y."""
     out = np.zeros((4, 6), np.int8)
     out[marked], out[-1] = OCCUPIED, UNKNOWN
     return out
@@ -45,9 +45,9 @@ def asked(recorded: Recorded, maps: FakeMaps, more_than: int = 0) -> None:
     wait_until(lambda: maps.asked > more_than and maps.at_once == 0, 20, "the map is asked")
 
 
-# --- what is written --------------------------------------------------------------------------
-def test_the_map_is_recorded_where_it_lies(tmp_path: Path) -> None:
-    """Row up is y up, column right is x right."""
+# --- what is recorded -------------------------------------------------------------------------
+def test_the_map_is_recorded_at_its_place_in_the_world(tmp_path: Path) -> None:
+    """A higher row has a higher y, a higher column a higher x."""
     recorded = Recorded(tmp_path, map_period_s=FAST)
     value = np.zeros((4, 6), np.float32)
     value[0, 5] = 0.5
@@ -63,7 +63,7 @@ def test_the_map_is_recorded_where_it_lies(tmp_path: Path) -> None:
     grid = said["/map/occupancy"][-1]
     assert (grid.frame_id, grid.column_count, len(cells_of(grid))) == ("world", 6, 4)
     assert cell_at(grid, -1.0 + 3.5 * 0.05, 0.5 + 1.5 * 0.05)["occupancy"] == OCCUPIED
-    assert cell_at(grid, -1.0 + 1.5 * 0.05, 0.5 + 3.5 * 0.05)["alpha"] == 0  # unknown is clear
+    assert cell_at(grid, -1.0 + 1.5 * 0.05, 0.5 + 3.5 * 0.05)["alpha"] == 0  # unknown: transparent
     np.testing.assert_array_equal(cells_of(grid)["occupancy"], small_map())
     cloud = said["/map/obstacles"][-1]
     [point] = np.frombuffer(cloud.data, "<f4").reshape(-1, cloud.point_stride // 4)
@@ -82,7 +82,7 @@ def test_the_map_is_recorded_where_it_lies(tmp_path: Path) -> None:
     assert [[(p.x, p.y) for p in line.points] for line in driven.lines] == [
         [(0.0, 0.0), (0.5, 0.0)], [(2.0, 2.0), (2.0, 3.0)],
     ]  # fmt: skip
-    # A viewer that begins anywhere needs the newest message alone.
+    # A viewer that starts anywhere needs only the newest message.
     assert all(len(s.deletions) == 1 and s.deletions[0].type == 1 for s in said["/map/objects"])
 
 
@@ -91,7 +91,7 @@ def test_the_map_is_recorded_where_it_lies(tmp_path: Path) -> None:
     st.floats(0.01, 1.0),
     st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
 )
-def test_each_cell_of_any_map_is_found_at_its_place(
+def test_each_cell_of_any_map_is_recorded_at_its_place_in_the_world(
     occupancy: np.ndarray, cell_m: float, origin_m: tuple[float, float]
 ) -> None:
     values = {"pick": (occupancy == 0).astype(np.float32) / 2}
@@ -106,10 +106,10 @@ def test_each_cell_of_any_map_is_found_at_its_place(
 
 
 @given(st.lists(st.floats(width=32), max_size=9), st.floats(width=16))
-def test_no_number_of_a_map_or_a_plan_hinders_the_recording(
+def test_non_finite_numbers_of_a_map_or_plan_do_not_prevent_the_recording(
     numbers: list[float], other: float
 ) -> None:
-    """Those that are not finite are left out of the drawing."""
+    """They are left out of the drawing."""
     plan = pb.Plan(path_m=numbers, goal=pb.Pose2(x_m=other, yaw_rad=other), purpose="go")
     path, drawn = [e.message for e in plan_entries(plan, 1)]
     assert isinstance(path, PosesInFrame)
@@ -131,7 +131,7 @@ def test_no_number_of_a_map_or_a_plan_hinders_the_recording(
                 assert np.isfinite([p.x, p.y, p.z, q.z, q.w]).all()
 
 
-def test_the_path_and_the_candidates_are_recorded_without_asking_anybody(tmp_path: Path) -> None:
+def test_the_path_and_the_candidates_are_recorded_without_map_requests(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, map_period_s=0)
     maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
     maps.announce()
@@ -149,14 +149,14 @@ def test_the_path_and_the_candidates_are_recorded_without_asking_anybody(tmp_pat
     said = messages(only_file(tmp_path))
     driven, over = said["/map/path"]
     yaws = [2 * np.arctan2(p.orientation.z, p.orientation.w) for p in driven.poses]
-    assert yaws == pytest.approx([0, np.pi / 2, 0])  # along the path, at its end as asked
+    assert yaws == pytest.approx([0, np.pi / 2, 0])  # along the path; at its end as requested
     assert (list(over.poses), list(said["/map/plan"][1].entities)) == ([], [])
     assert [t.text for e in said["/map/plan"][0].entities for t in e.texts] == ["look"]
     chosen, other = said["/map/candidates"][0].entities
     assert (chosen.texts[0].text, other.texts[0].text) == ("frontier 7 0.31", "table")
     assert chosen.spheres[0].size.x > other.spheres[0].size.x
     assert {pair.key: pair.value for pair in chosen.metadata}["total"] == "0.31"
-    assert maps.asked == 0  # 0: off
+    assert maps.asked == 0  # a period of 0 means off
     assert "/map/occupancy" not in said
 
 
@@ -180,8 +180,8 @@ def test_each_file_of_a_rotation_begins_with_the_map(tmp_path: Path) -> None:
         assert {"/map/occupancy", "/map/frontiers", "/map/path", "/map/plan"} <= said.keys()
 
 
-# --- how the maps are asked -------------------------------------------------------------------
-def test_the_maps_are_asked_at_most_at_the_pace_and_one_question_at_a_time(tmp_path: Path) -> None:
+# --- how the maps are requested ---------------------------------------------------------------
+def test_the_maps_are_requested_at_most_once_per_period_and_one_at_a_time(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, map_period_s=0.2)
     maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
     for _ in range(500):
@@ -198,7 +198,7 @@ def test_the_maps_are_asked_at_most_at_the_pace_and_one_question_at_a_time(tmp_p
     recorded.close()
 
 
-def test_nothing_is_asked_while_nothing_changes(tmp_path: Path) -> None:
+def test_an_unchanged_map_is_not_requested_again(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, map_period_s=FAST)
     maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
     maps.announce()
@@ -209,16 +209,16 @@ def test_nothing_is_asked_while_nothing_changes(tmp_path: Path) -> None:
     before = maps.asked
     assert not watch._wake.wait(20 * FAST)
     assert maps.asked == before
-    recorded.bus.publish(CONTEXT, context())  # empties what was seen in the last search
+    recorded.bus.publish(CONTEXT, context())  # resets the explored area of the last search
     asked(recorded, maps, before)
     recorded.close()
 
 
-def test_maps_that_are_away_or_broken_are_counted_and_the_recording_is_ready(
+def test_missing_and_broken_maps_are_counted_and_the_recorder_stays_ready(
     tmp_path: Path,
 ) -> None:
     recorded = Recorded(tmp_path, map_period_s=FAST)
-    recorded.bus.publish(CONTEXT, context())  # and nobody answers
+    recorded.bus.publish(CONTEXT, context())  # and no map answers
     wait_until(lambda: recorded.health.metrics()["missed_maps"] >= 2, 20, "it is counted")
     assert recorded.health.state[0] == "ready"
     broken = snapshot_of(small_map())
@@ -231,10 +231,10 @@ def test_maps_that_are_away_or_broken_are_counted_and_the_recording_is_ready(
     assert watch is not None
     wait_until(lambda: watch._map_version == maps.snapshot.version, 20, "the next one is kept")
     recorded.close()
-    assert said_of(tmp_path) >= {"/map/occupancy"}
+    assert recorded_channels(tmp_path) >= {"/map/occupancy"}
 
 
-def test_a_map_that_hangs_holds_up_nothing(tmp_path: Path) -> None:
+def test_a_map_that_hangs_does_not_delay_the_recording(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, map_period_s=FAST)
     maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
     goes_on, hangs = threading.Event(), threading.Event()
@@ -250,15 +250,15 @@ def test_a_map_that_hangs_holds_up_nothing(tmp_path: Path) -> None:
     wait_until(lambda: recorded.health.metrics().get("messages", 0) >= 11, 20, "all is recorded")
     recorded.close()
     goes_on.set()
-    assert said_of(tmp_path) >= {"/bridge/keyframe"}
+    assert recorded_channels(tmp_path) >= {"/bridge/keyframe"}
     assert recorded.health.metrics()["dropped_messages"] == 0
 
 
-def said_of(folder: Path) -> set[str]:
+def recorded_channels(folder: Path) -> set[str]:
     return set(messages(only_file(folder)))
 
 
-def test_all_of_it_lies_under_one_name() -> None:
+def test_all_map_and_plan_channels_have_one_prefix() -> None:
     view = decode_snapshot(snapshot_of(small_map(), values={"pick": np.zeros((4, 6), np.float32)}))
     entries = [*map_entries(view, frozenset(), 1), *plan_entries(pb.Plan(), 1)]
     entries += [object_entry(pb.ObjectsReply(), 1), candidate_entry(pb.Decision(), 1)]

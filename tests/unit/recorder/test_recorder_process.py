@@ -1,4 +1,4 @@
-"""The recorder as a process, over a router: it asks the maps, and keeps what they answer."""
+"""The recorder as a process over a router: it requests the maps and records the answers."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def router() -> Iterator[str]:
     process.wait(ENDS_WITHIN_S)
 
 
-def test_a_recorder_beside_running_maps_holds_what_they_believe(
+def test_a_recorder_process_records_each_version_of_the_running_maps_once(
     router: str, tmp_path: Path
 ) -> None:
-    """Begun while the robot stands, it asks once; then after each change."""
+    """Started while the robot stands still, the recorder requests them once; then after changes."""
     opened: list[ZenohBus] = []
 
     def connected() -> bool:
@@ -59,7 +59,7 @@ def test_a_recorder_beside_running_maps_holds_what_they_believe(
         changed = occupancy.copy()
         changed[8, 11] = OCCUPIED
 
-        def asked_again() -> bool:  # acks are heard once the recorder is known to the router
+        def asked_again() -> bool:  # acks arrive once the router knows the recorder
             maps.announce()
             return maps.asked > 3
 
@@ -79,7 +79,7 @@ def test_a_recorder_beside_running_maps_holds_what_they_believe(
     grids = [cells_of(grid)["occupancy"] for grid in said["/map/occupancy"]]
     np.testing.assert_array_equal(grids[0], occupancy)
     np.testing.assert_array_equal(grids[-1], changed)
-    assert len(grids) == 2  # what did not change is not recorded again
+    assert len(grids) == 2  # an unchanged map is not recorded again
     wiped = cells_of(said["/map/value/pick"][-1])
     assert wiped.shape == (1, 1)  # the layer is gone
     assert states[-1].metrics["missed_maps"] == 0

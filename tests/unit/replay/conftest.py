@@ -1,4 +1,4 @@
-"""`recording` is a fixture of all."""
+"""Makes `recording` a fixture of all tests of the replay."""
 
 from tests.unit.replay.replay_recorded import recording
 

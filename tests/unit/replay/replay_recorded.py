@@ -1,4 +1,4 @@
-"""Small recordings to play."""
+"""Makes small recordings for the tests of the replay."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.unit.recorder.recorder_bus import Recorded
 
 
 def record(folder: Path, frames: int = 4, **chosen: float | str) -> tuple[Path, list[pb.Frame]]:
-    """(the file, the keyframes in it)"""
+    """Records some frames; returns (the file, its keyframes)."""
     recorded = Recorded(folder, **chosen)
     sent = recorded.tour(frames)
     recorded.close()

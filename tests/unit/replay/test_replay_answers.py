@@ -1,4 +1,4 @@
-"""The detector of a recording: the same answers, and the same retirements after the same frames."""
+"""The recorded detector: the same answers, and the same retirements after the same frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, fram
 
 
 class Played:
-    """The recorded detector on a bus with an object map that only writes down what it is told."""
+    """The recorded detector on a bus with a stub object map that notes what it receives."""
 
     def __init__(self, folder: Path) -> None:
         self.hub = MemoryHub()
@@ -68,7 +68,7 @@ def folder(tmp_path: Path) -> Path:
     for seq in (0, 1):
         recorded.look(seq)
     recorded.bus.publish(KEYFRAME, frame(2))
-    after = frame(1).id  # the map tells it late, when the recorder has the next frame already
+    after = frame(1).id  # published late: the recorder has the next frame already
     recorded.bus.publish(RETIRED, pb.Retired(request=pb.RetireRequest(object_id=7), after=after))
     recorded.look(3)
     after = frame(3).id
@@ -77,14 +77,14 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_everything_happens_in_the_order_of_the_map(folder: Path) -> None:
+def test_answers_and_retirements_come_in_the_recorded_order(folder: Path) -> None:
     played = Played(folder)
     for seq in range(4):
         played.show(frame(seq))
     assert played.reported == ["saw 0", "saw 1", "retired 7", "saw 3", "retired 8"]
 
 
-def test_an_answer_is_the_recorded_one_with_the_pixels_of_now(folder: Path) -> None:
+def test_an_answer_holds_the_recorded_detections_and_the_replayed_frame(folder: Path) -> None:
     played = Played(folder)
     played.show(frame(1))
     (answer,) = played.observations
@@ -93,19 +93,19 @@ def test_an_answer_is_the_recorded_one_with_the_pixels_of_now(folder: Path) -> N
     assert [d.class_name for d in answer.detections] == ["cup"]
 
 
-def test_nobody_waits_for_an_answer_that_was_never_given(folder: Path) -> None:
+def test_a_keyframe_without_a_recorded_answer_is_refused_for_both_maps(folder: Path) -> None:
     played = Played(folder)
     played.show(frame(2))
     assert sorted(played.refused) == ["map2d/value 2", "objectmap/objects 2"]
 
 
-def test_what_was_before_the_part_that_is_played_is_not_done(folder: Path) -> None:
+def test_retirements_before_the_first_played_keyframe_are_skipped(folder: Path) -> None:
     played = Played(folder)
     played.show(frame(3))
     assert played.reported == ["saw 3", "retired 8"]
 
 
-def test_frames_of_others_are_refused(folder: Path) -> None:
+def test_frames_outside_the_recording_are_refused(folder: Path) -> None:
     played = Played(folder)
     played.show(frame(99))
     assert played.reported == []

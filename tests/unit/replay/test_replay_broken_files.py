@@ -1,4 +1,4 @@
-"""Files that are cut, foreign or made to do harm: played as far as they are whole, or refused."""
+"""Truncated, foreign and malicious files are played as far as they are intact, or refused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.unit.replay.replay_recorded import record
 
 @settings(max_examples=40, deadline=None)
 @given(share=st.floats(0, 1))
-def test_a_cut_file_plays_up_to_where_it_is_whole(
+def test_a_truncated_file_plays_up_to_the_cut(
     share: float, recording: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:  # fmt: skip
@@ -36,14 +36,14 @@ def test_a_cut_file_plays_up_to_where_it_is_whole(
     try:
         source = open_source(cut)
     except InvalidInput:
-        return  # nothing whole is left
+        return  # no intact keyframe is left
     came = [source.read(i).recorded for i in range(len(source.shots))]
     assert came == sent[: len(came)]
     assert came
     assert len(came) == len(sent) or getattr(source, "cut", "")
 
 
-def test_nearly_all_of_a_cut_file_is_read(
+def test_at_least_half_of_the_keyframes_of_a_file_cut_at_75_percent_are_read(
     recording: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
     path, sent = recording
@@ -54,7 +54,7 @@ def test_nearly_all_of_a_cut_file_is_read(
 
 @settings(max_examples=150, deadline=None)
 @given(at=st.floats(0, 1), junk=st.binary(min_size=1, max_size=12))
-def test_no_bytes_do_harm(
+def test_junk_bytes_in_a_file_raise_only_typed_errors(
     at: float, junk: bytes, recording: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:  # fmt: skip
@@ -69,7 +69,7 @@ def test_no_bytes_do_harm(
             source.read(i)
 
 
-def test_a_chunk_that_has_changed_is_not_played(tmp_path: Path) -> None:
+def test_a_chunk_with_a_wrong_checksum_is_not_played(tmp_path: Path) -> None:
     path, _ = record(tmp_path, compression="none")
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
@@ -132,7 +132,7 @@ def nothing(_: Writer) -> None:
     [(foreign, "/chatter"), (of_ros, "ROS 2 bag"), (no_description, "which robot"),
      (no_pixels, "pixels"), (no_protobuf, "helios.v1.Frame"), (nothing, "empty")],
 )  # fmt: skip
-def test_what_cannot_be_played_is_said_in_one_sentence(
+def test_an_unplayable_file_is_refused_in_one_sentence(
     write: Callable[[Writer], None], words: str, tmp_path: Path
 ) -> None:
     path = written(tmp_path / "x.mcap", write)
@@ -143,7 +143,7 @@ def test_what_cannot_be_played_is_said_in_one_sentence(
 
 
 @pytest.mark.parametrize("data", [b"", b"not an mcap at all", b"\x89MCAP0\r\n"])
-def test_what_is_no_mcap_is_said(data: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_no_mcap_is_refused(data: bytes, tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
     with pytest.raises(InvalidInput, match=r"no MCAP|no keyframe"):
@@ -172,7 +172,9 @@ def chunk(claimed: int, packed: bytes, compression: bytes) -> bytes:
         (chunk(10, b"0123456789", b""), "."),
     ],
 )
-def test_a_size_is_not_believed(data: bytes, words: str, tmp_path: Path) -> None:
+def test_records_with_false_sizes_or_unknown_compression_are_not_read(
+    data: bytes, words: str, tmp_path: Path
+) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
     file = McapFile(path)

@@ -1,4 +1,4 @@
-"""Damaged recordings: what is whole is played, and what is lost is told."""
+"""Damaged recordings: intact chunks are played, and lost chunks are reported."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.unit.replay.replay_recorded import record
 
 FRAMES = 8
 SEARCH = SearchContext("s", (SearchClass("box", Role.OBJECT, 0.5),))
-Chunks = list[range]  # the bytes of each
+Chunks = list[range]  # the byte range of each
 
 
 @pytest.fixture(scope="module", params=["zstd", "lz4", "none"])
@@ -54,7 +54,7 @@ def chunks_of(path: Path) -> Chunks:
 
 
 def keyframe_chunks(path: Path) -> list[set[int]]:
-    """Of each keyframe, where the chunks begin that its messages are in."""
+    """For each keyframe, the start offsets of the chunks that hold its messages."""
     out: list[set[int]] = []
     for found in McapFile(path).walk():
         if found.topic == KEYFRAME_CHANNELS.head:
@@ -75,7 +75,7 @@ def damaged(path: Path, places: Sequence[int], out: Path, flip: int = 0xFF) -> P
 
 
 def played(path: Path, sent: Sequence[pb.Frame]) -> set[int]:
-    """The keyframes that come, each as it was sent, in their order."""
+    """The numbers of the keyframes that are played; checks that each is as sent, in order."""
     source = open_source(path)
     came = [source.read(i).recorded for i in range(len(source.shots))]
     by_number = {frame.id.seq: frame for frame in sent}
@@ -86,7 +86,7 @@ def played(path: Path, sent: Sequence[pb.Frame]) -> set[int]:
 
 
 def whole(path: Path, sent: Sequence[pb.Frame], places: Sequence[int]) -> set[int]:
-    """The keyframes that lie in chunks without any of these bytes."""
+    """The numbers of the keyframes in chunks that hold none of these bytes."""
     hit = {c.start for c in chunks_of(path) if any(place in c for place in places)}
     its = zip(sent, keyframe_chunks(path), strict=True)
     return {frame.id.seq for frame, chunks in its if not chunks & hit}
@@ -94,7 +94,7 @@ def whole(path: Path, sent: Sequence[pb.Frame], places: Sequence[int]) -> set[in
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), flip=st.integers(1, 255))
-def test_all_that_lies_in_whole_chunks_is_played(
+def test_all_keyframes_in_intact_chunks_are_played(
     data: st.DataObject, flip: int, tour: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:  # fmt: skip
@@ -118,7 +118,7 @@ def test_all_that_lies_in_whole_chunks_is_played(
 
 
 def killed(path: Path, out: Path) -> Path:
-    """As a recorder leaves it that was killed: without the records behind its last chunk."""
+    """The file of a killed recorder: without the records after its last chunk."""
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -130,7 +130,7 @@ def killed(path: Path, out: Path) -> Path:
 
 @settings(max_examples=30, deadline=None)
 @given(data=st.data())
-def test_a_file_without_an_index_is_played_but_for_its_damaged_chunks(
+def test_a_file_without_an_index_is_played_except_for_its_damaged_chunks(
     data: st.DataObject, tour: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:  # fmt: skip
@@ -143,8 +143,8 @@ def test_a_file_without_an_index_is_played_but_for_its_damaged_chunks(
     assert played(broken, sent) == whole(path, sent, places)
 
 
-def test_a_channel_that_is_declared_only_later_is_read(tmp_path: Path) -> None:
-    """As where the damage takes the first chunk and the declarations behind it."""
+def test_a_channel_that_is_declared_after_its_messages_is_read(tmp_path: Path) -> None:
+    """Damage to the first chunk and to the declarations after it has this effect."""
     path, sent = record(tmp_path, FRAMES, chunk_mb=0.02)
     chunks = chunks_of(path)
     data = bytearray(killed(path, tmp_path / "killed.mcap").read_bytes())
@@ -155,10 +155,10 @@ def test_a_channel_that_is_declared_only_later_is_read(tmp_path: Path) -> None:
     assert played(broken, sent) >= whole(path, sent, chunks[0])
 
 
-def test_a_file_whose_channels_are_lost_says_so(
+def test_a_file_with_lost_channel_declarations_is_refused_with_the_cause(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RecordingFile, "_declare", lambda _: None)  # as older recorders
+    monkeypatch.setattr(RecordingFile, "_declare", lambda _: None)  # like older recorders
     path, _ = record(tmp_path, FRAMES, chunk_mb=0.02)
     chunks = chunks_of(path)
     broken = damaged(killed(path, tmp_path / "killed.mcap"), [chunks[0].stop - 5], tmp_path / "b")
@@ -182,7 +182,7 @@ def test_a_lost_chunk_is_reported_with_its_size_and_time(
     assert "checksum" in lost.why or "cannot be unpacked" in lost.why
 
 
-def test_a_robot_whose_description_is_lost_is_a_carried_camera(
+def test_a_carried_camera_replaces_a_lost_robot_description(
     tour: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
     path, _ = tour
@@ -195,7 +195,7 @@ def test_a_robot_whose_description_is_lost_is_a_carried_camera(
     assert robot.camera == source.read(0).camera
 
 
-def test_nobody_waits_for_the_answer_to_a_search_that_is_lost(
+def test_answers_to_a_lost_search_context_are_dropped(
     tour: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
     path, _ = tour
@@ -208,7 +208,7 @@ def test_nobody_waits_for_the_answer_to_a_search_that_is_lost(
         RecordedDetector(MemoryBus(MemoryHub()), broken, Health())
 
 
-def test_a_file_whose_chunks_are_all_lost_says_why(
+def test_a_file_without_an_intact_chunk_is_refused_with_the_cause(
     tour: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
     path, _ = tour
@@ -218,7 +218,7 @@ def test_a_file_whose_chunks_are_all_lost_says_why(
     assert "\n" not in error.value.message
 
 
-def test_reading_a_file_of_nothing_but_damage_ends(
+def test_reading_a_completely_damaged_file_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_replay.mcap_file.MOST_DAMAGES", 5)
@@ -230,10 +230,10 @@ def test_reading_a_file_of_nothing_but_damage_ends(
     assert "another size" in file.cut
 
 
-def test_what_lies_behind_a_length_that_is_a_lie_is_played(
+def test_keyframes_after_a_false_length_are_played(
     tour: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
-    """The length of a chunk, and of the index behind it."""
+    """The false length is that of a chunk or of the index after it."""
     path, sent = tour
     chunks = chunks_of(path)
     for place in (chunks[1].start + 1, chunks[1].start + 3, chunks[1].stop + 1):
@@ -241,7 +241,7 @@ def test_what_lies_behind_a_length_that_is_a_lie_is_played(
         assert played(broken, sent) >= whole(path, sent, [place])
 
 
-def test_a_strict_replay_refuses_a_recording_that_is_cut_off(
+def test_a_strict_replay_refuses_a_truncated_recording(
     tour: tuple[Path, list[pb.Frame]], tmp_path: Path
 ) -> None:
     cut = tmp_path / "cut.mcap"

@@ -1,4 +1,4 @@
-"""A data set as a robot."""
+"""The replay driver: a data set in the role of a robot."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_each_capture_gives_the_next_frame_then_the_recording_ends(folder: Path)
             driver.capture()
 
 
-def test_rows_play_by_time_whatever_their_order(folder: Path) -> None:
+def test_rows_are_played_in_order_of_time(folder: Path) -> None:
     path = folder / "poses.csv"
     header, first, second, third = path.read_text().splitlines()
     path.write_text("\n".join([header, third, first, second]))
@@ -71,14 +71,14 @@ def test_rows_play_by_time_whatever_their_order(folder: Path) -> None:
     assert [driver.capture().stamp_ns for _ in range(3)] == [0, 100_000_000, 200_000_000]
 
 
-def test_a_limit_ends_it_earlier(folder: Path) -> None:
+def test_a_limit_ends_the_recording_earlier(folder: Path) -> None:
     driver = ReplayDriver(folder, limit=1)
     driver.capture()
     with pytest.raises(EndOfRecording):
         driver.capture()
 
 
-def test_images_are_rgb_and_metres(folder: Path) -> None:
+def test_colour_is_rgb_and_depth_is_in_metres(folder: Path) -> None:
     capture = ReplayDriver(folder).capture()
     assert capture.color.shape == (HEIGHT, WIDTH, 3)
     assert capture.color[5, 5, 2] > 200 > 50 > capture.color[5, 5, 0]
@@ -87,7 +87,7 @@ def test_images_are_rgb_and_metres(folder: Path) -> None:
     assert capture.depth_m[0, 0] == 0
 
 
-def test_it_cannot_move_and_says_so(folder: Path) -> None:
+def test_a_recording_refuses_motion_and_manipulation_with_a_reason(folder: Path) -> None:
     driver = ReplayDriver(folder)
     robot = driver.describe()
     assert (robot.can_move, robot.can_pick, robot.can_place) == (False, False, False)
@@ -123,7 +123,7 @@ def test_a_stop_latches_until_cleared(folder: Path) -> None:
 
 
 @given(metres, metres, angles, st.floats(0.1, 2), st.floats(-1.4, 1.4))
-def test_the_base_stands_below_the_camera_and_looks_its_way(
+def test_the_base_is_below_the_camera_and_has_the_heading_of_the_camera(
     x_m: float, y_m: float, yaw_rad: float, height_m: float, tilt_rad: float
 ) -> None:
     T_world_base = se2_to_se3(x_m, y_m, yaw_rad)
@@ -139,7 +139,7 @@ def test_a_camera_that_looks_straight_down_still_has_a_heading(yaw_rad: float) -
     assert math.cos(yaw_of(found) - yaw_rad) == pytest.approx(1)
 
 
-def test_a_tilted_camera_axis_is_what_heads() -> None:
+def test_a_camera_that_looks_along_x_gives_yaw_0() -> None:
     T_world_cam = np.eye(4)
     T_world_cam[:3, :3] = R_BODY_CAM
     assert yaw_of(base_below_camera(T_world_cam)) == 0
@@ -168,7 +168,7 @@ def test_a_corrupt_image_is_named_and_the_next_one_still_plays(
     assert driver.capture().stamp_ns == 200_000_000
 
 
-def test_the_size_that_an_image_claims_allocates_nothing(folder: Path) -> None:
+def test_an_image_that_claims_a_huge_size_is_refused(folder: Path) -> None:
     path = folder / "frames/000000.png"
     data = bytearray(path.read_bytes())
     data[16:24] = struct.pack(">II", 30_000, 30_000)
@@ -177,7 +177,7 @@ def test_the_size_that_an_image_claims_allocates_nothing(folder: Path) -> None:
         ReplayDriver(folder).capture()
 
 
-def test_an_image_of_another_size_is_refused(folder: Path) -> None:
+def test_an_image_of_another_size_or_bit_depth_is_refused(folder: Path) -> None:
     path = folder / "frames/000000.png"
     cv2.imwrite(str(path), np.ones((HEIGHT, WIDTH + 1), np.uint16))
     with pytest.raises(InvalidInput, match="65x48 uint16"):
@@ -190,14 +190,14 @@ def test_an_image_of_another_size_is_refused(folder: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "[]", "{", '{"width": 64}', "[" * 200_000, '{"width": 1' + "0" * 400 + "}"]
 )
-def test_a_wrong_meta_file_is_named(folder: Path, text: str) -> None:
+def test_an_invalid_meta_file_is_refused_by_name(folder: Path, text: str) -> None:
     (folder / "meta.json").write_text(text)
     with pytest.raises(InvalidInput, match=r"meta\.json"):
         read_dataset(folder)
 
 
 @pytest.mark.parametrize("value", [0, -1, "525", None, True, float("nan"), 1e300])
-def test_a_wrong_number_in_meta_is_named(folder: Path, value: object) -> None:
+def test_an_invalid_number_in_the_meta_file_is_refused_by_name(folder: Path, value: object) -> None:
     (folder / "meta.json").write_text(json.dumps(META | {"fx": value}))
     with pytest.raises(InvalidInput, match="fx"):
         read_dataset(folder)
@@ -219,14 +219,14 @@ def test_a_wrong_number_in_meta_is_named(folder: Path, value: object) -> None:
         "9" * 300 + ",0,1,0,0,0,0,1,0,0,0,0,1,1",
     ],
 )
-def test_wrong_poses_are_refused_with_their_place(folder: Path, rows: str) -> None:
+def test_invalid_poses_are_refused_with_the_file_name(folder: Path, rows: str) -> None:
     (folder / "poses.csv").write_text(f"{HEADER}\n{rows}\n")
     with pytest.raises(InvalidInput, match=r"poses\.csv"):
         read_dataset(folder)
 
 
 @given(st.binary())
-def test_no_bytes_in_an_image_are_more_than_invalid(
+def test_random_bytes_as_an_image_raise_invalid_input(
     tmp_path_factory: pytest.TempPathFactory, data: bytes
 ) -> None:
     folder = tmp_path_factory.getbasetemp() / "fuzz"

@@ -1,4 +1,4 @@
-"""A recording as a source: what comes of it, in which order, when."""
+"""A recording as a source: its content, order and timing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, desc
 from tests.unit.replay.replay_recorded import record
 
 
-def test_keyframes_come_as_they_were_sent(recording: tuple[Path, list[pb.Frame]]) -> None:
+def test_keyframes_are_played_as_they_were_sent(recording: tuple[Path, list[pb.Frame]]) -> None:
     path, sent = recording
     source = open_source(path)
     assert len(source.shots) == len(sent)
@@ -34,7 +34,7 @@ def test_keyframes_come_as_they_were_sent(recording: tuple[Path, list[pb.Frame]]
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_however_it_is_packed(compression: str, tmp_path: Path) -> None:
+def test_recordings_of_every_compression_are_played(compression: str, tmp_path: Path) -> None:
     path, sent = record(tmp_path, compression=compression)
     assert open_source(path).read(2).recorded == sent[2]
 
@@ -52,13 +52,13 @@ def test_the_robot_is_the_recorded_one_and_cannot_act(
     assert driver.state().robot_boot_id == "boot"
 
 
-def test_searches_and_what_was_held_come_with_their_keyframes(tmp_path: Path) -> None:
+def test_search_contexts_and_the_held_object_come_with_their_keyframes(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
     recorded.robot()
     recorded.bus.publish(CONTEXT, context("one"))
     recorded.look(0, "one")
     recorded.bus.publish(ROBOT_STATE, pb.RobotState(held="cup"))
-    recorded.look(1, "two")  # answered with a search that the recorder hears of later
+    recorded.look(1, "two")  # answered for a context that the recorder gets later
     recorded.bus.publish(CONTEXT, context("two"))
     recorded.look(2, "two")
     recorded.close()
@@ -69,7 +69,7 @@ def test_searches_and_what_was_held_come_with_their_keyframes(tmp_path: Path) ->
     assert [c.id for c in part.contexts_before(0)] == ["one", "two"]
 
 
-def test_the_driver_begins_the_searches_on_the_bus(
+def test_the_driver_publishes_the_recorded_search_contexts_if_enabled(
     recording: tuple[Path, list[pb.Frame]],
 ) -> None:
     bus = MemoryBus(MemoryHub())
@@ -81,7 +81,7 @@ def test_the_driver_begins_the_searches_on_the_bus(
     assert heard == [context().id]
 
 
-def test_keyframes_before_the_first_search_are_marked(tmp_path: Path) -> None:
+def test_keyframes_before_the_first_search_context_are_marked(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
     recorded.robot()
     for seq in (0, 1):
@@ -92,15 +92,15 @@ def test_keyframes_before_the_first_search_are_marked(tmp_path: Path) -> None:
     bus = MemoryBus(MemoryHub())
     driver = ReplayDriver(tmp_path, bus=bus, contexts=True)
     assert [driver.capture().searching for _ in range(3)] == [False, False, True]
-    later = ReplayDriver(tmp_path, limit=2)  # somebody else says what is looked for
+    later = ReplayDriver(tmp_path, limit=2)  # another process publishes the context
     assert [later.capture().searching for _ in range(2)] == [True, True]
 
 
 @pytest.mark.parametrize("stated_first", [True, False])
-def test_what_is_held_is_known_to_the_maps_when_it_was_then(
+def test_the_held_object_changes_at_the_same_keyframe_as_in_the_recording(
     stated_first: bool, tmp_path: Path
 ) -> None:
-    """Before the keyframe where the robot told it before the answer came; else after it."""
+    """Before the keyframe if the robot published it before the answer; else after it."""
     recorded = Recorded(tmp_path)
     recorded.robot()
     recorded.bus.publish(CONTEXT, context())
@@ -124,7 +124,9 @@ def test_what_is_held_is_known_to_the_maps_when_it_was_then(
     assert driver.state().held == ""
 
 
-def test_parts_of_it(recording: tuple[Path, list[pb.Frame]]) -> None:
+def test_a_playback_range_selects_a_part_of_a_recording(
+    recording: tuple[Path, list[pb.Frame]],
+) -> None:
     path, sent = recording
     times_s = [shot.time_s for shot in open_source(path).shots]
     part = open_source(path, PlaybackRange(from_s=times_s[1], to_s=times_s[2]))
@@ -135,7 +137,7 @@ def test_parts_of_it(recording: tuple[Path, list[pb.Frame]]) -> None:
 
 
 class FakeClock:
-    """Passes only while somebody waits."""
+    """A clock that advances only in `wait`."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -149,7 +151,9 @@ class FakeClock:
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.5, 1.0, 20.0])
-def test_a_rate_only_waits(rate: float, recording: tuple[Path, list[pb.Frame]]) -> None:
+def test_a_playback_rate_only_delays_the_frames(
+    rate: float, recording: tuple[Path, list[pb.Frame]]
+) -> None:
     path, sent = recording
     times_s = [shot.time_s for shot in open_source(path).shots]
     assert times_s[-1] > times_s[0]
@@ -163,7 +167,7 @@ def test_a_rate_only_waits(rate: float, recording: tuple[Path, list[pb.Frame]]) 
         driver.capture()
 
 
-def test_who_comes_late_does_not_wait(recording: tuple[Path, list[pb.Frame]]) -> None:
+def test_a_late_capture_does_not_wait(recording: tuple[Path, list[pb.Frame]]) -> None:
     clock = FakeClock()
     driver = ReplayDriver(recording[0], rate=1.0, clock=clock, wait=clock.wait)
     driver.capture()
@@ -186,20 +190,20 @@ def test_several_files_are_one_recording(tmp_path: Path) -> None:
     assert sum(len(source.contexts_before(i)) for i in range(len(sent))) == 1
 
 
-def test_the_thousandth_file_comes_after_those_before_it(tmp_path: Path) -> None:
+def test_file_1000_is_sorted_after_file_999(tmp_path: Path) -> None:
     names = [f"20261121-120000-{n}.mcap" for n in ("998", "999", "1000")]
     for name in names:
         (tmp_path / name).write_bytes(b"x")
     assert [file.name for file in mcap_files(tmp_path)] == names
 
 
-def test_an_empty_folder_named_as_a_recording_is_named(tmp_path: Path) -> None:
+def test_an_empty_folder_named_like_a_recording_is_refused_by_name(tmp_path: Path) -> None:
     folder = tmp_path / "tour.mcap"
     folder.mkdir()
     with pytest.raises(InvalidInput, match=r"tour\.mcap"):
         open_source(folder)
 
 
-def test_it_observes_and_nothing_else(recording: tuple[Path, list[pb.Frame]]) -> None:
+def test_the_replay_driver_can_observe(recording: tuple[Path, list[pb.Frame]]) -> None:
     driver = ReplayDriver(recording[0])
     assert driver.act(Observe(), "a").succeeded

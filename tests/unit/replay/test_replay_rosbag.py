@@ -1,4 +1,4 @@
-"""ROS 2 bags: images, calibration, and where the camera was."""
+"""ROS 2 bags: images, calibration and camera poses."""
 
 from __future__ import annotations
 
@@ -115,8 +115,8 @@ def write_bag(
 ) -> Path:  # fmt: skip
     """Four shots while the base drives an arc; tf at 50 ms before and after each image.
 
-    inverse: (a, b) of inverse depth, where the packed depth is of 32FC1. poses: only the first so
-    many on their topic. second_parent: tf says of the camera that another frame has it, too.
+    inverse: (a, b) of inverse depth, with packed depth of type 32FC1. poses: the number of poses
+    on the pose topic. second_parent: tf has a second parent frame for the camera.
     """
     depth_mm = np.full((HEIGHT, WIDTH), 2000, np.uint16)
     blue = np.full((HEIGHT, WIDTH, 3), (250, 10, 10), np.uint8)
@@ -167,7 +167,9 @@ def write_bag(
 
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("plugin", list(StoragePlugin))
-def test_images_and_tf_of_a_bag(packed: bool, plugin: StoragePlugin, tmp_path: Path) -> None:
+def test_a_bag_gives_images_calibration_and_poses_from_tf(
+    packed: bool, plugin: StoragePlugin, tmp_path: Path
+) -> None:
     driver = ReplayDriver(write_bag(tmp_path / "bag", packed=packed, plugin=plugin))
     captures = [driver.capture() for _ in range(SHOTS)]
     assert driver.state().finished
@@ -176,11 +178,11 @@ def test_images_and_tf_of_a_bag(packed: bool, plugin: StoragePlugin, tmp_path: P
         assert capture.color[5, 5, 2] > 200 > 60 > capture.color[5, 5, 0]
         assert float(capture.depth_m[3, 3]) == pytest.approx(2.0)
         wanted = base(k) @ camera_on_base(np.eye(4), HEIGHT_M, 0.0)
-        np.testing.assert_allclose(capture.T_world_cam, wanted, atol=2e-3)  # half way on a chord
+        np.testing.assert_allclose(capture.T_world_cam, wanted, atol=2e-3)  # middle of a tf chord
         assert (capture.camera.fx, capture.camera.width) == (60, WIDTH)
 
 
-def test_a_topic_of_poses_instead_of_tf(tmp_path: Path) -> None:
+def test_a_pose_topic_replaces_missing_tf(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "bag", tf=False, pose_topic=True)
     source = open_source(path, PlaybackRange(topics="pose=/slam/pose"))
     assert source.shots[1].T_world_cam[:3, 3] == pytest.approx([0.2, 0.1, HEIGHT_M])
@@ -189,8 +191,8 @@ def test_a_topic_of_poses_instead_of_tf(tmp_path: Path) -> None:
         open_source(path)
 
 
-def test_a_topic_of_poses_stands_above_tf(tmp_path: Path) -> None:
-    """Its frame is the camera, which tf hangs below the base, for ever."""
+def test_a_pose_topic_takes_precedence_over_tf(tmp_path: Path) -> None:
+    """The frame of the poses is the camera, which static tf attaches to the base."""
     path = write_bag(tmp_path / "bag", pose_topic=True)
     source = open_source(path, PlaybackRange(topics="pose=/slam/pose"))
     for k, shot in enumerate(source.shots):
@@ -198,7 +200,7 @@ def test_a_topic_of_poses_stands_above_tf(tmp_path: Path) -> None:
         np.testing.assert_allclose(shot.T_world_cam, wanted, atol=1e-9)
 
 
-def test_a_frame_with_two_parents_is_refused_unless_a_topic_says_where_it_is(
+def test_a_frame_with_two_tf_parents_is_refused_unless_a_pose_topic_is_given(
     tmp_path: Path,
 ) -> None:
     path = write_bag(tmp_path / "bag", pose_topic=True, second_parent=True)
@@ -211,7 +213,7 @@ def test_a_frame_with_two_parents_is_refused_unless_a_topic_says_where_it_is(
 def test_images_without_a_pose_are_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The only pose is taken for images up to 0.5 s after it."""
+    """The only pose is used for images up to 0.5 s after it."""
     topics = PlaybackRange(topics="pose=/slam/pose")
     whole = write_bag(tmp_path / "whole", tf=False, pose_topic=True)
     part = write_bag(tmp_path / "part", tf=False, pose_topic=True, shots=10, poses=1)
@@ -225,31 +227,31 @@ def test_images_without_a_pose_are_reported(
 
 
 @pytest.mark.parametrize(("deepest_m", "steps"), [(10.0, 100), (4.0, 50)])
-def test_inverse_depth_is_metres(deepest_m: float, steps: int, tmp_path: Path) -> None:
+def test_inverse_depth_is_decoded_to_metres(deepest_m: float, steps: int, tmp_path: Path) -> None:
     """By the definition of the format: a = n (n + 1), b = 1 - a / deepest."""
     a = steps * (steps + 1.0)
     bag = write_bag(tmp_path / "bag", packed=True, inverse=(a, 1 - a / deepest_m))
     depth_m = open_source(bag).read(0).depth_m
-    assert float(depth_m[3, 3]) == pytest.approx(2.0, abs=2.0**2 / a)  # one step of it
+    assert float(depth_m[3, 3]) == pytest.approx(2.0, abs=2.0**2 / a)  # one quantisation step
     assert depth_m[0, 0] == 0
 
 
 @pytest.mark.parametrize("inverse", [(0.0, 1.0), (math.nan, 1.0), (5.0, -math.inf)])
-def test_inverse_depth_without_its_numbers_is_refused(inverse: tuple[float, float]) -> None:
+def test_inverse_depth_with_invalid_coefficients_is_refused(inverse: tuple[float, float]) -> None:
     png = cv2.imencode(".png", np.ones((HEIGHT, WIDTH), np.uint16))[1].tobytes()
     data = struct.pack("<iff", 0, *inverse) + png
     with pytest.raises(InvalidInput, match="depth is inverse depth with a = "):
         depth_of(compressed(0, data, "32FC1; compressedDepth"), True, "depth")
 
 
-def test_lenses_are_made_straight(tmp_path: Path) -> None:
+def test_depth_of_a_distorted_camera_is_rectified_without_new_values(tmp_path: Path) -> None:
     source = open_source(write_bag(tmp_path / "bag", distortion=[-0.3, 0.1, 0.0, 0.0, 0.0]))
     picture = source.read(0)
     assert picture.depth_m.shape == (HEIGHT, WIDTH)
     assert set(np.unique(picture.depth_m)) <= {np.float32(0.0), np.float32(2000) * np.float32(1e-3)}
 
 
-def test_what_is_not_clear_is_asked_for(tmp_path: Path) -> None:
+def test_an_ambiguous_colour_topic_must_be_named(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "bag", second_camera=True)
     with pytest.raises(InvalidInput, match=r"--topics color=") as error:
         open_source(path)
@@ -267,14 +269,16 @@ def test_what_is_not_clear_is_asked_for(tmp_path: Path) -> None:
         ("world=mars", "mars"),
     ],
 )
-def test_wrong_topics_are_said(topics: str, words: str, tmp_path: Path) -> None:
+def test_invalid_topic_options_are_refused_in_one_sentence(
+    topics: str, words: str, tmp_path: Path
+) -> None:
     path = write_bag(tmp_path / "bag")
     with pytest.raises(InvalidInput, match=words) as error:
         open_source(path, PlaybackRange(topics=topics))
     assert "\n" not in error.value.message
 
 
-def test_a_broken_bag_is_said(tmp_path: Path) -> None:
+def test_a_broken_bag_is_refused_in_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_text("nonsense: [")
     with pytest.raises(InvalidInput, match="no ROS bag") as error:
         open_source(tmp_path)
@@ -282,7 +286,7 @@ def test_a_broken_bag_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_rotations_are_met_half_way(share: float) -> None:
+def test_slerp_interpolates_rotations(share: float) -> None:
     a, b = np.array([0, 0, 0, 1.0]), np.array([0, 0, math.sin(0.4), math.cos(0.4)])
     half = 0.4 * share
     np.testing.assert_allclose(slerp(a, b, share), [0, 0, math.sin(half), math.cos(half)])

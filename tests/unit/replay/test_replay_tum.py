@@ -1,4 +1,4 @@
-"""A folder as of TUM's data sets."""
+"""Folders in the format of TUM's RGB-D data sets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_images_poses_and_units(folder: Path) -> None:
+def test_a_tum_folder_gives_images_poses_and_metres(folder: Path) -> None:
     driver = ReplayDriver(folder)
     captures = [driver.capture() for _ in range(3)]
     assert [float(c.depth_m[0, 0]) for c in captures] == pytest.approx([1.0, 2.0, 3.0])
@@ -46,7 +46,7 @@ def test_images_poses_and_units(folder: Path) -> None:
     assert driver.describe().camera_height_m == pytest.approx(1.2)
 
 
-def test_associations_are_taken_where_they_are(folder: Path) -> None:
+def test_an_associations_file_is_used_if_present(folder: Path) -> None:
     (folder / "associations.txt").write_text("1000.1 rgb/1.png 1000.1 depth/2.png\n")
     source = open_source(folder)
     assert len(source.shots) == 1
@@ -62,7 +62,7 @@ def test_images_without_a_pose_are_left_out_and_counted(folder: Path) -> None:
     assert source.left_out == "2 of 3 images left out: no depth or no pose within 0.02 s"
 
 
-def test_associations_play_by_time_whatever_their_order(folder: Path) -> None:
+def test_associations_are_played_in_order_of_time(folder: Path) -> None:
     rows = [f"{1000 + k / 10} rgb/{k}.png {1000 + k / 10} depth/{k}.png" for k in (2, 0, 1)]
     (folder / "associations.txt").write_text("\n".join(rows))
     source = open_source(folder)
@@ -90,21 +90,23 @@ def test_the_file_lists_may_be_missing(folder: Path) -> None:
         ("depth.txt", "5 depth/0.png", "no image with a depth image"),
     ],
 )
-def test_what_makes_no_sense_is_named(folder: Path, name: str, text: str, words: str) -> None:
+def test_invalid_file_contents_are_refused_in_one_sentence(
+    folder: Path, name: str, text: str, words: str
+) -> None:
     (folder / name).write_text(text)
     with pytest.raises(InvalidInput, match=words) as error:
         open_source(folder)
     assert "\n" not in error.value.message
 
 
-def test_a_time_beyond_all_clocks_is_refused(folder: Path) -> None:
+def test_a_time_beyond_the_range_of_stamps_is_refused(folder: Path) -> None:
     (folder / "associations.txt").write_text("1e12 rgb/1.png 1e12 depth/1.png\n")
     (folder / "groundtruth.txt").write_text("1e12 0 0 1 0 0 0 1\n")
     with pytest.raises(InvalidInput, match="the time 1e"):
         open_source(folder)
 
 
-def test_other_sizes_need_a_calibration(folder: Path) -> None:
+def test_a_non_standard_image_size_needs_a_calibration(folder: Path) -> None:
     (folder / "calibration.txt").unlink()
     with pytest.raises(InvalidInput, match=r"calibration\.txt"):
         open_source(folder)
