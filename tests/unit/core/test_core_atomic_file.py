@@ -26,7 +26,7 @@ def names_in(folder: Path) -> set[str]:
 
 
 @given(contents=st.lists(st.binary(max_size=200) | st.text(max_size=50), min_size=1, max_size=4))
-def test_what_was_written_last_is_what_is_read(contents: list[bytes | str]) -> None:
+def test_a_file_contains_the_last_data_written(contents: list[bytes | str]) -> None:
     with tempfile.TemporaryDirectory() as name:
         file = Path(name) / "some.file"
         for data in contents:
@@ -37,7 +37,7 @@ def test_what_was_written_last_is_what_is_read(contents: list[bytes | str]) -> N
 
 
 @given(old=st.integers(0, MOST), new=st.integers(MOST, 3 * MOST))
-def test_on_a_full_disk_the_old_file_stays_and_nothing_is_left_beside_it(
+def test_on_a_full_disk_the_old_file_stays_and_no_temporary_file_remains(
     old: int, new: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -66,7 +66,7 @@ def test_on_a_real_full_disk_the_old_file_stays(tmp_path: Path) -> None:
         assert file.stat().st_size == 500_000
 
 
-def test_on_a_real_disk_that_cannot_hold_both_the_old_file_stays(tmp_path: Path) -> None:
+def test_on_a_real_disk_too_small_for_both_files_the_old_one_stays(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk") as disk:
         write_file(disk / "a", b"o" * 700_000)
         with pytest.raises(OSError, match="No space left"):
@@ -75,7 +75,7 @@ def test_on_a_real_disk_that_cannot_hold_both_the_old_file_stays(tmp_path: Path)
         assert names_in(disk) == {"a"}
 
 
-def test_what_goes_wrong_while_a_library_writes_leaves_the_old_file(tmp_path: Path) -> None:
+def test_an_exception_while_a_library_writes_leaves_the_old_file(tmp_path: Path) -> None:
     file = tmp_path / "picture.png"
     file.write_bytes(b"old")
 
@@ -102,13 +102,13 @@ def test_a_file_keeps_its_permissions(tmp_path: Path) -> None:
     assert mode_of(file) == 0o640
 
 
-def test_a_new_file_has_the_permissions_that_any_program_gives(tmp_path: Path) -> None:
+def test_a_new_file_has_the_default_permissions(tmp_path: Path) -> None:
     (tmp_path / "plain").write_bytes(b"")
     write_file(tmp_path / "new", b"")
     assert mode_of(tmp_path / "new") == mode_of(tmp_path / "plain")
 
 
-def test_a_link_goes_on_leading_to_its_file(tmp_path: Path) -> None:
+def test_a_symbolic_link_keeps_pointing_to_its_file(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "link").symlink_to("there/file")
     for data in (b"one", b"two"):
@@ -117,7 +117,7 @@ def test_a_link_goes_on_leading_to_its_file(tmp_path: Path) -> None:
     assert (tmp_path / "there" / "file").read_bytes() == b"two"
 
 
-def test_a_device_and_a_pipe_are_written_to_not_replaced(tmp_path: Path) -> None:
+def test_a_device_or_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
     write_file(Path("/dev/null"), b"gone")
     assert Path("/dev/null").is_char_device()
     os.mkfifo(tmp_path / "pipe")
@@ -127,7 +127,7 @@ def test_a_device_and_a_pipe_are_written_to_not_replaced(tmp_path: Path) -> None
     os.close(reader)
 
 
-def test_no_folder_is_made_or_replaced(tmp_path: Path) -> None:
+def test_no_folder_is_created_or_replaced(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_file(tmp_path / "none" / "file", b"")
     (tmp_path / "folder").mkdir()
@@ -136,7 +136,7 @@ def test_no_folder_is_made_or_replaced(tmp_path: Path) -> None:
     assert names_in(tmp_path) == {"folder"}
 
 
-def test_what_killed_processes_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+def test_only_temporary_files_of_killed_processes_are_removed(tmp_path: Path) -> None:
     for name in (".m.01234567.new.map", ".m.89abcdef.new.map", "m.map", ".m.new.map", "m.other"):
         (tmp_path / name).write_bytes(b"")
     remove_temporaries(tmp_path / "m.map")

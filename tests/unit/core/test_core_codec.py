@@ -1,4 +1,4 @@
-"""What was sent is what arrives; what does not hold together is refused with a sentence."""
+"""Values round-trip through their messages; inconsistent messages are refused with a reason."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def make_frame() -> Frame:
     )
 
 
-def same(a: Frame, b: Frame) -> None:
+def assert_same_frame(a: Frame, b: Frame) -> None:
     assert (a.id, a.stamp_ns, a.keyframe, a.camera) == (b.id, b.stamp_ns, b.keyframe, b.camera)
     assert a.held == b.held
     np.testing.assert_array_equal(a.color, b.color)
@@ -68,13 +68,13 @@ def same(a: Frame, b: Frame) -> None:
 
 
 @pytest.mark.parametrize("held", [None, "", "mug"])
-def test_a_frame_survives_the_wire(held: str | None) -> None:
+def test_a_frame_round_trips_through_its_message(held: str | None) -> None:
     frame = replace(make_frame(), held=held)
     data = frame_to_proto(frame).SerializeToString()
-    same(frame, frame_from_proto(pb.Frame.FromString(data)))
+    assert_same_frame(frame, frame_from_proto(pb.Frame.FromString(data)))
 
 
-def test_a_compressed_frame_survives_the_wire_as_far_as_jpeg_does() -> None:
+def test_a_compressed_frame_round_trips_within_the_error_of_jpeg() -> None:
     frame, message = make_frame(), frame_to_proto(make_frame())
     gray = np.full((24, 32, 3), 128, np.uint8)
     message.compressed_color.data = cv2.imencode(".jpg", gray)[1].tobytes()
@@ -154,9 +154,7 @@ def _huge_quaternion(m: pb.Frame) -> None:
         (_huge_quaternion, "unit quaternion"),
     ],
 )
-def test_a_frame_that_does_not_hold_together_is_refused(
-    spoil: Callable[[pb.Frame], None], said: str
-) -> None:
+def test_an_inconsistent_frame_is_refused(spoil: Callable[[pb.Frame], None], said: str) -> None:
     message = frame_to_proto(make_frame())
     spoil(message)
     with pytest.raises(InvalidInput, match=said):
@@ -165,7 +163,7 @@ def test_a_frame_that_does_not_hold_together_is_refused(
 
 @settings(max_examples=300, deadline=None)
 @given(st.data())
-def test_no_mutated_frame_raises_anything_but_a_typed_error(data: st.DataObject) -> None:
+def test_a_mutated_frame_raises_nothing_but_a_typed_error(data: st.DataObject) -> None:
     raw = bytearray(frame_to_proto(make_frame()).SerializeToString())
     for _ in range(data.draw(st.integers(1, 6))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
@@ -177,7 +175,7 @@ def test_no_mutated_frame_raises_anything_but_a_typed_error(data: st.DataObject)
         frame_from_proto(message)
 
 
-def test_an_observation_survives_the_wire() -> None:
+def test_an_observation_round_trips_through_its_message() -> None:
     frame = make_frame()
     mask = np.zeros((24, 32), bool)
     mask[5:9, 7:20] = True
@@ -186,7 +184,7 @@ def test_an_observation_survives_the_wire() -> None:
         frame, "c1", (Detection("mug", 0.5, (7, 5, 20, 9), mask),), {"pick": 0.25}, "test", "s"
     )
     got = observation_from_proto(observation_to_proto(seen))
-    same(got.frame, frame)
+    assert_same_frame(got.frame, frame)
     assert got.context_id == "c1"
     assert got.layer_scores == {"pick": 0.25}
     assert got.detections[0].class_name == "mug"
@@ -201,14 +199,14 @@ def test_a_mask_outside_the_image_is_refused() -> None:
         observation_from_proto(message)
 
 
-def test_a_search_context_survives_the_wire() -> None:
+def test_a_search_context_round_trips_through_its_message() -> None:
     context = SearchContext(
         "id", (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),), {"pick": "a mug ahead"}
     )
     assert context_from_proto(context_to_proto(context)) == context
 
 
-def test_an_outline_that_ends_in_half_a_point_is_refused() -> None:
+def test_an_outline_with_an_incomplete_point_is_refused() -> None:
     with pytest.raises(InvalidInput, match="outline of object 7 has 3 numbers"):
         object_from_proto(pb.ObjectInstance(id=7, outline_m=[1.0, 2.0, 3.0]))
 
@@ -227,7 +225,7 @@ def test_an_unknown_role_is_refused_by_name() -> None:
         pb.SearchContext(classes=[pb.SearchClass(name="x" * 100_000, role="object")]),
     ],
 )
-def test_a_search_context_that_would_fill_the_memory_is_refused(message: pb.SearchContext) -> None:
+def test_an_oversized_search_context_is_refused(message: pb.SearchContext) -> None:
     with pytest.raises(InvalidInput, match="at most"):
         context_from_proto(message)
 
@@ -251,7 +249,7 @@ def _calibrated(K: list[float]) -> Callable[[pb.Frame], None]:
         (lambda f: setattr(f.stamp, "seconds", -(2**62)), "stamp"),
     ],
 )
-def test_numbers_that_no_robot_has_are_refused(
+def test_a_frame_with_implausible_numbers_is_refused(
     spoil: Callable[[pb.Frame], None], said: str
 ) -> None:
     message = frame_to_proto(make_frame())
@@ -272,7 +270,7 @@ def test_numbers_that_no_robot_has_are_refused(
         Observe(),
     ],
 )
-def test_an_action_survives_the_wire(action: Action) -> None:
+def test_an_action_round_trips_through_its_message(action: Action) -> None:
     assert action_from_proto(action_to_proto(action)) == action
 
 
@@ -281,7 +279,7 @@ def test_an_empty_action_is_refused() -> None:
         action_from_proto(pb.Action())
 
 
-def test_a_description_survives_the_wire() -> None:
+def test_a_description_round_trips_through_its_message() -> None:
     robot = RobotDescription(
         "r", 0.3, 1.4, CAMERA, 1.31, 0.8, 10.0, max_back_m=0.25, tilt_range_rad=(-0.5, 1.0)
     )
@@ -290,6 +288,6 @@ def test_a_description_survives_the_wire() -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
 @pytest.mark.parametrize("size", [(3, 5), (480, 640)])
-def test_the_size_in_a_file_header_is_read(suffix: str, size: tuple[int, int]) -> None:
+def test_the_image_size_is_read_from_the_file_header(suffix: str, size: tuple[int, int]) -> None:
     data = cv2.imencode(suffix, np.zeros(size, np.uint8))[1].tobytes()
     assert encoded_size(data) == (size[1], size[0])

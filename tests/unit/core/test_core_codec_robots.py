@@ -1,4 +1,4 @@
-"""What a robot says of itself is believed only as far as a robot can be so."""
+"""Robot descriptions and states are accepted only with values that a robot can have."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 NUMBERS = [f.name for f in pb.RobotDescription.DESCRIPTOR.fields if f.type == f.TYPE_DOUBLE]
 
 
-def described() -> pb.RobotDescription:
-    """By a robot that is well."""
+def valid_description() -> pb.RobotDescription:
+    """The description of a valid robot."""
     camera = Pinhole(30.0, 31.0, 16.0, 12.0, 32, 24)
     return description_to_proto(RobotDescription("ada", 0.3, 1.4, camera, 1.31, 0.8, 10.0))
 
@@ -38,8 +38,8 @@ def _with(**values: float) -> Callable[[pb.RobotDescription], None]:
 
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_no_number_of_a_description_may_be_without_end(name: str, value: float) -> None:
-    message = described()
+def test_a_description_with_a_non_finite_or_huge_number_is_refused(name: str, value: float) -> None:
+    message = valid_description()
     setattr(message, name, value)
     with pytest.raises(InvalidInput, match=f"'ada' .* {name} .*; wanted a number from .*describe"):
         description_from_proto(message)
@@ -59,10 +59,10 @@ def test_no_number_of_a_description_may_be_without_end(name: str, value: float) 
         (lambda robot: robot.ClearField("camera"), "focal lengths"),
     ],
 )
-def test_a_description_that_no_robot_fits_is_refused(
+def test_an_impossible_description_is_refused(
     spoil: Callable[[pb.RobotDescription], None], said: str
 ) -> None:
-    message = described()
+    message = valid_description()
     spoil(message)
     with pytest.raises(InvalidInput, match=said):
         description_from_proto(message)
@@ -78,18 +78,18 @@ def test_a_description_that_no_robot_fits_is_refused(
         _with(max_turn_rad=math.radians(360)),
     ],
 )
-def test_an_unusual_robot_is_believed(fit: Callable[[pb.RobotDescription], None]) -> None:
-    message = described()
+def test_an_unusual_robot_is_accepted(fit: Callable[[pb.RobotDescription], None]) -> None:
+    message = valid_description()
     fit(message)
     assert description_to_proto(description_from_proto(message)) == message
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.dictionaries(st.sampled_from(NUMBERS), st.floats(), max_size=4), st.booleans())
-def test_a_description_is_believed_or_refused_and_never_a_fault(
+def test_any_description_is_either_accepted_or_refused_with_invalid_input(
     values: dict[str, float], can_move: bool
 ) -> None:
-    message = described()
+    message = valid_description()
     message.can_move = can_move
     _with(**values)(message)
     try:
@@ -101,7 +101,7 @@ def test_a_description_is_believed_or_refused_and_never_a_fault(
     assert robot.max_depth_m > 0
 
 
-def test_a_tilt_that_is_no_number_is_refused() -> None:
+def test_a_tilt_that_is_nan_is_refused() -> None:
     message = state_to_proto(RobotState(se2_to_se3(0.0, 0.0, 0.0), tilt_rad=math.nan))
     with pytest.raises(InvalidInput, match="tilt_rad is nan"):
         state_from_proto(message)

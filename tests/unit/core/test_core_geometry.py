@@ -1,4 +1,4 @@
-"""Transforms obey the laws of a group, and the camera undoes its own projection."""
+"""Transforms obey the group laws, and lifting pixels inverts the camera's projection."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def test_inverse_undoes_transform(x: float, y: float, yaw: float) -> None:
 
 
 @given(angles)
-def test_yaw_of_a_base_is_the_yaw_it_was_made_with(yaw: float) -> None:
+def test_the_yaw_of_a_base_pose_round_trips(yaw: float) -> None:
     assert abs(wrap_angle(yaw_of(se2_to_se3(1, 2, yaw)) - yaw)) < 1e-9
 
 
 @given(st.floats(-50, 50))
-def test_wrapped_angles_point_the_same_way(angle: float) -> None:
+def test_wrapped_angles_point_in_the_same_direction(angle: float) -> None:
     wrapped = wrap_angle(angle)
     assert -math.pi < wrapped <= math.pi
     assert math.isclose(math.cos(wrapped), math.cos(angle), abs_tol=1e-9)
@@ -47,7 +47,7 @@ def test_wrapped_angles_point_the_same_way(angle: float) -> None:
 
 
 @given(angles, st.floats(-1.4, 1.4))
-def test_a_quaternion_keeps_its_rotation(yaw: float, tilt: float) -> None:
+def test_a_rotation_round_trips_through_a_quaternion(yaw: float, tilt: float) -> None:
     R = camera_on_base(se2_to_se3(0, 0, yaw), 1.0, tilt)[:3, :3]
     np.testing.assert_allclose(rotation_from_quaternion(*quaternion_from_rotation(R)), R, atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""A map on disk: whole after every crash, tried again after every refusal."""
+"""The autosaved map file: complete after every crash, retried after every failed write."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.support import wait_until
 
 
 class Map:
-    """Something that changes, and who hears what is wrong with keeping it."""
+    """A map that changes, and a listener for problems with its autosave."""
 
     def __init__(self, path: Path, period_s: float = 3600.0) -> None:
         self.version, self.data = 0, b""
@@ -30,7 +30,7 @@ class Map:
         return None if version == self.version else (self.version, self.data)
 
 
-def test_what_has_changed_is_written_once(tmp_path: Path) -> None:
+def test_a_change_is_written_once(tmp_path: Path) -> None:
     map = Map(tmp_path / "a" / "m.map")
     assert not map.kept.write()
     map.change(b"one")
@@ -43,7 +43,7 @@ def test_what_has_changed_is_written_once(tmp_path: Path) -> None:
     assert found.written.startswith(time.strftime("%Y-"))
 
 
-def test_a_disk_that_refuses_is_said_and_tried_again_without_a_further_change(
+def test_a_failed_write_is_reported_and_retried_without_a_further_change(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "state").write_text("no folder")
@@ -57,7 +57,7 @@ def test_a_disk_that_refuses_is_said_and_tried_again_without_a_further_change(
     assert (tmp_path / "state" / "m.map").read_bytes() == b"one"
 
 
-def test_a_fault_in_making_the_file_does_not_end_the_keeping(tmp_path: Path) -> None:
+def test_an_exception_while_encoding_the_map_does_not_end_the_autosave(tmp_path: Path) -> None:
     map = Map(tmp_path / "m.map", period_s=0.01)
     map.fails = MemoryError()
     map.change(b"one")
@@ -68,7 +68,7 @@ def test_a_fault_in_making_the_file_does_not_end_the_keeping(tmp_path: Path) -> 
     map.kept.close()
 
 
-def test_closing_writes_what_is_not_written_yet(tmp_path: Path) -> None:
+def test_closing_writes_pending_changes(tmp_path: Path) -> None:
     map = Map(tmp_path / "m.map")
     map.kept.start()
     map.change(b"last")
@@ -76,7 +76,7 @@ def test_closing_writes_what_is_not_written_yet(tmp_path: Path) -> None:
     assert (tmp_path / "m.map").read_bytes() == b"last"
 
 
-def test_files_put_aside_never_take_one_anothers_place(tmp_path: Path) -> None:
+def test_files_moved_aside_never_overwrite_each_other(tmp_path: Path) -> None:
     map = Map(tmp_path / "m.map")
     for data in (b"bad", b"worse"):
         (tmp_path / "m.map").write_bytes(data)
@@ -85,7 +85,7 @@ def test_files_put_aside_never_take_one_anothers_place(tmp_path: Path) -> None:
     assert map.kept.found() is None
 
 
-def test_a_file_that_cannot_be_moved_is_said_to_be_where_it_was(
+def test_a_file_that_cannot_be_moved_aside_is_reported_at_its_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:
@@ -98,16 +98,16 @@ def test_a_file_that_cannot_be_moved_is_said_to_be_where_it_was(
     )
 
 
-def test_what_was_forgotten_on_purpose_does_not_come_back(tmp_path: Path) -> None:
+def test_a_forgotten_map_is_not_found_again(tmp_path: Path) -> None:
     map = Map(tmp_path / "m.map")
     map.change(b"one")
     map.kept.write()
     map.kept.forget()
     assert map.kept.found() is None
-    assert map.kept.write()  # what is known now is kept anew
+    assert map.kept.write()  # the present map is written again
 
 
-def test_on_a_real_full_disk_the_map_that_was_kept_stays_and_its_successor_follows(
+def test_on_a_real_full_disk_the_saved_map_stays_until_its_successor_can_be_written(
     tmp_path: Path,
 ) -> None:
     with small_disk(tmp_path / "disk") as disk:
@@ -124,7 +124,7 @@ def test_on_a_real_full_disk_the_map_that_was_kept_stays_and_its_successor_follo
         assert (disk / "m.map").read_bytes() == map.data
 
 
-def test_what_a_killed_process_left_half_written_is_removed(tmp_path: Path) -> None:
+def test_a_half_written_file_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     (tmp_path / ".m.0a1b2c3d.new.map").write_bytes(b"half")
     assert Map(tmp_path / "m.map").kept.found() is None
     assert not list(tmp_path.iterdir())

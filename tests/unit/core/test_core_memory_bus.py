@@ -1,4 +1,4 @@
-"""What the bus in memory keeps beside what every bus does (`tests/contract/test_bus.py`)."""
+"""Rules of the in-memory bus beyond those of every bus (`tests/contract/test_bus.py`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from helios_core.topics import CONTEXT, GET_TASK
 
 
 class Watched(list):
-    """A list that says of each removal whether its thread held the lock."""
+    """A list that records for each removal whether its thread held the lock."""
 
     def __init__(self, lock: Lock) -> None:
         super().__init__()
@@ -22,7 +22,7 @@ class Watched(list):
 
 
 class Lock:
-    """One that says who holds it."""
+    """A lock that records which thread holds it."""
 
     def __init__(self) -> None:
         self._lock, self.holder = threading.RLock(), 0
@@ -36,7 +36,8 @@ class Lock:
         self._lock.release()
 
 
-def test_what_is_taken_back_cannot_make_another_thread_skip_a_subscriber() -> None:
+def test_subscribers_and_watchers_are_removed_under_the_lock() -> None:
+    """Otherwise a removal could make another thread skip a subscriber."""
     lock = Lock()
     subscribers, watchers = Watched(lock), Watched(lock)
     hub = MemoryHub(lock=lock, subscribers=subscribers, watchers=watchers)  # pyright: ignore
@@ -47,7 +48,7 @@ def test_what_is_taken_back_cannot_make_another_thread_skip_a_subscriber() -> No
     assert (subscribers, watchers) == ([], [])
 
 
-def test_messages_reach_the_others_in_the_order_of_their_subscribing() -> None:
+def test_messages_reach_subscribers_in_the_order_of_subscription() -> None:
     bus, heard = MemoryBus(MemoryHub()), []
     first, *_ = [bus.subscribe(CONTEXT, lambda _, i=i: heard.append(i)) for i in range(4)]
     bus.publish(CONTEXT, pb.SearchContext())
@@ -58,7 +59,7 @@ def test_messages_reach_the_others_in_the_order_of_their_subscribing() -> None:
     assert heard == [1, 2, 3]
 
 
-def test_a_server_that_was_followed_by_another_takes_only_itself_back() -> None:
+def test_closing_a_replaced_server_does_not_remove_its_successor() -> None:
     bus = MemoryBus(MemoryHub())
     old = bus.serve(GET_TASK, lambda _: pb.Task(id="old"))
     bus.serve(GET_TASK, lambda _: pb.Task(id="new"))

@@ -1,4 +1,4 @@
-"""NPZ files from outside: what they hold, and what is refused before it is unpacked."""
+"""Untrusted NPZ files: reading their arrays, and refusing some before unpacking."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def packed(**arrays: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-def test_what_numpy_wrote_comes_back() -> None:
+def test_arrays_written_by_numpy_round_trip() -> None:
     arrays = {"one": np.arange(12.0).reshape(3, 4), "two": np.array("a text")}
     again = unpacked(packed(**arrays))
     assert list(again) == ["one", "two"]
@@ -26,7 +26,7 @@ def test_what_numpy_wrote_comes_back() -> None:
         np.testing.assert_array_equal(again[name], array)
 
 
-def test_a_file_that_holds_too_much_is_refused_before_it_is_unpacked() -> None:
+def test_an_oversized_file_is_refused_before_unpacking() -> None:
     data = packed(nothing=np.zeros(50_000_000, np.uint8))
     assert len(data) < 100_000
     tracemalloc.start()
@@ -38,20 +38,20 @@ def test_a_file_that_holds_too_much_is_refused_before_it_is_unpacked() -> None:
         tracemalloc.stop()
 
 
-def test_many_small_arrays_count_together() -> None:
+def test_the_size_limit_counts_all_arrays_together() -> None:
     data = packed(**{f"part{k}": np.zeros(1000, np.uint8) for k in range(20)})
     assert len(unpacked(data, most_bytes=30_000)) == 20
     with pytest.raises(InvalidInput, match="wanted at most 20000"):
         unpacked(data, most_bytes=20_000)
 
 
-def test_a_file_that_is_not_packed_may_be_as_large_as_it_is() -> None:
+def test_the_size_limit_does_not_apply_to_an_uncompressed_file() -> None:
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, much=np.arange(5000))
     np.testing.assert_array_equal(unpacked(stream.getvalue(), most_bytes=10)["much"], range(5000))
 
 
-def test_what_numpy_does_not_pack_with_is_refused() -> None:
+def test_a_compression_that_numpy_does_not_use_is_refused() -> None:
     stream, array = io.BytesIO(), io.BytesIO()
     np.save(array, np.zeros(1000))
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_BZIP2) as file:
@@ -61,6 +61,6 @@ def test_what_numpy_does_not_pack_with_is_refused() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"no zip"], ids=["empty", "no zip"])
-def test_what_is_no_zip_is_reported_as_such(data: bytes) -> None:
+def test_data_that_is_not_a_zip_raises_bad_zip_file(data: bytes) -> None:
     with pytest.raises(zipfile.BadZipFile):
         unpacked(data)

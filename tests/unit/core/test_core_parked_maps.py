@@ -1,4 +1,4 @@
-"""Maps of worlds that were left, as the two map services keep them."""
+"""Parked maps of earlier worlds, as both map services keep them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def world(n: int) -> WorldId:
     return WorldId("boot", n, "")
 
 
-def test_a_parked_map_comes_back_once_and_its_world_is_over_no_more() -> None:
+def test_a_parked_map_can_be_taken_back_once_and_its_world_is_no_longer_over() -> None:
     maps: ParkedMaps[str] = ParkedMaps()
     maps.park(world(1), "first")
     assert maps.is_over(world(1))
@@ -19,7 +19,7 @@ def test_a_parked_map_comes_back_once_and_its_world_is_over_no_more() -> None:
     assert maps.take_back(world(1)) is None
 
 
-def test_of_too_many_maps_the_oldest_goes_and_its_world_stays_over() -> None:
+def test_the_oldest_of_too_many_maps_is_dropped_and_its_world_stays_over() -> None:
     maps: ParkedMaps[str] = ParkedMaps()
     for n in range(MOST_PARKED + 1):
         maps.park(world(n), f"map {n}")
@@ -28,7 +28,7 @@ def test_of_too_many_maps_the_oldest_goes_and_its_world_stays_over() -> None:
     assert maps.take_back(world(0)) is None
 
 
-def test_a_map_that_is_put_replaces_that_of_its_world_and_ends_no_world() -> None:
+def test_putting_a_map_replaces_the_one_of_its_world_and_ends_no_world() -> None:
     maps: ParkedMaps[str] = ParkedMaps()
     maps.park(world(1), "seen")
     loaded = "loaded"
@@ -39,7 +39,7 @@ def test_a_map_that_is_put_replaces_that_of_its_world_and_ends_no_world() -> Non
     assert not maps.is_over(world(2))
 
 
-def test_what_is_cleared_is_over_still() -> None:
+def test_the_worlds_of_cleared_maps_stay_over() -> None:
     maps: ParkedMaps[str] = ParkedMaps()
     maps.park(world(1), "map")
     maps.clear()

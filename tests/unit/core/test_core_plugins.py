@@ -1,4 +1,4 @@
-"""Plug-ins are found and made; what cannot be says which step failed."""
+"""Plug-ins are found and created; an error names the step that failed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ number = 3
 
 
 class Tool(ABC):
-    """What the plug-ins of this test are to be."""
+    """The base class of the plug-ins of this test."""
 
     @abstractmethod
     def use(self) -> None: ...
@@ -43,7 +43,7 @@ class Tool(ABC):
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with modules in it; none of it is on the module path."""
+    """The current folder, with modules in it; the folder is not on the module path."""
     (tmp_path / "tools_of_a_test.py").write_text(SOURCE)
     (tmp_path / "slip_of_a_test.py").write_text("class Robot(\n")
     (tmp_path / "quits_of_a_test.py").write_text("raise SystemExit(3)\n")
@@ -71,7 +71,7 @@ def made(spec: str, **offered: object) -> object:
         ("tools_of_a_test:forge:x", ("x", None)),
     ],
 )
-def test_a_plug_in_of_the_current_folder_gets_what_it_asks_for(
+def test_a_plug_in_of_the_current_folder_gets_the_arguments_that_its_signature_names(
     folder: Path, spec: str, given: tuple[object, ...]
 ) -> None:
     assert vars(made(spec))["given"] == given
@@ -97,24 +97,26 @@ def test_a_plug_in_of_the_current_folder_gets_what_it_asks_for(
         ("tools_of_a_test:Bare:x", "takes no argument, but 'x' came"),
     ],
 )
-def test_what_cannot_be_made_says_which_step_failed(folder: Path, spec: str, said: str) -> None:
+def test_a_plug_in_that_cannot_be_created_reports_the_failed_step(
+    folder: Path, spec: str, said: str
+) -> None:
     with pytest.raises(InvalidInput, match=said):
         made(spec)
 
 
-def test_an_error_of_the_plug_ins_own_passes(folder: Path) -> None:
+def test_a_plug_ins_own_error_is_passed_on(folder: Path) -> None:
     with pytest.raises(Unavailable, match="plug it in"):
         made("tools_of_a_test:Away")
 
 
-def test_looking_whether_it_is_there_runs_nothing(folder: Path) -> None:
+def test_checking_that_a_plug_in_exists_runs_no_code(folder: Path) -> None:
     check_there(DETECTORS, "quits_of_a_test:X")
     assert "quits_of_a_test" not in sys.modules
     with pytest.raises(InvalidInput, match="no package or module 'surely_not_there'"):
         check_there(DETECTORS, "surely_not_there:X")
 
 
-def test_a_plain_name_is_an_entry_point_or_nothing(folder: Path) -> None:
+def test_a_plain_name_refers_to_an_entry_point_or_nothing(folder: Path) -> None:
     assert find(DETECTORS, "paint:x") == PluginReference(
         "paint:x", "helios_examples.paint_detector", "open_paint", "x"
     )
@@ -125,7 +127,7 @@ def test_a_plain_name_is_an_entry_point_or_nothing(folder: Path) -> None:
         check_there(Kind("toy", "helios.toys"), "nobody")
 
 
-def test_the_attribute_itself_can_be_had(folder: Path) -> None:
+def test_load_returns_the_attribute_itself(folder: Path) -> None:
     named = find(DETECTORS, "tools_of_a_test:number")
     assert named is not None
     assert load(DETECTORS, named) == 3

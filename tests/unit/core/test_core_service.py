@@ -1,4 +1,4 @@
-"""What services share at their start."""
+"""Start, end and failure of a service process."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Build = Callable[[Bus, Health], service_process.Closeable]
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Build], tuple[int, list[tuple[str, str]]]]:
-    """Runs a service on a bus in memory, without its signals; gives its exit status, and each
-    (state, reason) that it told."""
+    """Run a service on an in-memory bus, without its signals; return its exit status and each
+    (state, reason) that it reported."""
 
     def run(build: Build) -> tuple[int, list[tuple[str, str]]]:
         hub, reported = MemoryHub(), []
@@ -38,8 +38,8 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Build], tuple[int, list[tu
     return run
 
 
-class Small:
-    """A service that is ready at once; a signal asks it to end as soon as that was told."""
+class MinimalService:
+    """A service that is ready at once; a signal asks it to end as soon as it has reported that."""
 
     def __init__(self, bus: Bus, health: Health, signalled: threading.Event) -> None:
         def heard(status: pb.ServiceStatus) -> None:
@@ -51,12 +51,12 @@ class Small:
         bus.subscribe(status_topic("sample"), heard)
 
     def close(self) -> None:
-        """As when a message is still worked on."""
+        """Report ready, as when a message is still being processed."""
         self._health.ready("worked on another frame")
 
 
 @pytest.mark.parametrize("state", ["degraded", "stopping"])
-def test_nothing_is_said_after_the_last_word(state: str) -> None:
+def test_a_final_health_state_is_never_replaced(state: str) -> None:
     health = Health()
     health.failed("no map") if state == "degraded" else health.stopping()
     health.ready("a thread of what was begun goes on")
@@ -64,19 +64,19 @@ def test_nothing_is_said_after_the_last_word(state: str) -> None:
     assert health.state == (state, "no map" if state == "degraded" else "stopping")
 
 
-def test_a_service_that_is_stopped_says_so_last(
+def test_a_stopped_service_reports_stopping_last(
     run: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[threading.Event] = []
     monkeypatch.setattr(service_process, "stop_on_signals", asked.append)
-    status, reported = run(lambda bus, health: Small(bus, health, asked[0]))
+    status, reported = run(lambda bus, health: MinimalService(bus, health, asked[0]))
     assert status == 0
     assert ("ready", "well") in reported
     assert reported[-1] == ("stopping", "stopping")
 
 
 @pytest.mark.parametrize(("error", "status"), [(InvalidInput, 2), (Unavailable, 1)])
-def test_a_service_that_cannot_start_says_why_last(
+def test_a_service_that_cannot_start_reports_the_reason_last(
     run: Callable, monkeypatch: pytest.MonkeyPatch, error: type[Exception], status: int
 ) -> None:
     monkeypatch.setattr(service_process, "stop_on_signals", lambda _: None)
@@ -89,7 +89,7 @@ def test_a_service_that_cannot_start_says_why_last(
     assert reported[-1] == ("degraded", "no map at /nowhere; name another one")
 
 
-def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
+def test_a_failed_service_reports_its_end_last_and_closes_its_bus(
     run: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(service_process, "stop_on_signals", lambda stopped: stopped.set())
@@ -121,7 +121,7 @@ def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
     assert "ZeroDivisionError: oops" in reported[-1].reason
 
 
-def test_kernels_that_cannot_be_compiled_are_said_and_tried_again() -> None:
+def test_a_failed_kernel_compilation_is_reported_and_retried() -> None:
     health, said = Health(), []
     faults: list[Exception | None] = [RuntimeError("no compiler"), MemoryError(), None]
 
@@ -136,7 +136,7 @@ def test_kernels_that_cannot_be_compiled_are_said_and_tried_again() -> None:
     assert "MemoryError" in said[2][1]
 
 
-def test_whoever_ends_does_not_wait_for_kernels() -> None:
+def test_a_stopping_service_does_not_wait_for_kernels() -> None:
     ending = threading.Event()
 
     def compile() -> None:

@@ -1,4 +1,4 @@
-"""Settings come from flags, then the environment, then the file; what is wrong is said."""
+"""Settings come from flags, then the environment, then the file; errors are reported."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_defaults_hold_without_any_source() -> None:
     assert Settings.load([]).cell_m == 0.025
 
 
-def test_a_flag_wins_over_the_environment_and_that_over_the_file(
+def test_a_flag_overrides_the_environment_and_the_environment_overrides_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "helios.toml"
@@ -35,11 +35,11 @@ def test_a_flag_wins_over_the_environment_and_that_over_the_file(
     assert loaded.robot == "spot"
 
 
-def test_what_an_agent_needs_holds_where_nobody_says_else(
+def test_the_agents_preset_applies_where_no_setting_is_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A flag wins over the environment, that over the file, that over the agent's preset, and that
-    over the default."""
+    """A flag overrides the environment, the environment the file, the file the agent's preset, and
+    the preset the default."""
 
     class Planner(ServiceSettings):
         model_config = service_config("planner")
@@ -57,11 +57,11 @@ def test_what_an_agent_needs_holds_where_nobody_says_else(
     monkeypatch.setenv("HELIOS_PLANNER_TAU_G", "0.2")
     assert Planner.load([]).tau_g == 0.2
     assert Planner.load(["--tau-g", "0.3"]).tau_g == 0.3
-    assert Planner.load(["--tau-g", "0.5"]).tau_g == 0.5  # the default, since it was said
+    assert Planner.load(["--tau-g", "0.5"]).tau_g == 0.5  # the default, because the flag gives it
 
 
 @pytest.mark.parametrize("where", ["flag", "variable", "file"])
-def test_the_agent_whose_preset_holds_may_be_named_anywhere(
+def test_the_agent_of_the_preset_may_be_set_by_flag_variable_or_file(
     where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Planner(ServiceSettings):
@@ -80,7 +80,7 @@ def test_the_agent_whose_preset_holds_may_be_named_anywhere(
 
 
 @pytest.mark.parametrize("joined", [False, True])
-def test_the_file_that_a_flag_names_is_read_whoever_gives_the_flags(
+def test_a_config_file_in_the_given_flags_overrides_the_command_line_and_environment(
     joined: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     named, other = tmp_path / "named.toml", tmp_path / "other.toml"
@@ -93,12 +93,12 @@ def test_the_file_that_a_flag_names_is_read_whoever_gives_the_flags(
     assert (loaded.cell_m, loaded.robot, loaded.config) == (0.1, "robot", named)
 
 
-def test_flags_that_are_given_count_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_given_flags_replace_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["helios-sample", "--config", "/nowhere/helios.toml"])
     assert Settings.load([]).cell_m == 0.025
 
 
-def test_a_file_that_is_not_there_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_config_file_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         Settings.load(["--config", "/nowhere/helios.toml"])
     assert ended.value.code == 2
@@ -113,7 +113,7 @@ def test_a_file_that_is_not_there_ends_with_2(capsys: pytest.CaptureFixture[str]
         (b"[sample]\nname = '\xff'\n", "is no UTF-8 text"),
     ],
 )
-def test_a_file_that_is_no_toml_is_named_with_the_line(
+def test_an_invalid_toml_file_is_reported_with_path_and_line(
     content: bytes, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "helios.toml"
@@ -126,7 +126,7 @@ def test_a_file_that_is_no_toml_is_named_with_the_line(
     assert words in reported
 
 
-def test_a_table_for_all_services_counts_where_their_own_says_nothing(
+def test_the_table_all_applies_where_the_services_own_table_sets_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "helios.toml"
@@ -136,7 +136,7 @@ def test_a_table_for_all_services_counts_where_their_own_says_nothing(
     assert (loaded.router, loaded.robot) == ("tcp/hub:7447", "bob")
 
 
-def test_a_table_for_all_services_holds_nothing_that_one_alone_has(
+def test_the_table_all_refuses_settings_of_a_single_service(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "helios.toml"
@@ -151,7 +151,7 @@ def test_a_table_for_all_services_holds_nothing_that_one_alone_has(
 
 
 @pytest.mark.parametrize("argv", [["--cell-m", "-1"], ["--cell-m", "wide"], ["--no-such-flag"]])
-def test_wrong_use_exits_with_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_flags_exit_with_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         Settings.load(argv)
     assert ended.value.code == 2
@@ -164,7 +164,7 @@ def test_settings_cannot_be_changed() -> None:
         setattr(Settings.load([]), name, 1.0)
 
 
-def test_a_service_tells_its_settings_with_their_meaning_and_without_secrets() -> None:
+def test_a_service_reports_its_settings_with_descriptions_and_without_secrets() -> None:
     class Secretive(ServiceSettings):
         model_config = service_config("secretive")
 
@@ -180,7 +180,7 @@ def test_a_service_tells_its_settings_with_their_meaning_and_without_secrets() -
     assert "swordfish" not in reported
 
 
-def test_a_setting_without_a_default_is_told_without_one() -> None:
+def test_a_setting_without_a_default_is_reported_with_default_none() -> None:
     class Needy(ServiceSettings):
         source: str = Field(description="to be named")
 
@@ -192,7 +192,7 @@ class ForSeveral(Settings):
     robots: RobotNames = Field(default="", description="further robots")
 
 
-def test_names_of_robots_are_tidied_and_checked_before_anything_starts(
+def test_robot_names_are_normalised_and_checked_when_settings_load(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert ForSeveral.load(["--robots", " ada, bob,,ada"]).robots == "ada,bob"

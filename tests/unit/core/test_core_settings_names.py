@@ -1,4 +1,4 @@
-"""What names no setting is refused with what was meant; what is another's is let pass."""
+"""An unknown setting is refused with the nearest one; other services' names are ignored."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Settings(ServiceSettings):
     cell_m: float = Field(default=0.025, gt=0, description="edge of a cell")
 
 
-def refused(argv: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """What is said."""
+def refusal(argv: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The error message of a refused load."""
     with pytest.raises(SystemExit) as ended:
         Settings.load(argv)
     assert ended.value.code == 2
@@ -34,33 +34,33 @@ def refused(argv: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.parametrize("name", ["HELIOS_SAMPLE_CEL_M", "helios_sample_cel_m"])
-def test_a_variable_that_is_no_setting_is_refused_with_the_near_one(
+def test_an_unknown_variable_is_refused_with_the_nearest_setting(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(name, "0.05")
-    assert "HELIOS_SAMPLE_CEL_M; did you mean HELIOS_SAMPLE_CELL_M?" in refused([], capsys)
+    assert "HELIOS_SAMPLE_CEL_M; did you mean HELIOS_SAMPLE_CELL_M?" in refusal([], capsys)
 
 
-def test_where_none_is_near_all_are_named_and_no_value_is_reported(
+def test_without_a_near_setting_the_refusal_lists_all_settings_but_no_values(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_SAMPLE_QWRTZ", "hunter2")
-    said = refused([], capsys)
+    said = refusal([], capsys)
     assert "HELIOS_SAMPLE_QWRTZ" in said
     assert "HELIOS_SAMPLE_CELL_M, HELIOS_SAMPLE_CONFIG, HELIOS_SAMPLE_LOG_LEVEL" in said
     assert "hunter2" not in said
 
 
-def test_settings_that_are_made_without_flags_refuse_it_too(
+def test_settings_created_without_flags_refuse_an_unknown_variable_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As a robot's driver makes its own."""
+    """A robot's driver creates its own settings in this way."""
     monkeypatch.setenv("HELIOS_SAMPLE_CEL_M", "0.05")
     with pytest.raises(InvalidInput, match="HELIOS_SAMPLE_CELL_M"):
         Settings()
 
 
-def test_help_is_given_all_the_same(
+def test_help_is_shown_despite_an_unknown_variable(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_SAMPLE_CEL_M", "0.05")
@@ -79,7 +79,7 @@ def test_every_service_of_the_repository_is_known() -> None:
 
 
 @pytest.mark.parametrize("service", SERVICES)
-def test_each_service_has_a_known_name_and_minds_its_own_variables_alone(
+def test_each_service_has_a_known_name_and_checks_only_its_own_variables(
     service: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = settings_of(MODULES[service])
@@ -96,26 +96,26 @@ def test_each_service_has_a_known_name_and_minds_its_own_variables_alone(
         own()
 
 
-def test_a_table_of_no_service_is_refused_with_the_near_one_and_the_list(
+def test_an_unknown_table_is_refused_with_the_nearest_one_and_the_list(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "helios.toml"
     file.write_text("[sample]\ncell_m = 0.1\n[map2dd]\ncell_m = 0.1\n")
-    said = refused(["--config", str(file)], capsys)
+    said = refusal(["--config", str(file)], capsys)
     assert f"{file} has a table [map2dd]" in said
     assert "did you mean [map2d]?" in said
     assert all(name in said for name in (*SERVICES, "all", "sample"))
 
 
-def test_a_key_that_is_no_setting_is_refused_with_the_near_one(
+def test_an_unknown_key_is_refused_with_the_nearest_setting(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "helios.toml"
     file.write_text("[sample]\ncel_m = 0.1\n")
-    assert "is called cel_m; did you mean cell_m?" in refused(["--config", str(file)], capsys)
+    assert "is called cel_m; did you mean cell_m?" in refusal(["--config", str(file)], capsys)
 
 
-def test_tables_of_all_services_may_stand_in_one_file(tmp_path: Path) -> None:
+def test_one_file_may_hold_the_tables_of_all_services(tmp_path: Path) -> None:
     file = tmp_path / "helios.toml"
     file.write_text("".join(f"[{name}]\nrobot = 'ada'\n" for name in (*SERVICES, "all")))
     assert Settings.load(["--config", str(file)]).robot == "ada"
@@ -127,6 +127,6 @@ def test_a_setting_outside_of_a_table_is_refused(
 ) -> None:
     file = tmp_path / "helios.toml"
     file.write_text(f"{line}\n")
-    assert "under the table of its service, such as [sample]" in refused(
+    assert "under the table of its service, such as [sample]" in refusal(
         ["--config", str(file)], capsys
     )

@@ -1,4 +1,4 @@
-"""A signal sets an event, wherever the main thread is."""
+"""Signals are handled wherever the main thread is."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def hang(library):
         library.pthread_mutex_lock(mutex)
 """
 
-# The main thread waits in a library, which no signal ends.
+# The main thread waits in a library, and no signal ends that wait.
 WAITS_IN_A_LIBRARY = f"""{HANGS}
 import os, signal, threading
 from helios_core.signal_handling import on_signals
@@ -38,7 +38,7 @@ threading.Timer(0.3, print, ["up"], {{"flush": True}}).start()
 hang(ctypes.CDLL(None))
 """
 
-# A library hangs after the stop and lets no Python run: it holds the interpreter's own lock.
+# A library hangs after the stop and holds the interpreter's own lock, so no Python code runs.
 HINDERS_ALL_PYTHON = f"""{HANGS}
 import signal, threading, time
 from helios_core.service_process import stop_on_signals
@@ -56,7 +56,7 @@ hang(ctypes.PyDLL(None))
     ("program", "status"),
     [(HOLDS_THE_LOCK, 0), (WAITS_IN_A_LIBRARY, 0), (HINDERS_ALL_PYTHON, -signal.SIGALRM)],
 )
-def test_a_signal_ends_the_process_whatever_it_does(program: str, status: int) -> None:
+def test_a_signal_ends_the_process_whatever_its_main_thread_does(program: str, status: int) -> None:
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""Text from outside, made safe to show."""
+"""Untrusted text is made safe to show."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def test_an_escape_sequence_loses_its_escape() -> None:
     assert printable("find the \x1b[31mcup\x9b2J\x00\x7f") == "find the �[31mcup�2J��"
 
 
-def test_lines_become_one() -> None:
+def test_line_breaks_and_tabs_become_spaces() -> None:
     assert printable("one\ntwo\r\nthree\tfour") == "one two  three four"
 
 
@@ -28,7 +28,7 @@ def test_no_control_character_is_left_and_no_other_is_changed(text: str) -> None
 
 
 @pytest.mark.parametrize(("number", "said"), [(0, "0 steps"), (1, "1 step"), (2, "2 steps")])
-def test_a_number_stands_with_its_noun(number: int, said: str) -> None:
+def test_a_noun_is_singular_or_plural_as_its_number_requires(number: int, said: str) -> None:
     assert counted(number, "step") == said
     assert counted(1, "match", "matches") == "1 match"
     assert counted(2, "match", "matches") == "2 matches"

@@ -1,4 +1,4 @@
-"""The newest message is repeated until a newer one follows, and read once."""
+"""The newest message is repeated until a newer one follows, and is read once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 
 class Wire:
-    """Writes down what is sent; `now_s` is its clock."""
+    """Records what is sent; `now_s` is its clock."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -34,7 +34,7 @@ class Wire:
         self.jobs.append(name)
 
 
-def test_the_newest_is_repeated_a_few_times_then_no_more() -> None:
+def test_the_newest_message_is_repeated_a_fixed_number_of_times() -> None:
     wire = Wire()
     wire.repeater.send("a", wire.put, b"one")
     for pause_s in PAUSES_S:
@@ -48,7 +48,7 @@ def test_the_newest_is_repeated_a_few_times_then_no_more() -> None:
 
 
 @pytest.mark.parametrize("fault", [RuntimeError("closed"), TypeError("bytes"), KeyError("x")])
-def test_no_fault_of_one_topic_ends_the_repetitions_and_it_is_logged(
+def test_an_exception_in_one_topic_is_logged_and_ends_no_repetitions(
     fault: Exception, caplog: pytest.LogCaptureFixture
 ) -> None:
     wire = Wire()
@@ -82,7 +82,7 @@ def test_a_newer_message_ends_the_repetitions_of_the_old_one() -> None:
     assert [data for data, _ in wire.sent].count(b"other") == 1 + len(PAUSES_S)
 
 
-def test_a_repetition_that_cannot_be_sent_is_tried_again_and_a_message_raises() -> None:
+def test_a_failed_repetition_is_retried_and_a_failed_first_send_raises() -> None:
     wire = Wire()
     wire.repeater.send("a", wire.put, b"one")
     wire.broken = zenoh.ZError("no router")
@@ -96,7 +96,7 @@ def test_a_repetition_that_cannot_be_sent_is_tried_again_and_a_message_raises() 
 
 
 @given(st.lists(st.integers(0, 9), max_size=30))
-def test_a_reader_takes_what_is_newer_than_all_before(numbers: list[int]) -> None:
+def test_a_reader_accepts_only_messages_newer_than_all_before(numbers: list[int]) -> None:
     unseen = DuplicateFilter()
     taken = [n for n in numbers if unseen.take(f"me/{n}".encode())]
     assert taken == sorted(set(taken))
@@ -104,7 +104,7 @@ def test_a_reader_takes_what_is_newer_than_all_before(numbers: list[int]) -> Non
 
 
 @given(st.lists(st.binary(max_size=30) | st.none()))
-def test_what_does_not_say_which_it_is_is_read(attachments: list[bytes | None]) -> None:
+def test_a_message_without_a_number_is_accepted(attachments: list[bytes | None]) -> None:
     unseen = DuplicateFilter()
     for attachment in attachments:
         if attachment is None or not attachment.rpartition(b"/")[2].isdigit():
@@ -113,7 +113,7 @@ def test_what_does_not_say_which_it_is_is_read(attachments: list[bytes | None]) 
             unseen.take(attachment)
 
 
-def test_sources_are_told_apart_and_few_are_remembered() -> None:
+def test_senders_are_distinguished_and_only_a_limited_number_is_remembered() -> None:
     unseen = DuplicateFilter()
     for k in range(REMEMBERED + 10):
         assert unseen.take(f"{k}/5".encode())

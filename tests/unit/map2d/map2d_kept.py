@@ -1,4 +1,4 @@
-"""Houses whose maps are saved, loaded and compared."""
+"""Helpers that build, save, load and compare 2D maps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def load(rig: Rig, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
 
 
 def walked(*flags: str) -> Rig:
-    """A house that was looked at, with views that can be asked later."""
+    """A rig whose robot has looked around, with a view memory that can be searched later."""
     rig = Rig(*flags)
     rig.say_epoch("boot")
     rig.search("first")

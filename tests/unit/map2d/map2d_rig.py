@@ -1,4 +1,4 @@
-"""A map service behind a bus of this process, and everybody else in one."""
+"""A 2D map service on an in-process bus, and a stand-in for everything that it talks to."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ MODEL, SCALE, OFFSET = "test-clip", 0.5, 0.5
 
 
 class Scorer:
-    """An image-text model of random directions: by name for texts, by frame for images."""
+    """An image-text scorer with random embeddings, seeded by the prompt or by the frame number."""
 
     def text(self, prompt: str) -> Embedding:
         return self._vector(f"text {prompt}")
@@ -80,7 +80,7 @@ class Scorer:
 
 
 class Rig:
-    """A service, and everybody else in one."""
+    """A 2D map service, and a stand-in for everything that it talks to."""
 
     def __init__(self, *flags: str, described: bool = True) -> None:
         self.bus = MemoryBus(MemoryHub())
@@ -105,7 +105,7 @@ class Rig:
         at: tuple[float, float, float] = (0.0, 0.0, 0.0),
         origin: str = "",
     ) -> None:
-        """The robot's state; `at` is x, y (m) and yaw (rad)."""
+        """Publish the robot's state; `at` is x, y (m) and yaw (rad)."""
         state = RobotState(
             se2_to_se3(*at), held=held, world_epoch=world_epoch, robot_boot_id=boot_id,
             origin_id=origin,
@@ -126,7 +126,7 @@ class Rig:
         scores: Mapping[str, float] | None = None,
         detections: tuple[Detection, ...] = (),
     ) -> None:
-        """An observation; with `scores` one of a scorer that embeds."""
+        """Publish an observation; with `scores`, of a scorer that embeds images."""
         image = None if scores is None else self.scorer.image(frame)
         given = {"pick": 0.4, "place": 0.2} if scores is None else dict(scores)
         seen = Observation(frame, context_id, detections, given, "test", "test", image)

@@ -1,4 +1,4 @@
-"""A tiny ray caster over boxes on a floor, and frames taken with it."""
+"""A minimal ray caster over boxes on a floor, and frames rendered with it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def cast(
     return _cast(tuple(blocks), T_world_cam.tobytes(), camera).copy()
 
 
-@functools.lru_cache(1024)  # many tests look at the same room from the same places
+@functools.lru_cache(1024)  # many tests use the same room and poses
 def _cast(blocks: tuple[Block, ...], pose: bytes, camera: Pinhole) -> NDArray[np.float32]:
     T_world_cam = np.frombuffer(pose).reshape(4, 4)
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
@@ -97,7 +97,7 @@ def chair(x: float, y: float) -> list[Block]:
 
 @dataclass
 class Walk:
-    """Takes frames in a scene, numbering them; depth noise grows with the square of depth."""
+    """Renders numbered frames of a scene; depth noise grows with the square of depth."""
 
     blocks: list[Block]
     camera: Pinhole = CAMERA
@@ -138,5 +138,5 @@ class Walk:
     def look_around(
         self, x: float, y: float, pitch_down: float = math.radians(30), roll: float = 0.0
     ) -> list[Frame]:
-        """Twelve frames in a circle."""
+        """Render twelve frames, one every 30 degrees."""
         return [self.frame(x, y, k * math.pi / 6, pitch_down, roll) for k in range(12)]

@@ -1,5 +1,5 @@
-"""Files that are cut short, foreign or damaged: each is refused by what is wrong with it, and the
-map that is there stays."""
+"""Truncated, foreign or damaged map files: each is refused with the reason, and the present map
+stays."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def rig() -> Rig:
     return walked("--size-cells", "320")
 
 
-def refused(rig: Rig, reason: str, *files: tuple[str, bytes]) -> None:
+def assert_refused(rig: Rig, reason: str, *files: tuple[str, bytes]) -> None:
     state = state_of(rig)
     before = state.published
     with pytest.raises(InvalidInput, match=reason):
@@ -56,8 +56,8 @@ def yaml(**other: str) -> bytes:
         (b"\xff\xfe\0", "no map_server YAML"),
     ],
 )
-def test_a_yaml_that_says_nothing_usable(rig: Rig, about: bytes, reason: str) -> None:
-    refused(rig, reason, ("m.yaml", about), ("m.pgm", PICTURE))
+def test_an_invalid_map_server_yaml_is_refused(rig: Rig, about: bytes, reason: str) -> None:
+    assert_refused(rig, reason, ("m.yaml", about), ("m.pgm", PICTURE))
 
 
 @pytest.mark.parametrize(
@@ -71,13 +71,13 @@ def test_a_yaml_that_says_nothing_usable(rig: Rig, about: bytes, reason: str) ->
         b"P6\n20 10\n255\n" + bytes(200),
     ],
 )
-def test_a_picture_that_is_none_or_not_whole(rig: Rig, picture: bytes) -> None:
-    refused(rig, "no picture of a map", ("m.yaml", yaml()), ("m.pgm", picture))
+def test_an_invalid_or_truncated_map_image_is_refused(rig: Rig, picture: bytes) -> None:
+    assert_refused(rig, "no picture of a map", ("m.yaml", yaml()), ("m.pgm", picture))
 
 
-def test_two_maps_at_once(rig: Rig) -> None:
+def test_two_maps_in_one_load_are_refused(rig: Rig) -> None:
     (file,) = saved(rig, "map")
-    refused(rig, "send one map at a time", ("a.map", file.data), ("b.map", file.data))
+    assert_refused(rig, "send one map at a time", ("a.map", file.data), ("b.map", file.data))
 
 
 Edit = Callable[[pb.KeptMap], object]
@@ -104,12 +104,12 @@ def moved(message: pb.KeptMap, row: int) -> None:
         (lambda m: setattr(m.views[0], "half_fov_rad", 0.0), "half a field of view of 0"),
     ],
 )
-def test_a_map_file_with_what_no_map_holds(rig: Rig, edit: Edit, reason: str) -> None:
+def test_a_map_file_with_invalid_content_is_refused(rig: Rig, edit: Edit, reason: str) -> None:
     (file,) = saved(rig, "map")
     message = pb.KeptMap.FromString(file.data[len(HEAD) + 32 :])
     edit(message)
     body = message.SerializeToString()
-    refused(rig, reason, ("a.map", HEAD + hashlib.sha256(body).digest() + body))
+    assert_refused(rig, reason, ("a.map", HEAD + hashlib.sha256(body).digest() + body))
 
 
 @pytest.mark.parametrize(
@@ -126,8 +126,10 @@ def test_a_map_file_with_what_no_map_holds(rig: Rig, edit: Edit, reason: str) ->
         ("grid", {"cell_m": 0.025, "corner": [0, 0]}, "'rows'"),
     ],
 )
-def test_an_export_with_what_no_map_says(rig: Rig, key: str, value: object, reason: str) -> None:
-    refused(rig, reason, ("a.npz", exported(rig, {key: value})))
+def test_an_export_with_invalid_metadata_is_refused(
+    rig: Rig, key: str, value: object, reason: str
+) -> None:
+    assert_refused(rig, reason, ("a.npz", changed_export(rig, {key: value})))
 
 
 @pytest.mark.parametrize(
@@ -141,23 +143,23 @@ def test_an_export_with_what_no_map_says(rig: Rig, key: str, value: object, reas
         ("confidence_pick", np.float32(-1.0), "confidences below 0"),
     ],
 )
-def test_an_export_with_cells_that_mean_nothing(
+def test_an_export_with_invalid_cells_is_refused(
     rig: Rig, name: str, fill: np.generic, reason: str
 ) -> None:
-    refused(rig, reason, ("a.npz", exported(rig, {}, name, fill)))
+    assert_refused(rig, reason, ("a.npz", changed_export(rig, {}, name, fill)))
 
 
-def test_an_export_that_unpacks_to_more_than_any_map_is_not_unpacked(rig: Rig) -> None:
-    data = exported(rig, {})
-    at = data.rindex(b"PK\x01\x02") + 24  # where the ZIP says how large its last part becomes
+def test_an_oversized_export_is_refused_before_unpacking(rig: Rig) -> None:
+    data = changed_export(rig, {})
+    at = data.rindex(b"PK\x01\x02") + 24  # the unpacked size of the last entry of the ZIP
     bomb = data[:at] + (3 * 2**30).to_bytes(4, "little") + data[at + 4 :]
-    refused(rig, r"unpacks to 3221\d+, wanted at most 2147483648", ("a.npz", bomb))
+    assert_refused(rig, r"unpacks to 3221\d+, wanted at most 2147483648", ("a.npz", bomb))
 
 
-def exported(
+def changed_export(
     rig: Rig, meta: dict[str, object], name: str = "", fill: np.generic | None = None
 ) -> bytes:
-    """An export with some of its text replaced, and an array filled."""
+    """An export with some of its metadata replaced, and one array filled with a value."""
     (file,) = saved(rig, "npz")
     with np.load(io.BytesIO(file.data)) as kept:
         arrays = dict(kept)

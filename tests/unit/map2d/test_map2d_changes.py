@@ -1,4 +1,4 @@
-"""A viewer gets the whole map once, in chunks, and then only what changed."""
+"""A client gets the whole map once, in chunks, and then only changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from map2d_rig import Rig
 
 
 def follow(rig: Rig, mirror: MapReplica) -> int:
-    """Bring a mirror up to date; how many tiles that took."""
+    """Update a replica and return the number of tiles received."""
     taken = 0
     while True:
         changes = rig.bus.call(MAP_CHANGES, mirror.request(), 5)
@@ -43,7 +43,7 @@ def assert_same(rig: Rig, mirror: MapReplica) -> None:
         assert seen == pytest.approx(float(layer.sum()), rel=1e-3)
 
 
-def test_a_late_viewer_gets_the_whole_in_chunks_and_then_only_changes() -> None:
+def test_a_late_client_gets_the_whole_map_in_chunks_and_then_only_changes() -> None:
     rig = Rig()
     rig.settle()
     mirror = MapReplica(layers=True, tiles_at_once=3)
@@ -59,7 +59,7 @@ def test_a_late_viewer_gets_the_whole_in_chunks_and_then_only_changes() -> None:
     assert_same(rig, mirror)
 
 
-def test_a_map_that_changes_while_it_is_read_is_read_right() -> None:
+def test_a_map_that_changes_during_a_transfer_is_received_correctly() -> None:
     rig = Rig()
     rig.search("first")
     mirror = MapReplica(layers=True, tiles_at_once=2)
@@ -71,7 +71,7 @@ def test_a_map_that_changes_while_it_is_read_is_read_right() -> None:
     assert_same(rig, mirror)
 
 
-def test_another_search_and_another_map_are_noticed() -> None:
+def test_a_replica_follows_a_new_search_and_a_new_map() -> None:
     rig = Rig()
     rig.settle()
     mirror = MapReplica(layers=True)
@@ -87,7 +87,7 @@ def test_another_search_and_another_map_are_noticed() -> None:
     assert_same(rig, mirror)
 
 
-def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
+def test_a_tile_is_encoded_once_for_any_number_of_clients(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = Rig()
@@ -102,7 +102,9 @@ def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
     assert len(calls) == first
 
 
-def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_whole_snapshot_is_encoded_once_for_any_number_of_clients(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     from helios_map2d.snapshots import messages
 
     rig = Rig()
@@ -116,14 +118,14 @@ def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch)
     assert len(calls) == first > 0
 
 
-def test_before_the_first_keyframe_there_is_nothing_to_mirror() -> None:
+def test_a_replica_is_empty_before_the_first_keyframe() -> None:
     rig, mirror = Rig(), MapReplica()
     assert follow(rig, mirror) == 0
     assert mirror.occupancy()[0].size == 0
 
 
-def test_the_lowest_obstacles_heights_travel_with_the_whole_and_with_the_changes() -> None:
-    """Those who plan over and under things ask for them; nobody in HELIOS does."""
+def test_bottom_heights_of_obstacles_are_in_the_snapshot_and_in_the_changes() -> None:
+    """Clients that plan over and under obstacles use them; no HELIOS service does."""
     rig = Rig()
     rig.settle()
     mirror = MapReplica()

@@ -1,4 +1,4 @@
-"""Small rules of the 2D map that nothing else would notice."""
+"""Small rules of the 2D map that no other test covers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ RULES = MapRules(size_cells=400)
     ("body_m", "holding", "stands"),
     [(0.2, False, True), (0.2, True, False), (0.0, True, True), (0.0, False, True)],
 )
-def test_what_is_near_the_body_is_held_only_by_a_robot_with_a_body_that_holds_something(
+def test_near_obstacles_are_ignored_only_for_a_robot_with_a_body_that_holds_an_object(
     body_m: float, holding: bool, stands: bool
 ) -> None:
     walk = Walk([*room(), Block((1.46, 1.3, 0), (1.52, 1.7, 1.0))])  # 0.46 m ahead of the robot
@@ -50,7 +50,7 @@ def test_what_is_near_the_body_is_held_only_by_a_robot_with_a_body_that_holds_so
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1).map(np.random.default_rng), st.floats(0.3, 0.7), st.floats(0, 0.4))
-def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_reported(
+def test_clearing_the_footprint_frees_its_cells_and_reports_only_changed_ones(
     rng: np.random.Generator, x_m: float, radius_m: float
 ) -> None:
     grid, shape = GridSpec(0.05, 24, 20, (3, 2)), (24, 20)
@@ -76,7 +76,7 @@ def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_reported(
     assert (reported == (disc & before)).all()
 
 
-def test_a_viewer_of_another_map_gets_all_of_this_one() -> None:
+def test_a_client_that_knows_another_map_gets_the_whole_map() -> None:
     walk, state = Walk(room()), EpochMap(RULES, (2.0, 1.5), 0.2)
     for frame in walk.look_around(2.0, 1.5):
         state.integrate_frame(frame)
@@ -92,7 +92,7 @@ def test_a_viewer_of_another_map_gets_all_of_this_one() -> None:
     assert changes_after(snapshot, ahead) == whole
 
 
-def test_the_view_that_goes_is_the_one_whose_ground_is_best_covered_not_that_with_most() -> None:
+def test_view_memory_drops_the_view_with_the_largest_covered_share_not_the_largest_count() -> None:
     def view(seq: int, *patches: int) -> SeenView:
         cone = Cone(0.0, 0.0, (1.0, 0.0), 0.5, np.zeros(8, np.float32))
         out = SeenView(FrameId("robot", 0, seq), 0, cone, None, b"")
@@ -100,13 +100,13 @@ def test_the_view_that_goes_is_the_one_whose_ground_is_best_covered_not_that_wit
         return out
 
     memory = ViewMemory(2)
-    # Half covered each of its squares: 1 of 1 against 5 of 10.
+    # Other views cover 1 of 1 squares of the first view and 5 of 10 of the second.
     for one in (view(1, 0), view(2, *range(10)), view(3, 1, 2, 3, 4)):
         memory.add(one)
     assert [v.id.seq for v in memory.snapshot()] == [2, 3]
 
 
-def test_clearance_is_told_to_the_edge_of_an_obstacles_cell() -> None:
+def test_clearance_is_measured_to_the_edge_of_an_occupied_cell() -> None:
     occupancy = np.zeros((64, 64), np.int8)
     occupancy[10, 20] = 100
     flat, blank = np.zeros((64, 64), np.float32), np.zeros((64, 64), np.uint8)
@@ -125,7 +125,7 @@ def test_clearance_is_told_to_the_edge_of_an_obstacles_cell() -> None:
     )
 
 
-def test_what_begins_just_above_the_floor_is_not_looked_under() -> None:
+def test_line_of_sight_does_not_pass_under_an_obstacle_just_above_the_floor() -> None:
     occupancy = np.zeros((8, 64), np.int8)
     occupancy[:, 30] = 100
     low, high = np.full((2, 8, 64), 0.2, np.float32)
@@ -137,13 +137,13 @@ def test_what_begins_just_above_the_floor_is_not_looked_under() -> None:
     assert line_of_sight(grid, occupancy, low, high, *line)
 
 
-def test_late_frames_that_fall_among_themselves_are_no_other_robots() -> None:
+def test_older_frames_replace_the_newest_only_if_their_numbers_rise() -> None:
     order = FrameOrder(100)
     assert not any(order.record(seq) for seq in (5, 4, 3, 2, 1))
     assert [order.record(seq) for seq in (2, 3)] == [False, True]
 
 
-def test_the_robots_own_epoch_is_taken_although_a_strangers_was_later() -> None:
+def test_the_robots_own_epoch_is_accepted_after_a_later_one_of_another_sender() -> None:
     walk, maps = Walk(room(), epoch=5), EpochMaps(RULES, 0.2)
     maps.set_robot_world(WorldId("boot", 0))
     stranger = maps.map_for(walk.frame(2.0, 1.5, 0.0))
@@ -152,7 +152,7 @@ def test_the_robots_own_epoch_is_taken_although_a_strangers_was_later() -> None:
     assert maps.world == WorldId("boot", 0)
 
 
-def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
+def test_a_rejected_world_of_another_sender_does_not_park_the_map_again() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
     own, later = (walk.frame(2.0, 1.5, 0.0) for _ in range(2))
     state = maps.map_for(own)
@@ -167,15 +167,15 @@ def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
     assert maps.current is state
 
 
-def test_of_many_parked_maps_the_newest_are_kept() -> None:
+def test_only_the_newest_parked_maps_are_kept() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2, most_parked=2)
     for walk.epoch in range(5):
         maps.map_for(walk.frame(2.0, 1.5, 0.0))
     assert list(parked(maps)) == [WorldId("boot", 2), WorldId("boot", 3)]
 
 
-def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> None:
-    walk = Walk([*room(), Block((1.5, 0.5, 0), (1.6, 2.5, 1.0))])  # it ends beyond that ground
+def test_floor_around_the_robot_counts_as_explored_up_to_obstacles() -> None:
+    walk = Walk([*room(), Block((1.5, 0.5, 0), (1.6, 2.5, 1.0))])  # longer than that area
     state = EpochMap(RULES, (2.0, 1.5), 0.2)
     for frame in walk.look_around(2.0, 1.5):
         state.integrate_frame(frame)
@@ -186,7 +186,7 @@ def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> N
     assert seen == [True, False]
 
 
-def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:
+def test_a_refused_frame_of_another_epoch_parks_no_map() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
     state = maps.map_for(walk.frame(2.0, 1.5, 0.0))
     walk.epoch = 1
@@ -216,7 +216,7 @@ def test_an_observation_of_an_ended_search_parks_no_map() -> None:
     assert maps.map_for(frame, present) is not state
 
 
-def test_obstacles_of_an_export_are_believed() -> None:
+def test_obstacles_of_an_imported_map_have_enough_evidence_to_be_occupied() -> None:
     occupancy = np.array([[100, 0], [-1, 100]], np.int8)
     flat = np.zeros((2, 2), np.float32)
     (tile,) = ground_of(GridSpec(0.025, 2, 2, (0, 0)), 1, occupancy, flat, flat, flat).values()

@@ -1,4 +1,4 @@
-"""What follows a frame, against readable twins: which tiles changed, and medians near frontiers."""
+"""Updates after a frame against plain references: changed tiles, and medians near frontiers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RNG = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 @settings(max_examples=40, deadline=None)
 @given(RNG, st.integers(0, 12))
-def test_changes_are_sorted_by_tile_as_by_their_twin(rng: np.random.Generator, many: int) -> None:
+def test_changes_per_tile_equal_the_reference(rng: np.random.Generator, many: int) -> None:
     occupancy, explored = np.zeros((40, 48), np.int8), np.zeros((40, 48), np.uint8)
     at = tuple(slice(lo, lo + n) for lo, n in zip(CORNER, SHAPE, strict=True))
     before, sought = occupancy[at].copy(), explored[at].copy()
@@ -57,13 +57,13 @@ FLOATS = st.floats(-(2.0**99), 2.0**99, width=32, allow_subnormal=False) | st.ju
 
 
 @given(arrays(np.float32, st.integers(1, 70), elements=FLOATS))
-def test_the_median_is_the_median(values: NDArray[np.float32]) -> None:
+def test_the_median_kernel_equals_numpys_median(values: NDArray[np.float32]) -> None:
     assert value_kernels.median(values) == np.median(values.astype(np.float64))
 
 
 @settings(max_examples=20, deadline=None)
 @given(RNG, st.integers(0, 19), st.integers(0, 29), st.floats(0.5, 9))
-def test_the_value_near_a_place_is_the_median_of_what_is_known_around_it(
+def test_the_value_near_a_cell_is_the_median_of_the_known_values_around_the_cell(
     rng: np.random.Generator, row: int, column: int, radius: float
 ) -> None:
     value = (rng.choice([0.0, 0.2, 0.7], (20, 30)) * rng.random((20, 30))).astype(np.float32)

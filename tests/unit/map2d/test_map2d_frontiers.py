@@ -1,4 +1,4 @@
-"""Frontiers against brute force, and what becomes of their identity."""
+"""Frontiers against brute force, and how long they keep their ids."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def test_frontier_cells_and_clusters_equal_brute_force(
 ) -> None:
     corner, side = (-8, -16), 8  # the tiles of the arrays begin at (-1, -2) of the world
     tiles = TileMask(np.ones((5, 6), np.uint8), (-2, -3))  # some lie beyond the arrays
-    cells, other = look_again(occupancy, before, corner, tiles, side, NO_CELLS)
+    cells, other = update_cells(occupancy, before, corner, tiles, side, NO_CELLS)
     assert other == brute_mask(occupancy, before).any()
     known = cells
-    cells, other = look_again(occupancy, explored, corner, tiles, side, known)
+    cells, other = update_cells(occupancy, explored, corner, tiles, side, known)
     mask = brute_mask(occupancy, explored)
     assert cells.tolist() == by_tile(mask, corner, side)
     assert other == (cells.tolist() != known.tolist())
@@ -64,7 +64,7 @@ def test_frontier_cells_and_clusters_equal_brute_force(
     assert [own[a:b].tolist() for a, b in itertools.pairwise(starts)] == wanted
 
 
-def look_again(
+def update_cells(
     occupancy: NDArray[np.int8],
     explored: NDArray[np.uint8],
     corner: tuple[int, int],
@@ -77,16 +77,16 @@ def look_again(
     )
 
 
-def test_only_the_tiles_that_are_asked_for_are_looked_at_again() -> None:
+def test_only_the_requested_tiles_are_recomputed() -> None:
     occupancy, explored = np.zeros((24, 24), np.int8), np.zeros((24, 24), np.uint8)
     explored[4, 4] = explored[12, 12] = explored[20, 20] = 1
     everywhere = TileMask.of(itertools.product(range(3), range(3)))
-    cells, _ = look_again(occupancy, explored, (0, 0), everywhere, 8, NO_CELLS)
+    cells, _ = update_cells(occupancy, explored, (0, 0), everywhere, 8, NO_CELLS)
     explored[4, 4] = explored[20, 20] = 0
     explored[12, 13] = 1
-    cells, other = look_again(occupancy, explored, (0, 0), TileMask.of([(2, 2)]), 8, cells)
+    cells, other = update_cells(occupancy, explored, (0, 0), TileMask.of([(2, 2)]), 8, cells)
     assert (cells.tolist(), other) == ([[4, 4], [12, 12]], True)
-    cells, other = look_again(occupancy, explored, (0, 0), TileMask.of([(2, 2)]), 8, cells)
+    cells, other = update_cells(occupancy, explored, (0, 0), TileMask.of([(2, 2)]), 8, cells)
     assert (cells.tolist(), other) == ([[4, 4], [12, 12]], False)
 
 
@@ -101,10 +101,10 @@ CLUSTERS = arrays(np.int8, (9, 40), elements=st.sampled_from([0, 0, 0, 1, 2, 3, 
 
 @settings(max_examples=60, deadline=None)
 @given(CLUSTERS, CLUSTERS, st.integers(0, 3), st.booleans())
-def test_frontiers_are_recognised_as_by_brute_force(
+def test_frontier_matching_equals_brute_force(
     former: NDArray[np.int8], now: NDArray[np.int8], reach: int, alike: bool
 ) -> None:
-    """Clusters here are the cells of a colour; some are the same as before."""
+    """Clusters are the cells of one colour; some are the same as before."""
     if alike:
         now = np.where(former > 2, former, np.where(now > 2, 0, now)).astype(np.int8)
     old, new = by_colour(former), by_colour(now)
@@ -135,14 +135,14 @@ def by_colour(picture: NDArray[np.int8]) -> list[NDArray[np.int32]]:
 
 
 def packed(parts: list[NDArray[np.int32]]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Clusters as the kernels take them."""
+    """Clusters in the form that the kernels take."""
     starts = np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64)
     return np.concatenate([NO_CELLS, *parts]), starts
 
 
 @settings(max_examples=60, deadline=None)
 @given(OCCUPANCIES, st.integers(0, 15), st.integers(0, 23), st.floats(0, 12))
-def test_near_ground_is_the_flood_of_open_cells_in_the_disc(
+def test_near_ground_is_the_flood_fill_of_open_cells_in_the_disc(
     occupancy: NDArray[np.int8], row: int, column: int, radius: float
 ) -> None:
     near = near_ground(occupancy, Box(0, SHAPE[0], 0, SHAPE[1]), (row, column), radius)
@@ -162,7 +162,7 @@ def labelled(mask: NDArray[np.bool_], connectivity: int) -> tuple[NDArray[np.int
 
 
 class World:
-    """A grid to paint on, and a finder."""
+    """A grid that a test paints on, and a frontier finder."""
 
     def __init__(self, rules: FrontierRules = RULES) -> None:
         self.occupancy = np.full(GRID.shape, -1, np.int8)
@@ -216,7 +216,7 @@ def test_small_frontiers_are_dropped() -> None:
     assert len(world.find()) == 1  # the right end is open over 0.25 m only
 
 
-def test_a_frontier_keeps_its_number_while_it_persists_and_moves_a_little() -> None:
+def test_a_frontier_that_moves_a_little_keeps_its_id() -> None:
     world = corridor()
     left, right = sorted(world.find(), key=lambda f: f.centre_m[0])
     world.free(slice(70, 130), slice(140, 144))
@@ -226,7 +226,7 @@ def test_a_frontier_keeps_its_number_while_it_persists_and_moves_a_little() -> N
     assert (moved_left.id, moved_right.id) == (left.id, right.id)
 
 
-def test_a_frontier_that_jumps_or_comes_back_gets_a_new_number() -> None:
+def test_a_frontier_that_jumps_or_reappears_gets_a_new_id() -> None:
     world = corridor()
     before = {f.id for f in world.find()}
     saved = world.area.explored.copy(), world.occupancy.copy()
@@ -240,7 +240,7 @@ def test_a_frontier_that_jumps_or_comes_back_gets_a_new_number() -> None:
     assert max(again) > max(before)
 
 
-def test_when_a_frontier_splits_the_larger_part_keeps_the_number() -> None:
+def test_the_larger_part_of_a_split_frontier_keeps_the_id() -> None:
     world = corridor()
     right = max(world.find(), key=lambda f: f.centre_m[0])
     world.wall(slice(90, 94), slice(138, 140))
@@ -273,14 +273,14 @@ def test_the_value_is_the_median_of_the_non_zero_cells_within_half_a_metre() -> 
         assert frontier.values["pick"] == pytest.approx(float(expected))
 
 
-def test_the_centre_is_the_first_of_the_cells_nearest_to_the_middle() -> None:
+def test_the_centre_is_the_first_cell_nearest_to_the_mean_position() -> None:
     for frontier in corridor().find():
         off = ((frontier.cells - frontier.cells.mean(axis=0)) ** 2).sum(axis=1)
         first = frontier.cells[np.argmin(off)]
         assert GRID.cell_of(*frontier.centre_m) == tuple(first - GRID.corner)
 
 
-def test_a_value_that_changed_just_within_the_radius_is_reported() -> None:
+def test_a_value_change_just_within_the_radius_updates_the_frontier() -> None:
     world = corridor()
     row, column = GRID.cell_of(*world.find()[0].centre_m)
     world.values["pick"][row, column + 20] = 0.9
@@ -288,7 +288,7 @@ def test_a_value_that_changed_just_within_the_radius_is_reported() -> None:
     assert world.finder.revalued(world.values)[0].values["pick"] == pytest.approx(0.9)
 
 
-def test_a_new_search_area_has_no_frontiers() -> None:
+def test_a_reset_explored_area_has_no_frontiers() -> None:
     world = corridor()
     assert world.find()
     world.area.reset()
@@ -298,8 +298,10 @@ def test_a_new_search_area_has_no_frontiers() -> None:
 
 @given(rng=st.integers(0, 2**32 - 1).map(np.random.default_rng))
 @settings(max_examples=20, deadline=None)
-def test_new_values_alone_give_what_finding_anew_gives(rng: np.random.Generator) -> None:
-    """Places, sizes and numbers too."""
+def test_updating_only_the_values_equals_finding_all_frontiers_again(
+    rng: np.random.Generator,
+) -> None:
+    """Positions, sizes and ids are equal, too."""
     quick, anew = World(), World()
     for _ in range(3):
         row, column = rng.integers(60, 110, 2)

@@ -1,4 +1,4 @@
-"""The map grows when the robot leaves it; nothing moves and nothing is lost."""
+"""The grid grows when the robot leaves it; no cell moves and none is lost."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def hall() -> Walk:
     return Walk([*room(width=24.0), *tables], noise_at_1_m=0.001)
 
 
-def walked(rules: MapRules) -> EpochMap:
-    """Down the hall, looking around every fourth metre."""
+def map_of_hall(rules: MapRules) -> EpochMap:
+    """A map after a walk down the hall with a look around every 4 m."""
     walk, state = hall(), EpochMap(rules, (1.0, 1.0), 0.2)
     state.reset_search(CONTEXT)
     for x in range(1, 24, 4):
@@ -37,8 +37,8 @@ def walked(rules: MapRules) -> EpochMap:
     return state
 
 
-def test_a_map_that_grew_is_the_map_that_was_large_from_the_start() -> None:
-    grown, large = walked(MapRules(size_cells=64)), walked(MapRules(size_cells=2400))
+def test_a_map_that_grew_equals_one_that_was_large_from_the_start() -> None:
+    grown, large = map_of_hall(MapRules(size_cells=64)), map_of_hall(MapRules(size_cells=2400))
     assert grown.stack.grid.columns > 960
     one, other = grown.published, large.published
     assert one.grid == other.grid
@@ -53,7 +53,7 @@ def test_a_map_that_grew_is_the_map_that_was_large_from_the_start() -> None:
     ]
 
 
-def test_what_was_known_stays_where_it_was_when_the_map_grows() -> None:
+def test_known_cells_keep_their_positions_when_the_map_grows() -> None:
     walk, state = hall(), EpochMap(MapRules(size_cells=64), (1.0, 1.0), 0.2)
     for frame in walk.look_around(1.0, 1.0):
         state.integrate_frame(frame)
@@ -69,15 +69,15 @@ def test_what_was_known_stays_where_it_was_when_the_map_grows() -> None:
     assert np.mean(kept) > 0.99
 
 
-def test_a_grid_grows_so_that_a_margin_is_left_around_what_is_needed() -> None:
+def test_a_grown_grid_leaves_a_margin_around_the_needed_area() -> None:
     grid, needed = GridSpec.over(Box(0, 256, 0, 256), 0.025), Box(70, 186, 40, 186)
     assert grown_for(grid, needed, 40, 16000) is grid
     grown = grown_for(grid, needed, 64, 16000)
     assert grown.to_world(grown.whole).holds(needed.grown(64))
-    assert (grown.rows, grown.corner[0]) == (256, 0)  # only where it must
+    assert (grown.rows, grown.corner[0]) == (256, 0)  # grown only on the sides that need it
 
 
-def test_a_map_does_not_grow_beyond_its_limit_and_says_what_to_do() -> None:
+def test_a_frame_beyond_the_size_limit_is_refused_with_the_setting_to_change() -> None:
     walk, state = (
         hall(),
         EpochMap(MapRules(size_cells=64, most_cells=600, most_leap_m=500), (1.0, 1.0), 0.2),
@@ -94,7 +94,7 @@ METRES = st.floats(-500, 500)
 
 
 @given(METRES, METRES, METRES, METRES, st.sampled_from([0.01, 0.025, 0.05]))
-def test_a_cells_place_does_not_depend_on_where_the_map_began(
+def test_a_cells_position_does_not_depend_on_where_the_grid_is_centred(
     x: float, y: float, x0: float, y0: float, cell_m: float
 ) -> None:
     here = GridSpec.centred_on(x, y, cell_m, 200)
@@ -108,7 +108,7 @@ def test_a_cells_place_does_not_depend_on_where_the_map_began(
     assert there.centre_of(same.row_lo, same.column_lo) == here.centre_of(row, column)
 
 
-def test_a_wall_far_from_the_worlds_origin_is_where_it_is() -> None:
+def test_a_wall_far_from_the_world_origin_is_mapped_at_its_position() -> None:
     walk = Walk([Block((102.0, -50, 0), (102.1, 50, 2.5))])
     state = EpochMap(MapRules(size_cells=64), (100.0, -40.0), 0.2)
     state.integrate_frame(walk.frame(100.0, -40.0, 0.0))

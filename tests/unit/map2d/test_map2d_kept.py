@@ -1,4 +1,4 @@
-"""Maps that are saved, loaded, and kept from crashes."""
+"""2D maps that are saved and loaded in every file format."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from map2d_kept import assert_same_state, load, saved, state_of, walked
 from map2d_rig import Rig
 
 
-def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
+def test_a_loaded_map_continues_exactly_like_the_saved_one() -> None:
     rig, other = walked(), Rig()
     other.say_epoch("boot")
     other.search("first")
@@ -26,7 +26,7 @@ def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
     assert reply.occupied_m2 > 0.3
     assert reply.views == 12
     assert_same_state(state_of(rig), state_of(other))
-    # What is not shown, such as evidence, is there too: the next frames change both alike.
+    # Unpublished state, such as evidence, is restored too: later frames change both maps alike.
     rig.walk.blocks = rig.walk.blocks[:4]
     for frame in rig.walk.look_around(2.2, 1.4):
         for each in (rig, other):
@@ -34,7 +34,7 @@ def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
     assert_same_state(state_of(rig), state_of(other))
 
 
-def test_values_beyond_all_known_ground_come_back_too() -> None:
+def test_values_beyond_the_known_floor_are_restored_too() -> None:
     rig, other = Rig(), Rig()
     for each in (rig, other):
         each.say_epoch("boot")
@@ -47,7 +47,7 @@ def test_values_beyond_all_known_ground_come_back_too() -> None:
     assert_same_state(state_of(rig), state_of(other))
 
 
-def test_a_map_of_another_day_is_taken_into_the_robots_present_world() -> None:
+def test_a_map_of_another_world_is_loaded_into_the_robots_present_world() -> None:
     files = saved(walked(), "map")
     today = Rig()
     with pytest.raises(Conflict, match="start its bridge"):
@@ -64,7 +64,7 @@ def test_a_map_of_another_day_is_taken_into_the_robots_present_world() -> None:
     assert (after.occupancy != -1).sum() * 0.025**2 > 5
 
 
-def test_an_export_comes_back_with_occupancy_heights_and_values() -> None:
+def test_an_npz_export_restores_occupancy_heights_and_values() -> None:
     rig, other = walked(), Rig()
     other.say_epoch("boot")
     other.search("first")
@@ -76,7 +76,7 @@ def test_an_export_comes_back_with_occupancy_heights_and_values() -> None:
     assert {f.id for f in a.frontiers} == {f.id for f in b.frontiers}
 
 
-def test_a_map_goes_through_ros_map_server_and_back() -> None:
+def test_a_map_round_trips_through_the_ros_map_server_format() -> None:
     rig, other = walked(), Rig()
     files = saved(rig, "ros")
     by_name = {f.name: f.data for f in files}
@@ -107,7 +107,7 @@ def test_obstacles_of_a_ros_map_fill_the_height_band_of_the_service() -> None:
     np.testing.assert_array_equal(after.z_high_m, np.where(there, np.float32(1.1), 0))
 
 
-def test_ground_of_a_ros_map_is_searched_only_while_nothing_is_sought() -> None:
+def test_floor_of_a_ros_map_counts_as_explored_only_without_a_search() -> None:
     rig = Rig()
     rig.say_epoch("boot")
     load(rig, saved(walked(), "ros"))
@@ -120,7 +120,7 @@ def test_ground_of_a_ros_map_is_searched_only_while_nothing_is_sought() -> None:
     assert state_of(rig).published.frontiers
 
 
-def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
+def test_every_export_contains_frame_id_stamp_robot_pose_and_world() -> None:
     rig = walked()
     rig.keyframe(rig.walk.frame(2.25, 1.5, 0.5))
     published = state_of(rig).published
@@ -143,7 +143,7 @@ def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
     assert of_ros["robot_pose"] == pytest.approx([2.25, 1.5, 0.5])
 
 
-def test_numbers_of_frontiers_and_of_frames_go_on_after_a_load() -> None:
+def test_frontier_ids_and_frame_numbers_continue_after_a_load() -> None:
     rig, other = walked(), Rig()
     other.say_epoch("boot")
     load(other, saved(rig, "map"))
@@ -152,7 +152,7 @@ def test_numbers_of_frontiers_and_of_frames_go_on_after_a_load() -> None:
     assert two.order.newest == one.order.newest
 
 
-def test_a_negated_ros_map_is_read_the_other_way_round() -> None:
+def test_a_negated_ros_map_is_read_with_inverted_values() -> None:
     rig, other = walked(), Rig()
     files = {f.name: f.data for f in saved(rig, "ros")}
     grey = cv2.imdecode(np.frombuffer(files["map.pgm"], np.uint8), cv2.IMREAD_GRAYSCALE)
@@ -166,7 +166,7 @@ def test_a_negated_ros_map_is_read_the_other_way_round() -> None:
     np.testing.assert_array_equal(state_of(other).published.occupancy, before)
 
 
-def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_cell() -> None:
+def test_a_ros_map_with_block_style_yaml_is_aligned_to_the_grid_within_half_a_cell() -> None:
     rig = Rig()
     rig.say_epoch("boot")
     grey = np.full((40, 60), 205, np.uint8)
@@ -193,7 +193,7 @@ def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_ce
         ("a.txt", b"", "send one .map, one .npz, or a .yaml"),
     ],
 )
-def test_a_file_that_is_no_map_is_refused_and_changes_nothing(
+def test_a_file_that_is_not_a_map_is_refused_and_changes_nothing(
     name: str, data: bytes, reason: str
 ) -> None:
     rig = walked()
@@ -219,7 +219,7 @@ def test_a_file_that_is_no_map_is_refused_and_changes_nothing(
         ),
     ],
 )
-def test_a_ros_map_that_does_not_fit_is_refused(about: bytes, reason: str) -> None:
+def test_an_unsupported_or_invalid_ros_map_is_refused(about: bytes, reason: str) -> None:
     rig = Rig()
     rig.say_epoch("boot")
     files = [pb.Map2DFile(name="m.yaml", data=about), pb.Map2DFile(name="m.pgm", data=b"P5")]
@@ -227,14 +227,14 @@ def test_a_ros_map_that_does_not_fit_is_refused(about: bytes, reason: str) -> No
         load(rig, files)
 
 
-def test_there_is_nothing_to_save_before_the_first_keyframe() -> None:
+def test_saving_before_the_first_keyframe_or_in_an_unknown_format_is_refused() -> None:
     with pytest.raises(Unavailable, match="no keyframe"):
         saved(Rig(), "map")
     with pytest.raises(InvalidInput, match="map, npz, ros or png"):
         saved(walked(), "jpeg2000")
 
 
-def test_views_come_back_with_a_saved_map() -> None:
+def test_a_saved_map_restores_its_views() -> None:
     rig, other = walked(), Rig()
     other.say_epoch("boot")
     load(other, saved(rig, "map"))

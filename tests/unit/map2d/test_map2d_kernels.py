@@ -1,4 +1,4 @@
-"""The occupancy kernels against readable twins."""
+"""The depth projection kernels against plain references."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ NEAR, FAR, FLOOR_TOL, LO, HI, RISE, JUMP, JUMP_RATIO = 0.1, 5.0, 0.08, 0.1, 1.5,
 
 
 def azimuth_bin(forward: float, left: float) -> int:
-    """The bin of a direction, by way of the angle itself."""
+    """The bin of a direction, computed from its angle."""
     angle = math.atan2(left, forward)
     quarter, rest = divmod(angle, math.pi / 2)
     diamond = math.sin(rest) / (math.sin(rest) + math.cos(rest))
     return min(BINS - 1, int((2 + quarter + diamond) * BINS / 4))
 
 
-def torn(depth: NDArray[np.float32], v: int, u: int) -> bool:
+def is_flying_pixel(depth: NDArray[np.float32], v: int, u: int) -> bool:
     z = float(depth[v, u])
     jump = JUMP + JUMP_RATIO * z
     apart = []
@@ -43,7 +43,7 @@ def torn(depth: NDArray[np.float32], v: int, u: int) -> bool:
     return all(apart)
 
 
-def projected_plainly(
+def project_depth_reference(
     depth: NDArray[np.float32], T: NDArray[np.float64], step: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], set[tuple[int, int, int]]]:
     """Counts and highest heights per cell, and (bin, range, kind) of every pixel that counts."""
@@ -60,7 +60,7 @@ def projected_plainly(
         height = off[2] + T[2, 3]
         if LO + RISE * z * z <= height <= HI:
             inner = 0 < v < 47 and 0 < u < 63
-            if inner and torn(depth, v, u):
+            if inner and is_flying_pixel(depth, v, u):
                 continue
             kind = OBSTACLE
             column, row = np.floor(off[:2] / CELL_M + CELLS / 2).astype(int)
@@ -82,15 +82,17 @@ def projected_plainly(
 @given(
     st.floats(-3, 3), st.floats(0.0, 0.9), st.integers(0, 2**31), st.sampled_from([1, 2, 3])
 )  # fmt: skip
-def test_project_depth_equals_its_twin(yaw: float, pitch_down: float, seed: int, step: int) -> None:
-    T = camera_pose(1.013, 1.517, yaw, pitch_down)  # so that no wall lies on a border of cells
+def test_project_depth_equals_the_reference(
+    yaw: float, pitch_down: float, seed: int, step: int
+) -> None:
+    T = camera_pose(1.013, 1.517, yaw, pitch_down)  # no wall lies on a cell border
     rng = np.random.default_rng(seed)
     depth = cast([*room(), Block((2.0, 1.2, 0), (2.5, 1.8, 0.6))], T, CAMERA)
     wild = rng.random(depth.shape) < 0.02
     depth = np.where(wild, rng.choice([np.nan, 0.0, 1.0, 3.0], depth.shape), depth)
     depth = np.ascontiguousarray(depth, np.float32)
     counts, low, high = (np.full(CELLS**2, v, np.int32) for v in (0, project_kernels.NO_LOW, 0))
-    first, bins = 3, BINS - 5  # azimuths beyond are left out
+    first, bins = 3, BINS - 5  # other azimuths are left out
     found = np.zeros((3, RANGES, bins), np.uint8)
     pose = np.empty((3, 4), np.float32)
     pose[:, :3] = T[:3, :3]
@@ -106,7 +108,7 @@ def test_project_depth_equals_its_twin(yaw: float, pitch_down: float, seed: int,
         np.array([CELLS, CELLS], np.int32), counts, low, high, found,
     )  # fmt: skip
     count, highs = counts.reshape(CELLS, CELLS), high.view(np.float32).reshape(CELLS, CELLS)
-    expected, top, marks = projected_plainly(depth, T, step)
+    expected, top, marks = project_depth_reference(depth, T, step)
     # float32 against float64: a pixel on a border may fall to either side of it.
     assert abs(count.astype(int) - expected).sum() <= 0.01 * expected.sum() + 4
     both = (count > 0) & (count == expected)
@@ -117,7 +119,9 @@ def test_project_depth_equals_its_twin(yaw: float, pitch_down: float, seed: int,
     assert len(got ^ wanted) <= 0.02 * len(wanted) + 4
 
 
-def carved_plainly(line: NDArray[np.uint8], gap: int, shadow: int) -> NDArray[np.bool_]:
+def floor_along_azimuth_reference(
+    line: NDArray[np.uint8], gap: int, shadow: int
+) -> NDArray[np.bool_]:
     """Which ranges of one azimuth are seen as floor."""
     obstacles = np.flatnonzero(line & OBSTACLE)
     believed = [
@@ -134,15 +138,15 @@ def carved_plainly(line: NDArray[np.uint8], gap: int, shadow: int) -> NDArray[np
 
 
 @given(arrays(np.uint8, (4, 30), elements=st.integers(0, 3)), st.integers(1, 6), st.integers(0, 5))
-def test_floor_along_azimuths_equals_its_twin(
+def test_floor_along_azimuths_equals_the_reference(
     polar: NDArray[np.uint8], gap: int, shadow: int
 ) -> None:
     found = np.stack([polar * 0, polar & FLOOR, (polar & OBSTACLE) // OBSTACLE]).swapaxes(1, 2)
-    expected = np.array([carved_plainly(line, gap, shadow) for line in polar]).T
-    # Each azimuth is seen with both its neighbours; the last one lies beside the first.
+    expected = np.array([floor_along_azimuth_reference(line, gap, shadow) for line in polar]).T
+    # Each azimuth also marks both its neighbours; the last one is beside the first.
     expected |= np.roll(expected, 1, axis=1) | np.roll(expected, -1, axis=1)
     seen = np.empty((30, 4), np.uint8)
     marks = np.ascontiguousarray(found)
     project_kernels.floor_along_azimuths(marks, gap, shadow, seen)
     assert (seen == expected).all()
-    assert not marks.any()  # ready for the next frame
+    assert not marks.any()  # cleared for the next frame

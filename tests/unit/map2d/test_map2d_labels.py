@@ -1,4 +1,4 @@
-"""Labels of map pictures are read whole, and none stands over another."""
+"""Labels of map pictures are drawn completely and do not overlap."""
 
 from dataclasses import replace
 
@@ -25,18 +25,18 @@ def overlap(a: Rect, b: Rect) -> bool:
 
 
 def ink_px(at_px: tuple[int, int]) -> int:
-    """How many pixels a label changes."""
+    """The number of pixels that a label changes."""
     sheet = Canvas(EpochMap(MapRules(size_cells=64), (0, 0), 0.0).published.grid, 600)
     sheet.text("side table 0.48", at_px)
     return int((sheet.pixels != np.array(UNKNOWN_RGB)).any(-1).sum())
 
 
-def test_a_label_at_an_edge_is_as_whole_as_one_in_the_middle() -> None:
+def test_a_label_at_the_edge_is_drawn_completely() -> None:
     assert ink_px((590, 300)) == ink_px((200, 300)) > 0
 
 
 @given(st.lists(labels, max_size=30), boxes)
-def test_no_label_stands_over_another_nor_outside_nor_where_it_may_not(
+def test_labels_stay_inside_and_overlap_neither_each_other_nor_reserved_areas(
     wanted: list[Wanted], taken: Rect
 ) -> None:
     places = placed(wanted, SIZE_PX, [taken])
@@ -49,7 +49,7 @@ def test_no_label_stands_over_another_nor_outside_nor_where_it_may_not(
         assert not any(overlap(place, other) for other in [taken, *found[:k]])
 
 
-def test_many_things_in_one_spot_all_have_a_label() -> None:
+def test_many_objects_in_one_place_all_get_a_label() -> None:
     wanted = [Wanted(100, 14, (300, 200, 320, 210))] * 12
     places = placed(wanted, SIZE_PX)
     assert None not in places
@@ -57,12 +57,12 @@ def test_many_things_in_one_spot_all_have_a_label() -> None:
     assert lead(places[-1] or (0, 0, 0, 0), wanted[-1].box_px) is not None
 
 
-def test_a_thing_alone_has_its_label_right_above() -> None:
+def test_a_single_object_has_its_label_directly_above() -> None:
     assert placed([Wanted(100, 14, (300, 200, 320, 210))], SIZE_PX) == [(300, 182, 400, 196)]
 
 
-def test_only_a_frontier_that_can_be_chosen_has_its_value_beside_it() -> None:
-    """What is out of reach is shown, without words: there may be many, behind every chair."""
+def test_only_a_reachable_frontier_shows_its_value() -> None:
+    """An unreachable one is drawn without text: there may be many, behind every chair."""
     state = EpochMap(MapRules(size_cells=64), (0, 0), 0.0)
     cells = np.array([[30, 30], [30, 31], [31, 31]], np.int32)
 

@@ -1,4 +1,4 @@
-"""Robots of every size, cells of every size, frames from anywhere: the maps hold no NaN."""
+"""Maps contain no NaN for any robot size, any cell size and frames from any pose."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ poses = st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(-math.pi, math.p
 
 @st.composite
 def depths_m(draw: st.DrawFn) -> np.ndarray:
-    """Nothing, a wall at the lens, a wall far off, or anything, with holes of no answer."""
+    """No depth, a wall at the lens, a distant wall or random depth, with holes of invalid depth."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     near, far = draw(st.sampled_from([(0.0, 0.0), (0.05, 0.05), (0.3, 6.0), (1.0, 1.0), (9, 9)]))
     out = rng.uniform(near, far, (CAMERA.height, CAMERA.width))
@@ -31,7 +31,7 @@ def depths_m(draw: st.DrawFn) -> np.ndarray:
 
 @settings(max_examples=120, deadline=None)
 @given(st.data())
-def test_a_map_of_any_frames_has_a_version_without_nan(data: st.DataObject) -> None:
+def test_maps_of_random_frames_contain_no_nan(data: st.DataObject) -> None:
     cell_m, footprint_m = data.draw(st.floats(0.02, 0.1)), data.draw(st.floats(0.1, 0.6))
     rules = MapRules(
         cell_m=cell_m, size_cells=64,

@@ -1,4 +1,4 @@
-"""What past views saw can be asked about later."""
+"""View memory: past views can be searched later."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 PROMPTS = {"pick": "a blue mug", "place": "a wooden counter"}
 
 
-def look(rig: Rig, context_id: str, prompts: dict[str, str], places: list[float]) -> None:
-    """Looking around at some places, as a detector with an embedding scorer reports it."""
+def look_around_at(rig: Rig, context_id: str, prompts: dict[str, str], places: list[float]) -> None:
+    """Look around at some places, with observations of a scorer that embeds images."""
     for x in places:
         for frame in rig.walk.look_around(x, 1.4):
             rig.keyframe(frame)
@@ -38,11 +38,11 @@ def look(rig: Rig, context_id: str, prompts: dict[str, str], places: list[float]
             rig.observe(frame, context_id, scores)
 
 
-def asked_from_the_start() -> Rig:
+def rig_with_prompts_from_the_start() -> Rig:
     rig = Rig()
     rig.scorer.serve(rig.bus)
     rig.search("search", PROMPTS)
-    look(rig, "search", PROMPTS, [1.2, 2.0, 2.8])
+    look_around_at(rig, "search", PROMPTS, [1.2, 2.0, 2.8])
     return rig
 
 
@@ -50,12 +50,12 @@ def layers(rig: Rig) -> dict[str, NDArray[np.float32]]:
     return dict(decode_snapshot(rig.snapshot()).values)
 
 
-def test_a_layer_asked_for_afterwards_equals_the_one_from_the_start() -> None:
-    start, later = asked_from_the_start(), Rig()
+def test_a_value_layer_requested_afterwards_equals_one_from_the_start() -> None:
+    start, later = rig_with_prompts_from_the_start(), Rig()
     later.scorer.serve(later.bus)
     later.search("idle", {"other": "a plant"})
-    look(later, "idle", {"other": "a plant"}, [1.2, 2.0, 2.8])
-    later.search("search", PROMPTS)  # the same walk, the sentence comes at its end
+    look_around_at(later, "idle", {"other": "a plant"}, [1.2, 2.0, 2.8])
+    later.search("search", PROMPTS)  # the same walk; the prompts come at its end
     one, two = layers(start), layers(later)
     assert set(one) == set(two) == set(PROMPTS)
     for name, layer in one.items():
@@ -64,19 +64,19 @@ def test_a_layer_asked_for_afterwards_equals_the_one_from_the_start() -> None:
         np.testing.assert_allclose(two[name], layer, atol=2e-3)
 
 
-def test_a_layer_goes_on_with_what_is_seen_next() -> None:
-    start, later = asked_from_the_start(), Rig()
+def test_later_views_update_a_layer_that_was_made_from_past_views() -> None:
+    start, later = rig_with_prompts_from_the_start(), Rig()
     later.scorer.serve(later.bus)
     later.search("idle", {})
-    look(later, "idle", {}, [1.2, 2.0])
+    look_around_at(later, "idle", {}, [1.2, 2.0])
     later.search("search", PROMPTS)
-    look(later, "search", PROMPTS, [2.8])
+    look_around_at(later, "search", PROMPTS, [2.8])
     for name, layer in layers(start).items():
         np.testing.assert_allclose(layers(later)[name], layer, atol=2e-3)
 
 
-def test_where_a_thing_was_seen_is_answered_with_pictures_best_first() -> None:
-    rig = asked_from_the_start()
+def test_view_search_returns_places_with_images_best_first() -> None:
+    rig = rig_with_prompts_from_the_start()
     reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", most_places=4), 5)
     assert reply.views == 36
     assert 1 < len(reply.places) <= 4
@@ -89,11 +89,11 @@ def test_where_a_thing_was_seen_is_answered_with_pictures_best_first() -> None:
     assert picture.shape == (120, 160, 3)
     ahead = math.atan2(best.y_m - best.camera.y_m, best.x_m - best.camera.x_m)
     assert abs(math.remainder(ahead - best.camera.yaw_rad, math.tau)) < 0.6
-    assert set(layers(rig)) == set(PROMPTS)  # no layer was asked for
+    assert set(layers(rig)) == set(PROMPTS)  # no layer was requested
 
 
 def test_a_recalled_layer_is_kept_under_its_name() -> None:
-    rig = asked_from_the_start()
+    rig = rig_with_prompts_from_the_start()
     before = rig.snapshot().version
     reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer="tea"), 5)
     assert reply.version > before
@@ -103,16 +103,16 @@ def test_a_recalled_layer_is_kept_under_its_name() -> None:
 
 
 @pytest.mark.parametrize("layer", ["occupancy", "pick", "a/b", "a b", "x" * 41, ".." * 30])
-def test_a_recalled_layer_takes_no_name_that_is_taken_or_fits_no_address(layer: str) -> None:
-    rig = asked_from_the_start()
+def test_a_recalled_layer_with_a_used_or_invalid_name_is_refused(layer: str) -> None:
+    rig = rig_with_prompts_from_the_start()
     before = rig.snapshot().version
     with pytest.raises(InvalidInput, match="layer"):
         rig.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer=layer), 5)
     assert rig.snapshot().version == before
 
 
-def test_so_many_layers_are_asked_for_in_a_search_and_then_one_of_them_again() -> None:
-    rig = asked_from_the_start()
+def test_the_number_of_recalled_layers_per_search_is_limited_but_one_may_be_renewed() -> None:
+    rig = rig_with_prompts_from_the_start()
 
     def ask(layer: str) -> int:
         request = pb.RecallRequest(prompt="a teapot", layer=layer)
@@ -128,16 +128,16 @@ def test_so_many_layers_are_asked_for_in_a_search_and_then_one_of_them_again() -
     ask("one-more")
 
 
-def test_without_views_or_without_a_text_model_the_question_is_refused_with_what_to_do() -> None:
+def test_view_search_without_views_or_a_text_model_says_what_is_missing() -> None:
     rig = Rig()
     with pytest.raises(Unavailable, match="no keyframe"):
         rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
-    rig.settle()  # by a scorer that does not embed
+    rig.settle()  # with a scorer that does not embed images
     with pytest.raises(Unavailable, match="does not embed"):
         rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
     with pytest.raises(InvalidInput, match="empty prompt"):
         rig.bus.call(RECALL, pb.RecallRequest(prompt=" "), 5)
-    look(rig, "first", {}, [2.0])  # by one that does, and then is away
+    look_around_at(rig, "first", {}, [2.0])  # with a scorer that does, and then disconnects
     reply = rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
     assert (len(reply.places), reply.views) == (0, 0)
     assert "names alone" in reply.note
@@ -147,7 +147,7 @@ def test_without_views_or_without_a_text_model_the_question_is_refused_with_what
     rig.bus.serve(EMBED_TEXT, lambda _: other)
     with pytest.raises(Unavailable, match=r"seen by the model test-clip, .* is another now"):
         rig.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
-    rig.search("second", PROMPTS)  # and a search begins all the same
+    rig.search("second", PROMPTS)  # a search still starts
     assert rig.snapshot().context_id == "second"
 
 
@@ -157,7 +157,7 @@ def box_detection(class_name: str, score: float, box: tuple[int, int, int, int])
     return Detection(class_name, score, box, mask)
 
 
-def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named() -> None:
+def test_without_image_embeddings_the_view_memory_stores_views_with_detected_classes() -> None:
     rig = Rig()
     rig.search("search")
     near, far = (rig.walk.frame(x, 2.4, 0.0) for x in (1.0, 0.5))  # the table's edge: x 2.1 m
@@ -191,24 +191,24 @@ def view(seq: int, x: float, y: float, yaw: float, *named: DetectedClass) -> See
                     named)  # fmt: skip
 
 
-def test_of_too_many_views_the_one_goes_that_others_saw_best() -> None:
+def test_a_full_view_memory_drops_the_view_that_others_cover_best() -> None:
     memory = ViewMemory(4)
     memory.add(view(1, 0.0, 0.0, 0.0))
     memory.add(view(2, 10.0, 0.0, 0.0))
     memory.add(view(3, 10.1, 0.0, 0.02))
-    memory.add(view(4, 0.0, 0.0, math.pi))  # the same place, but the other way
+    memory.add(view(4, 0.0, 0.0, math.pi))  # the same place in the opposite direction
     memory.add(view(5, 20.0, 5.0, 1.0))
     assert {v.id.seq for v in memory.snapshot()} in ({1, 3, 4, 5}, {1, 2, 4, 5})
 
 
-def test_of_views_that_show_the_same_the_oldest_goes() -> None:
+def test_the_oldest_of_identical_views_is_dropped() -> None:
     memory = ViewMemory(2)
     for seq in (1, 2, 3):
         memory.add(view(seq, 0.0, 0.0, 0.0))
     assert [v.id.seq for v in memory.snapshot()] == [2, 3]
 
 
-def test_another_view_of_the_same_frame_takes_the_place_of_the_first() -> None:
+def test_a_second_view_of_the_same_frame_replaces_the_first() -> None:
     memory = ViewMemory(5)
     memory.add(view(1, 0.0, 0.0, 0.0))
     memory.add(view(1, 9.0, 0.0, 0.0))
@@ -216,7 +216,7 @@ def test_another_view_of_the_same_frame_takes_the_place_of_the_first() -> None:
     assert set(memory._seen_by) == set(view(1, 9.0, 0.0, 0.0).patches)
 
 
-def test_the_same_ground_from_the_other_side_is_another_view() -> None:
+def test_views_of_the_same_floor_from_opposite_sides_are_distinct() -> None:
     there, back = view(1, 0.0, 0.0, 0.0), view(2, 3.0, 0.0, math.pi)
     assert len({p[:2] for p in there.patches} & {p[:2] for p in back.patches}) > 3
     assert not there.patches & back.patches
@@ -229,14 +229,14 @@ def test_views_of_another_model_are_left_out_of_an_answer() -> None:
     assert scored([other, ours, replace(ours, embedding=None)], asked) == [(ours, 1.0)]
 
 
-def test_a_scorer_without_finite_numbers_is_refused() -> None:
+def test_a_scorer_with_non_finite_numbers_is_refused() -> None:
     text = embedding_to_proto(SEEN)
     reply = pb.EmbedTextReply(embeddings=[text], scale=math.nan, offset=0.5)
     with pytest.raises(Unavailable, match="scale nan"):
         questions(["a mug"], reply)
 
 
-def test_a_layer_made_anew_makes_room_and_leaves_nothing_of_the_old_one() -> None:
+def test_a_rebuilt_layer_grows_the_grid_and_keeps_nothing_of_the_old_layer() -> None:
     walk, state = Walk(room()[:3]), EpochMap(MapRules(size_cells=64), (1.0, 1.5), 0.2)
     for frame in walk.look_around(1.0, 1.5):
         state.integrate_frame(frame)
@@ -256,7 +256,7 @@ def test_a_layer_made_anew_makes_room_and_leaves_nothing_of_the_old_one() -> Non
     assert state.stack.values.layers["pick"].value.any()
 
 
-def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() -> None:
+def test_view_memory_stays_within_its_limit_and_keeps_the_distant_view() -> None:
     memory = ViewMemory(20)
     memory.add(view(0, 50.0, 50.0, 0.0))
     rng = np.random.default_rng(1)
@@ -267,7 +267,7 @@ def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() 
     assert sum(memory._seen_by.values()) == sum(len(v.patches) for v in memory.snapshot())
 
 
-def test_a_kept_view_round_trips_and_a_damaged_one_is_refused() -> None:
+def test_a_stored_view_round_trips_and_a_damaged_one_is_refused() -> None:
     one = view(7, 1.0, 2.0, 0.5, DetectedClass("mug", 0.5, 3.0, 4.0))
     message = pb.KeptMap.FromString(one.kept).views[0]
     again = read_view(message)

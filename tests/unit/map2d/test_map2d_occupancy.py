@@ -1,4 +1,4 @@
-"""Occupancy of ray-cast rooms."""
+"""Occupancy grids of ray-cast rooms."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_walls_are_within_two_cells_and_the_floor_is_free(pitch_deg: int) -> Non
     assert at(state, -0.5, 1.5) == -1  # behind the wall
 
 
-def test_walls_stay_thin_and_free_ground_has_no_specks_with_noise_and_outliers() -> None:
+def test_noise_and_outliers_leave_walls_thin_and_the_floor_free() -> None:
     walk = Walk(room(), noise_at_1_m=0.0025, outliers=0.002)
     frames = [f for x in (0.7, 2.0, 3.3) for y in (0.8, 2.2) for f in walk.look_around(x, y)]
     state = mapped(frames)
@@ -76,7 +76,7 @@ def test_a_moved_chair_is_freed_within_three_frames() -> None:
     assert at(state, 3.0, 0.6) == 100
 
 
-def test_what_stood_behind_a_sofa_is_freed_although_its_floor_is_never_seen() -> None:
+def test_an_obstacle_behind_a_sofa_is_freed_although_its_floor_is_never_seen() -> None:
     sofa = Block((2.0, 0.5, 0), (2.4, 2.5, 0.85))
     person = Block((2.5, 1.3, 0), (2.8, 1.7, 1.2))
     walk = Walk([*room(), sofa, person])
@@ -112,7 +112,7 @@ def test_floor_seen_under_a_table_leaves_the_top_occupied() -> None:
     assert state.stack.occupancy.z_high_m[row, column] == pytest.approx(0.74, abs=0.02)
 
 
-def test_heights_are_kept_within_two_centimetres() -> None:
+def test_obstacle_heights_are_accurate_to_two_centimetres() -> None:
     box = Block((2.0, 1.2, 0), (2.5, 1.8, 0.6))
     state = mapped(Walk([*room(), box]).look_around(0.8, 1.5))
     row, column = state.stack.grid.cell_of(2.01, 1.5)
@@ -138,19 +138,19 @@ def test_only_the_footprint_is_free_where_the_tilted_camera_cannot_see() -> None
     state = mapped([Walk(room()).frame(2.0, 1.5, 0.0)])
     assert at(state, 2.0, 1.5) == 0
     assert at(state, 2.0 + RADIUS_M - 0.03, 1.5) == 0
-    assert at(state, 2.0 + RADIUS_M + 0.1, 1.5) == -1  # the blind ring
+    assert at(state, 2.0 + RADIUS_M + 0.1, 1.5) == -1  # the near blind zone
     assert at(state, 1.0, 1.5) == -1  # behind the robot
     assert at(state, 3.5, 1.5) == 0
 
 
-def test_the_robots_own_arm_leaves_nothing() -> None:
+def test_the_robots_own_arm_leaves_no_obstacle() -> None:
     arm = Block((2.1, 1.45, 0.6), (2.2, 1.55, 0.9))
     state = mapped(Walk([*room(), arm]).look_around(2.0, 1.5))
     assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.stack.grid.cell_m
 
 
-def test_what_the_robot_holds_leaves_nothing_while_it_holds_it() -> None:
-    held = Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))  # beyond its radius of 0.2 m
+def test_a_held_object_leaves_no_obstacle() -> None:
+    held = Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))  # beyond the robot's radius of 0.2 m
     walk = Walk([*room(), held])
     for holding in (True, False):
         state = EpochMap(RULES, (2.0, 1.5), RADIUS_M)
@@ -160,7 +160,7 @@ def test_what_the_robot_holds_leaves_nothing_while_it_holds_it() -> None:
         assert at(state, 3.99, 0.9) == 100
 
 
-def test_pixels_that_hang_between_an_edge_and_what_is_behind_it_leave_nothing() -> None:
+def test_flying_pixels_at_depth_edges_leave_no_obstacle() -> None:
     frame = Walk([*room(), Block((2.4, 1.2, 0), (2.6, 1.8, 1.2))]).frame(1.0, 1.5, 0.0, 0.2)
     depth = frame.depth_m.copy()
     rows, columns = np.nonzero(np.abs(np.diff(depth, axis=1)) > 0.5)
@@ -169,12 +169,12 @@ def test_pixels_that_hang_between_an_edge_and_what_is_behind_it_leave_nothing() 
     state = mapped([replace(frame, depth_m=depth)])
     (x_m,) = (np.argwhere(state.published.occupancy == 100)[:, 1:] * 0.025).T
     x_m += state.published.grid.origin_m[0]
-    assert not ((x_m > 2.65) & (x_m < 3.6)).any()  # where they hang
+    assert not ((x_m > 2.65) & (x_m < 3.6)).any()  # where the flying pixels are
     assert (x_m > 3.9).any()
     assert (x_m < 2.65).any()
 
 
-def test_a_person_who_walks_by_leaves_nothing() -> None:
+def test_a_passing_person_leaves_no_obstacle() -> None:
     walk = Walk(room())
     frames = []
     for x in np.arange(1.8, 3.4, 0.2):
@@ -192,7 +192,7 @@ def test_a_person_who_walks_by_leaves_nothing() -> None:
 @pytest.mark.parametrize(
     ("block_m", "settings", "obstacle"),
     [
-        ((1.60, 1.90), {}, False),  # the robot goes under it
+        ((1.60, 1.90), {}, False),  # the robot passes under the block
         ((1.60, 1.90), {"band_hi_m": 1.8}, True),
         ((0.0, 0.06), {}, False),  # a rug
         ((0.0, 0.06), {"band_lo_m": 0.04, "floor_tolerance_m": 0.02, "band_rise_per_m": 0}, True),
@@ -215,16 +215,16 @@ def test_the_height_band_decides_what_is_an_obstacle(
 
 
 @pytest.mark.parametrize("depth_m", [0.0, math.nan, math.inf, -1.0, 65.535])
-def test_an_image_without_any_measurement_shows_nothing(depth_m: float) -> None:
+def test_a_depth_image_without_measurements_frees_only_the_footprint(depth_m: float) -> None:
     frame = Walk(room()).frame(2.0, 1.5, 0.0)
     state = mapped([with_depth(frame, np.full_like(frame.depth_m, depth_m))])
     known = np.argwhere(state.stack.occupancy.occupancy != -1)
     x, y = np.array([state.stack.grid.centre_of(r, c) for r, c in known]).T
-    assert np.hypot(x - 2.0, y - 1.5).max() <= RADIUS_M  # where it stands
+    assert np.hypot(x - 2.0, y - 1.5).max() <= RADIUS_M  # where the robot stands
 
 
 @pytest.mark.parametrize("depth_m", [0.0, math.nan, math.inf, -1.0, 65.535])
-def test_images_without_any_measurement_free_nothing(depth_m: float) -> None:
+def test_depth_images_without_measurements_remove_no_obstacle(depth_m: float) -> None:
     walk = Walk([*room(), Block((3.0, 1.2, 0), (3.3, 1.8, 1.0))])
     frames = [walk.frame(1.0, 1.5, 0.0, math.radians(20)) for _ in range(6)]
     blind = [with_depth(f, np.full_like(f.depth_m, depth_m)) for f in frames[3:]]
@@ -232,7 +232,7 @@ def test_images_without_any_measurement_free_nothing(depth_m: float) -> None:
     np.testing.assert_array_equal(after.published.occupancy, before.published.occupancy)
 
 
-def test_floor_behind_a_box_is_neither_explored_nor_searched() -> None:
+def test_floor_behind_a_box_is_neither_known_nor_explored() -> None:
     walk = Walk([*room(), Block((2.8, 1.0, 0), (3.2, 2.0, 0.9))])
     state = mapped([walk.frame(0.7, 1.5, 0.0, math.radians(20))])
     behind, before = (state.stack.grid.cell_of(x, 1.5) for x in (3.5, 2.5))
@@ -240,13 +240,13 @@ def test_floor_behind_a_box_is_neither_explored_nor_searched() -> None:
     assert (state.stack.occupancy.occupancy[before], state.stack.search.explored[before]) == (0, 1)
 
 
-def test_a_map_begins_with_two_thousand_cells_a_side_of_two_and_a_half_centimetres() -> None:
+def test_a_default_map_starts_with_at_least_2000_cells_of_2_5_cm_a_side() -> None:
     grid = EpochMap(Settings.load([]).rules(10.0, 0.2), (0.0, 0.0), RADIUS_M).stack.grid
     assert grid.cell_m == 0.025
     assert min(grid.shape) >= 2000
 
 
-def test_invalid_pixels_change_nothing() -> None:
+def test_invalid_pixels_add_no_known_cells() -> None:
     walk = Walk(room())
     frame = walk.frame(2.0, 1.5, 0.0)
     clean = mapped([frame])
@@ -259,12 +259,12 @@ def test_invalid_pixels_change_nothing() -> None:
         assert set(np.unique(state.stack.occupancy.occupancy)) <= {-1, 0, 100}
         known = state.stack.occupancy.occupancy != -1
         assert known.sum() > 500
-        # What is known is a part of what the whole image shows.
+        # The known cells are a subset of those that the whole image gives.
         lost = known & (clean.stack.occupancy.occupancy == -1)
         assert lost.sum() <= 0.02 * known.sum()
 
 
-def test_depth_beyond_the_range_leaves_unknown() -> None:
+def test_cells_beyond_the_depth_range_stay_unknown() -> None:
     walk = Walk(room(width=9.0))
     near = mapped([walk.frame(1.0, 1.5, 0.0)], MapRules(size_cells=800, max_depth_m=3.0))
     assert at(near, 3.0, 1.5) == 0

@@ -1,4 +1,4 @@
-"""Folding a frame into the map's window, and the window itself, against readable twins."""
+"""Fusing a frame into the map's window, and the window itself, against plain references."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ RNG = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 @settings(max_examples=40, deadline=None)
 @given(RNG, st.integers(2, 5))
-def test_spans_hold_the_hull_of_their_points_and_little_more(
+def test_spans_cover_the_hull_of_their_points_and_little_more(
     rng: np.random.Generator, n: int
 ) -> None:
     points = rng.uniform(-20, 70, (n, 2))
@@ -46,7 +46,7 @@ def test_spans_hold_the_hull_of_their_points_and_little_more(
         assert 0 <= first <= end <= 50
         found = edges[(edges[:, 1] >= row - 2) & (edges[:, 1] <= row + 3), 0]
         if not len(found):
-            continue  # what only grazes the row may be missed by the samples
+            continue  # the samples may miss an edge that only grazes the row
         low, high = math.floor(found.min()) - 2, math.ceil(found.max()) + 3
         assert min(max(low, 0), 50) - 2 <= first <= min(max(low, 0), 50)
         assert min(max(high, 0), 50) <= end <= min(max(high, 0), 50) + 2
@@ -60,7 +60,7 @@ def azimuth_bin(forward: float, left: float) -> int:
 
 @settings(max_examples=15, deadline=None)
 @given(RNG, st.floats(-3, 3))
-def test_fold_floor_equals_its_twin(rng: np.random.Generator, yaw: float) -> None:
+def test_fold_floor_equals_the_reference(rng: np.random.Generator, yaw: float) -> None:
     floor = (rng.random((RANGES + 1, BINS - FIRST - 9)) < 0.5).astype(np.uint8)
     floor[-1] = 0
     evidence = rng.integers(0, 4, MAP).astype(np.uint8) * (rng.random(MAP) < 0.2).astype(np.uint8)
@@ -101,8 +101,8 @@ def test_fold_floor_equals_its_twin(rng: np.random.Generator, yaw: float) -> Non
     assert (occupancy != wanted_state).sum() <= on_border
 
 
-def asked(depth: NDArray[np.float32], p: NDArray[np.float64]) -> str:
-    """What an image says of a point in the camera's axes: through, surface or hidden."""
+def image_shows(depth: NDArray[np.float32], p: NDArray[np.float64]) -> str:
+    """What an image shows at a point in camera axes: through, surface or hidden."""
     x, y, z = p
     if not 0.05 < z < FAR:
         return "hidden"
@@ -120,7 +120,7 @@ def asked(depth: NDArray[np.float32], p: NDArray[np.float64]) -> str:
 
 @settings(max_examples=12, deadline=None)
 @given(RNG, st.floats(-0.3, 0.3))
-def test_fold_obstacles_equals_its_twin(rng: np.random.Generator, turn: float) -> None:
+def test_fold_obstacles_equals_the_reference(rng: np.random.Generator, turn: float) -> None:
     T = camera_pose(0, 0, math.pi / 2 + turn, 0.4)
     depth = rng.choice([0.0, 0.8, 1.2, 4.0, 4.0], (48, 64)).astype(np.float32)
     depth = np.repeat(np.repeat(depth[::12, ::16], 12, 0), 16, 1)  # patches
@@ -139,7 +139,7 @@ def test_fold_obstacles_equals_its_twin(rng: np.random.Generator, turn: float) -
     active = np.argwhere((state["evidence"][3:-5, 5:-3] > 0) | (count > 0)).astype(np.int32)
     wanted, wanted_came = {k: v.copy() for k, v in state.items()}, came.copy()
     for r, c in active:
-        folded_plainly(depth, T, count, low, high, wanted, wanted_came, int(r), int(c))
+        fold_cell_reference(depth, T, count, low, high, wanted, wanted_came, int(r), int(c))
     pose = np.array(T[:3], np.float32)
     pose[:2, 3] = EYE
     fuse_kernels.fold_obstacles(
@@ -153,12 +153,12 @@ def test_fold_obstacles_equals_its_twin(rng: np.random.Generator, turn: float) -
     assert (came != wanted_came).mean() < 0.01
 
 
-def folded_plainly(
+def fold_cell_reference(
     depth: NDArray[np.float32], T: NDArray[np.float64], count: NDArray[np.int32],
     low: NDArray[np.float32], high: NDArray[np.float32], state: dict[str, NDArray],
     came: NDArray[np.uint8], r: int, c: int,
 ) -> None:  # fmt: skip
-    """One cell: take evidence back where it is seen through, add this frame's hit."""
+    """One cell: remove evidence where the view sees through it, add this frame's hit."""
     at = r + CORNER[0], c + CORNER[1]
     e = before = int(state["evidence"][at])
     bottom, top = was = float(state["low"][at]), float(state["high"][at])
@@ -169,7 +169,7 @@ def folded_plainly(
         tall = top - bottom > 0.05
         heights = [bottom + f * (top - bottom) for f in (np.linspace(0, 1, 6) if tall else [0.5])]
         offset = np.array([(c + 0.5 - EYE[0]) * CELL_M, (r + 0.5 - EYE[1]) * CELL_M])
-        said = [asked(depth, T[:3, :3].T @ np.array([*offset, z - T[2, 3]])) for z in heights]
+        said = [image_shows(depth, T[:3, :3].T @ np.array([*offset, z - T[2, 3]])) for z in heights]
         through = said.count("through")
         if not hit and "surface" not in said and 2 * through > len(said):
             e = max(0, e - LOSS)
@@ -186,7 +186,7 @@ def folded_plainly(
     state["occupancy"][at] = 100 if e >= OCCUPIED else (0 if state["floor"][at] else -1)
 
 
-def test_pixels_are_forgotten_for_the_next_frame() -> None:
+def test_forget_pixels_clears_the_pixel_buffers() -> None:
     count, low, high = np.full((3, 4, 5), 7, np.int32)
     cells = np.array(list(np.ndindex(4, 5)), np.int32)
     fuse_kernels.forget_pixels(cells, count, low, high)
@@ -197,7 +197,9 @@ def test_pixels_are_forgotten_for_the_next_frame() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
-def test_no_pixel_lies_beyond_the_bins_of_its_view(yaw: float, pitch: float, roll: float) -> None:
+def test_every_pixel_lies_within_the_bins_of_its_view(
+    yaw: float, pitch: float, roll: float
+) -> None:
     T = camera_pose(0, 0, yaw, pitch, roll)
     grid = GridSpec.centred_on(0, 0, CELL_M, 300)
     view = view_of(np.zeros((48, 64), np.float32), CAMERA, T, grid, 0.1, 5.0)
@@ -215,10 +217,10 @@ def test_no_pixel_lies_beyond_the_bins_of_its_view(yaw: float, pitch: float, rol
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3), st.floats(0, 2))
-def test_no_pixel_of_a_frame_is_left_for_the_next(
+def test_no_pixel_of_a_frame_remains_for_the_next_frame(
     yaw: float, pitch: float, roll: float, nearest_m: float
 ) -> None:
-    """All of them lie in cells that are looked at, however the camera is held."""
+    """All pixels lie in cells that are processed, at any camera orientation."""
     depth = np.random.default_rng(5).uniform(nearest_m, 5.0, (48, 64)).astype(np.float32)
     grid = GridSpec.centred_on(0, 0, CELL_M, 300)
     layer = OccupancyLayer(grid, OccupancyRules(band_rise_per_m=0.0, veil_jump_m=10.0))
@@ -230,7 +232,7 @@ def test_no_pixel_of_a_frame_is_left_for_the_next(
     assert not high.any()
 
 
-def test_the_pixels_that_are_looked_at_give_the_map_of_all_to_within_a_cell() -> None:
+def test_sampled_pixels_give_the_same_map_as_all_pixels_to_within_a_cell() -> None:
     camera = Pinhole(300.0, 300.0, 159.5, 119.5, 320, 240)
     blocks = [*room(), *table(2.5, 1.5), Block((3.0, 2.2, 0), (3.03, 2.23, 0.8))]
     grid = GridSpec.centred_on(2.0, 1.5, CELL_M, 200)

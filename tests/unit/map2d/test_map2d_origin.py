@@ -1,4 +1,4 @@
-"""A robot that starts anew and says that its origin is the same: the map goes on."""
+"""A robot that restarts with the same origin id continues its 2D map."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from map2d_rig import Rig
 ORIGIN = "kitchen-2026"
 
 
-def seen(rig: Rig, boot: str, origin: str, epoch: int = 0, yaw: float = 0.0) -> Frame:
-    """What the robot sees after that start; the numbers of its frames go on."""
+def frame_after_start(rig: Rig, boot: str, origin: str, epoch: int = 0, yaw: float = 0.0) -> Frame:
+    """A frame of that start of the robot; frame numbers continue across starts."""
     frame = rig.walk.frame(2.0, 1.5, yaw)
     id = replace(frame.id, robot_boot_id=boot, world_epoch=epoch)
     return replace(frame, id=id, origin_id=origin)
 
 
-def walked(*flags: str, origin: str = ORIGIN) -> Rig:
+def rig_with_map(*flags: str, origin: str = ORIGIN) -> Rig:
     rig = Rig(*flags)
     rig.say_epoch("monday", origin=origin)
     rig.search("first")
     for yaw in range(6):
-        rig.keyframe(seen(rig, "monday", origin, yaw=float(yaw)))
+        rig.keyframe(frame_after_start(rig, "monday", origin, yaw=float(yaw)))
     assert all(ack.accepted for ack in rig.acks)
     return rig
 
 
-def kept(folder: Path) -> tuple[str, ...]:
+def autosave_flags(folder: Path) -> tuple[str, ...]:
     return "--state-dir", str(folder), "--keep-period-s", "3600"
 
 
 @pytest.mark.parametrize("stated_first", [True, False])
-def test_the_map_goes_on_after_a_start_with_the_same_origin(stated_first: bool) -> None:
-    rig = walked()
+def test_the_map_continues_after_a_restart_with_the_same_origin_id(stated_first: bool) -> None:
+    rig = rig_with_map()
     before, map_id = rig.snapshot(), state_of(rig).map_id
     if stated_first:
         rig.say_epoch("tuesday", origin=ORIGIN, at=(3.0, 1.0, 0.5))
         reported = rig.snapshot()
         assert (reported.robot.x_m, reported.id.robot_boot_id) == (3.0, "")
         assert reported.occupied_m2 == before.occupied_m2
-    rig.keyframe(seen(rig, "tuesday", ORIGIN))
+    rig.keyframe(frame_after_start(rig, "tuesday", ORIGIN))
     after = rig.snapshot()
     assert rig.acks[-1].accepted, rig.acks[-1].reason
     assert (state_of(rig).map_id, after.id.robot_boot_id) == (map_id, "tuesday")
@@ -58,21 +58,21 @@ def test_the_map_goes_on_after_a_start_with_the_same_origin(stated_first: bool) 
     ("before", "after", "epoch"),
     [(ORIGIN, "garage", 0), ("", "", 0), (ORIGIN, "", 0), ("", ORIGIN, 0), (ORIGIN, ORIGIN, 1)],
 )
-def test_another_origin_or_none_or_a_jump_begins_a_new_map(
+def test_another_or_no_origin_id_or_a_new_world_epoch_starts_a_new_map(
     before: str, after: str, epoch: int
 ) -> None:
-    rig = walked(origin=before)
+    rig = rig_with_map(origin=before)
     old, map_id = rig.snapshot(), state_of(rig).map_id
     rig.say_epoch("tuesday", world_epoch=epoch, origin=after)
-    rig.keyframe(seen(rig, "tuesday", after, epoch=epoch))
+    rig.keyframe(frame_after_start(rig, "tuesday", after, epoch=epoch))
     assert rig.acks[-1].accepted
     assert state_of(rig).map_id != map_id == old.map_id
     assert rig.snapshot().map_id == state_of(rig).map_id
     assert rig.snapshot().explored_m2 < old.explored_m2
 
 
-def test_a_robot_may_be_carried_between_its_starts() -> None:
-    rig = walked()
+def test_a_robot_may_be_moved_while_it_is_off() -> None:
+    rig = rig_with_map()
     far_m = 1.5 + 2 * MapRules().most_leap_m
     rig.say_epoch("tuesday", origin=ORIGIN, at=(far_m, 1.5, 0.0))
     frame = rig.walk.frame(far_m, 1.5, 0.0)
@@ -82,10 +82,10 @@ def test_a_robot_may_be_carried_between_its_starts() -> None:
 
 
 def test_a_late_frame_of_an_earlier_start_is_refused_and_changes_nothing() -> None:
-    rig = walked()
-    late = seen(rig, "monday", ORIGIN)
+    rig = rig_with_map()
+    late = frame_after_start(rig, "monday", ORIGIN)
     rig.say_epoch("tuesday", origin=ORIGIN)
-    rig.keyframe(seen(rig, "tuesday", ORIGIN))
+    rig.keyframe(frame_after_start(rig, "tuesday", ORIGIN))
     before = rig.snapshot()
     rig.keyframe(late)
     assert not rig.acks[-1].accepted
@@ -93,35 +93,35 @@ def test_a_late_frame_of_an_earlier_start_is_refused_and_changes_nothing() -> No
     assert rig.snapshot() == before
 
 
-def test_each_number_of_jumps_from_an_origin_has_its_own_map() -> None:
-    rig = walked()
+def test_each_world_epoch_of_an_origin_has_its_own_map() -> None:
+    rig = rig_with_map()
     old = state_of(rig).map_id
     rig.say_epoch("monday", world_epoch=1, origin=ORIGIN)
-    rig.keyframe(seen(rig, "monday", ORIGIN, epoch=1))
+    rig.keyframe(frame_after_start(rig, "monday", ORIGIN, epoch=1))
     jumped = state_of(rig).map_id
-    rig.keyframe(seen(rig, "tuesday", ORIGIN, epoch=0))
+    rig.keyframe(frame_after_start(rig, "tuesday", ORIGIN, epoch=0))
     assert rig.acks[-1].accepted, rig.acks[-1].reason
     assert state_of(rig).map_id == old
     rig.say_epoch("tuesday", world_epoch=1, origin=ORIGIN)
-    rig.keyframe(seen(rig, "tuesday", ORIGIN, epoch=1))
+    rig.keyframe(frame_after_start(rig, "tuesday", ORIGIN, epoch=1))
     assert state_of(rig).map_id == jumped
 
 
-def test_a_kept_map_comes_back_by_itself_where_the_origin_is_the_same(tmp_path: Path) -> None:
-    rig = walked(*kept(tmp_path))
+def test_an_autosaved_map_is_restored_when_the_origin_id_is_the_same(tmp_path: Path) -> None:
+    rig = rig_with_map(*autosave_flags(tmp_path))
     rig.service.close()
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("tuesday", origin=ORIGIN, at=(1.0, 0.5, 0.0))
     one, other = state_of(rig).published, state_of(again).published
     assert (one.occupancy == other.occupancy).all()
     assert_same_memory(rig, again)
     assert "was restored" in again.health.state[1]
     assert again.snapshot().robot.x_m == pytest.approx(1.0)
-    again.keyframe(seen(again, "tuesday", ORIGIN))
+    again.keyframe(frame_after_start(again, "tuesday", ORIGIN))
     assert again.acks[-1].accepted
     assert again.health.state == ("ready", "")
     again.service.close()
-    third = Rig(*kept(tmp_path))
+    third = Rig(*autosave_flags(tmp_path))
     third.say_epoch("wednesday", origin=ORIGIN)
     assert third.snapshot().occupied_m2 > 0
 
@@ -131,10 +131,10 @@ def assert_same_memory(one: Rig, other: Rig) -> None:
     assert views[0] == views[1]
 
 
-def test_a_kept_map_of_another_origin_is_said_to_be_put_aside(tmp_path: Path) -> None:
-    rig = walked(*kept(tmp_path))
+def test_an_autosaved_map_of_another_origin_is_reported_as_unused(tmp_path: Path) -> None:
+    rig = rig_with_map(*autosave_flags(tmp_path))
     rig.service.close()
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("monday", origin="garage")
     assert again.snapshot().cell_m == 0
     assert "is of another world and is not used" in again.health.state[1]

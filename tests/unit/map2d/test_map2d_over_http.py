@@ -1,4 +1,4 @@
-"""Both maps as the real services save them, through the gateway into another home's processes."""
+"""Both maps as the real services save them, loaded through the gateway into other processes."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ ZIP = {"content-type": "application/zip"}
 
 
 @contextmanager
-def front_door(rig: Rig) -> Iterator[TestClient]:
-    """A gateway over the house's map, an object map and an idle planner."""
+def gateway_client(rig: Rig) -> Iterator[TestClient]:
+    """A client of a gateway with the rig's 2D map, an object map and an idle planner."""
     ObjectMapService(rig.bus, ObjectMapSettings.load([]), Health())
     rig.bus.serve(RESERVE, lambda _: pb.ReserveReply(token="r"))
     rig.scorer.serve(rig.bus)
@@ -47,9 +47,9 @@ def occupancy(door: TestClient) -> NDArray:
     return np.load(io.BytesIO(answer.content))["occupancy"]
 
 
-def test_a_home_that_was_seen_is_known_to_new_processes_by_a_file() -> None:
+def test_a_map_file_transfers_both_maps_to_new_processes() -> None:
     first, second = Rig(), Rig()
-    with front_door(first) as door, front_door(second) as other:
+    with gateway_client(first) as door, gateway_client(second) as other:
         empty = door.get("/v1/map.zip")
         assert empty.status_code == 503
         assert "no keyframe" in empty.json()["detail"]
@@ -58,7 +58,7 @@ def test_a_home_that_was_seen_is_known_to_new_processes_by_a_file() -> None:
             first.keyframe(frame)
             first.observe(frame, "first", {"pick": 0.4, "place": 0.2})
         wait_until(lambda: door.get("/v1/map.zip").status_code == 200, 60, "there is a map")
-        second.keyframe(second.walk.look_around(2.0, 1.5)[0])  # its robot has looked once
+        second.keyframe(second.walk.look_around(2.0, 1.5)[0])  # the other robot has one keyframe
         wait_until(lambda: other.get("/v1/map").status_code == 200, 60, "it has a map of its own")
         loaded = other.put("/v1/map.zip", content=door.get("/v1/map.zip").content, headers=ZIP)
         assert loaded.status_code == 200, loaded.text

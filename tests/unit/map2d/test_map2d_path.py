@@ -1,4 +1,4 @@
-"""Cost and clearance along a way."""
+"""Cost and clearance along a path."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def test_clearance_is_the_distance_to_the_nearest_wall_less_the_radius() -> None
     np.testing.assert_allclose(cost.clearance_m, expected, atol=0.06)
     assert cost.least_clearance_m == pytest.approx(0.3, abs=0.06)
     assert not cost.blocked
-    assert cost.unknown_m < 0.1  # between the two blind rings
+    assert cost.unknown_m < 0.1  # between the two near blind zones
 
 
-def test_comfortable_ways_cost_their_length_and_narrow_ones_more() -> None:
+def test_a_wide_path_costs_its_length_and_a_narrow_path_more() -> None:
     snapshot = empty_room()
     middle = cost_along(snapshot, np.array([[1.5, 1.5], [2.5, 1.5]]), 0.2, 0.5)
     along_the_wall = cost_along(snapshot, np.array([[1.5, 0.35], [2.5, 0.35]]), 0.2, 0.5)
@@ -45,15 +45,15 @@ def test_comfortable_ways_cost_their_length_and_narrow_ones_more() -> None:
     assert along_the_wall.cost_m > 2.5
 
 
-def test_a_way_through_a_wall_is_blocked_and_unknown_ground_is_reported() -> None:
+def test_a_path_through_a_wall_is_blocked_and_unknown_floor_is_reported() -> None:
     cost = cost_along(empty_room(), np.array([[2.0, 1.5], [2.0, -1.5]]), 0.2, 0.5)
     assert cost.blocked
     assert math.isinf(cost.cost_m)
     assert cost.least_clearance_m < 0
-    assert 1.3 < cost.unknown_m < 2.0  # behind the wall, and where both looks were blind
+    assert 1.3 < cost.unknown_m < 2.0  # behind the wall, and in both near blind zones
 
 
-def test_corners_are_samples_and_steps_are_at_most_a_cell() -> None:
+def test_path_samples_include_all_corners_and_are_at_most_a_cell_apart() -> None:
     way = np.array([[1.0, 1.0], [2.0, 1.0], [2.0, 2.01], [2.0, 2.01]])
     cost = cost_along(empty_room(), way, 0.2, 0.5)
     steps = np.hypot(*np.diff(cost.samples_m, axis=0).T)
@@ -72,12 +72,12 @@ def test_corners_are_samples_and_steps_are_at_most_a_cell() -> None:
         ([[0.0, 0.0], [1e30, 1.0]], "within 20000 m"),
     ],
 )
-def test_a_way_that_is_none_is_refused(way: list[list[float]], reason: str) -> None:
+def test_an_invalid_path_is_refused(way: list[list[float]], reason: str) -> None:
     with pytest.raises(InvalidInput, match=reason):
         cost_along(empty_room(), np.array(way), 0.2, 0.5)
 
 
-def test_the_bus_answers_with_the_robots_own_radius() -> None:
+def test_a_path_request_without_a_radius_uses_the_robots_radius() -> None:
     rig = Rig()
     rig.settle()
     way = [1.0, 1.2, 3.0, 1.2]

@@ -1,4 +1,4 @@
-"""The preset that agrees with VLFM."""
+"""The preset `vlfm-compatible`, which follows VLFM's rules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rules(*flags: str) -> MapRules:
     return Settings.load(["--size-cells", "400", *flags]).rules(5.0, 0.2)
 
 
-def test_the_cone_is_explored_up_to_known_obstacles_measured_or_not() -> None:
+def test_the_view_cone_is_explored_up_to_known_obstacles_even_without_depth() -> None:
     walk = Walk([*room(), *table(2.5, 1.5)])
     usual, vlfm = mapped(rules(), walk), mapped(rules("--preset", "vlfm-compatible"), walk)
     before_its_feet = vlfm.stack.grid.cell_of(1.3, 1.5)
@@ -34,7 +34,7 @@ def test_the_cone_is_explored_up_to_known_obstacles_measured_or_not() -> None:
     assert vlfm.stack.search.explored[beside_an_obstacle] == 0
 
 
-def test_nothing_is_freed_again() -> None:
+def test_occupied_cells_are_never_freed() -> None:
     walk = Walk([*room(), *table(2.5, 1.5)])
     state = mapped(rules("--preset", "vlfm-compatible"), walk)
     before = state.stack.occupancy.occupancy == 100
@@ -44,7 +44,7 @@ def test_nothing_is_freed_again() -> None:
     assert (state.stack.occupancy.occupancy[before] == 100).all()
 
 
-def test_of_what_is_explored_the_part_around_the_robot_stays_with_its_holes_filled() -> None:
+def test_only_the_explored_part_around_the_robot_is_kept_with_its_holes_filled() -> None:
     explored = np.zeros((40, 40), np.uint8)
     explored[5:15, 5:15] = 1
     explored[8:11, 8:11] = 0
@@ -52,10 +52,11 @@ def test_of_what_is_explored_the_part_around_the_robot_stays_with_its_holes_fill
     got = part_around(explored.copy(), (7, 7))
     assert got[5:15, 5:15].all()
     assert got.sum() == 100
-    assert part_around(explored.copy(), (24, 30))[30, 30] == 1  # none holds it: the nearest
+    # No part contains this cell, so the nearest part stays.
+    assert part_around(explored.copy(), (24, 30))[30, 30] == 1
 
 
-def test_the_preset_sees_the_same_whichever_way_it_looks() -> None:
+def test_the_explored_area_does_not_depend_on_the_viewing_direction() -> None:
     areas = []
     for k in range(4):
         state = EpochMap(rules("--preset", "vlfm-compatible"), (0.0, 0.0), 0.0)
@@ -65,7 +66,7 @@ def test_the_preset_sees_the_same_whichever_way_it_looks() -> None:
     assert min(areas) * 0.025**2 > 10
 
 
-def test_what_lies_behind_an_obstacle_is_in_its_shadow_and_the_rest_of_the_cone_is_seen() -> None:
+def test_an_obstacle_hides_only_the_part_of_the_cone_behind_it() -> None:
     blocked = np.zeros((200, 200), np.uint8)
     blocked[95:106, 130:136] = 1
     seen = seen_of_cone(blocked, (100, 100), 0.0, math.radians(30), 80.0)

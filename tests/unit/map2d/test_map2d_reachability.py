@@ -1,4 +1,4 @@
-"""What can be reached, against brute force, while obstacles come and go."""
+"""Reachable floor against brute force, while obstacles appear and disappear."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from scipy import ndimage
 GRID = GridSpec(0.025, 3 * TILE, 2 * TILE, (-TILE, 5 * TILE))
 
 
-def brute(
+def brute_force_reachable(
     occupancy: NDArray[np.int8], cell: tuple[int, int], radius: float, blind: float
 ) -> NDArray[np.bool_]:
-    """Every cell by its distance to every obstacle, then one flood over the whole grid."""
+    """The distance of every cell to every obstacle, then one flood fill over the whole grid."""
     row, column = cell
     r, c = np.indices(occupancy.shape)
     occupied = occupancy == 100
@@ -35,7 +35,7 @@ def brute(
 
 
 def mask_of(ground: ReachableFloor, reached: ReachedCells) -> NDArray[np.bool_]:
-    """The cells that can be reached, over the whole grid."""
+    """The reachable cells of the whole grid."""
     out = np.zeros(ground.grid.shape, np.bool_)
     offsets = np.repeat(np.repeat(reached.offsets, TILE, 0), TILE, 1)
     open_cells = ground.labels > 0
@@ -56,7 +56,7 @@ def rooms(rng: np.random.Generator) -> NDArray[np.int8]:
 
 
 def scribble(rng: np.random.Generator, occupancy: NDArray[np.int8]) -> Box:
-    """Change one rectangle; its box."""
+    """Change one random rectangle and return its box."""
     height, width = rng.integers(1, 60, 2) if rng.random() < 0.7 else rng.integers(1, 4, 2)
     row, column = rng.integers(0, GRID.rows - 1), rng.integers(0, GRID.columns - 1)
     box = Box(int(row), int(row + height), int(column), int(column + width)).intersection(
@@ -72,7 +72,7 @@ def scribble(rng: np.random.Generator, occupancy: NDArray[np.int8]) -> Box:
     st.sampled_from([1.3, 4.1, 12.2]),
     st.sampled_from([0.0, 5.0, 40.0]),
 )
-def test_what_can_be_reached_equals_brute_force_as_the_map_changes(
+def test_reachable_floor_equals_brute_force_as_the_map_changes(
     rng: np.random.Generator, radius: float, blind: float
 ) -> None:
     ground = ReachableFloor(GRID, radius)
@@ -88,25 +88,25 @@ def test_what_can_be_reached_equals_brute_force_as_the_map_changes(
         ground.update(occupancy, before[box.slices], box)
         cell = (int(rng.integers(0, GRID.rows)), int(rng.integers(0, GRID.columns)))
         got = mask_of(ground, ground.reached_from(occupancy, cell, blind))
-        np.testing.assert_array_equal(got, brute(occupancy, cell, radius, blind))
+        np.testing.assert_array_equal(got, brute_force_reachable(occupancy, cell, radius, blind))
 
 
-def test_ground_near_the_robot_that_a_narrow_gap_cuts_off_is_reached_from_outside() -> None:
+def test_floor_near_the_robot_behind_a_narrow_gap_is_reached_by_a_detour() -> None:
     occupancy = np.full(GRID.shape, -1, np.int8)
     occupancy[40:171, 20:61] = 0  # where the robot is
-    occupancy[155:171, 20:126] = 0  # around the wall
+    occupancy[155:171, 20:126] = 0  # a detour around the wall
     occupancy[120:171, 80:101] = 0
-    occupancy[85:96, 80:93] = 0  # beyond unknown ground, which may be crossed near the robot
+    occupancy[85:96, 80:93] = 0  # beyond unknown floor, which may be crossed near the robot
     occupancy[50:141, 70] = 100
     occupancy[96, 70] = -1  # too narrow
     ground = ReachableFloor(GRID, 4.1)
     ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
     got = mask_of(ground, ground.reached_from(occupancy, (96, 60), 40.0))
     assert got[85:96, 80:93].all()
-    np.testing.assert_array_equal(got, brute(occupancy, (96, 60), 4.1, 40.0))
+    np.testing.assert_array_equal(got, brute_force_reachable(occupancy, (96, 60), 4.1, 40.0))
 
 
-def test_room_around_an_obstacle_at_the_edge_of_what_is_known_grows_too() -> None:
+def test_inflation_beyond_the_known_area_is_kept_when_the_grid_grows() -> None:
     occupancy = np.full(GRID.shape, -1, np.int8)
     occupancy[100, 60] = 100
     ground = ReachableFloor(GRID, 6.2)
@@ -119,10 +119,10 @@ def test_room_around_an_obstacle_at_the_edge_of_what_is_known_grows_too() -> Non
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**32 - 1).map(np.random.default_rng))
-def test_a_grown_grid_gives_what_a_large_one_gives(rng: np.random.Generator) -> None:
+def test_a_grown_grid_equals_one_that_was_large_from_the_start(rng: np.random.Generator) -> None:
     large = GridSpec(0.025, 6 * TILE, 5 * TILE, (-3 * TILE, 3 * TILE))
     occupancy = rooms(rng)
-    # The margin that a map keeps around what it knows.
+    # The margin that a map keeps around its known cells.
     occupancy[:20], occupancy[-20:], occupancy[:, :20], occupancy[:, -20:] = -1, -1, -1, -1
     ground = ReachableFloor(GRID, 6.2)
     ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)

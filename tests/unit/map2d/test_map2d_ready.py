@@ -1,4 +1,4 @@
-"""Who sees the maps ready may send; maps that cannot start say so."""
+"""The 2D map service is ready only when it can receive; one that cannot start says why."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from map2d_rig import ROBOT
 from tests.support import wait_until
 
 
-def test_the_maps_are_ready_only_when_they_listen() -> None:
-    """A replay sends its first keyframe, once and never again, as soon as all say ready."""
+def test_the_service_is_ready_only_after_it_has_subscribed() -> None:
+    """A replay sends its first keyframe, and only once, as soon as all services are ready."""
     health = Health()
     heard: dict[str, str] = {}
 
@@ -37,7 +37,7 @@ def test_the_maps_are_ready_only_when_they_listen() -> None:
         assert heard[topic.name] == "starting", topic.name
 
 
-def test_a_description_that_is_refused_is_said_after_a_restart_too() -> None:
+def test_a_refused_robot_description_is_reported_after_a_restart_too() -> None:
     hub, health = MemoryHub(), Health()
     bridge = MemoryBus(hub)
     bridge.publish(ROBOT_DESCRIPTION, description_to_proto(replace(ROBOT, max_depth_m=0.0)))
@@ -48,7 +48,7 @@ def test_a_description_that_is_refused_is_said_after_a_restart_too() -> None:
     assert health.state[0] == "ready"
 
 
-def test_maps_that_cannot_be_started_say_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_service_that_cannot_start_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     class Broken(MemoryBus):
         def subscribe(self, topic: Topic[Any], handler: Callable[[Any], None]) -> Registration:
             raise RuntimeError("the bus is gone")
@@ -61,7 +61,7 @@ def test_maps_that_cannot_be_started_say_why(monkeypatch: pytest.MonkeyPatch) ->
     hosted.close()
 
 
-def test_settings_that_no_map_can_have_are_refused_before_any_robot_comes() -> None:
+def test_invalid_map_settings_are_refused_before_a_robot_connects() -> None:
     settings = Settings.load(["--band-lo-m", "2.0"])
     with pytest.raises(InvalidInput, match="raise its top"):
         main.MapHost(MemoryBus(MemoryHub()), Health(), settings)

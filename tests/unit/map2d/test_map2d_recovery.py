@@ -1,4 +1,4 @@
-"""The map that is kept from crashes: what a killed service knows again, and what it says."""
+"""The autosaved 2D map: what a killed service restores, and what it reports."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from map2d_kept import assert_same_state, load, saved, state_of, walked
 from map2d_rig import Rig
 
 
-def kept(tmp_path: Path) -> tuple[str, ...]:
+def autosave_flags(tmp_path: Path) -> tuple[str, ...]:
     return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
 
 
-def persistence(rig: Rig) -> AutosavedFile:
+def autosaved_file(rig: Rig) -> AutosavedFile:
     found = rig.service._keeping._kept
     assert found is not None
     return found
 
 
-def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_world(
+def test_a_killed_service_restores_its_map_when_the_robot_is_still_in_the_same_world(
     tmp_path: Path,
 ) -> None:
-    rig = walked(*kept(tmp_path))
-    assert persistence(rig).write()
-    assert not persistence(rig).write()  # nothing has changed
+    rig = walked(*autosave_flags(tmp_path))
+    assert autosaved_file(rig).write()
+    assert not autosaved_file(rig).write()  # nothing has changed
     before = rig.snapshot()
-    again = Rig(*kept(tmp_path))  # the first one is never closed: it was killed
-    assert again.snapshot().cell_m == 0  # it may be another world
+    again = Rig(*autosave_flags(tmp_path))  # the first service is never closed, as after a kill
+    assert again.snapshot().cell_m == 0  # the robot may be in another world
     assert again.health.state == ("ready", "")
     again.say_epoch("boot")
     assert_same_state(state_of(rig), state_of(again))
@@ -46,7 +46,7 @@ def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_wo
     )
     assert (
         reported.version > before.version + 1000
-    )  # higher than any that the dead one may have told
+    )  # above every version that the killed service may have published
     said = again.health.state[1]
     newest = state_of(rig).published.frame_id
     assert newest is not None
@@ -60,32 +60,35 @@ def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_wo
     assert again.health.state == ("ready", said)
     again.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
-    assert again.health.state == ("ready", "")  # it is another map now
+    assert again.health.state == ("ready", "")  # the map has changed since
 
 
-def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
-    rig = walked(*kept(tmp_path))
+def test_an_autosaved_map_of_another_world_is_not_used(tmp_path: Path) -> None:
+    rig = walked(*autosave_flags(tmp_path))
     rig.service.close()
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("another boot")
     assert again.snapshot().cell_m == 0
     assert "is of another world and is not used" in again.health.state[1]
     frame = again.walk.frame(2.0, 1.5, 0.0)
     again.keyframe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")))
     assert again.snapshot().version > rig.snapshot().version
-    assert "is of another world and is not used" in again.health.state[1]  # a glance would miss it
+    # The note stays for now: a glance would miss a brief one.
+    assert "is of another world and is not used" in again.health.state[1]
     again.search("first")
     again.observe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")), "first")
     assert again.acks[-1].accepted, again.acks[-1].reason
-    assert again.health.state == ("ready", "")  # as the object map says it
+    assert again.health.state == ("ready", "")  # as the object map does
 
 
 @pytest.mark.parametrize("supersede", ["load", "reset"])
 @pytest.mark.parametrize("boot", ["boot", "another boot"])
-def test_what_is_said_of_a_kept_map_ends_with_it(tmp_path: Path, boot: str, supersede: str) -> None:
-    rig = walked(*kept(tmp_path))
+def test_health_stops_mentioning_an_autosaved_map_after_a_load_or_reset(
+    tmp_path: Path, boot: str, supersede: str
+) -> None:
+    rig = walked(*autosave_flags(tmp_path))
     rig.service.close()
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     again.say_epoch(boot)
     assert again.health.state[1]
     if supersede == "load":
@@ -96,15 +99,15 @@ def test_what_is_said_of_a_kept_map_ends_with_it(tmp_path: Path, boot: str, supe
 
 
 @pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
-def test_a_damaged_kept_map_is_put_aside_and_reported(tmp_path: Path, damage: str) -> None:
-    rig = walked(*kept(tmp_path))
+def test_a_damaged_autosaved_map_is_moved_aside_and_reported(tmp_path: Path, damage: str) -> None:
+    rig = walked(*autosave_flags(tmp_path))
     rig.service.close()
     path = tmp_path / FILE_NAME
     data = path.read_bytes()
     bad = {"cut": data[:-100], "changed": data[:-5] + b"12345", "foreign": b"\x7fELF" * 100,
            "empty": b""}[damage]  # fmt: skip
     path.write_bytes(bad)
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     state, reason = again.health.state
     assert state == "ready"
     assert "put aside as" in reason
@@ -117,30 +120,30 @@ def test_a_damaged_kept_map_is_put_aside_and_reported(tmp_path: Path, damage: st
     assert path.read_bytes().startswith(b"helios map2d")
 
 
-def test_a_state_directory_that_cannot_be_written_is_reported_and_ends_nothing(
+def test_an_unwritable_state_folder_is_reported_and_the_service_continues(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "file").write_text("no directory")
-    rig = walked(*kept(tmp_path / "file"))
-    assert not persistence(rig).write()
+    rig = walked(*autosave_flags(tmp_path / "file"))
+    assert not autosaved_file(rig).write()
     assert "cannot be" in rig.health.state[1]
     rig.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
     assert rig.acks[-1].accepted
 
 
-def test_a_frame_of_its_world_brings_a_kept_map_back_before_the_robot_says_where_it_is(
+def test_a_frame_of_the_same_world_restores_an_autosaved_map_before_any_robot_state(
     tmp_path: Path,
 ) -> None:
-    rig = walked(*kept(tmp_path))
+    rig = walked(*autosave_flags(tmp_path))
     rig.service.close()
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     again.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
     assert again.snapshot().occupied_m2 >= 0.9 * rig.snapshot().occupied_m2
 
 
 @pytest.mark.parametrize("kind", ["map", "npz", "ros"])
-def test_a_loaded_map_is_reported_at_once_with_the_robot_where_it_says_that_it_is(
+def test_a_loaded_map_is_published_at_once_with_the_robots_reported_pose(
     kind: str,
 ) -> None:
     rig, other = walked(), Rig()
@@ -158,7 +161,7 @@ def test_a_loaded_map_is_reported_at_once_with_the_robot_where_it_says_that_it_i
     assert other.bus.call(PICTURE, pb.PictureRequest(), 5).png
 
 
-def test_a_map_that_is_loaded_in_mid_run_leaves_the_robot_where_its_newest_frame_says() -> None:
+def test_loading_a_map_during_a_run_keeps_the_robot_pose_of_the_newest_frame() -> None:
     rig = walked()
     files = saved(rig, "map")
     rig.keyframe(rig.walk.frame(2.3, 1.2, 0.5))
@@ -172,12 +175,12 @@ def test_a_map_that_is_loaded_in_mid_run_leaves_the_robot_where_its_newest_frame
     assert rig.snapshot().id.seq > newest
 
 
-def test_a_loaded_map_that_no_frame_has_come_to_yet_survives_a_kill(tmp_path: Path) -> None:
-    rig = Rig(*kept(tmp_path))
+def test_a_loaded_map_without_any_frame_yet_survives_a_kill(tmp_path: Path) -> None:
+    rig = Rig(*autosave_flags(tmp_path))
     rig.say_epoch("boot", at=(1.0, 0.5, 0.0))
     load(rig, saved(walked(), "ros"))
-    assert persistence(rig).write()
-    again = Rig(*kept(tmp_path))
+    assert autosaved_file(rig).write()
+    again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("boot", at=(1.2, 0.5, 0.0))
     assert again.snapshot().occupancy == rig.snapshot().occupancy
     assert again.snapshot().robot.x_m == pytest.approx(1.2)
@@ -185,22 +188,22 @@ def test_a_loaded_map_that_no_frame_has_come_to_yet_survives_a_kill(tmp_path: Pa
     assert again.acks[-1].accepted
 
 
-def test_what_was_forgotten_on_purpose_does_not_come_back_after_a_kill(tmp_path: Path) -> None:
-    rig = walked(*kept(tmp_path))
-    assert persistence(rig).write()
+def test_a_reset_map_is_not_restored_after_a_kill(tmp_path: Path) -> None:
+    rig = walked(*autosave_flags(tmp_path))
+    assert autosaved_file(rig).write()
     rig.bus.call(RESET_MAP2D, pb.Empty(), 5)
-    again = Rig(*kept(tmp_path))
+    again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("boot")
     assert again.snapshot().cell_m == 0
 
 
-def test_who_knows_a_version_of_an_earlier_process_is_told_the_whole_map() -> None:
+def test_a_client_with_a_version_of_an_earlier_process_gets_the_whole_map() -> None:
     rig = walked()
     assert rig.snapshot(if_newer=rig.snapshot().version).unchanged
     assert not rig.snapshot(if_newer=10**6).unchanged
 
 
-def test_a_search_that_is_under_way_learns_from_the_views_of_a_loaded_map() -> None:
+def test_a_running_search_uses_the_views_of_a_loaded_map() -> None:
     rig, other = walked(), Rig()
     other.scorer.serve(other.bus)
     other.say_epoch("another boot")

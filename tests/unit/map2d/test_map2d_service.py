@@ -1,4 +1,4 @@
-"""The maps behind a bus within this process."""
+"""The 2D map service on an in-process bus."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def rig() -> Rig:
     return Rig()
 
 
-def test_keyframes_and_observations_are_answered_and_the_map_decodes(rig: Rig) -> None:
+def test_keyframes_and_observations_are_acknowledged_and_the_snapshot_decodes(rig: Rig) -> None:
     rig.settle()
     assert [(a.part, a.accepted) for a in rig.acks] == [
         ("occupancy", True),
@@ -50,7 +50,7 @@ def test_keyframes_and_observations_are_answered_and_the_map_decodes(rig: Rig) -
     assert not unchanged.occupancy
 
 
-def test_keyframes_that_come_before_the_robots_description_are_kept() -> None:
+def test_keyframes_wait_for_the_robot_description() -> None:
     rig = Rig(described=False)
     rig.keyframe(rig.walk.frame(2.0, 1.5, 0.0))
     assert not rig.acks
@@ -72,7 +72,7 @@ def test_observations_wait_for_their_context_and_old_ones_are_refused(rig: Rig) 
     assert "'first'" in rig.acks[-1].reason
 
 
-def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_taken(
+def test_an_invalid_frame_is_refused_with_a_reason_and_the_next_frame_is_accepted(
     rig: Rig,
 ) -> None:
     good = rig.walk.frame(2.0, 1.5, 0.0)
@@ -91,10 +91,10 @@ def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_ta
 
 
 @pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
-def test_what_the_frame_says_is_held_counts_whatever_was_reported_since(
+def test_the_held_object_of_the_frame_overrides_that_of_the_robot_state(
     rig: Rig, by_then: str, now: str
 ) -> None:
-    rig.walk = Walk([*room(), Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))])  # as in a hand
+    rig.walk = Walk([*room(), Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))])  # like a held object
     for _ in range(3):
         frame = rig.walk.frame(2.0, 1.5, 0.0)
         state = RobotState(
@@ -126,7 +126,7 @@ def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(rig: Rig) ->
 
 
 @pytest.mark.parametrize("stranger", [("stranger", 0), (None, 999)])
-def test_a_strangers_frame_does_not_blind_the_robot(
+def test_a_frame_of_another_sender_does_not_block_the_robots_frames(
     rig: Rig, stranger: tuple[str | None, int]
 ) -> None:
     rig.settle()
@@ -147,7 +147,7 @@ def test_a_strangers_frame_does_not_blind_the_robot(
     assert after.context_id == "second"
 
 
-def test_an_empty_map_says_so_and_a_reset_empties_it(rig: Rig) -> None:
+def test_an_empty_map_is_reported_and_a_reset_empties_the_map(rig: Rig) -> None:
     assert rig.snapshot().cell_m == 0
     with pytest.raises(Unavailable, match="no keyframe"):
         rig.bus.call(PICTURE, pb.PictureRequest(), 5)
@@ -162,7 +162,7 @@ def test_an_empty_map_says_so_and_a_reset_empties_it(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("layer", ["", "occupancy", "pick"])
-def test_a_picture_is_a_png_of_the_size_asked_for(rig: Rig, layer: str) -> None:
+def test_a_map_picture_is_a_png_of_the_requested_size(rig: Rig, layer: str) -> None:
     rig.settle()
     mug = pb.MarkedObject(label="mug", score=0.7, center_m=pb.Vector3(x=2.5, y=2.4, z=0.8),
                           size_m=pb.Vector3(x=0.1, y=0.1, z=0.1))  # fmt: skip
@@ -182,7 +182,7 @@ def test_a_picture_is_a_png_of_the_size_asked_for(rig: Rig, layer: str) -> None:
         (pb.PictureRequest(path_m=[1.0, math.nan]), "NaN"),
     ],
 )
-def test_a_picture_that_cannot_be_drawn_is_refused(
+def test_an_invalid_map_picture_request_is_refused(
     rig: Rig, request_: pb.PictureRequest, reason: str
 ) -> None:
     rig.settle()
@@ -190,7 +190,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused(
         rig.bus.call(PICTURE, request_, 5)
 
 
-def test_sight_answers_for_every_target(rig: Rig) -> None:
+def test_a_line_of_sight_request_is_answered_for_every_target(rig: Rig) -> None:
     rig.settle()
     targets = [pb.Vector3(x=2.5, y=2.4, z=0.8), pb.Vector3(x=-1.0, y=1.5, z=0.8)]
     request = pb.SightRequest(x_m=2.0, y_m=1.5, z_m=1.31, targets_m=targets)

@@ -1,4 +1,4 @@
-"""The way that the robot came, and where it parts."""
+"""The robot's trajectory and its separate pieces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RULES = MapRules(size_cells=400)
 
 @settings(max_examples=60)
 @given(st.lists(st.booleans(), max_size=60), st.integers(4, 12))
-def test_pieces_are_never_joined_nor_mixed_however_often_the_way_is_thinned(
+def test_thinning_a_trajectory_never_joins_or_mixes_its_pieces(
     parted: list[bool], most: int
 ) -> None:
     way, piece = Trajectory(0.1), 0
@@ -32,7 +32,7 @@ def test_pieces_are_never_joined_nor_mixed_however_often_the_way_is_thinned(
             if part:
                 way.part()
                 piece += 1
-            way.follow(float(x), float(piece))  # y tells the piece that a point belongs to
+            way.follow(float(x), float(piece))  # y is the number of the piece
     assert len(way.points_m) <= most
     for one in np.split(way.points_m, way.starts):
         assert len(set(one[:, 1])) <= 1
@@ -41,12 +41,12 @@ def test_pieces_are_never_joined_nor_mixed_however_often_the_way_is_thinned(
 
 
 @pytest.mark.parametrize("starts", [(0,), (3,), (2, 1), (1, 1), (-1,)])
-def test_pieces_that_a_way_cannot_have_are_refused(starts: tuple[int, ...]) -> None:
+def test_invalid_starts_of_trajectory_pieces_are_refused(starts: tuple[int, ...]) -> None:
     with pytest.raises(InvalidInput, match="begin at"):
         Trajectory(0.1, np.zeros((3, 2)), starts)
 
 
-def test_no_line_leads_from_the_end_of_a_loaded_map_to_the_robot() -> None:
+def test_no_line_joins_the_trajectory_of_a_loaded_map_to_the_robot() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
     for x in (1.0, 1.3, 1.6):
         frame = walk.frame(x, 1.5, 0.0)
@@ -64,7 +64,7 @@ def test_no_line_leads_from_the_end_of_a_loaded_map_to_the_robot() -> None:
     now = later.current.published
     assert now.trajectory_m[:, 0].tolist() == pytest.approx([1.0, 1.3, 1.6, 3.0, 3.2])
     assert now.trajectory_starts == (3,)
-    # It is told on the wire, and kept in both kinds of file.
+    # The wire message and both file formats carry it.
     assert decode_snapshot(snapshot_to_proto(now, False)).trajectory_starts == (3,)
     assert decode_npz(encode_npz(now)).trajectory_starts == (3,)
     again, _ = decode_map(encode_map(now, (), frame.world), RULES, 0.2, 0)

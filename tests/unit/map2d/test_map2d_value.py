@@ -68,7 +68,7 @@ def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float,
     layers = ValueLayers(GRID, ValueRules())
     layers.reset(("pick",))
     value, confidence = np.zeros(GRID.shape), np.zeros(GRID.shape)
-    # They may differ on the rim of each cone, where a cell's centre falls beside the last pixel.
+    # Both may differ on the rim of each cone, where a cell's centre falls beside the last pixel.
     rim = np.zeros(GRID.shape, bool)
     for yaw, score in looks:
         view, alone = seen_from(2.0, 1.5, yaw), ValueLayers(GRID, ValueRules())
@@ -87,7 +87,7 @@ def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float,
 
 
 @pytest.mark.parametrize("pitch_deg", [0, 30, 60])
-def test_values_stop_at_the_walls_whatever_the_pitch(pitch_deg: int) -> None:
+def test_values_stop_at_the_walls_at_any_camera_pitch(pitch_deg: int) -> None:
     layers = ValueLayers(GRID, ValueRules())
     for k in range(12):
         layers.integrate(
@@ -103,7 +103,7 @@ def test_values_stop_at_the_walls_whatever_the_pitch(pitch_deg: int) -> None:
     assert y.max() < 3.05
 
 
-def test_any_number_of_layers_is_kept_apart() -> None:
+def test_value_layers_are_independent_of_each_other() -> None:
     layers = ValueLayers(GRID, ValueRules())
     layers.integrate(cone_of(seen_from(2.0, 1.5, 0.0)), {"pick": 0.3, "place": 0.1, "a third": 0.9})
     row, column = GRID.cell_of(3.0, 1.5)
@@ -115,7 +115,7 @@ def test_any_number_of_layers_is_kept_apart() -> None:
 
 
 @given(st.floats(-1, 1), st.integers(1, 6))
-def test_the_same_score_again_leaves_the_value(score: float, times: int) -> None:
+def test_a_repeated_score_does_not_change_the_value(score: float, times: int) -> None:
     layers = ValueLayers(GRID, ValueRules())
     view = SAME_VIEW
     for _ in range(times):
@@ -127,7 +127,7 @@ def test_the_same_score_again_leaves_the_value(score: float, times: int) -> None
 @given(st.lists(st.tuples(ANGLES, st.floats(-1, 1)), min_size=1, max_size=4))
 @example([(0.0, 0.0), (1.2e-07, 1.0)])
 @settings(max_examples=10, deadline=None)
-def test_by_maximum_fusion_the_most_confident_view_decides(
+def test_maximum_fusion_keeps_the_score_of_the_most_confident_view(
     looks: list[tuple[float, float]],
 ) -> None:
     layers = ValueLayers(GRID, ValueRules(fusion="maximum"))
@@ -140,7 +140,7 @@ def test_by_maximum_fusion_the_most_confident_view_decides(
         alone.append(single.layers["pick"].confidence)
     got, stack = layers.layers["pick"], np.stack(alone)
     np.testing.assert_allclose(got.confidence, stack.max(axis=0), atol=1e-6)
-    most = stack >= stack.max(axis=0) - 1e-5  # two looks may be as confident as one another
+    most = stack >= stack.max(axis=0) - 1e-5  # two views may be equally confident
     scores = np.array([score for _, score in looks])[:, None, None]
     decided = (most & (abs(scores - got.value) <= 1e-6)).any(axis=0)
     assert decided[got.confidence > 0].all()
@@ -158,7 +158,7 @@ def test_a_score_that_is_not_finite_is_refused_and_changes_nothing() -> None:
     assert not layers.layers
 
 
-def test_nothing_measured_changes_nothing() -> None:
+def test_a_view_without_depth_changes_nothing() -> None:
     frame = Walk(room()).frame(2.0, 1.5, 0.0)
     depth = np.full_like(frame.depth_m, np.nan)
     layers = ValueLayers(GRID, ValueRules())
@@ -168,7 +168,7 @@ def test_nothing_measured_changes_nothing() -> None:
     assert not layers.layers["pick"].confidence.any()
 
 
-def test_what_is_beyond_the_largest_depth_counts_as_that_far() -> None:
+def test_depth_beyond_the_maximum_counts_as_the_maximum() -> None:
     depth = np.full((CAMERA.height, CAMERA.width), 7.0, np.float32)
     cone = cone_of(view_of(depth, CAMERA, camera_pose(2.0, 1.5, 0.0, 0.0), GRID, 0.1, 5.0))
     assert cone.reach_m[len(cone.reach_m) // 2] == pytest.approx(5.0, abs=0.01)

@@ -1,4 +1,4 @@
-"""A scripted walk past things at known places: where were they seen?"""
+"""View search after a scripted walk: objects at known positions are found there."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def block(x: float, y: float) -> Block:
     return Block((x - half, y - half, 0.4), (x + half, y + half, 0.4 + SIDE_M))
 
 
-class Ideal(Scorer):
-    """A model that knows what is in an image, the better the larger it is, and is a little unsure
-    of everything."""
+class IdealScorer(Scorer):
+    """A scorer that recognises the objects in an image, larger ones better, with a little noise
+    in everything."""
 
     def __init__(self) -> None:
         self.rng = np.random.default_rng(0)
@@ -48,7 +48,7 @@ class Ideal(Scorer):
 
 
 def masks(frame: Frame) -> dict[str, NDArray[np.bool_]]:
-    """The pixels of each thing."""
+    """The pixels of each object."""
     floor = cast([], frame.T_world_cam)
     alone = {name: cast([block(*at)], frame.T_world_cam) for name, at in THINGS_M.items()}
     return {
@@ -58,10 +58,10 @@ def masks(frame: Frame) -> dict[str, NDArray[np.bool_]]:
 
 
 @functools.cache
-def walked(*, embeds: bool) -> Rig:
-    """A walk through a home of two rooms, by a scorer that embeds or a detector that names."""
+def rig_after_walk(*, embeds: bool) -> Rig:
+    """A rig after a walk through two rooms, with image embeddings or with detections."""
     rig = Rig()
-    rig.scorer = Ideal()
+    rig.scorer = IdealScorer()
     if embeds:
         rig.scorer.serve(rig.bus)
     walls = [Block((3.9, 0, 0), (4.1, 2.0, 2.5)), Block((3.9, 4.0, 0), (4.1, 6.0, 2.5))]
@@ -88,25 +88,26 @@ def detections(frame: Frame) -> tuple[Detection, ...]:
     return tuple(out)
 
 
-def off_m(place: pb.SeenPlace, name: str) -> float:
+def error_m(place: pb.SeenPlace, name: str) -> float:
     return math.dist((place.x_m, place.y_m), THINGS_M[name])
 
 
 @pytest.mark.parametrize("embeds", [True, False])
 @pytest.mark.parametrize("name", THINGS_M)
-def test_a_thing_is_reported_at_its_place_with_a_picture_that_shows_it(
+def test_an_object_is_found_at_its_position_with_an_image_that_shows_it(
     name: str, embeds: bool
 ) -> None:
-    rig = walked(embeds=embeds)
+    rig = rig_after_walk(embeds=embeds)
     best, *others = rig.bus.call(RECALL, pb.RecallRequest(prompt=name, most_places=3), 5).places
-    # The ball is seen from three stops, the others from one, which tells the distance less well.
+    # The ball is seen from three stops. The others are seen from one, so their distance is less
+    # accurate.
     within_m = (0.6 if name == "ball" else 1.0) if embeds else 0.25
-    assert off_m(best, name) < within_m
+    assert error_m(best, name) < within_m
     x, y = THINGS_M[name]
     bearing = math.atan2(y - best.camera.y_m, x - best.camera.x_m) - best.camera.yaw_rad
     assert abs(math.remainder(bearing, math.tau)) < 0.6, "it is in the picture"
     for other in others:
-        assert off_m(other, name) < within_m or other.score < 0.75 * best.score
+        assert error_m(other, name) < within_m or other.score < 0.75 * best.score
 
 
 def cone(x: float, y: float, yaw: float, reach_m: float = 4.0) -> Cone:
@@ -115,9 +116,7 @@ def cone(x: float, y: float, yaw: float, reach_m: float = 4.0) -> Cone:
     return Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
 
 
-def test_of_answers_alike_the_best_is_reported_unless_seen_from_elsewhere_or_of_another_class() -> (
-    None
-):
+def test_only_the_best_answer_per_class_place_and_viewing_direction_is_reported() -> None:
     def answer(score: float, x: float, yaw: float, class_name: str = "mug") -> Answer:
         view = SeenView(FrameId("boot", 0, 1), 0, cone(0, 0, yaw), None, b"")
         return Answer(view, score, (x, 1.0), class_name)
@@ -129,10 +128,10 @@ def test_of_answers_alike_the_best_is_reported_unless_seen_from_elsewhere_or_of_
     assert best_places(given, 2) == [best, turned]
 
 
-def test_of_a_class_the_surest_detection_with_believed_depth_is_kept() -> None:
+def test_the_best_detection_of_a_class_with_valid_depth_is_kept() -> None:
     frame = Walk(room()).frame(2.0, 1.5, 0.0)
     depth_m = np.full_like(frame.depth_m, 2.0)
-    depth_m[:, 80:] = 8.0  # beyond what is believed
+    depth_m[:, 80:] = 8.0  # beyond the maximum depth
 
     def found(score: float, u: int) -> Detection:
         mask = np.zeros(depth_m.shape, bool)
@@ -150,26 +149,26 @@ def test_of_a_class_the_surest_detection_with_believed_depth_is_kept() -> None:
     assert (mug.class_name, mug.score) == ("mug", 0.9)
 
 
-def test_where_two_views_that_fit_cross_is_likelier_than_where_one_looks_alone() -> None:
+def test_the_crossing_of_two_matching_views_is_likelier_than_the_rest_of_one_view() -> None:
     east, north, other = cone(0, 0, 0), cone(2.5, -2.5, math.pi / 2), cone(0, 0, math.pi)
     found = Localization([(east, 0.8), (north, 0.8), (other, 0.1)])
     assert found.within(east) == pytest.approx((2.5, 0.0), abs=0.4)
     assert found.within(north) == pytest.approx((2.5, 0.0), abs=0.4)
 
 
-def test_ground_that_a_view_without_the_thing_saw_is_less_likely() -> None:
+def test_floor_in_a_view_without_the_object_is_less_likely() -> None:
     far, near = cone(0, 0, 0), cone(0, 0, 0, reach_m=2.0)
     x, _ = Localization([(far, 0.8), (near, 0.1), (cone(9, 9, 0), 0.1)]).within(far)
     assert x > 2.0
 
 
-def test_a_view_that_measured_nothing_tells_where_its_camera_stood() -> None:
+def test_a_view_without_depth_is_localized_at_its_camera() -> None:
     blind = cone(1.0, 2.0, 0.3, reach_m=0.0)
     assert Localization([(blind, 0.9)]).within(blind) == (1.0, 2.0)
     assert Localization([]).within(blind) == (1.0, 2.0)
 
 
-def test_very_large_ground_is_looked_at_in_larger_cells() -> None:
+def test_a_very_large_area_is_searched_in_larger_cells() -> None:
     apart = [(cone(0, 0, 0), 0.9), (cone(600, 600, 0), 0.2)]
     found = Localization(apart)
     assert 600**2 / CELL_M**2 > MOST_CELLS >= found.fit.size

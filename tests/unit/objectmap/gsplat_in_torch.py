@@ -1,7 +1,7 @@
 """The three functions of gsplat 1.5 that the CUDA back end calls, in plain torch, for any device.
 
-Written from gsplat's documentation, to test what lies around them without a GPU. It says nothing
-about gsplat itself.
+They follow gsplat's documentation and serve to test the code around them without a GPU. They do
+not test gsplat itself.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A table with mugs, seen by a noiseless camera: boxes, ray-cast, with truth masks."""
+"""A table with mugs: ray-cast boxes, with depth without noise by default and with true masks."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def looking_at(x: float, y: float, target: Sequence[float]) -> NDArray[np.float6
 def cast(
     boxes: Sequence[Box], T_world_cam: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Depth [h, w] along the axis, and the number of the box that each pixel sees."""
+    """Depth [h, w] along the optical axis, and the number of the box at each pixel."""
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width].astype(float)
     rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], -1)
     rays = rays @ T_world_cam[:3, :3].T  # the distance along them is the depth
@@ -88,7 +88,7 @@ def observe(
     called: Mapping[int, str] | None = None,
     noise_m: float = 0.0,
 ) -> Observation:
-    """What a detector that errs nowhere says. `called`: box number -> class, default its name."""
+    """Observation of a perfect detector. `called`: box number -> class, default its name."""
     depth, which = cast(boxes, T_world_cam)
     noise = np.random.default_rng(seq).normal(0, 1, depth.shape) * noise_m
     depth = np.where(depth > 0, depth + noise, 0).astype(np.float32)

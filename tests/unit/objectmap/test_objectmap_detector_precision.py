@@ -1,4 +1,4 @@
-"""How much detections are trusted: learnt from what became of them, and only where it is asked."""
+"""Trust in detections: learnt from what became of earlier ones, and used only if set so."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FROM = [(0.0, 0.0), (0.1, 0.3), (0.2, -0.3), (0.3, 0.5), (0.4, -0.5)]
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_the_share_of_true_detections_is_a_beta_mean_over_what_is_and_what_ended(seed):
+def test_the_true_detection_share_is_a_beta_mean_over_present_and_ended_instances(seed):
     rng = np.random.default_rng(seed)
     things = [(rng.uniform(0, 4, N_BANDS), rng.random()) for _ in range(rng.integers(0, 6))]
     ended = FormerDetections()
@@ -56,7 +56,7 @@ def test_the_share_of_true_detections_is_a_beta_mean_over_what_is_and_what_ended
             assert share[band] == pytest.approx((1 + true) / (2 + everything))
 
 
-def test_a_thing_is_trusted_as_the_distances_are_at_which_it_was_detected():
+def test_the_trust_in_an_instance_is_the_mean_over_its_detection_distances():
     share = np.array([1.0, 0.5, 0.1])
     assert mean_share(share, np.array([3.0, 1.0, 0.0])) == pytest.approx(0.875)
     assert mean_share(share, np.zeros(N_BANDS)) == pytest.approx(share.mean())
@@ -64,7 +64,7 @@ def test_a_thing_is_trusted_as_the_distances_are_at_which_it_was_detected():
 
 
 def built(chosen, calls) -> ObjectMap:
-    """A map that looks at the table from FROM; calls: what the boxes are called in each view."""
+    """A map after views of the table from FROM; calls: the classes of the boxes in each view."""
     objects = ObjectMap(chosen)
     for seq, ((x, y), called) in enumerate(zip(FROM, calls, strict=False)):
         o = observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq, called={2: "table"} | called)
@@ -81,7 +81,7 @@ def trust_in(objects: ObjectMap, label: int) -> float:
     return objects.content().registry.true_detection_share(label, False)
 
 
-def test_a_class_whose_detections_are_not_repeated_is_trusted_less_and_a_repeated_one_more():
+def test_repeated_detections_raise_the_trust_in_a_class_and_unrepeated_ones_lower_it():
     repeated = built(BY_CLASS, [{3: "mug"}] * 5)
     doubtful = built(BY_CLASS, [{3: "mug"}, {4: "mug"}, {}, {}, {4: "mug"}])
     sure, unsure = mug_near(repeated, MUG_CENTER), mug_near(doubtful, ELSEWHERE)
@@ -109,7 +109,7 @@ def test_trust_changes_scores_and_neither_evidence_nor_instances():
     assert answer[1].psi == pytest.approx(mug.score, abs=1e-5)  # what-ifs start from the score
 
 
-def test_what_was_taken_out_does_not_count_as_false():
+def test_a_retired_object_does_not_count_as_a_false_detection():
     objects = built(BY_CLASS, [{3: "mug"}] * 4)
     mug = mug_near(objects, MUG_CENTER)
     assert mug is not None
@@ -119,10 +119,10 @@ def test_what_was_taken_out_does_not_count_as_false():
     objects.update(o, CONTEXT)
     other = mug_near(objects, ELSEWHERE)
     assert other is not None
-    assert trust_in(objects, other.id) > before  # one more that was found in all its views
+    assert trust_in(objects, other.id) > before  # one more, detected in all its views
 
 
-def test_a_file_keeps_what_was_learnt():
+def test_a_map_file_keeps_the_learnt_precision():
     objects = built(BY_CLASS, [{3: "mug"}, {}, {}, {4: "mug"}, {}])
     data = persistence.to_bytes(persistence.arrays_of(objects.content(), None))
     again = ObjectMap(BY_CLASS)
@@ -135,7 +135,7 @@ def test_a_file_keeps_what_was_learnt():
         assert kept == known
 
 
-def test_a_file_of_an_earlier_build_has_its_detections_at_a_middle_distance():
+def test_detections_in_a_file_of_an_earlier_build_count_at_a_middle_distance():
     objects = built(BY_CLASS, [{3: "mug"}] * 3)
     arrays = persistence.arrays_of(objects.content(), None)
     header = json.loads(arrays["header"].tobytes())
@@ -150,7 +150,7 @@ def test_a_file_of_an_earlier_build_has_its_detections_at_a_middle_distance():
         assert read.records[label].history == record.history
 
 
-def test_with_a_prior_for_more_classes_a_search_believes_what_one_for_all_of_them_would():
+def test_a_prior_for_more_classes_gives_the_scores_of_a_search_for_all_of_them():
     """The other classes of a Dirichlet prior are part of "other", whether they are named or not."""
     named = SearchContext(
         "c1", (MUG, TABLE, *(SearchClass(n, Role.OBJECT, 0.3) for n in ("bowl", "book")))

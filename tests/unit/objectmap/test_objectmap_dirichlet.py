@@ -1,4 +1,4 @@
-"""Evidence, expectation, variance, entropy and score against plain float64 twins (eq. 2-7)."""
+"""Evidence, expectation, variance, entropy and score against float64 references (eq. 2-7)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CONCENTRATIONS = st.lists(st.floats(0.1, 500), min_size=2, max_size=8)
 
 @settings(max_examples=50, deadline=None)
 @given(CONCENTRATIONS)
-def test_expectation_variance_and_entropy_are_those_of_the_dirichlet_distribution(gamma):
+def test_expectation_variance_and_entropy_equal_scipys_dirichlet_distribution(gamma):
     concentration = np.array(gamma)
     twin = stats.dirichlet(concentration)
     assert np.allclose(semantics.expectation(concentration), twin.mean())
@@ -27,7 +27,7 @@ def test_expectation_variance_and_entropy_are_those_of_the_dirichlet_distributio
 
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(0, 100), min_size=3, max_size=6), st.floats(0.2, 5))
-def test_marginals_within_one_context_are_those_of_the_whole_distribution(evidence, prior):
+def test_marginals_within_one_context_equal_those_of_the_whole_distribution(evidence, prior):
     hits = np.array(evidence)  # "other" first
     concentration = hits + prior
     mean, deviation = semantics.marginal(
@@ -87,7 +87,7 @@ def test_accumulate_is_linear_in_alpha_cpa(alpha_cpa, factor):
     assert np.allclose(more.total_evidence, once.total_evidence * factor, rtol=1e-5)
 
 
-def test_evidence_is_in_proportion_to_the_weight_of_the_view():
+def test_evidence_is_proportional_to_the_weight_of_the_view():
     store = store_of(3, ["a"])
     kappa = np.ones((3, 2), np.float32)
     accumulate(store, np.arange(3), kappa, [0], np.array([[1.0], [0.5], [0.0]], np.float32), 3.0)
@@ -102,20 +102,20 @@ def test_score_is_the_mean_less_the_mean_deviation():
     assert got.psi == pytest.approx(0.7 - 2.0 * 0.2)  # eq. 7
 
 
-def believed(positive, asked, context):
+def most_likely_class(positive, asked, context):
     positive, asked = np.array([positive], np.float32), np.array([asked], np.float32)
     return most_likely_columns(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0]
 
 
-def test_equal_beliefs_go_to_other_and_then_to_the_first_class():
-    assert believed([0, 0], [0, 0], [0, 1]) == OTHER
-    assert believed([3, 3], [6, 6], [0, 1]) == 0
-    assert believed([3, 3], [6, 6], [1, 0]) == 1
+def test_ties_go_to_other_and_then_to_the_first_class():
+    assert most_likely_class([0, 0], [0, 0], [0, 1]) == OTHER
+    assert most_likely_class([3, 3], [6, 6], [0, 1]) == 0
+    assert most_likely_class([3, 3], [6, 6], [1, 0]) == 1
 
 
-def test_a_class_of_an_earlier_context_keeps_its_name_until_the_present_one_has_a_name():
-    assert believed([9, 0], [10, 0], [1]) == 0
-    assert believed([9, 9], [10, 10], [1]) == 1
+def test_a_class_of_an_earlier_context_holds_until_the_present_context_names_one():
+    assert most_likely_class([9, 0], [10, 0], [1]) == 0
+    assert most_likely_class([9, 9], [10, 10], [1]) == 1
 
 
 def reference_belief(positive, asked, context, prior, named_from):
@@ -144,7 +144,7 @@ def reference_belief(positive, asked, context, prior, named_from):
     st.sampled_from([0.3, 1.0, 10.0]),
     st.sampled_from([0.5, 0.3, 0.8]),
 )
-def test_the_most_likely_class_is_that_of_the_reference(columns, seed, prior, named_from):
+def test_the_most_likely_class_equals_the_reference(columns, seed, prior, named_from):
     rng = np.random.default_rng(seed)
     context = rng.permutation(columns)[: rng.integers(1, columns + 1)].tolist()
     share = rng.dirichlet(np.ones(columns + 1), 40)[:, 1:]

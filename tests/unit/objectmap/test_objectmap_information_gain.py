@@ -1,4 +1,4 @@
-"""What-ifs against a float64 twin from the paper: eq. 1, 3, 5, 6, 11 and 12 in one."""
+"""What-ifs against a float64 reference from the paper: eq. 1, 3, 5, 6, 11 and 12 in one."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def reference(member: InstanceEvidence, wanted: int, views: list[View], rates: E
 
 @settings(max_examples=20, deadline=None)
 @given(scenes(most=25), st.integers(1, 4), st.sampled_from([0.0, 0.5]), st.integers(0, 2**32 - 1))
-def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
+def test_expected_scores_and_information_gains_equal_the_papers_formulas(
+    scene, classes, other, seed
+):
     rng = np.random.default_rng(seed)
     means, radius_m, opacity = scene
     hits = rng.uniform(0, 10, (len(means), classes)).astype(np.float32)
@@ -56,7 +58,7 @@ def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
         assert got.information_gain == pytest.approx(gain, rel=0.02, abs=0.05 * len(means))
 
 
-def test_half_for_something_else_expects_less_than_the_optimist():
+def test_the_50_50_assumption_expects_less_than_the_optimistic_one():
     n = 20
     means = np.stack([np.zeros(n), np.zeros(n), np.linspace(1, 1.1, n)], axis=1).astype(np.float32)
     member = InstanceEvidence(
@@ -71,7 +73,7 @@ def test_half_for_something_else_expects_less_than_the_optimist():
     assert best.information_gain > half.information_gain > 0
 
 
-def test_no_views_change_nothing():
+def test_a_what_if_without_views_changes_nothing():
     three = np.ones(3, np.float32)
     member = InstanceEvidence(
         np.ones((3, 3), np.float32), three, three, np.ones((3, 2), np.float32), three

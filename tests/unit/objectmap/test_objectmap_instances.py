@@ -1,4 +1,4 @@
-"""Instances: the partition against a plain twin, and labels that stay."""
+"""Instances: the partition against a plain reference, and stable labels."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ POINTS = st.builds(
 
 @settings(max_examples=40, deadline=None)
 @given(POINTS, st.floats(0.05, 0.5))
-def test_partition_is_that_of_26_connected_voxels(points, voxel_m):
+def test_partition_equals_the_components_of_26_connected_voxels(points, voxel_m):
     assert parts(components(points, voxel_m)) == reference_components(points, voxel_m)
 
 
@@ -69,7 +69,7 @@ def test_two_mugs_0_3_m_apart_are_two_objects_at_any_grid_offset_and_direction(x
     assert len(np.unique(components(both, voxel_m))) == 2
 
 
-def test_a_table_seen_in_pieces_is_one():
+def test_a_table_seen_in_pieces_is_one_instance():
     x = np.concatenate([np.arange(0, 0.5, 0.02), np.arange(0.9, 1.6, 0.02)])
     table = np.stack([x, np.zeros_like(x), np.full_like(x, 0.7)], axis=1).astype(np.float32)
     assert len(np.unique(components(table, ObjectMapSettings().receptacle_voxel_m))) == 1

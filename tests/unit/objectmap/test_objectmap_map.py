@@ -1,4 +1,4 @@
-"""The map as a whole, on a made-up table with mugs."""
+"""The whole object map, on a synthetic table with mugs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def view(T) -> View:
     return View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T)
 
 
-def test_a_mug_seen_around_is_one_believed_object_at_its_place():
+def test_a_mug_seen_from_several_places_is_one_likely_object_at_its_position():
     objects = built(seen_from(AROUND))
     (mug,) = of_class(objects, "mug")
     assert np.linalg.norm(mug.center_m - MUG_CENTER) < 0.03
@@ -69,8 +69,8 @@ def test_a_mug_seen_around_is_one_believed_object_at_its_place():
     assert len(table.outline_m) >= 3
 
 
-def test_a_class_that_is_start_and_goal_is_believed_as_one_that_is_either():
-    """ "Move the mug from a table to another table"."""
+def test_a_class_that_is_start_and_goal_receptacle_scores_like_one_with_a_single_role():
+    """For example: "Move the mug from a table to another table"."""
     another = SearchClass("table", Role.GOAL_RECEPTACLE, 0.5)
     once = of_class(built(seen_from(AROUND)), "table")
     twice = of_class(
@@ -85,7 +85,7 @@ def test_two_mugs_0_3_m_apart_are_two_objects():
     assert centers == pytest.approx([-0.15, 0.15], abs=0.03)
 
 
-def test_standing_still_leaves_every_score_and_adds_no_gaussians():
+def test_standing_still_changes_no_score_and_adds_no_gaussians():
     objects = built(seen_from(AROUND[:2]))
     last = looking_at(*AROUND[1], MUG_CENTER)
     before, size = objects.objects(), len(objects)
@@ -97,7 +97,7 @@ def test_standing_still_leaves_every_score_and_adds_no_gaussians():
     assert [(o.id, o.score, o.views) for o in after] == [(o.id, o.score, o.views) for o in before]
 
 
-def test_standing_still_before_a_noisy_camera_hardly_moves_a_score_and_adds_no_gaussians():
+def test_standing_still_with_a_noisy_camera_hardly_changes_scores_and_adds_no_gaussians():
     objects = built(seen_from(AROUND[:2], noise_m=0.01))
     (before,), size = of_class(objects, "mug"), len(objects)
     last = looking_at(*AROUND[1], MUG_CENTER)
@@ -129,18 +129,18 @@ def test_a_false_detection_fades_with_views_that_do_not_repeat_it():
     assert all(m.score < min(0.3, once.score) for m in of_class(objects, "mug"))
 
 
-def test_what_was_moved_fades_over_distinct_views_goes_and_appears_where_it_is_now():
+def test_a_moved_object_fades_over_distinct_views_and_appears_at_its_new_position():
     objects = built(seen_from(AROUND[:2]))
     (mug,) = of_class(objects, "mug")
     now = (*ROOM, mug_at(1.5, 0.4))
     first = objects.update(seen_from(AROUND[2:3], now, start=2)[0], CONTEXT)
     assert first.carved == 0  # one view may err
     again = objects.update(seen_from(AROUND[2:3], now, start=3)[0], CONTEXT)
-    assert again.carved == 0  # the same view again says nothing new
+    assert again.carved == 0  # the same view again adds no evidence
     (fading,) = [m for m in of_class(objects, "mug") if m.id == mug.id]
     assert fading.score < mug.score
     second = objects.update(seen_from(AROUND[3:4], now, start=4)[0], CONTEXT)
-    assert second.carved > 0.7 * mug.gaussians  # edges may take a view more
+    assert second.carved > 0.7 * mug.gaussians  # edges may need one more view
     for o in seen_from(AROUND[:2] + AROUND[4:], now, start=5):
         objects.update(o, CONTEXT)
     here = [m for m in of_class(objects, "mug") if m.score >= 0.5]
@@ -151,7 +151,7 @@ def test_what_was_moved_fades_over_distinct_views_goes_and_appears_where_it_is_n
     assert table.score > 0.6
 
 
-def test_what_one_view_sees_through_by_mistake_is_restored_by_the_next():
+def test_gaussians_seen_through_by_mistake_are_restored_by_the_next_view():
     objects = built(seen_from(AROUND[:2]))
     (before,) = of_class(objects, "mug")
     objects.update(seen_from(AROUND[2:3], ROOM, start=2)[0], CONTEXT)
@@ -173,7 +173,7 @@ def test_retire_removes_the_object_and_leaves_the_table():
     assert objects.retire(mug.id) == 0
 
 
-def test_depth_nearer_than_the_setting_and_the_held_object_make_no_gaussians():
+def test_depth_below_the_minimum_and_the_held_object_create_no_gaussians():
     held = (*ROOM, ("mug", (0.15, -0.03, 1.1), (0.20, 0.03, 1.2)))
     assert not of_class(built([observe(held, pose())]), "mug")
     objects = ObjectMap(SETTINGS)
@@ -190,8 +190,8 @@ def test_depth_nearer_than_the_setting_and_the_held_object_make_no_gaussians():
 
 
 @pytest.mark.parametrize("taken_for_a_mug_every", [None, 3])
-def test_the_arm_in_view_is_never_believed_to_be_something(taken_for_a_mug_every):
-    """It moves with the camera, so where it was is seen through from the next views."""
+def test_the_robots_arm_in_view_never_becomes_a_likely_object(taken_for_a_mug_every):
+    """The arm moves with the camera, so the next views see through its former place."""
     objects, highest = ObjectMap(SETTINGS), 0.0
     for seq, y in enumerate(np.linspace(-0.3, 0.3, 13)):
         arm = ("arm", (0.35, y - 0.04, 1.0), (0.60, y + 0.04, 1.1))
@@ -207,7 +207,7 @@ def test_the_arm_in_view_is_never_believed_to_be_something(taken_for_a_mug_every
     assert len([m for m in of_class(objects, "mug") if m.score >= 0.5]) == 1
 
 
-def test_detections_below_the_threshold_or_of_other_classes_are_not_seen():
+def test_detections_below_the_threshold_or_of_other_classes_are_ignored():
     o = seen_from(AROUND[:1])[0]
     weak = tuple(dataclasses.replace(d, score=0.2) for d in o.detections)
     strange = tuple(dataclasses.replace(d, class_name="cat") for d in o.detections)
@@ -215,7 +215,7 @@ def test_detections_below_the_threshold_or_of_other_classes_are_not_seen():
         assert not built([dataclasses.replace(o, detections=detections)]).objects()
 
 
-def test_a_mug_is_not_painted_over_by_a_table_mask_that_covers_it():
+def test_a_table_mask_that_covers_a_mug_does_not_hide_the_mug():
     o = seen_from(AROUND[:1])[0]
     mug, table = sorted(o.detections, key=lambda d: d.mask.sum())
     covering = dataclasses.replace(table, mask=table.mask | mug.mask)
@@ -231,10 +231,10 @@ def test_a_shared_class_keeps_its_evidence_in_a_new_context_and_new_classes_star
     assert same.id == mug.id
     assert same.score == pytest.approx(mug.score, abs=0.05)
     assert same.probabilities["counter"] == pytest.approx(1 / 3, abs=0.01)
-    assert of_class(objects, "table")  # an earlier task's table keeps its name
+    assert of_class(objects, "table")  # an earlier task's table keeps its class
 
 
-def test_views_that_did_not_ask_for_a_class_do_not_count_against_it():
+def test_views_of_a_context_without_a_class_do_not_count_against_that_class():
     only_table = SearchContext("c0", (TABLE,))
     objects = ObjectMap(SETTINGS)
     for o in seen_from(AROUND, context=only_table, called={2: "table", 3: "table"}):
@@ -262,7 +262,7 @@ def test_what_if_raises_the_score_and_gains_information():
     assert objects.what_if(mug.id, "cat", [towards]) is None
 
 
-def test_what_if_half_of_it_is_something_else_expects_less():
+def test_the_50_50_assumption_expects_a_lower_score():
     expected = []
     for assumption in ("optimistic", "50-50"):
         objects = ObjectMap(SETTINGS.model_copy(update={"assumption": assumption}))
@@ -275,7 +275,7 @@ def test_what_if_half_of_it_is_something_else_expects_less():
     assert expected[1] < expected[0]
 
 
-def test_the_history_of_an_object_ends_with_what_is_believed_now():
+def test_the_history_of_an_object_ends_with_its_present_score():
     objects = built(seen_from(AROUND))
     (mug,) = of_class(objects, "mug")
     history = objects.history(mug.id)
@@ -286,7 +286,7 @@ def test_the_history_of_an_object_ends_with_what_is_believed_now():
     assert objects.history(99) == ()
 
 
-def test_asking_what_if_changes_nothing():
+def test_a_what_if_changes_nothing():
     objects = built(seen_from(AROUND[:2]))
     before = objects.objects()
     for o in before:
@@ -294,7 +294,7 @@ def test_asking_what_if_changes_nothing():
     assert [(o.id, o.score) for o in objects.objects()] == [(o.id, o.score) for o in before]
 
 
-def test_what_if_foretells_a_real_view_that_sees_the_class():
+def test_a_what_if_predicts_a_real_view_that_sees_the_class():
     objects = built(seen_from(AROUND[:2]))
     (mug,) = of_class(objects, "mug")
     there = looking_at(0.15, 0.2, MUG_CENTER)
@@ -302,7 +302,7 @@ def test_what_if_foretells_a_real_view_that_sees_the_class():
     assert answer is not None
     objects.update(observe(SCENE, there, seq=5), CONTEXT)
     (after,) = of_class(objects, "mug")
-    # Optimistic: the real view also occludes and makes Gaussians that have been seen once.
+    # Optimistic: the real view also occludes and creates Gaussians that have been seen once.
     assert after.score == pytest.approx(answer[0][0].psi, abs=0.08)
 
 
@@ -311,7 +311,7 @@ def test_what_if_foretells_a_real_view_that_sees_the_class():
 def test_instances_do_not_depend_on_the_order_of_views(order):
     objects = built([seen_from(AROUND)[i] for i in order])
     (mug,) = of_class(objects, "mug")
-    assert np.linalg.norm(mug.center_m - MUG_CENTER) < 0.05  # the front only
+    assert np.linalg.norm(mug.center_m - MUG_CENTER) < 0.05  # only the front is seen
     assert len(of_class(objects, "table")) == 1
 
 
@@ -322,7 +322,7 @@ def test_the_number_of_gaussians_stays_below_the_limit():
     assert of_class(objects, "table")
 
 
-def test_the_class_not_asked_for_the_longest_is_forgotten_and_the_others_keep_what_is_known():
+def test_the_longest_unused_class_is_dropped_and_the_others_keep_their_evidence():
     few = ObjectMap(SETTINGS.model_copy(update={"max_classes": 2}))
     many = ObjectMap(SETTINGS)
     only_mug = SearchContext("c2", (MUG, COUNTER))
@@ -339,7 +339,7 @@ def test_the_class_not_asked_for_the_longest_is_forgotten_and_the_others_keep_wh
         few.update(o, only_mug)
 
 
-def test_the_map_answers_before_it_has_seen_anything():
+def test_an_empty_map_answers_every_query():
     objects = ObjectMap(SETTINGS)
     assert objects.objects() == ()
     assert len(objects.gaussians().means) == 0

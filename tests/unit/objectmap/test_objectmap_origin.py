@@ -1,4 +1,4 @@
-"""A robot that starts anew and says that its origin is the same: what it knows goes on."""
+"""A robot that restarts with the same origin id continues its object map."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ORIGIN = "kitchen-2026"
 
 
 class Rig:
-    """A service that keeps its map in a folder, and a robot with an origin."""
+    """A service that autosaves its map in a folder, and a robot with an origin id."""
 
     def __init__(self, folder: Path | None = None) -> None:
         hub = MemoryHub()
@@ -61,7 +61,7 @@ class Rig:
         return [o.id for o in self.bus.call(OBJECTS, pb.ObjectsRequest(), 5.0).objects]
 
 
-def known(folder: Path | None = None, origin: str = ORIGIN) -> Rig:
+def rig_with_map(folder: Path | None = None, origin: str = ORIGIN) -> Rig:
     rig = Rig(folder)
     rig.say("monday", origin)
     for y in (0.0, 0.3, -0.3):
@@ -71,8 +71,8 @@ def known(folder: Path | None = None, origin: str = ORIGIN) -> Rig:
 
 
 @pytest.mark.parametrize("stated_first", [True, False])
-def test_what_is_known_goes_on_after_a_start_with_the_same_origin(stated_first: bool) -> None:
-    rig = known()
+def test_the_map_continues_after_a_restart_with_the_same_origin_id(stated_first: bool) -> None:
+    rig = rig_with_map()
     before = rig.ids()
     if stated_first:
         rig.say("tuesday", ORIGIN)
@@ -85,10 +85,10 @@ def test_what_is_known_goes_on_after_a_start_with_the_same_origin(stated_first: 
     ("before", "after", "epoch"),
     [(ORIGIN, "garage", 0), ("", "", 0), (ORIGIN, "", 0), ("", ORIGIN, 0), (ORIGIN, ORIGIN, 1)],
 )
-def test_another_origin_or_none_or_a_jump_begins_a_new_map(
+def test_another_or_no_origin_id_or_a_new_world_epoch_starts_a_new_map(
     before: str, after: str, epoch: int
 ) -> None:
-    rig = known(origin=before)
+    rig = rig_with_map(origin=before)
     rig.say("tuesday", after, epoch)
     assert rig.see("tuesday", after, epoch, scene=ROOM).accepted
     reply = rig.bus.call(OBJECTS, pb.ObjectsRequest(class_names=["mug"]), 5.0)
@@ -96,7 +96,7 @@ def test_another_origin_or_none_or_a_jump_begins_a_new_map(
 
 
 def test_a_late_frame_of_an_earlier_start_is_refused() -> None:
-    rig = known()
+    rig = rig_with_map()
     rig.say("tuesday", ORIGIN)
     assert rig.see("tuesday", ORIGIN).accepted
     late = rig.see("monday", ORIGIN)
@@ -104,8 +104,8 @@ def test_a_late_frame_of_an_earlier_start_is_refused() -> None:
     assert "an earlier start of the robot" in late.reason
 
 
-def test_each_number_of_jumps_from_an_origin_has_its_own_map() -> None:
-    rig = known()
+def test_each_world_epoch_of_an_origin_has_its_own_map() -> None:
+    rig = rig_with_map()
     before = rig.ids()
     rig.say("monday", ORIGIN, 1)
     assert rig.see("monday", ORIGIN, 1, scene=ROOM).accepted
@@ -113,8 +113,8 @@ def test_each_number_of_jumps_from_an_origin_has_its_own_map() -> None:
     assert rig.ids() == before
 
 
-def test_what_was_kept_comes_back_by_itself_where_the_origin_is_the_same(tmp_path: Path) -> None:
-    first = known(tmp_path)
+def test_an_autosaved_map_is_restored_when_the_origin_id_is_the_same(tmp_path: Path) -> None:
+    first = rig_with_map(tmp_path)
     first.service.close()
     again = Rig(tmp_path)
     assert again.ids() == first.ids()
@@ -131,14 +131,14 @@ def test_what_was_kept_comes_back_by_itself_where_the_origin_is_the_same(tmp_pat
 
 
 def restarted_elsewhere(folder: Path) -> Rig:
-    known(folder).service.close()
+    rig_with_map(folder).service.close()
     again = Rig(folder)
     assert "was restored" in again.health.state[1]
     again.say("tuesday", "garage")
     return again
 
 
-def test_a_kept_map_of_another_world_is_said_to_be_unused_until_another_begins(
+def test_an_autosaved_map_of_another_world_is_reported_as_unused_until_a_new_map_starts(
     tmp_path: Path,
 ) -> None:
     again = restarted_elsewhere(tmp_path)
@@ -152,29 +152,29 @@ def test_a_kept_map_of_another_world_is_said_to_be_unused_until_another_begins(
 
 @pytest.mark.parametrize("elsewhere", [True, False])
 @pytest.mark.parametrize("supersede", ["load", "reset"])
-def test_what_is_said_of_a_kept_map_ends_with_it(
+def test_health_stops_mentioning_an_autosaved_map_after_a_load_or_reset(
     tmp_path: Path, elsewhere: bool, supersede: str
 ) -> None:
     if elsewhere:
         again = restarted_elsewhere(tmp_path)
     else:
-        known(tmp_path).service.close()
+        rig_with_map(tmp_path).service.close()
         again = Rig(tmp_path)
     assert again.health.state[1]
     if supersede == "load":
-        again.bus.call(LOAD_OBJECTS, known().bus.call(SAVE_OBJECTS, pb.Empty(), 5.0), 5.0)
+        again.bus.call(LOAD_OBJECTS, rig_with_map().bus.call(SAVE_OBJECTS, pb.Empty(), 5.0), 5.0)
     else:
         again.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
     assert again.health.state == ("ready", "")
 
 
-def test_what_was_forgotten_on_purpose_does_not_come_back_after_a_kill(tmp_path: Path) -> None:
-    first = known(tmp_path)
+def test_a_reset_map_is_not_restored_after_a_kill(tmp_path: Path) -> None:
+    first = rig_with_map(tmp_path)
     assert first.service._kept is not None
     assert first.service._kept.write()
     first.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
     assert not first.ids()
     assert not (tmp_path / FILE_NAME).exists()
-    again = Rig(tmp_path)  # the first one is never closed: it was killed
+    again = Rig(tmp_path)  # the first service is never closed, as after a kill
     again.say("monday", ORIGIN)
     assert not again.ids()

@@ -1,4 +1,4 @@
-"""The object map as a newcomer gets it: over HTTP, from the real service."""
+"""The object map of the real service, over HTTP."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from objectmap_scene import ROOM, SETTINGS, looking_at, mug_at, observe
 
 MUG_CENTER = np.array([1.2, 0.0, 0.8])
 SCENE = (*ROOM, mug_at(1.2, 0.0))
-# A camera 1.3 m high that nobody ever stood behind, 0.9 m from the mug, looking at it.
+# A camera 1.3 m high, 0.9 m from the mug, facing it; no frame was taken there.
 POSE = "x_m=0.45&y_m=0&z_m=1.3&yaw_rad=0&down_rad=0.588"
 DISTANCE_M = float(np.hypot(0.75, 0.5))
 
@@ -51,7 +51,7 @@ def mug_of(client: TestClient) -> dict:
 
 
 def picture(client: TestClient, layer: str) -> np.ndarray:
-    """The middle of the picture, where the mug is."""
+    """The middle of the rendered view, where the mug is."""
     answer = client.get(f"/v1/map/view.png?{POSE}&layer={layer}&class=mug")
     assert answer.status_code == 200, answer.text
     shown = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -60,17 +60,17 @@ def picture(client: TestClient, layer: str) -> np.ndarray:
     return shown[220:260, 300:340]
 
 
-def test_all_four_layers_are_drawn_from_a_pose_where_nobody_was(client):
+def test_all_four_layers_are_rendered_from_a_pose_without_a_frame(client):
     depth_m = picture(client, "depth") / 1000
     assert np.median(depth_m) == pytest.approx(DISTANCE_M, abs=0.08)
     for layer in ("color", "probability", "uncertainty"):
         assert np.median(picture(client, layer)) < 250, f"{layer} is white where the mug is"
-    # viridis: what is surely a mug is yellow, so it has much more green than blue (BGR)
+    # viridis: a high probability is yellow, with much more green than blue (BGR)
     blue, green, _ = np.median(picture(client, "probability"), axis=(0, 1))
     assert green > blue + 30
 
 
-def test_a_class_or_layer_that_is_not_there_is_said(client):
+def test_a_view_of_an_unknown_class_is_refused_with_the_known_classes(client):
     answer = client.get(f"/v1/map/view.png?{POSE}&layer=probability&class=piano")
     assert answer.status_code == 404
     assert "mug, table" in answer.json()["detail"]

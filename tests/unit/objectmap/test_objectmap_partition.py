@@ -1,4 +1,4 @@
-"""Clustering only what an update touched gives the partition of clustering everything."""
+"""Clustering only what an update touched equals clustering everything."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Scene:
             self.store.column(name)
 
     def change(self) -> None:
-        """Some come, some change their class, some go; then the instances are renewed."""
+        """Add some, change the class of some, remove some; then update the instances."""
         rng, store = self.rng, self.store
         n = int(rng.integers(1, 60))
         middle = rng.uniform(-1.5, 1.5, 3)
@@ -64,7 +64,7 @@ class Scene:
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
-def test_the_partition_is_that_of_clustering_everything_after_any_changes(seed, changes):
+def test_the_partition_equals_clustering_everything_after_any_changes(seed, changes):
     scene = Scene(seed)
     for _ in range(changes):
         scene.change()
@@ -72,7 +72,7 @@ def test_the_partition_is_that_of_clustering_everything_after_any_changes(seed, 
 
 
 def grown(means, order, voxel_m):
-    """The partition of points that come in some order, a few at a time."""
+    """The partition of points that are added in some order, a few at a time."""
     store, registry = GaussianStore(), InstanceRegistry()
     store.column("mug")
     for rows in np.array_split(order, 5):
@@ -95,7 +95,7 @@ def test_the_partition_does_not_depend_on_the_order_of_updates(seed, voxel_m):
     assert grown(means, np.arange(120), voxel_m) == grown(means, rng.permutation(120), voxel_m)
 
 
-def test_what_is_far_from_a_change_keeps_its_label_and_is_not_touched():
+def test_an_instance_far_from_a_change_keeps_its_label_and_is_not_touched():
     store, registry = GaussianStore(), InstanceRegistry()
     store.column("mug")
     for x in (0.0, 2.0, 0.05):
@@ -146,7 +146,7 @@ def test_an_instance_splits_when_its_middle_empties_and_the_larger_part_keeps_th
     assert registry.records.keys() == {1, 2}
 
 
-def test_an_instance_that_loses_all_its_gaussians_is_no_more():
+def test_an_instance_that_loses_all_its_gaussians_is_removed():
     store, registry = row_of_mugs([0.01, 0.5])
     registry.leave(store, np.array([0, 1]), VOXEL_M.__getitem__)
     store.class_column[:2] = OTHER

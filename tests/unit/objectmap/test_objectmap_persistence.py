@@ -1,4 +1,4 @@
-"""The map as a file, as PLY, as a picture, and after a kill."""
+"""The object map as a file, as PLY, as a rendered view, and after a kill."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SCENE = (*ROOM, mug_at(1.2, 0.0))
 
 
 class Rig:
-    """A service that keeps its map in a folder, or nowhere."""
+    """A service that autosaves its map in a folder, or nowhere."""
 
     def __init__(self, folder: Path | None = None, evidence: str = "views") -> None:
         hub = MemoryHub()
@@ -86,7 +86,7 @@ def rig() -> Rig:
     return Rig().look_around()
 
 
-def test_a_loaded_map_knows_what_the_saved_one_knew_and_goes_on(rig):
+def test_a_loaded_map_equals_the_saved_one_and_continues(rig):
     other, known = Rig(), rig.objects()
     loaded = other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
     assert loaded.objects == len(known)
@@ -97,14 +97,14 @@ def test_a_loaded_map_knows_what_the_saved_one_knew_and_goes_on(rig):
     before = other.mug()
     o = observe(SCENE, looking_at(0.2, -0.3, MUG_CENTER), seq=9)
     other.bus.publish(OBSERVATION, observation_to_proto(o))
-    assert other.mug().score == pytest.approx(before.score)  # that view has counted already
+    assert other.mug().score == pytest.approx(before.score)  # that view counted before
     o = observe(SCENE, looking_at(0.4, 0.4, MUG_CENTER), seq=10)
     other.bus.publish(OBSERVATION, observation_to_proto(o))
     assert other.mug().id == before.id
     assert other.mug().score > before.score
 
 
-def test_a_map_that_is_loaded_before_the_first_frame_stays_whatever_world_it_was_made_in(rig):
+def test_a_map_of_any_world_stays_if_loaded_before_the_first_frame(rig):
     other = Rig()
     other.bus.publish(CONTEXT, context_to_proto(SOUGHT))
     other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
@@ -124,18 +124,18 @@ def test_a_truncated_file_is_refused_and_changes_nothing(rig, share):
 
 @settings(max_examples=20, deadline=None)
 @given(share=st.floats(0, 0.999))
-def test_a_damaged_file_never_changes_what_is_known(rig, share):
+def test_a_damaged_file_never_changes_the_map(rig, share):
     data, before = bytearray(rig.saved()), rig.objects()
     data[int(share * len(data))] ^= 0xFF
-    # A few bytes of a zip mean nothing, such as times; all of an array's count.
+    # A few bytes of a ZIP have no effect, such as times; all bytes of an array do.
     with contextlib.suppress(InvalidInput):
         rig.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=bytes(data)), 5.0)
     assert rig.objects() == before
 
 
 @pytest.mark.parametrize("bit", [1, 2, 8, 0x20, 0x40])
-def test_no_flipped_bit_of_the_directory_of_a_file_is_anything_but_refused(rig, bit):
-    """There a ZIP says how its parts are packed, encrypted and named."""
+def test_a_flipped_bit_in_the_zip_directory_raises_nothing_but_invalid_input(rig, bit):
+    """The directory says how the entries are compressed, encrypted and named."""
     data = rig.saved()
     viewpoints = ObjectMap(SETTINGS).empty_viewpoints()
     for at in range(data.rindex(b"PK\x01\x02") - 300, len(data)):
@@ -153,7 +153,7 @@ def test_no_flipped_bit_of_the_directory_of_a_file_is_anything_but_refused(rig, 
         ("viewpoints.positions", np.inf, "not finite"),
     ],
 )
-def test_a_file_that_is_whole_but_makes_no_sense_is_refused(rig, array, value, said):
+def test_a_complete_file_with_invalid_values_is_refused(rig, array, value, said):
     with np.load(io.BytesIO(rig.saved())) as file:
         arrays = {name: file[name] for name in file.files}
     arrays[array][0] = value
@@ -161,9 +161,9 @@ def test_a_file_that_is_whole_but_makes_no_sense_is_refused(rig, array, value, s
         persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
 
 
-def test_a_file_that_unpacks_to_more_than_any_map_is_not_unpacked(rig):
+def test_an_oversized_file_is_refused_before_unpacking(rig):
     data, before = rig.saved(), rig.objects()
-    at = data.rindex(b"PK\x01\x02") + 24  # where the ZIP says how large its last part becomes
+    at = data.rindex(b"PK\x01\x02") + 24  # the unpacked size of the last entry of the ZIP
     bomb = data[:at] + (3 * 2**30).to_bytes(4, "little") + data[at + 4 :]
     with pytest.raises(InvalidInput, match=r"unpacks to 3221\d+, wanted at most 2147483648"):
         rig.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=bomb), 5.0)
@@ -178,7 +178,7 @@ def test_a_foreign_file_is_refused():
             Rig().bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=data), 5.0)
 
 
-def test_an_independent_reader_opens_the_ply_with_places_colours_and_sizes(rig):
+def test_an_independent_reader_gets_positions_colours_and_sizes_from_the_ply(rig):
     trimesh = pytest.importorskip("trimesh")
     reply = rig.bus.call(EXPORT_OBJECTS, pb.ExportRequest(format="ply"), 5.0)
     held = rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 5.0)
@@ -195,7 +195,7 @@ def test_an_independent_reader_opens_the_ply_with_places_colours_and_sizes(rig):
     assert set(vertex["rot_0"].ravel()) == {1.0}
 
 
-def test_npz_of_one_object_holds_its_gaussians_only(rig):
+def test_an_npz_of_one_object_contains_only_its_gaussians(rig):
     mug = rig.mug()
     request = pb.ExportRequest(format="npz", object_id=mug.id)
     with np.load(io.BytesIO(rig.bus.call(EXPORT_OBJECTS, request, 5.0).data)) as file:
@@ -204,7 +204,7 @@ def test_npz_of_one_object_holds_its_gaussians_only(rig):
         assert file["class_names"].tolist() == ["other", "mug", "table"]
 
 
-def test_what_is_not_there_is_refused_with_a_sentence(rig):
+def test_an_unknown_format_object_layer_or_class_is_refused_with_a_reason(rig):
     for request in (pb.ExportRequest(format="obj"), pb.ExportRequest(format="ply", object_id=999)):
         with pytest.raises(InvalidInput):
             rig.bus.call(EXPORT_OBJECTS, request, 5.0)
@@ -231,7 +231,7 @@ def test_rendered_views_show_the_mug_at_its_place_and_depth(rig):
     assert unsure[60, 80, 1] < sure[60, 80, 1]
 
 
-def test_one_object_in_full_has_its_history_box_and_points(rig):
+def test_object_details_contain_history_box_and_points(rig):
     mug = rig.mug()
     detail = rig.bus.call(OBJECT_DETAIL, pb.ObjectRequest(object_id=mug.id), 5.0)
     assert detail.object == mug
@@ -247,7 +247,7 @@ def test_one_object_in_full_has_its_history_box_and_points(rig):
 
 
 @pytest.mark.parametrize("evidence", ["views", "sides"])
-def test_the_map_is_back_after_a_restart_and_says_so(tmp_path, evidence):
+def test_the_map_is_restored_after_a_restart_and_health_reports_that(tmp_path, evidence):
     first = Rig(tmp_path, evidence).look_around()
     known = first.objects()
     first.service.close()
@@ -264,7 +264,7 @@ def test_the_map_is_back_after_a_restart_and_says_so(tmp_path, evidence):
     again.service.close()
 
 
-def test_a_kept_map_of_a_world_that_is_over_makes_room_at_once(tmp_path):
+def test_an_autosaved_map_of_an_ended_world_is_replaced_at_once(tmp_path):
     first = Rig(tmp_path).look_around()
     first.service.close()
     again = Rig(tmp_path)
@@ -277,7 +277,7 @@ def test_a_kept_map_of_a_world_that_is_over_makes_room_at_once(tmp_path):
         assert bool(again.objects()) == left
 
 
-def test_a_kept_map_that_is_cut_off_is_put_aside_and_said(tmp_path, rig):
+def test_a_truncated_autosaved_map_is_moved_aside_and_reported(tmp_path, rig):
     (tmp_path / FILE_NAME).write_bytes(rig.saved()[:-100])
     again = Rig(tmp_path)
     again.service.warm_up()
@@ -303,7 +303,7 @@ while True:
 """
 
 
-def test_a_killed_service_leaves_a_whole_map(tmp_path, rig):
+def test_a_killed_service_leaves_a_complete_map_file(tmp_path, rig):
     process = subprocess.Popen(
         [sys.executable, "-c", KILLED, str(tmp_path)], cwd=Path(__file__).parent,
         stdout=subprocess.PIPE, text=True, env=os.environ | {"NUMBA_NUM_THREADS": "1"},

@@ -1,4 +1,4 @@
-"""Real frames and a real detector: both mugs, and one table. Skips without the data."""
+"""Real frames and a real detector give both mugs and one table. Skipped without the data."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def of_class(walk: Walk, name: str) -> list[ObjectInstance]:
     return sorted((o for o in walk.objects if o.class_name == name), key=lambda o: -o.score)
 
 
-def test_both_mugs_are_believed_within_6_cm_of_the_truth(walk):
+def test_both_mugs_are_found_within_6_cm_of_the_truth(walk):
     a, b = of_class(walk, "cup")[:2]
     assert np.linalg.norm(a.center_m - MUG_A_M) < 0.06
     assert np.linalg.norm(b.center_m - MUG_B_M) < 0.06
@@ -110,18 +110,18 @@ def test_both_mugs_are_believed_within_6_cm_of_the_truth(walk):
     assert b.score >= 0.45
 
 
-def test_two_cups_are_believed_at_some_time_and_no_third_one_ever(walk):
+def test_exactly_two_cups_ever_reach_a_score_of_one_half(walk):
     assert sum(score >= 0.5 for score in walk.best.values()) == 2
     assert all(o.score <= 0.3 for o in of_class(walk, "cup")[2:])
 
 
-def test_neither_the_bowl_nor_the_microwave_that_are_not_there_are_believed(walk):
+def test_an_absent_bowl_or_microwave_gets_only_low_scores(walk):
     assert all(o.score <= 0.3 for o in of_class(walk, "bowl"))
     mugs = [o.score for o in of_class(walk, "cup")[:2]]
     assert all(o.score < min(0.5, *mugs) for o in of_class(walk, "microwave"))
 
 
-def test_there_is_one_table(walk):
+def test_exactly_one_table_is_found(walk):
     assert len([o for o in of_class(walk, "dining table") if o.score >= 0.5]) == 1
 
 

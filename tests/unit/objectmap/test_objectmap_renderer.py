@@ -1,4 +1,4 @@
-"""Every back end of the renderer against a float64 twin written from the paper (eq. 1)."""
+"""Every back end of the renderer against a float64 reference from the paper (eq. 1)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEPTH_TOLERANCE_M = KAPPA_TOLERANCE * 3.5 / 0.5  # depths 0.5 to 4 m, coverage o
 
 @pytest.fixture(scope="module", params=["cpu", "cuda", "cuda without gsplat"])
 def project(request) -> Iterator[Project]:
-    """The back ends. The last one is that for CUDA, with a stand-in for gsplat and on the CPU."""
+    """Each back end. The last is the CUDA back end on the CPU, with a stand-in for gsplat."""
     if request.param == "cuda without gsplat":
         pytest.importorskip("torch", reason="the back end for CUDA is written in torch")
         import gsplat_in_torch
@@ -105,7 +105,7 @@ def test_kappa_sums_match_the_reference(project, scene, seed):
     sums[projection.rows] = projection.kappa_sums(labels, 3)
     kappa = reference_kappa(means, radius, opacity, VIEW)
     expected = np.stack([kappa[labels == c].sum(axis=0) for c in range(3)], axis=1)
-    # Summed over up to hundreds of pixels, so relative to the sum.
+    # The sums cover up to hundreds of pixels, so the tolerance is relative.
     assert np.allclose(sums, expected, rtol=5e-3, atol=0.05)
 
 
@@ -135,13 +135,15 @@ def test_order_of_gaussians_and_equal_depths_do_not_change_a_pixel(project, scen
 
 @settings(max_examples=8, deadline=None)
 @given(scene=scenes(25), seed=st.integers(0, 2**32 - 1))
-def test_a_renewed_projection_is_that_of_all_that_is_left_and_new(project, scene, seed):
+def test_an_updated_projection_equals_a_new_one_of_the_remaining_and_added_gaussians(
+    project, scene, seed
+):
     means, radius, opacity = scene
     means[:, 2] = np.round(means[:, 2], 1)  # many equal depths
     rng = np.random.default_rng(seed)
     n = len(means)
     at_first, later, gone = rng.random(n) < 0.6, rng.random(n) < 0.6, rng.random(n) < 0.3
-    later &= ~at_first | gone  # some go and come again
+    later &= ~at_first | gone  # some are removed and added again
 
     def of(chosen):
         rows = np.flatnonzero(chosen).astype(np.int32)
@@ -159,7 +161,7 @@ def test_a_renewed_projection_is_that_of_all_that_is_left_and_new(project, scene
     sums = np.zeros((2, n, 3), np.float32)
     for out, projection in zip(sums, (renewed, afresh), strict=True):
         out[projection.rows] = projection.kappa_sums(labels, 3)
-    # The same numbers, added up in the order of the tiles either way.
+    # Both add the same numbers in the order of the tiles.
     assert np.allclose(sums[0], sums[1], rtol=1e-6, atol=1e-6)
 
 
@@ -176,8 +178,8 @@ def test_an_empty_map_renders_as_nothing(project):
     assert not rendering.depth_m.any()
 
 
-def test_a_chunk_is_no_border_and_what_lies_behind_a_finished_row_does_not_show(project):
-    """Hundreds of layers over the same pixels: more than are blended at a time."""
+def test_neither_chunk_borders_nor_finished_rows_change_the_rendering(project):
+    """Hundreds of layers cover the same pixels, more than are blended at a time."""
     rng = np.random.default_rng(3)
     n = 700
     z = rng.uniform(1.0, 4.0, n)
@@ -188,7 +190,7 @@ def test_a_chunk_is_no_border_and_what_lies_behind_a_finished_row_does_not_show(
     projection = project(means.astype(np.float32), radius, opacity, VIEW)
     rendering = projection.render(features[projection.rows])
     kappa = reference_kappa(means.astype(np.float32), radius, opacity, VIEW)
-    # The weakest of 700 end at 1/255 in thousands of pixels: some fall on the other side of it.
+    # The weakest of 700 end at 1/255 in thousands of pixels: some fall on the other side.
     assert np.abs(rendering.coverage - kappa.sum(-1)).max() < KAPPA_TOLERANCE
     expected = np.einsum("hwn,nc->chw", kappa, features)
     assert np.abs(rendering.features - expected).max() < KAPPA_TOLERANCE
@@ -198,8 +200,8 @@ def test_a_chunk_is_no_border_and_what_lies_behind_a_finished_row_does_not_show(
     assert np.allclose(sums[:, 0], kappa.sum(axis=(0, 1)), rtol=5e-3, atol=0.05)
 
 
-def test_the_projection_on_cuda_is_that_on_the_cpu():
-    """The part of the CUDA back end that is plain torch runs anywhere."""
+def test_the_cuda_projection_equals_the_cpu_projection():
+    """The plain torch part of the CUDA back end runs on any device."""
     pytest.importorskip("torch", reason="the projection for CUDA is written in torch")
 
     rng = np.random.default_rng(5)
@@ -222,7 +224,7 @@ def test_the_projection_on_cuda_is_that_on_the_cpu():
     assert np.allclose(theirs.conics.numpy(), natural, rtol=1e-4, atol=1e-5)
 
 
-def test_without_gsplat_the_setting_says_what_to_install(monkeypatch):
+def test_the_cuda_setting_without_gsplat_says_what_to_install(monkeypatch):
     def missing():
         raise ImportError("No module named 'gsplat'")
 

@@ -1,4 +1,4 @@
-"""The shell over a MemoryBus: acknowledgements, contexts, epochs, answers and errors."""
+"""The object map service on a MemoryBus: acknowledgements, contexts, epochs, replies, errors."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ MUG_CENTER = (1.2, 0.0, 0.8)
 
 
 class Rig:
-    """A service on a bus, and everybody else's end of it."""
+    """A service on a bus, and a stand-in for all its clients."""
 
     def __init__(self) -> None:
         hub = MemoryHub()
@@ -81,7 +81,7 @@ def test_warm_up_makes_the_service_ready(rig):
     assert not rig.objects()
 
 
-def test_every_observation_is_acknowledged_and_objects_are_answered(rig):
+def test_every_observation_is_acknowledged_and_its_objects_can_be_queried(rig):
     rig.ask_for()
     rig.see(seq=1)
     rig.see(0.2, 0.3, seq=2)
@@ -99,7 +99,7 @@ def test_every_observation_is_acknowledged_and_objects_are_answered(rig):
     assert not rig.bus.call(OBJECTS, pb.ObjectsRequest(min_class_score=0.99), 1.0).objects
 
 
-def test_an_observation_that_comes_before_its_context_waits_for_it(rig):
+def test_an_observation_waits_for_its_search_context(rig):
     rig.see(seq=1)
     assert not rig.acks
     rig.ask_for()
@@ -115,7 +115,7 @@ def test_observations_of_a_context_that_never_comes_are_refused_with_the_reason(
     assert "c1" in rig.acks[-1].reason
 
 
-def test_an_observation_of_a_context_that_is_over_is_refused(rig):
+def test_an_observation_of_an_ended_context_is_refused(rig):
     rig.ask_for()
     rig.ask_for(SearchContext("c2", (MUG,)))
     rig.see(seq=1)
@@ -124,7 +124,7 @@ def test_an_observation_of_a_context_that_is_over_is_refused(rig):
     assert "c2" in ack.reason
 
 
-def test_a_new_world_epoch_parks_the_map_and_the_old_one_is_refused(rig):
+def test_a_new_world_epoch_parks_the_map_and_observations_of_the_old_one_are_refused(rig):
     rig.ask_for()
     rig.see(seq=1)
     rig.see(seq=1, epoch=1, called={})
@@ -134,7 +134,7 @@ def test_a_new_world_epoch_parks_the_map_and_the_old_one_is_refused(rig):
     assert "put aside" in rig.acks[-1].reason
 
 
-def test_a_strangers_frame_does_not_blind_the_robot(rig):
+def test_a_frame_of_another_sender_does_not_block_the_robots_frames(rig):
     rig.ask_for()
     rig.see(seq=1)
     found = rig.objects()
@@ -148,7 +148,7 @@ def test_a_strangers_frame_does_not_blind_the_robot(rig):
     assert [o.id for o in rig.objects()] == [o.id for o in found]
 
 
-def test_what_cannot_even_be_read_is_answered(rig, monkeypatch):
+def test_an_unreadable_observation_is_acknowledged_as_refused(rig, monkeypatch):
     def broken(_):
         raise ValueError("a fault")
 
@@ -157,7 +157,7 @@ def test_what_cannot_even_be_read_is_answered(rig, monkeypatch):
     assert [a.accepted for a in rig.acks] == [False]
 
 
-def test_a_corrupt_observation_is_refused_and_the_next_one_is_taken(rig):
+def test_a_corrupt_observation_is_refused_and_the_next_one_is_accepted(rig):
     rig.ask_for()
     o = observation_to_proto(observe(SCENE, looking_at(0, 0, MUG_CENTER), seq=1))
     o.frame.T_world_cam.pose.position.x = float("nan")
@@ -167,7 +167,7 @@ def test_a_corrupt_observation_is_refused_and_the_next_one_is_taken(rig):
     assert rig.acks[0].reason
 
 
-def test_the_held_object_does_not_become_one(rig):
+def test_a_held_object_is_not_added_to_the_map(rig):
     rig.ask_for()
     rig.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), held="mug")))
     near = (*ROOM, ("mug", (0.5, -0.1, 0.9), (0.6, 0.1, 1.1)))
@@ -177,7 +177,7 @@ def test_the_held_object_does_not_become_one(rig):
 
 
 @pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
-def test_what_the_frame_says_is_held_counts_whatever_was_reported_since(
+def test_the_held_object_of_the_frame_overrides_that_of_the_robot_state(
     rig, by_then: str, now: str
 ):
     rig.ask_for()
@@ -218,7 +218,7 @@ def test_what_if_answers_per_pose_or_jointly(rig):
     assert joint.information_gain[0] > max(each.information_gain)
 
 
-def test_a_what_if_may_expect_that_a_share_of_a_view_is_something_else(rig):
+def test_a_what_if_gains_less_if_a_share_of_the_view_is_expected_to_be_something_else(rig):
     rig.ask_for()
     rig.see()
     (mug,) = rig.objects("mug")
@@ -232,7 +232,7 @@ def test_a_what_if_may_expect_that_a_share_of_a_view_is_something_else(rig):
             what_if(rig, mug.id, other=wrong)
 
 
-def test_what_if_about_an_unknown_object_or_a_broken_camera_is_invalid_input(rig):
+def test_a_what_if_about_an_unknown_object_or_an_invalid_camera_is_refused(rig):
     rig.ask_for()
     rig.see()
     (mug,) = rig.objects("mug")
@@ -243,7 +243,7 @@ def test_what_if_about_an_unknown_object_or_a_broken_camera_is_invalid_input(rig
         rig.bus.call(WHAT_IF, pb.WhatIfRequest(object_id=mug.id, class_name="mug"), 1.0)
 
 
-def test_retire_by_id_or_point_takes_the_object_out(rig):
+def test_retire_by_id_or_point_removes_the_object(rig):
     rig.ask_for()
     for by_point in (False, True):
         rig.bus.call(RESET_OBJECTS, pb.Empty(), 1.0)
@@ -270,7 +270,7 @@ def test_retire_by_id_or_point_takes_the_object_out(rig):
         rig.bus.call(RETIRE, pb.RetireRequest(), 1.0)
 
 
-def test_gaussians_agree_in_length_and_reset_forgets_them(rig):
+def test_gaussian_arrays_agree_in_length_and_a_reset_clears_them(rig):
     rig.ask_for()
     rig.see()
     reply = rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 1.0)

@@ -1,4 +1,4 @@
-"""Sixteen lanes at once do what numpy does, and the depth order is that of a plain sort."""
+"""SIMD operations on sixteen lanes equal numpy, and the depth order equals a plain sort."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _lanes_at_work(a, b, out):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_lanes_compute_what_numpy_computes(seed):
+def test_simd_lanes_compute_the_same_as_numpy(seed):
     rng = np.random.default_rng(seed)
     a, b = rng.uniform(-20, 20, (2, 17)).astype(np.float32)
     out = np.empty(96, np.float32)
@@ -48,7 +48,7 @@ def test_lanes_compute_what_numpy_computes(seed):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 400), st.integers(1, 50), st.integers(0, 2**32 - 1))
-def test_depth_order_is_near_to_far_and_does_not_depend_on_the_order_given(n, depths, seed):
+def test_depth_order_is_near_to_far_and_independent_of_the_input_order(n, depths, seed):
     rng = np.random.default_rng(seed)
     splats = np.zeros((n, COLUMNS), np.float32)
     splats[:, DEPTH] = rng.choice(rng.uniform(0.05, 100, depths), n)  # many are equal

@@ -1,4 +1,4 @@
-"""Agreement of size with the class: what is usual, and what a strange size costs."""
+"""Agreement of size with the class: usual sizes, and the cost of unusual ones."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ EVER = 1e9  # views
 metres = st.floats(0.01, 5.0)
 
 
-def test_names_that_mean_the_same_to_the_detector_have_the_same_usual_size():
+def test_synonyms_of_the_detector_have_the_same_usual_size():
     text = resources.files("helios_detector").joinpath("synonyms.toml").read_text()
     for row in tomllib.loads(text)["equal"]:
         known = [(name, usual) for name in row if (usual := usual_extents(name)) is not None]
@@ -50,7 +50,7 @@ def test_names_that_mean_the_same_to_the_detector_have_the_same_usual_size():
         assert len(ranges) <= 1, f"{row} differ"
 
 
-def test_ranges_are_ranges_and_the_longer_side_comes_first():
+def test_size_ranges_are_valid_and_the_longer_side_comes_first():
     text = resources.files("helios_objectmap").joinpath("sizes.toml").read_text()
     names = [n for rows in tomllib.loads(text).values() for key in rows for n in key.split(", ")]
     assert len(names) == len(set(names)), "a name stands twice"
@@ -65,7 +65,7 @@ def test_ranges_are_ranges_and_the_longer_side_comes_first():
 
 @settings(max_examples=50, deadline=None)
 @given(metres, metres, metres, st.floats(0, 100))
-def test_agreement_is_the_printed_formula(long, short, high, views):
+def test_agreement_equals_the_documented_formula(long, short, high, views):
     measured = (long, short, high)
     small = max(0.0, math.log(TABLE_M[0][0] / (long + BOX_ERROR_M)) / EDGE_SIGMA) ** 2
     large = 0.0
@@ -79,26 +79,26 @@ def test_agreement_is_the_printed_formula(long, short, high, views):
 
 @settings(max_examples=50, deadline=None)
 @given(st.tuples(*(st.floats(*side) for side in TABLE_M)), st.floats(0, 1000))
-def test_a_usual_size_costs_nothing_and_an_unknown_class_has_no_opinion(measured, views):
+def test_a_usual_size_or_an_unknown_class_costs_nothing(measured, views):
     assert agreement("Dining_Table", np.array(measured), views) == 1.0
     assert agreement("gizmo", np.array(measured), views) == 1.0
 
 
-def test_too_small_costs_nothing_at_first_and_ever_more_and_too_large_costs_at_once():
+def test_too_small_a_size_costs_more_with_every_view_and_too_large_a_size_costs_at_once():
     corner, hall = np.array([0.3, 0.2, 0.1]), np.array([5.0, 4.0, 3.0])
     costs = [agreement("dining table", corner, views) for views in (0, 2, 10, 40)]
     assert costs[0] == 1.0
     assert costs == sorted(costs, reverse=True)
-    assert costs[2] == pytest.approx(0.5, abs=0.01)  # half are seen whole by then
+    assert costs[2] == pytest.approx(0.5, abs=0.01)  # by then half are seen completely
     assert agreement("dining table", hall, 0) == pytest.approx(JOINED, abs=1e-3)
 
 
-def test_a_table_whose_legs_nobody_saw_and_the_back_of_a_chair_above_one_agree():
+def test_a_table_without_its_legs_and_a_chair_back_above_a_table_agree():
     assert agreement("dining table", np.array([2.0, 0.85, 0.05]), EVER) == 1.0
     assert agreement("chair", np.array([0.45, 0.04, 0.10]), EVER) == 1.0
 
 
-def test_what_stands_on_the_floor_is_as_high_as_its_top_where_the_floor_is_known():
+def test_the_height_of_floor_standing_furniture_is_its_top_if_the_floor_is_known():
     rug, back = np.array([1.9, 1.2, 0.02]), np.array([0.45, 0.04, 0.10])
     assert agreement("bed", rug, 0, top_m=None) == 1.0
     assert agreement("bed", rug, 0, top_m=0.02) < 0.1
@@ -108,7 +108,7 @@ def test_what_stands_on_the_floor_is_as_high_as_its_top_where_the_floor_is_known
     assert agreement("picture", np.array([0.5, 0.02, 0.5]), 0, top_m=2.0) == 1.0  # hangs
 
 
-def test_a_thing_may_lie_and_a_piece_of_furniture_may_not():
+def test_a_small_object_may_lie_on_its_side_and_furniture_may_not():
     lying = BOTTLE_M[[2, 0, 1]]
     assert agreement("bottle", BOTTLE_M, EVER) == agreement("bottle", lying, EVER) == 1.0
     fridge = np.array([0.7, 0.6, 1.8])
@@ -117,15 +117,15 @@ def test_a_thing_may_lie_and_a_piece_of_furniture_may_not():
 
 
 @pytest.mark.parametrize("turned_rad", [0.0, 0.4, 1.2, 3.0])
-def test_a_turned_box_measures_what_it_measures_straight(turned_rad):
+def test_the_extents_of_a_box_do_not_depend_on_its_orientation(turned_rad):
     corners = np.array([[0, 0], [1.5, 0], [1.5, 0.7], [0, 0.7], [0.7, 0.3]])
     c, s = math.cos(turned_rad), math.sin(turned_rad)
     turned = corners @ np.array([[c, s], [-s, c]]) + [3, -2]
     assert extents_of(turned, 0.74) == pytest.approx([1.5, 0.7, 0.74], abs=1e-4)
 
 
-def seen(chosen, called, context=CONTEXT) -> ObjectMap:
-    """A map that looks at a mug from five places; called: what the table and the mug are called."""
+def map_with_mug(chosen, called, context=CONTEXT) -> ObjectMap:
+    """A map after views of a mug from five places; called: the classes of table and mug."""
     objects = ObjectMap(chosen)
     for seq, (x, y) in enumerate([(0.0, 0.0), (0.1, 0.3), (0.2, -0.3), (0.3, 0.5), (0.4, -0.5)]):
         T_world_cam = looking_at(x, y, (1.2, 0.0, 0.8))
@@ -140,27 +140,29 @@ TOO_LARGE = SETTINGS.model_copy(update={"size_agreement": "large"})
 FRIDGES = SearchContext("c2", (SearchClass("fridge", Role.OBJECT, 0.3), TABLE))
 
 
-def test_a_mug_as_large_as_a_table_is_believed_less_and_a_mug_as_before():
-    right = [seen(chosen, {3: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE)]
+def test_a_mug_as_large_as_a_table_loses_score_and_a_real_mug_does_not():
+    right = [map_with_mug(chosen, {3: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE)]
     assert [o.score for o in right[0]] == [o.score for o in right[1]]
-    (without,), (huge,) = (seen(chosen, {2: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE))
+    (without,), (huge,) = (
+        map_with_mug(chosen, {2: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE)
+    )
     assert without.score > 0.5
     assert huge.score < 0.2
 
 
-def test_large_asks_only_whether_a_thing_is_too_large():
+def test_the_setting_large_penalises_only_too_large_objects():
     plain, large, on = (
-        seen(chosen, {3: "fridge"}, FRIDGES).objects()[0]
+        map_with_mug(chosen, {3: "fridge"}, FRIDGES).objects()[0]
         for chosen in (SETTINGS, TOO_LARGE, BY_SIZE)
     )
     assert plain.score == large.score  # the mug's top is as high as a small fridge's
     assert on.score < 0.9 * plain.score
-    (huge,) = seen(TOO_LARGE, {2: "mug"}).objects()
+    (huge,) = map_with_mug(TOO_LARGE, {2: "mug"}).objects()
     assert huge.score < 0.2
 
 
-def test_size_changes_scores_and_neither_evidence_nor_instances_and_what_ifs_start_from_them():
-    without, by_size = (seen(chosen, {2: "mug"}) for chosen in (SETTINGS, BY_SIZE))
+def test_size_agreement_changes_scores_and_what_ifs_but_neither_evidence_nor_instances():
+    without, by_size = (map_with_mug(chosen, {2: "mug"}) for chosen in (SETTINGS, BY_SIZE))
     mine, theirs = without.gaussians(), by_size.gaussians()
     assert np.array_equal(mine.concentration, theirs.concentration)
     assert np.array_equal(mine.instance, theirs.instance)

@@ -1,4 +1,4 @@
-"""The store: rows come and go, and are found by place and by instance."""
+"""The Gaussian store: rows are added, removed, and found by place and by instance."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ TestGroups.settings = settings(max_examples=25, stateful_step_count=20, deadline
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, 200), st.floats(0, 1), st.integers(0, 2**32 - 1))
-def test_removal_keeps_the_others_with_all_that_is_known_of_them(n, share, seed):
+def test_removal_keeps_all_data_of_the_other_gaussians(n, share, seed):
     rng = np.random.default_rng(seed)
     store = GaussianStore()
     store.column("a")
@@ -93,12 +93,12 @@ def test_a_view_finds_every_gaussian_that_it_shows(seed, radius_m):
     T[:3, 3] = rng.uniform(-2, 2, 3)
     view = View(60.0, 60.0, 23.5, 17.5, 48, 36, T)
     shown = cpu.project(store.means, store.radius_m, store.opacity, view, far_m=5.0)
-    # Nearer than a few radii the projection smears a Gaussian over the image from outside of it.
+    # Within a few radii, the projection smears Gaussians from outside the image into the image.
     wanted = shown.rows[shown.depth_m > 5 * radius_m]
     assert set(wanted.tolist()) <= set(store.seen_by(view, 5.0).tolist())
 
 
-def test_a_view_does_not_look_at_what_is_behind_it():
+def test_a_view_ignores_gaussians_behind_the_camera():
     store = GaussianStore()
     appended(store, [(0, 0, z) for z in np.linspace(-5, -1.5, 50)])
     ahead = appended(store, [(0, 0, 2.0)])
@@ -107,7 +107,7 @@ def test_a_view_does_not_look_at_what_is_behind_it():
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 1.2))
-def test_near_finds_everything_within_reach(seed, reach_m):
+def test_near_finds_every_gaussian_within_reach(seed, reach_m):
     rng = np.random.default_rng(seed)
     store = GaussianStore()
     appended(store, rng.uniform(-2, 2, (300, 3)))
@@ -117,7 +117,7 @@ def test_near_finds_everything_within_reach(seed, reach_m):
     assert set(np.flatnonzero(gap <= reach_m).tolist()) <= found
 
 
-def test_places_that_were_left_for_good_take_no_room():
+def test_places_without_gaussians_take_no_memory():
     rng = np.random.default_rng(0)
     store, sizes = GaussianStore(), []
     for lap in range(60):
@@ -147,7 +147,7 @@ def test_a_new_column_has_no_evidence_and_a_dropped_one_is_forgotten():
     assert store.class_column[:11].tolist() == [0] * 10 + [-1]
 
 
-def test_too_many_go_by_belief_first_and_then_by_when_they_were_seen():
+def test_surplus_gaussians_without_a_class_go_first_and_then_the_longest_unseen():
     believed = np.array([0, -1, 1, -1, 0, -1, 0, 0, 0, 0], np.int16)
     seen = np.arange(10)
     assert not len(surplus(believed, seen, 10))

@@ -1,4 +1,4 @@
-"""What is said of an instance, and views counted for it, against plain numpy."""
+"""The summary of an instance and its view counts, against plain numpy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def scene(seed: int, n: int) -> GaussianStore:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 7, 300, 5000]), st.floats(0.1, 3))
-def test_an_instance_is_described_as_its_gaussians_say(seed, n, prior):
+def test_the_summary_of_an_instance_follows_from_its_gaussians(seed, n, prior):
     store = scene(seed, n)
     rows = np.flatnonzero(np.random.default_rng(seed).random(n) < 0.8).astype(np.int32)
     if not len(rows):

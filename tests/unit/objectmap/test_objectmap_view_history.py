@@ -1,4 +1,4 @@
-"""Hindsight: what earlier views said of a place counts for what is found there later."""
+"""Hindsight: earlier views of a place count for objects that are detected there later."""
 
 import numpy as np
 import pytest
@@ -27,18 +27,18 @@ BY_SIDES = ObjectMapSettings(stride_px=1, evidence="sides", named_from=0.2)
 LOOKING_BACK = BY_SIDES.model_copy(update={"evidence": "hindsight"})
 HOME = (*ROOM, mug_at(1.4, 0.0))
 MUG_AT = (1.4, 0.0, 0.8)
-NOTHING: dict[int, str] = {}  # the detector names nothing
+NOTHING: dict[int, str] = {}  # the detector finds nothing
 MUG_NAMED = {3: "mug"}
 EYES = [(0.2, 0.0), (0.3, -0.8), (0.3, 0.8), (0.9, -1.2)]
 
 
-def walked(
+def map_after_views(
     named: list[dict[int, str]],
     settings: ObjectMapSettings,
     contexts: list[SearchContext],
     eyes: list[tuple[float, float]] = EYES,
 ) -> ObjectMap:
-    """A map after a look at the mug from each of the first eyes."""
+    """A map after one view of the mug from each of the first eyes."""
     object_map = ObjectMap(settings)
     for k, (eye, names, context) in enumerate(zip(eyes, named, contexts, strict=False)):
         seen = observe(HOME, looking_at(*eye, MUG_AT), context=context, seq=k, called=names)
@@ -52,14 +52,14 @@ def mugs(object_map: ObjectMap) -> list[float]:
 
 def test_views_before_the_first_detection_count_like_those_after_it() -> None:
     named, contexts = [MUG_NAMED, NOTHING, NOTHING, NOTHING], [CONTEXT] * 4
-    after = walked(named, LOOKING_BACK, contexts)
-    before = walked(named[::-1], LOOKING_BACK, contexts, EYES[::-1])
-    forgetful = walked(named[::-1], BY_SIDES, contexts, EYES[::-1])
+    after = map_after_views(named, LOOKING_BACK, contexts)
+    before = map_after_views(named[::-1], LOOKING_BACK, contexts, EYES[::-1])
+    forgetful = map_after_views(named[::-1], BY_SIDES, contexts, EYES[::-1])
     assert mugs(before) == pytest.approx(mugs(after), abs=0.03)
-    assert mugs(forgetful)[0] > mugs(after)[0] + 0.1  # what hindsight is for
+    assert mugs(forgetful)[0] > mugs(after)[0] + 0.1  # the purpose of hindsight
 
 
-def test_what_was_hidden_or_out_of_view_says_nothing() -> None:
+def test_past_views_that_did_not_show_the_place_do_not_count() -> None:
     object_map = ObjectMap(LOOKING_BACK)
     shut = ("door", (0.6, -3.0, 0.0), (0.65, 3.0, 2.5))
     for k, T in enumerate([looking_at(0.2, 0.0, MUG_AT), looking_at(0.2, 0.0, (-2.0, 0.0, 0.5))]):
@@ -71,17 +71,19 @@ def test_what_was_hidden_or_out_of_view_says_nothing() -> None:
     assert mugs(object_map) == mugs(alone)
 
 
-def test_a_view_that_did_not_ask_for_a_class_says_nothing_of_it() -> None:
+def test_past_views_without_a_class_in_their_context_do_not_count_for_that_class() -> None:
     others = SearchContext("c0", (TABLE, COUNTER))
-    asked_late = walked([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [others, others, CONTEXT])
-    asked_early = walked([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [CONTEXT] * 3)
+    asked_late = map_after_views(
+        [NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [others, others, CONTEXT]
+    )
+    asked_early = map_after_views([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [CONTEXT] * 3)
     assert mugs(asked_late)[0] > mugs(asked_early)[0] + 0.05
 
 
-def test_after_a_pick_the_past_says_nothing_of_objects() -> None:
-    """What is found there now may have come since."""
+def test_views_before_a_pick_do_not_count_for_objects() -> None:
+    """An object that is detected there later may have arrived since."""
     context = SearchContext("c1", (MUG, TABLE))
-    object_map = walked([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [context] * 3)
+    object_map = map_after_views([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [context] * 3)
     (mug,) = (o for o in object_map.objects() if o.class_name == "mug")
     object_map.retire(mug.id)
     object_map.update(observe(HOME, looking_at(*EYES[3], MUG_AT), seq=4, called=MUG_NAMED), context)
@@ -89,11 +91,12 @@ def test_after_a_pick_the_past_says_nothing_of_objects() -> None:
     fresh.update(observe(HOME, looking_at(*EYES[3], MUG_AT), seq=4, called=MUG_NAMED), context)
     assert mugs(object_map) == pytest.approx(mugs(fresh), abs=0.02)
     assert (
-        mugs(fresh)[0] > mugs(walked([NOTHING] * 3 + [MUG_NAMED], LOOKING_BACK, [context] * 4))[0]
+        mugs(fresh)[0]
+        > mugs(map_after_views([NOTHING] * 3 + [MUG_NAMED], LOOKING_BACK, [context] * 4))[0]
     )
 
 
-def test_standing_still_keeps_one_past_view() -> None:
+def test_standing_still_stores_one_past_view() -> None:
     object_map = ObjectMap(LOOKING_BACK)
     for k in range(5):
         object_map.update(
@@ -102,7 +105,7 @@ def test_standing_still_keeps_one_past_view() -> None:
     assert len(object_map._past) == 1
 
 
-def test_the_oldest_past_views_go() -> None:
+def test_the_oldest_past_views_are_dropped() -> None:
     past = PastViews(most=2)
     for k, eye in enumerate(EYES[:3]):
         seen = observe(HOME, looking_at(*eye, MUG_AT), seq=k)
@@ -113,8 +116,10 @@ def test_the_oldest_past_views_go() -> None:
     np.testing.assert_allclose(eyes, EYES[1:3])
 
 
-def shown_plainly(points: NDArray[np.float32], view: View, depth_mm: NDArray) -> list[int]:
-    """One point after the other, as view_history.py has it."""
+def visible_points_reference(
+    points: NDArray[np.float32], view: View, depth_mm: NDArray
+) -> list[int]:
+    """Visible points by the rule of view_history.py, one point at a time."""
     out = []
     for k, point in enumerate(points.astype(float)):
         x, y, z = (view.T_cam_world @ [*point, 1.0])[:3]
@@ -130,7 +135,7 @@ def shown_plainly(points: NDArray[np.float32], view: View, depth_mm: NDArray) ->
 
 
 @given(seed=st.integers(0, 10_000), x=st.floats(-1, 1), y=st.floats(-2, 2))
-def test_the_kernel_shows_what_its_readable_twin_shows(seed: int, x: float, y: float) -> None:
+def test_the_kernel_equals_the_reference(seed: int, x: float, y: float) -> None:
     rng = np.random.default_rng(seed)
     seen = observe(HOME, looking_at(x, y, MUG_AT), seq=seed)
     past = PastViews(most=1)
@@ -139,6 +144,6 @@ def test_the_kernel_shows_what_its_readable_twin_shows(seed: int, x: float, y: f
     kept = past._views[0]
     shown = list(past.of(points))
     found = shown[0].points.tolist() if shown else []
-    assert found == shown_plainly(points, kept.view, kept.depth_mm)
+    assert found == visible_points_reference(points, kept.view, kept.depth_mm)
     if shown:
         assert len(shown[0].labels) == len(found)

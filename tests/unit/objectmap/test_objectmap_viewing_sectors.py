@@ -1,4 +1,4 @@
-"""Evidence by sides: against a twin in plain Python, its bounds, what-ifs, and what is kept."""
+"""Evidence by viewing sectors: plain Python reference, bounds, what-ifs and map files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe
 
 SIDES = SETTINGS.model_copy(update={"evidence": "sides"})
-FULL, ALPHA = 4.0, 6.0  # side_views and alpha_side of the tests of the pure parts
+FULL, ALPHA = 4.0, 6.0  # side_views and alpha_side in the tests of the pure functions
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -41,7 +41,7 @@ def store_of(means, classes=1) -> GaussianStore:
 
 
 def views_of(rng, n, classes, count, spread_rad=math.pi):
-    """Views as (kappa, weights, eye), from all around or from within one side."""
+    """Views as (kappa, weights, eye), from all around or from within one sector."""
     for _ in range(count):
         turn = rng.uniform(-spread_rad, spread_rad) + math.pi / SECTORS
         kappa = rng.choice([0, 0.1, 1, 40], (n, 1)) * rng.dirichlet(np.ones(classes + 1), n)
@@ -57,7 +57,7 @@ def take(store, view) -> None:
 
 
 def reference(means, views, classes):
-    """(positive, asked) [n, classes] of eq. 3 by sides, in plain Python."""
+    """(positive, asked) [n, classes] of eq. 3 by viewing sectors, in plain Python."""
     positive, asked = np.zeros((len(means), classes)), np.zeros((len(means), classes))
     for i, place in enumerate(means):
         for c in range(classes):
@@ -65,7 +65,7 @@ def reference(means, views, classes):
             for kappa, weights, eye_m in views:
                 away = eye_m - place
                 side = int(math.degrees(math.atan2(away[1], away[0])) % 360 // 30)
-                vote = kappa[i] / max(kappa[i].sum(), WHOLE_KAPPA)  # at most one in all
+                vote = kappa[i] / max(kappa[i].sum(), WHOLE_KAPPA)  # at most one in total
                 own[side] += weights[i, c] * vote[1 + c]
                 everything[side] += weights[i, c] * vote.sum()
             for v_c, v in zip(own, everything, strict=True):
@@ -76,7 +76,7 @@ def reference(means, views, classes):
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS, st.integers(1, 3), st.integers(1, 15))
-def test_evidence_is_that_of_the_twin(seed, classes, count):
+def test_evidence_equals_the_reference(seed, classes, count):
     rng = np.random.default_rng(seed)
     means = rng.uniform(-1, 1, (4, 3)).astype(np.float32)
     store, views = store_of(means, classes), list(views_of(rng, 4, classes, count))
@@ -88,7 +88,7 @@ def test_evidence_is_that_of_the_twin(seed, classes, count):
     assert np.allclose(store.total_evidence, asked, atol=rounding)
 
 
-def test_sides_are_sectors_of_30_degrees_around_the_thing_whatever_the_height():
+def test_viewing_sectors_span_30_degrees_around_a_gaussian_at_any_height():
     means = np.zeros((1, 3), np.float32)
     turns = np.radians([1, 29, 31, 179, 181, 359])
     eyes_m = [(math.cos(t), math.sin(t), z) for t, z in zip(turns, [0, 9, 0, 1, 2, 3], strict=True)]
@@ -97,9 +97,7 @@ def test_sides_are_sectors_of_30_degrees_around_the_thing_whatever_the_height():
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS, st.integers(1, 60))
-def test_one_side_never_counts_more_than_alpha_side_and_all_never_more_than_their_number(
-    seed, count
-):
+def test_evidence_is_at_most_alpha_side_per_viewing_sector(seed, count):
     rng = np.random.default_rng(seed)
     for spread_rad, sides in ((math.pi / SECTORS * 0.9, 1), (math.pi, SECTORS)):
         store = store_of(np.zeros((5, 3)), 2)
@@ -130,7 +128,7 @@ def test_the_order_of_views_does_not_matter(seed, count):
     assert np.allclose(one.total_evidence, other.total_evidence, atol=1e-4)
 
 
-def test_a_view_is_one_vote_however_many_pixels_and_less_where_there_is_hardly_any():
+def test_a_view_is_at_most_one_vote_and_less_at_a_low_blending_weight():
     store = store_of(np.zeros((4, 3)))
     kappa = np.array([[0, 1000], [0, WHOLE_KAPPA], [0, WHOLE_KAPPA / 2], [0, 0]], np.float32)
     took = add_votes(
@@ -140,7 +138,7 @@ def test_a_view_is_one_vote_however_many_pixels_and_less_where_there_is_hardly_a
     assert took.tolist() == [0, 1, 2]
 
 
-def test_a_side_that_is_reported_for_hours_keeps_counting_in_full_by_its_mean():
+def test_a_sector_seen_for_hours_still_counts_in_full_by_its_mean():
     store, eye_m = store_of(np.zeros((1, 3))), np.ones(3)
     for k in range(3 * MOST_VOTES):
         kappa = np.array([[1, 3] if k % 2 else [3, 1]], np.float32)
@@ -154,10 +152,10 @@ def test_a_side_that_is_reported_for_hours_keeps_counting_in_full_by_its_mean():
 
 @settings(max_examples=30, deadline=None)
 @given(SEEDS, st.integers(0, 30))
-def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_side_was_not_told(
+def test_a_prediction_equals_a_view_that_shows_the_class_in_the_open_share_of_its_sector(
     seed, count
 ):
-    """And as far as it was told, shows again what was told."""
+    """In the share that was seen before, the view repeats the mean of the earlier votes."""
     rng = np.random.default_rng(seed)
     n = 6
     store = store_of(rng.uniform(-1, 1, (n, 3)))
@@ -186,7 +184,7 @@ def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_sid
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS, st.integers(0, 20), st.integers(1, 10))
-def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each(
+def test_a_joint_prediction_equals_the_real_views_and_is_at_most_the_sum_of_single_ones(
     seed, reported, count
 ):
     rng = np.random.default_rng(seed)
@@ -212,7 +210,7 @@ def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each
 
 MUG_CENTER = (1.2, 0.0, 0.8)
 SCENE = (*ROOM, mug_at(1.2, 0.0))
-ONE_SIDE = [(0.0, 0.02 * k) for k in range(10)]  # all within 30 degrees of the mug
+ONE_SIDE = [(0.0, 0.02 * k) for k in range(10)]  # all within 30 degrees around the mug
 
 
 def built(chosen, places=ONE_SIDE, objects: ObjectMap | None = None, start=0) -> ObjectMap:
@@ -233,8 +231,8 @@ def view_from(x, y) -> View:
     return View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T_world_cam)
 
 
-def again_of(objects: ObjectMap, chosen) -> ObjectMap:
-    """The map from its file, in a map of other settings."""
+def reloaded(objects: ObjectMap, chosen) -> ObjectMap:
+    """The map after saving, loaded into a map with other settings."""
     again = ObjectMap(chosen)
     data = persistence.to_bytes(persistence.arrays_of(objects.content(), None))
     again.load_content(persistence.read(data, again.empty_viewpoints()).memory)
@@ -244,34 +242,34 @@ def again_of(objects: ObjectMap, chosen) -> ObjectMap:
 
 @pytest.fixture(scope="module")
 def reported() -> ObjectMap:
-    """What was seen from one side; not to be changed."""
+    """A map of a mug that was seen from one side; tests must not change it."""
     return built(SIDES.model_copy(update={"side_views": 3.0}))
 
 
-def test_a_view_from_a_side_that_was_told_promises_little(reported):
+def test_a_view_from_a_seen_sector_promises_little_information(reported):
     mug = mug_of(reported)
     answer = reported.what_if(mug.id, "mug", [view_from(0.0, 0.06), view_from(1.2, -1.2)])
     assert answer is not None
     (same, new), together = answer
-    # Not nothing: in the corners are Gaussians that were hidden so far.
+    # More than nothing: Gaussians in the corners were hidden so far.
     assert same.information_gain < 0.2 * new.information_gain
     assert same.psi - mug.score < 0.2 * (new.psi - mug.score)
     assert together.psi == pytest.approx(new.psi, abs=0.02)
 
 
-def test_a_what_if_foretells_a_real_view_of_a_new_side(reported):
-    objects = again_of(reported, SIDES.model_copy(update={"side_views": 3.0}))
-    built(SIDES, [(0.8, 0.9)], objects, start=20)  # makes Gaussians of the surface there
+def test_a_what_if_predicts_a_real_view_from_a_new_sector(reported):
+    objects = reloaded(reported, SIDES.model_copy(update={"side_views": 3.0}))
+    built(SIDES, [(0.8, 0.9)], objects, start=20)  # creates Gaussians of the surface there
     before = mug_of(objects)
     answer = objects.what_if(before.id, "mug", [view_from(0.7, 1.0)])
     assert answer is not None
     after = mug_of(built(SIDES, [(0.7, 1.0)], objects, start=21))
     assert after.score > before.score + 0.02
-    # The real view also makes Gaussians that have been seen once.
+    # The real view also creates Gaussians that have been seen once.
     assert after.score == pytest.approx(answer[0][0].psi, abs=0.05)
 
 
-def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_nothing():
+def test_evidence_by_views_stores_no_votes_and_ignores_the_sector_settings():
     plain = built(SETTINGS)
     other = built(SETTINGS.model_copy(update={"side_views": 1.0, "alpha_side": 1.0}))
     assert plain.content().store.votes.nbytes == 0
@@ -281,11 +279,11 @@ def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_no
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
-def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(reported):
+def test_a_map_file_keeps_the_votes_and_the_loaded_map_continues_identically(reported):
     chosen = SIDES.model_copy(update={"side_views": 3.0})
-    one, other = again_of(reported, chosen), again_of(reported, chosen)
+    one, other = reloaded(reported, chosen), reloaded(reported, chosen)
     assert np.array_equal(one.content().store.votes, reported.content().store.votes)
-    other = again_of(other, chosen)
+    other = reloaded(other, chosen)
     more = [(0.1, 0.3), (0.3, 0.5)]
     for objects in (one, other):
         built(chosen, more, objects, 20)
@@ -294,11 +292,11 @@ def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(r
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
 
-def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_the_map(reported):
-    by_views = again_of(reported, SETTINGS)
+def test_a_file_of_the_other_evidence_rule_keeps_its_evidence_and_follows_the_new_rule(reported):
+    by_views = reloaded(reported, SETTINGS)
     assert [o.score for o in by_views.objects()] == [o.score for o in reported.objects()]
     assert by_views.content().store.votes.nbytes == 0
-    by_sides = again_of(built(SETTINGS), SIDES)
+    by_sides = reloaded(built(SETTINGS), SIDES)
     assert not by_sides.content().store.votes.any()
     for objects, chosen in ((by_views, SETTINGS), (by_sides, SIDES)):
         store = objects.content().store
@@ -311,7 +309,7 @@ def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_
     assert by_sides.content().store.votes.any()
 
 
-def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
+def test_a_file_with_invalid_votes_is_refused(reported):
     arrays = persistence.arrays_of(reported.content(), None)
     wrong = {
         "more for a class than in all": arrays["store.votes"][..., ::-1] + np.uint16(1),
@@ -326,8 +324,8 @@ def test_a_file_with_votes_that_make_no_sense_is_refused(reported):
             )
 
 
-def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_others(reported):
-    objects = again_of(reported, SIDES.model_copy(update={"max_classes": 2}))
+def test_retiring_an_object_or_dropping_a_class_removes_only_its_own_votes(reported):
+    objects = reloaded(reported, SIDES.model_copy(update={"max_classes": 2}))
     store = objects.content().store
 
     def votes_by_place() -> dict[bytes, bytes]:
@@ -346,12 +344,12 @@ def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_ot
     assert votes_by_place() == left
     store.append(
         store.means[:3] + 9, store.radius_m[:3], 0.9, np.zeros((3, 3), np.uint8), 99
-    )  # in rows that others had
+    )  # in rows of removed Gaussians
     assert not store.votes[-3:].any()
 
 
-def test_of_two_things_joined_the_box_is_of_the_one_that_is_believed_more() -> None:
-    """Masks that run over join what stands together; a gripper goes to the middle of the box."""
+def test_the_box_of_two_joined_objects_is_that_of_the_likelier_one() -> None:
+    """Masks that run over join adjacent objects; a gripper goes to the middle of the box."""
     object_map = ObjectMap(SIDES.model_copy(update={"named_from": 0.2}))
     home = (*ROOM, mug_at(1.4, 0.0), mug_at(1.4, 0.12))
     for k, y in enumerate(np.linspace(-1.2, 1.2, 9)):
@@ -359,7 +357,7 @@ def test_of_two_things_joined_the_box_is_of_the_one_that_is_believed_more() -> N
         seen = observe(home, looking_at(0.4, y, (1.4, 0.0, 0.8)), seq=k, called=called)
         object_map.update(seen, CONTEXT)
     (joined,) = (o for o in object_map.objects() if o.class_name == "mug")
-    assert abs(joined.center_m[1]) < 0.03  # 0.06 is between them
+    assert abs(joined.center_m[1]) < 0.03  # 0.06 is between the mugs
     grasp = object_map.grasp(joined.id)
     assert grasp is not None
-    assert abs(grasp.center_m[1]) < 0.03  # 0.06 is between them
+    assert abs(grasp.center_m[1]) < 0.03  # 0.06 is between the mugs
