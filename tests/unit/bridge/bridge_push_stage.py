@@ -1,4 +1,4 @@
-"""A bridge that takes frames from outside, maps that answer it, and such a frame."""
+"""Test rig: a bridge for pushed frames, maps that acknowledge them, and a pushed frame."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ALL = {"map2d/occupancy", "map2d/value", "objectmap/objects"}
 
 
 def pushed(**id_: Any) -> pb.Frame:
-    """A frame as an outsider sends it: without T_world_base."""
+    """A frame as an external sender pushes it: without T_world_base."""
     frame = frame_to_proto(
         Frame(
             FrameId("", 0, 0), 5, True, np.full((12, 16, 3), 9, np.uint8),
@@ -37,7 +37,7 @@ def pushed(**id_: Any) -> pb.Frame:
 
 
 class Rig:
-    """A bridge that takes frames, and maps that answer what `parts` says."""
+    """A bridge that accepts pushed frames, and maps that acknowledge the parts in `parts`."""
 
     def __init__(self, driver: RobotDriver | None = None, **settings: Any) -> None:
         hub = MemoryHub()

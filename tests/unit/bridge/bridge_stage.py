@@ -1,4 +1,4 @@
-"""A bridge over a MemoryBus with a robot of arrays, and somebody who drives."""
+"""Test rig: a bridge on a MemoryBus with a fake robot, and a client that drives it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CAMERA = Pinhole(8.0, 8.0, 8.0, 6.0, 16, 12)
 
 
 class LineRobot(RobotDriver):
-    """Drives along x. With `frames`, it is a recording of that many."""
+    """Drives along x. With `frames` it is a recording of that many frames."""
 
     def __init__(self, frames: int | None = None) -> None:
         self.x_m = 0.0
@@ -77,7 +77,7 @@ class LineRobot(RobotDriver):
 
 
 class Stage:
-    """A bridge with its robot, and somebody who drives."""
+    """A bridge with its robot, and a client that drives it."""
 
     def __init__(self, robot: LineRobot | None = None, **settings: Any) -> None:
         hub = MemoryHub()

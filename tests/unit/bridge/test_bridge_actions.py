@@ -1,4 +1,4 @@
-"""An action over the bridge: done once by its id, shown by a keyframe, answered by the maps."""
+"""Actions over the bridge: executed once per id, shown by a keyframe, answered by the maps."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_an_action_ends_with_a_keyframe_that_the_result_names() -> None:
     np.testing.assert_allclose(frame.depth_m, 1.5, atol=5e-4)
 
 
-def test_an_action_without_a_keyframe_tells_where_the_robot_is() -> None:
+def test_an_action_without_a_keyframe_reports_the_robot_pose() -> None:
     stage = Stage(stream_hz=0.0)
     result = stage.drive("a", no_keyframe=True)
     assert result.succeeded
@@ -45,17 +45,17 @@ def test_an_action_without_a_keyframe_tells_where_the_robot_is() -> None:
     assert stage.drive("b").keyframe.seq == stage.keyframes[0].id.seq
 
 
-def test_frames_stream_on_while_the_robot_moves_without_keyframes() -> None:
+def test_stream_frames_continue_while_the_robot_moves_without_keyframes() -> None:
     stage = Stage(stream_hz=60.0)
     frames: list[pb.Frame] = []
     stage.other.subscribe(FRAME, frames.append)
-    stage.drive("a", no_keyframe=True)  # the last look is longer ago than one period
+    stage.drive("a", no_keyframe=True)  # the last image is older than one period
     assert [f.keyframe for f in frames] == [False]
     assert stage.keyframes == []
 
 
-def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None:
-    """So that a map knows what is held when the hand is in the picture."""
+def test_the_robot_state_after_an_action_is_published_before_its_keyframe() -> None:
+    """A map must know the held object when the hand appears in the image."""
 
     class Taking(LineRobot):
         def state(self) -> RobotState:
@@ -70,14 +70,14 @@ def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None
     assert [frame_from_proto(k).held for k in stage.keyframes] == ["mug"]
 
 
-def test_the_same_action_asked_for_twice_is_done_once() -> None:
+def test_an_action_with_a_repeated_id_is_executed_once() -> None:
     stage = Stage()
     first, second = stage.drive("a"), stage.drive("a")
     assert first == second
     assert len(stage.robot.done) == 1
 
 
-def test_an_action_after_which_the_camera_failed_moves_the_robot_once() -> None:
+def test_an_action_repeated_after_a_camera_failure_moves_the_robot_once() -> None:
     class Blinking(LineRobot):
         blinks = 1
 
@@ -105,13 +105,13 @@ def test_a_late_action_is_refused() -> None:
 
 
 @pytest.mark.parametrize("distance_m", [float("nan"), float("inf")])
-def test_an_action_that_makes_no_sense_is_refused(distance_m: float) -> None:
+def test_an_action_with_a_non_finite_distance_is_refused(distance_m: float) -> None:
     with pytest.raises(InvalidInput, match="finite"):
         Stage().drive("a", distance_m)
 
 
 @pytest.mark.parametrize("action_id", ["", "x" * 10_000])
-def test_an_action_without_a_sensible_id_is_refused(action_id: str) -> None:
+def test_an_empty_or_overlong_action_id_is_refused(action_id: str) -> None:
     stage = Stage()
     with pytest.raises(InvalidInput, match="id"):
         stage.drive(action_id)
@@ -119,14 +119,14 @@ def test_an_action_without_a_sensible_id_is_refused(action_id: str) -> None:
 
 
 @pytest.mark.parametrize("left_s", [float("nan"), float("inf"), 1e9])
-def test_an_action_without_an_end_is_refused(left_s: float) -> None:
+def test_an_action_with_an_invalid_time_limit_is_refused(left_s: float) -> None:
     stage = Stage()
     with pytest.raises(InvalidInput, match="time_remaining_s"):
         stage.drive("a", left_s=left_s)
     assert not stage.robot.done
 
 
-def test_in_lockstep_a_keyframe_waits_for_the_answers_of_all_maps() -> None:
+def test_lockstep_waits_for_the_answers_of_all_maps() -> None:
     stage = Stage(lockstep=True, ack_timeout_s=5.0)
 
     def answer(frame: pb.Frame) -> None:
@@ -142,7 +142,7 @@ def test_in_lockstep_a_keyframe_waits_for_the_answers_of_all_maps() -> None:
     assert stage.health.state[0] != "degraded"
 
 
-def test_in_lockstep_nobody_waits_for_what_the_detector_refused_to_find() -> None:
+def test_lockstep_does_not_wait_for_detections_that_the_detector_refused() -> None:
     stage = Stage(lockstep=True, ack_timeout_s=60.0)
 
     def answer(frame: pb.Frame) -> None:
@@ -155,7 +155,7 @@ def test_in_lockstep_nobody_waits_for_what_the_detector_refused_to_find() -> Non
     assert "unanswered_keyframes" not in stage.health.metrics()
 
 
-def test_in_lockstep_an_answer_of_the_detector_is_not_one_of_the_maps() -> None:
+def test_lockstep_does_not_count_an_answer_of_the_detector_as_one_of_a_map() -> None:
     stage = Stage(lockstep=True, ack_timeout_s=0.05)
     done = pb.Ack(service="detector", part="observation", accepted=True)
 
@@ -168,7 +168,7 @@ def test_in_lockstep_an_answer_of_the_detector_is_not_one_of_the_maps() -> None:
     assert "map2d/value" in stage.health.state[1]
 
 
-def test_in_lockstep_a_missing_answer_is_said_by_name() -> None:
+def test_lockstep_names_the_map_part_that_does_not_answer() -> None:
     stage = Stage(lockstep=True, ack_timeout_s=0.05)
     stage.drive("a")
     state, reason = stage.health.state
@@ -176,10 +176,10 @@ def test_in_lockstep_a_missing_answer_is_said_by_name() -> None:
     assert "map2d/value" in reason
 
 
-def test_the_state_names_the_action_that_was_done_last() -> None:
+def test_the_state_names_the_last_executed_action() -> None:
     stage = Stage()
     assert stage.bridge.state().last_action_id == ""
     stage.drive("a")
     stage.drive("b")
-    stage.drive("a")  # asked for again, and not done
+    stage.drive("a")  # a repeated id: not executed again
     assert stage.bridge.state().last_action_id == "b"

@@ -1,4 +1,4 @@
-"""A robot without depth: the bridge asks for it before a frame is published."""
+"""A robot without depth: the bridge requests an estimate before it publishes a frame."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class BlindRobot(RobotDriver):
 
 
 class Rig:
-    """A bridge that asks for depth, and whoever makes it."""
+    """A bridge that requests depth, and a fake depth estimator."""
 
     def __init__(self, depth: Literal["sensor", "estimated"] = "estimated") -> None:
         hub = MemoryHub()
@@ -85,7 +85,7 @@ class Rig:
         return self.bus.call(ACT, request, 5.0)
 
 
-def test_a_frame_goes_out_with_the_depth_that_was_made_of_its_colour():
+def test_a_frame_is_published_with_depth_estimated_from_its_colour():
     rig = Rig()
     rig.serve()
     rig.look()
@@ -97,7 +97,7 @@ def test_a_frame_goes_out_with_the_depth_that_was_made_of_its_colour():
     assert request.raw_color.data == b"\x07" * (12 * 16 * 3)
 
 
-def test_a_focal_length_of_the_models_own_becomes_the_frames():
+def test_the_frame_uses_the_focal_length_of_the_depth_model():
     rig = Rig()
     rig.serve()
     rig.focal_px = 16.0
@@ -106,7 +106,7 @@ def test_a_focal_length_of_the_models_own_becomes_the_frames():
     assert (camera.fx, camera.fy, camera.cx) == (16.0, 18.0, 8.0)
 
 
-def test_with_its_own_sensor_nobody_is_asked():
+def test_a_robot_with_a_depth_sensor_requests_no_estimate():
     rig = Rig("sensor")
     rig.serve()
     rig.look()
@@ -114,7 +114,7 @@ def test_with_its_own_sensor_nobody_is_asked():
     assert (frame_from_proto(rig.frames[0]).depth_m == 0).all()
 
 
-def test_without_somebody_who_makes_depth_no_frame_goes_out_and_it_is_said():
+def test_a_missing_depth_estimator_raises_an_error_and_no_frame_is_published():
     rig = Rig()
     with pytest.raises(Unavailable):
         rig.look()
@@ -131,7 +131,7 @@ def test_depth_of_another_size_is_refused():
 
 
 @pytest.mark.parametrize("focal_px", [0.0, -8.0, float("nan"), float("inf")])
-def test_depth_with_a_focal_length_that_is_none_is_refused(focal_px: float):
+def test_depth_with_an_invalid_focal_length_is_refused(focal_px: float):
     rig = Rig()
     rig.serve()
     rig.focal_px = focal_px

@@ -1,4 +1,4 @@
-"""A fault of somebody's own driver arrives as a sentence: the driver, the method, what it did."""
+"""A fault in a user's driver becomes one sentence with the driver, the method and the fault."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ME = f"{__name__}:Misbehaving"
 
 
 class Misbehaving(LineRobot):
-    """Each method gives what the test says, or raises it where it is an exception; `...`: right."""
+    """Each method returns the test's value, or raises it if it is an exception; `...`: correct."""
 
     gives: dict[str, Any]
 
@@ -95,7 +95,7 @@ def test_a_fault_in_act_names_driver_and_method_until_an_action_succeeds(
         assert "in act" in caplog.text  # the traceback
     stage.bridge._publisher.capture_and_wait(
         keyframe=False
-    )  # an image is no sign that it can drive again
+    )  # an image does not show that the robot can drive
     assert stage.health.state[0] == "degraded"
     robot.gives.clear()
     assert stage.drive("good again").succeeded
@@ -105,7 +105,9 @@ def test_a_fault_in_act_names_driver_and_method_until_an_action_succeeds(
 
 @pytest.mark.parametrize("method", ["capture", "state"])
 @pytest.mark.parametrize("gives", [None, [1, 2], OSError("USB unplugged")])
-def test_so_does_a_fault_in_what_is_asked_while_the_robot_stands(method: str, gives: Any) -> None:
+def test_a_fault_in_capture_or_state_names_driver_and_method_until_it_is_over(
+    method: str, gives: Any
+) -> None:
     robot, health = Misbehaving(), Health()
     bridge = BridgeService(MemoryBus(MemoryHub()), robot, Settings(stream_hz=50), health)
     bridge.start()
@@ -122,12 +124,12 @@ def test_so_does_a_fault_in_what_is_asked_while_the_robot_stands(method: str, gi
 
 
 @pytest.mark.parametrize("gives", [None, "a robot", ZeroDivisionError("a slip")])
-def test_so_does_a_description_that_is_none(gives: Any) -> None:
+def test_a_fault_in_describe_names_driver_and_method(gives: Any) -> None:
     with pytest.raises(Internal, match=r"the driver .*:Misbehaving .* describe\(\)"):
         BridgeService(MemoryBus(MemoryHub()), Misbehaving(describe=gives), Settings(), Health())
 
 
-def test_a_stop_that_raises_is_said_to_whoever_asked_for_it() -> None:
+def test_a_fault_in_stop_is_reported_to_the_caller() -> None:
     stage = Stage(Misbehaving(stop=OSError("no route")))
     from helios_core import proto as pb
     from helios_core.topics import STOP
@@ -137,13 +139,13 @@ def test_a_stop_that_raises_is_said_to_whoever_asked_for_it() -> None:
     assert stage.health.state[0] == "degraded"
 
 
-def test_typed_errors_of_a_driver_are_its_own_words() -> None:
+def test_a_typed_error_of_a_driver_keeps_its_message() -> None:
     stage = Stage(Misbehaving(act=Unavailable("the arm is asleep; wake it")))
     with pytest.raises(Unavailable, match=r"^the arm is asleep; wake it$"):
         stage.drive("a")
 
 
-def test_the_same_fault_fills_no_log(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_repeated_fault_is_logged_with_one_traceback(caplog: pytest.LogCaptureFixture) -> None:
     stage = Stage(Misbehaving(capture=OSError("USB unplugged")))
     with caplog.at_level(logging.ERROR):
         for _ in range(20):

@@ -1,4 +1,4 @@
-"""A driver that does not come back: it is said within a deadline, and the bridge still ends."""
+"""A driver call that hangs is reported within a deadline, and the bridge can still end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.unit.bridge.bridge_stage import LineRobot, Stage
 
 
 class Hanging(LineRobot):
-    """Its stop comes back when `go_on` is set."""
+    """Its stop returns when `go_on` is set."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ def stop(stage: Stage) -> None:
     stage.other.call(STOP, pb.StopRequest(reason="a person"), 10)
 
 
-def test_a_stop_that_hangs_is_said_and_no_action_begins(stage: Stage) -> None:
+def test_a_hanging_stop_is_reported_and_no_action_starts(stage: Stage) -> None:
     with pytest.raises(DeadlineExceeded, match="may still move: use its own emergency stop"):
         stop(stage)
     assert "emergency stop" in stage.health.state[1]
@@ -57,7 +57,7 @@ def test_a_stop_that_hangs_is_said_and_no_action_begins(stage: Stage) -> None:
     assert stage.robot.done == []
 
 
-def test_frames_of_the_stream_do_not_hide_that_the_stop_hangs() -> None:
+def test_stream_frames_do_not_hide_a_hanging_stop() -> None:
     robot = Hanging()
     stage = Stage(robot, stop_timeout_s=0.1, stream_hz=30.0, lockstep=False)
     try:
@@ -76,7 +76,7 @@ def test_frames_of_the_stream_do_not_hide_that_the_stop_hangs() -> None:
         stage.bridge.close()
 
 
-def test_stops_that_come_while_one_hangs_are_no_further_calls_of_the_driver(stage: Stage) -> None:
+def test_further_stops_do_not_call_the_driver_while_a_stop_hangs(stage: Stage) -> None:
     for _ in range(3):
         with pytest.raises(DeadlineExceeded):
             stop(stage)
@@ -84,7 +84,7 @@ def test_stops_that_come_while_one_hangs_are_no_further_calls_of_the_driver(stag
     assert stage.robot.stops == 1
 
 
-def test_a_stop_that_hangs_cannot_be_cleared_until_it_has_come_back(stage: Stage) -> None:
+def test_a_hanging_stop_cannot_be_cleared_until_the_driver_returns(stage: Stage) -> None:
     with pytest.raises(DeadlineExceeded):
         stop(stage)
     with pytest.raises(Conflict, match="has not come back"):
@@ -98,7 +98,7 @@ def test_a_stop_that_hangs_cannot_be_cleared_until_it_has_come_back(stage: Stage
     assert stage.drive("a").succeeded
 
 
-def test_a_stop_that_fails_says_why() -> None:
+def test_a_failed_stop_is_reported_with_its_reason() -> None:
     class Away(LineRobot):
         def stop(self, reason: str) -> None:
             raise Unavailable("no answer from the robot")
@@ -110,7 +110,7 @@ def test_a_stop_that_fails_says_why() -> None:
         stage.drive("a")
 
 
-def test_closing_names_what_hangs_and_does_not_wait_for_it() -> None:
+def test_closing_names_the_hanging_call_and_does_not_wait_for_its_end() -> None:
     never = threading.Event()
 
     class Stubborn(LineRobot):
@@ -122,7 +122,7 @@ def test_closing_names_what_hangs_and_does_not_wait_for_it() -> None:
     never.set()
 
 
-def test_ending_ends_the_wait_for_the_maps() -> None:
+def test_ending_the_acks_ends_the_wait_for_the_maps() -> None:
     acks, executor = KeyframeAcks(), DriverExecutor()
 
     def wait() -> None:
@@ -175,7 +175,7 @@ def test_the_process_ends_although_the_driver_hangs(tmp_path: Path) -> None:
     assert "FATAL" not in said
 
 
-def test_a_keyframe_that_waits_for_a_map_says_so_and_ending_is_no_fault_of_the_map(
+def test_a_waiting_keyframe_names_its_map_and_closing_counts_no_unanswered_keyframe(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("helios_bridge.frame_publisher.SAY_WAITING_S", 0.05)

@@ -1,4 +1,4 @@
-"""Who may drive: one at a time, for as long as it goes on asking."""
+"""The lease: one client drives at a time, for as long as it keeps sending actions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from helios_core.topics import LEASE
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
 
 
-def test_without_the_present_lease_nobody_drives() -> None:
+def test_an_action_without_the_current_lease_is_refused() -> None:
     stage = Stage()
     stage.drive("a")
     with pytest.raises(Conflict, match="planner drives the robot"):
@@ -23,7 +23,7 @@ def test_without_the_present_lease_nobody_drives() -> None:
     assert len(stage.robot.done) == 1
 
 
-def test_a_refused_action_may_be_asked_for_again_with_its_id() -> None:
+def test_a_refused_action_may_be_repeated_with_the_same_id() -> None:
     stage = Stage()
     stage.drive("a")
     stage.other.call(LEASE, pb.LeaseRequest(holder="other", take=True), 1)
@@ -33,7 +33,7 @@ def test_a_refused_action_may_be_asked_for_again_with_its_id() -> None:
     assert stage.drive("b").succeeded
 
 
-def test_a_lease_ends_by_itself() -> None:
+def test_an_unused_lease_expires() -> None:
     now = [0.0]
     lease = Lease(10.0, 0, clock=lambda: now[0])
     token = lease.grant("planner")
@@ -44,14 +44,14 @@ def test_a_lease_ends_by_itself() -> None:
     now[0] = 29.0
     with pytest.raises(Conflict, match="ran out"):
         lease.check(token)
-    lease.renew(token)  # its last action took so long
+    lease.renew(token)  # its last action took that long
     lease.check(token)
     lease.renew(token - 1)
     now[0] = 50.0
     assert lease.grant("other") > token
 
 
-def test_an_action_longer_than_the_lease_leaves_its_driver_the_lease() -> None:
+def test_a_client_keeps_its_lease_during_an_action_longer_than_the_lease() -> None:
     now = [0.0]
 
     class Slow(LineRobot):
@@ -65,7 +65,7 @@ def test_an_action_longer_than_the_lease_leaves_its_driver_the_lease() -> None:
     assert stage.drive("b").succeeded
 
 
-def test_a_lease_that_is_given_back_is_free_at_once() -> None:
+def test_a_released_lease_is_free_at_once() -> None:
     stage = Stage()
     stage.drive("a")
     release = pb.LeaseRequest(release_token=stage.token)
@@ -75,7 +75,7 @@ def test_a_lease_that_is_given_back_is_free_at_once() -> None:
     assert stage.other.call(LEASE, pb.LeaseRequest(holder="other"), 1).token > stage.token
 
 
-def test_an_older_lease_that_is_given_back_changes_nothing() -> None:
+def test_releasing_an_older_lease_has_no_effect() -> None:
     stage = Stage()
     before = stage.other.call(LEASE, pb.LeaseRequest(holder="planner"), 1).token
     stage.drive("a")

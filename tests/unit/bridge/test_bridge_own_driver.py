@@ -1,4 +1,4 @@
-"""What the bridge says to the author of a driver that is not right yet."""
+"""Errors of the bridge for the author of a driver that is not correct yet."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Other: ...
         ("robot", "wanted one of sim, replay, spot, push, bus or package:Class"),
     ],
 )
-def test_a_driver_that_cannot_be_made_is_refused_with_the_reason(
+def test_a_driver_that_cannot_be_created_is_refused_with_the_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str
 ) -> None:
     (tmp_path / "own_robot_of_a_test.py").write_text(SOURCE)
@@ -66,7 +66,7 @@ def test_a_driver_that_cannot_be_made_is_refused_with_the_reason(
         ({"height_m": float("nan")}, "height_m nan"),
     ],
 )
-def test_a_robot_that_there_cannot_be_is_refused_before_anybody_hears_of_it(
+def test_an_impossible_robot_description_is_refused_before_publication(
     wrong: dict[str, float], said: str
 ) -> None:
     class Wrong(LineRobot):
@@ -93,7 +93,7 @@ def test_a_robot_that_there_cannot_be_is_refused_before_anybody_hears_of_it(
         ({"T_world_cam": camera_on_base(np.eye(4), 500.0, 0.5)}, "height of 500.0 m"),
     ],
 )
-def test_an_image_that_is_none_is_refused_before_it_goes_out(
+def test_an_invalid_image_is_refused_before_publication(
     wrong: dict[str, np.ndarray], said: str
 ) -> None:
     class Wrong(LineRobot):
@@ -106,7 +106,7 @@ def test_an_image_that_is_none_is_refused_before_it_goes_out(
     assert stage.keyframes == []
 
 
-def test_a_fault_in_a_driver_is_said_and_the_stream_goes_on_when_it_is_over() -> None:
+def test_a_driver_fault_is_reported_and_the_stream_continues_after_the_fault() -> None:
     class Faulty(LineRobot):
         good = False
 

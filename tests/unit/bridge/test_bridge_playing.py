@@ -1,4 +1,4 @@
-"""A recording as a robot: it plays when the maps are ready, and says what it left out."""
+"""A recording as a robot: it plays when the maps are ready and reports skipped frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.support import wait_until
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
 
 
-def test_a_recording_plays_once_the_maps_are_ready_and_says_its_end() -> None:
+def test_a_recording_plays_when_the_maps_are_ready_and_reports_its_end() -> None:
     stage = Stage(LineRobot(frames=3))
     states: list[pb.RobotState] = []
     stage.other.subscribe(ROBOT_STATE, states.append)
@@ -35,7 +35,7 @@ def test_a_recording_plays_once_the_maps_are_ready_and_says_its_end() -> None:
     stage.bridge.close()
 
 
-def test_a_recording_whose_driver_fails_says_so() -> None:
+def test_a_fault_in_the_driver_of_a_recording_is_reported() -> None:
     class Failing(LineRobot):
         def capture(self) -> Capture:
             raise OverflowError("timeout value is too large")
@@ -59,7 +59,7 @@ class Scratched(LineRobot):
         return out
 
 
-def played(**settings: object) -> Stage:
+def play_scratched_recording(**settings: object) -> Stage:
     stage = Stage(Scratched(frames=4), contexts=True, **settings)
     stage.bridge.start()
     for service in ("detector", "objectmap", "map2d"):
@@ -67,8 +67,8 @@ def played(**settings: object) -> Stage:
     return stage
 
 
-def test_frames_that_cannot_be_read_are_left_out_counted_and_said() -> None:
-    stage = played()
+def test_unreadable_frames_are_skipped_counted_and_reported() -> None:
+    stage = play_scratched_recording()
     wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
     said = "some frames were left out, the last: frame 3 is no image"
     wait_until(lambda: stage.health.state[1] == said, 5, "it is said")
@@ -78,8 +78,8 @@ def test_frames_that_cannot_be_read_are_left_out_counted_and_said() -> None:
     stage.bridge.close()
 
 
-def test_a_strict_replay_ends_at_a_frame_that_cannot_be_read() -> None:
-    stage = played(strict=True)
+def test_a_strict_replay_ends_at_an_unreadable_frame() -> None:
+    stage = play_scratched_recording(strict=True)
     wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
     assert "frame 2 is no image" in stage.health.state[1]
     assert len(stage.keyframes) == 1
@@ -119,7 +119,7 @@ def test_detections_are_not_waited_for_before_the_first_search() -> None:
     stage.bridge.close()
 
 
-def test_a_service_that_works_with_limits_keeps_no_recording_waiting() -> None:
+def test_a_recording_does_not_wait_for_a_degraded_service() -> None:
     stage = Stage(LineRobot(frames=3), contexts=True)
     stage.bridge.start()
     for service, state in (("detector", "degraded"), ("objectmap", "ready"), ("map2d", "ready")):

@@ -1,4 +1,4 @@
-"""Frames from outside: named by the bridge, announced to the maps, answered by them, in turn."""
+"""Pushed frames: numbered by the bridge, announced to the maps, answered by them, in turn."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support import wait_until
 from tests.unit.bridge.bridge_push_stage import ALL, T_WORLD_CAM, Rig, answered, pushed
 
 
-def test_a_frame_becomes_a_keyframe_and_its_answer_says_which_maps_took_it() -> None:
+def test_a_pushed_frame_becomes_a_keyframe_and_the_reply_lists_the_maps_that_accept() -> None:
     rig = Rig()
     reply = rig.push(pushed(), classes=("mug",))
     assert answered(reply) == ALL
@@ -31,7 +31,7 @@ def test_a_frame_becomes_a_keyframe_and_its_answer_says_which_maps_took_it() -> 
     assert frame.keyframe
 
 
-def test_frames_are_numbered_and_their_world_is_the_senders() -> None:
+def test_pushed_frames_are_numbered_and_keep_the_world_of_their_sender() -> None:
     rig = Rig()
     ids = [rig.push(pushed(robot_boot_id="me", world_epoch=3, seq=77)).id for _ in range(3)]
     assert ids[0].seq < ids[1].seq < ids[2].seq
@@ -41,7 +41,7 @@ def test_frames_are_numbered_and_their_world_is_the_senders() -> None:
     assert state.last_seq == ids[2].seq
 
 
-def test_the_origin_of_a_sender_goes_with_its_frames_and_its_state() -> None:
+def test_the_origin_id_of_a_sender_is_in_its_keyframes_and_the_state() -> None:
     rig = Rig()
     for origin_id in ("kitchen", "garage", ""):
         frame = pushed(robot_boot_id="me")
@@ -51,14 +51,14 @@ def test_the_origin_of_a_sender_goes_with_its_frames_and_its_state() -> None:
         assert rig.bridge.state().origin_id == origin_id
 
 
-def test_an_origin_with_too_long_a_name_is_refused() -> None:
+def test_an_overlong_origin_id_is_refused() -> None:
     frame = pushed()
     frame.origin_id = "x" * 65
     with pytest.raises(InvalidInput, match="origin_id is longer than 64"):
         Rig().push(frame)
 
 
-def test_the_maps_hear_of_a_new_world_before_its_first_frame() -> None:
+def test_a_new_world_is_published_before_its_first_frame() -> None:
     rig = Rig()
     heard: list[tuple[str, int]] = []
     rig.other.subscribe(ROBOT_STATE, lambda s: heard.append(("state", s.world_epoch)))
@@ -68,7 +68,7 @@ def test_the_maps_hear_of_a_new_world_before_its_first_frame() -> None:
         assert heard.index(("state", epoch)) < heard.index(("frame", epoch))
 
 
-def test_the_robots_state_is_told_after_each_frame() -> None:
+def test_the_robot_state_is_published_after_each_frame() -> None:
     rig = Rig()
     reported: list[pb.RobotState] = []
     rig.other.subscribe(ROBOT_STATE, reported.append)
@@ -77,13 +77,13 @@ def test_the_robots_state_is_told_after_each_frame() -> None:
         assert (reported[-1].robot_boot_id, reported[-1].last_seq) == ("me", id.seq)
 
 
-def test_without_a_world_of_its_own_all_frames_share_the_bridges() -> None:
+def test_frames_without_a_world_share_the_world_of_the_bridge() -> None:
     rig = Rig()
     first, second = rig.push(pushed()).id, rig.push(pushed()).id
     assert first.robot_boot_id == second.robot_boot_id != ""
 
 
-def test_a_refusal_of_a_map_comes_back_with_its_reason() -> None:
+def test_the_reply_contains_the_reason_of_a_refusal_by_a_map() -> None:
     rig = Rig()
     rig.refusal = "another world epoch"
     reply = rig.push(pushed())
@@ -91,14 +91,14 @@ def test_a_refusal_of_a_map_comes_back_with_its_reason() -> None:
     assert answered(reply) == set()
 
 
-def test_a_map_that_does_not_answer_is_named() -> None:
+def test_the_reply_names_the_map_parts_that_do_not_answer() -> None:
     rig = Rig()
     rig.parts = {"map2d/occupancy"}
     reply = rig.push(pushed(), classes=("mug",))
     assert list(reply.unanswered) == ["map2d/value", "objectmap/objects"]
 
 
-def test_what_the_detector_refused_is_not_waited_for_and_its_reason_comes_back() -> None:
+def test_detections_that_the_detector_refused_are_not_waited_for_and_the_reason_returns() -> None:
     rig = Rig()
     rig.parts = {"map2d/occupancy"}
 
@@ -114,7 +114,7 @@ def test_what_the_detector_refused_is_not_waited_for_and_its_reason_comes_back()
     assert ("detector", False, "no model") in reported
 
 
-def test_while_nothing_is_looked_for_only_the_occupancy_is_waited_for() -> None:
+def test_only_the_occupancy_is_waited_for_without_a_search() -> None:
     rig = Rig()
     rig.parts = {"map2d/occupancy"}
     reply = rig.push(pushed(), wait_s=LONGEST_WAIT_S)
@@ -122,7 +122,7 @@ def test_while_nothing_is_looked_for_only_the_occupancy_is_waited_for() -> None:
     assert list(reply.unanswered) == []
 
 
-def test_a_search_that_somebody_else_began_is_waited_for_too() -> None:
+def test_the_parts_of_a_search_by_another_client_are_waited_for() -> None:
     rig = Rig()
     rig.parts = {"map2d/occupancy"}
     rig.other.publish(CONTEXT, pb.SearchContext(id="a task"))
@@ -137,7 +137,7 @@ def test_a_frame_is_captured_once() -> None:
         driver.capture()
 
 
-def test_what_is_looked_for_is_announced_once_and_anew_when_it_changes() -> None:
+def test_a_search_context_is_published_once_and_again_when_the_classes_change() -> None:
     rig = Rig()
     for classes in (("mug", " dining  table "), ("mug", "dining table"), (), ("sofa",)):
         rig.push(pushed(), classes=classes)
@@ -148,7 +148,7 @@ def test_what_is_looked_for_is_announced_once_and_anew_when_it_changes() -> None
     assert len({context.id for context in rig.contexts}) == 2
 
 
-def test_a_frame_without_depth_is_taken_where_depth_is_estimated() -> None:
+def test_a_frame_without_depth_is_accepted_if_depth_is_estimated() -> None:
     rig, frame = Rig(depth="estimated"), pushed()
     frame.ClearField("raw_depth")
     depth = pushed().raw_depth
@@ -159,7 +159,7 @@ def test_a_frame_without_depth_is_taken_where_depth_is_estimated() -> None:
     np.testing.assert_allclose(frame_from_proto(rig.keyframes[0]).depth_m, 1.5, atol=1e-6)
 
 
-def test_frames_that_come_together_are_taken_one_after_the_other() -> None:
+def test_concurrent_frames_are_handled_one_after_the_other() -> None:
     rig = Rig()
     replies: list[pb.PushReply] = []
     senders = [
@@ -173,7 +173,9 @@ def test_frames_that_come_together_are_taken_one_after_the_other() -> None:
     assert all(answered(reply) for reply in replies)
 
 
-def test_a_frame_that_has_to_wait_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_that_waits_too_long_for_its_turn_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("helios_bridge.pushed_frames.LONGEST_TURN_S", 0.05)
     rig = Rig()
     begun, go_on = threading.Event(), threading.Event()

@@ -1,4 +1,4 @@
-"""Frames from outside that are refused, with a reason; the next one is taken all the same."""
+"""Pushed frames that are refused with a reason; the next frame is still accepted."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _long_name(frame: pb.Frame) -> None:
         (_long_name, "robot_boot_id"),
     ],
 )
-def test_a_frame_that_does_not_hold_together_is_refused_and_the_next_is_taken(
+def test_an_inconsistent_frame_is_refused_and_the_next_frame_is_accepted(
     spoil: Callable[[pb.Frame], None], said: str
 ) -> None:
     rig, frame = Rig(), pushed()
@@ -101,7 +101,7 @@ ON_FLOOR = se2_to_se3(1.0, 2.0, 0.3)
         (T_WORLD_CAM, se2_to_se3(40.0, 2.0, 0.3), "39.0 m from its base"),
     ],
 )
-def test_poses_that_no_robot_has_are_refused(
+def test_implausible_poses_are_refused(
     T_world_cam: np.ndarray, T_world_base: np.ndarray | None, said: str
 ) -> None:
     rig = Rig()
@@ -119,29 +119,31 @@ def test_poses_that_no_robot_has_are_refused(
         (raised(T_WORLD_CAM, 8.0), None),  # on a mast
         (T_WORLD_CAM @ np.diag([-1.0, -1.0, 1.0, 1.0]), None),  # a camera that hangs upside down
         (camera_on_base(ON_FLOOR, 1.1, np.pi / 2), None),  # straight down
-        (T_WORLD_CAM, ON_FLOOR @ raised(np.eye(4), 0.5)),  # a body's frame for the base's
+        (T_WORLD_CAM, ON_FLOOR @ raised(np.eye(4), 0.5)),  # the body frame, not the base frame
     ],
 )
-def test_unusual_robots_are_taken(T_world_cam: np.ndarray, T_world_base: np.ndarray | None) -> None:
+def test_unusual_but_possible_poses_are_accepted(
+    T_world_cam: np.ndarray, T_world_base: np.ndarray | None
+) -> None:
     rig = Rig()
     assert answered(rig.push(posed(T_world_cam, T_world_base)))
 
 
 @pytest.mark.parametrize("wait_s", [-1.0, float("nan"), float("inf"), 1e6])
-def test_a_wait_that_makes_no_sense_is_refused(wait_s: float) -> None:
+def test_an_invalid_wait_time_is_refused(wait_s: float) -> None:
     with pytest.raises(InvalidInput, match="wait_s"):
         Rig().push(pushed(), wait_s=wait_s)
 
 
 @pytest.mark.parametrize("classes", [("",), ("x" * 65,), tuple(f"c{i}" for i in range(65))])
-def test_names_that_make_no_sense_are_refused(classes: tuple[str, ...]) -> None:
+def test_invalid_class_names_are_refused(classes: tuple[str, ...]) -> None:
     rig = Rig()
     with pytest.raises(InvalidInput, match="classes"):
         rig.push(pushed(), classes=classes)
     assert rig.contexts == []
 
 
-def test_a_claimed_size_allocates_nothing() -> None:
+def test_a_huge_claimed_image_size_allocates_no_memory() -> None:
     rig, frame = Rig(depth="estimated"), pushed()
     frame.ClearField("raw_depth")
     frame.calibration.width = frame.calibration.height = 2**32 - 1
@@ -149,7 +151,7 @@ def test_a_claimed_size_allocates_nothing() -> None:
         rig.push(frame)
 
 
-def test_a_robot_with_a_camera_of_its_own_takes_no_frames() -> None:
+def test_a_robot_with_its_own_camera_refuses_pushed_frames() -> None:
     rig = Rig(LineRobot())
     with pytest.raises(Conflict, match="--robot push"):
         rig.push(pushed())

@@ -1,4 +1,4 @@
-"""What ends an action early: stop-now, and the watchdog."""
+"""Actions that end early: by stop-now or by the watchdog."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_stop_now_ends_the_running_action_latches_and_needs_an_explicit_clear() 
     assert stage.drive("b").succeeded
 
 
-def test_the_watchdog_stops_an_action_that_outlives_its_time() -> None:
+def test_the_watchdog_stops_an_action_that_exceeds_its_time_limit() -> None:
     stage = Stage()
     stage.bridge.start()
     stage.robot.hold.clear()
@@ -40,7 +40,7 @@ def test_the_watchdog_stops_an_action_that_outlives_its_time() -> None:
     stage.bridge.close()
 
 
-def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
+def test_the_watchdog_survives_a_robot_that_does_not_answer() -> None:
     stage = Stage()
 
     def deaf(reason: str) -> None:
@@ -56,9 +56,11 @@ def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
     stage.bridge.close()
 
 
-def test_a_stop_that_comes_while_another_is_cleared_holds() -> None:
-    """A clear takes its time (a robot is asked over a network), and at its end the driver forgets
-    every stop."""
+def test_a_stop_during_the_clear_of_another_stop_stays_latched() -> None:
+    """A clear takes time, since the robot is reached over a network.
+
+    At its end the driver forgets every stop.
+    """
     stage = Stage()
     asked, go_on = threading.Event(), threading.Event()
 
@@ -90,7 +92,7 @@ def test_a_stop_that_comes_while_another_is_cleared_holds() -> None:
     assert stage.drive("b").succeeded
 
 
-def test_the_first_reason_of_a_stop_outlives_the_next_stop() -> None:
+def test_the_first_stop_reason_is_kept_when_further_stops_follow() -> None:
     stage = Stage()
     for reason in ("a child", "helios stop", "a child", ""):
         stage.other.call(STOP, pb.StopRequest(reason=reason), 1)

@@ -1,4 +1,4 @@
-"""An action that waits for its turn: what happened meanwhile counts, and so does its time."""
+"""An action that waits for its turn: a stop, a lost lease or its time limit still refuses it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from tests.unit.bridge.bridge_stage import Stage
 
 
 def wait_for_its_turn(stage: Stage) -> None:
-    """An action runs, and another one came after it."""
+    """Wait until one action runs and a second one waits."""
     known = stage.bridge._actions._results
     wait_until(lambda: stage.robot.done and len(known) == 2, 5, "the second action waits")
 
 
-def refused(stage: Stage, meanwhile: Callable[[], object], left_s: float = 5) -> Exception:
-    """Why an action was not done that waited for its turn while something happened."""
+def refusal_of_waiting_action(
+    stage: Stage, meanwhile: Callable[[], object], left_s: float = 5
+) -> Exception:
+    """Run `meanwhile` while an action waits for its turn; return the error that refuses it."""
     stage.drive("before")
     stage.bridge._actions._results.clear()
     stage.robot.done.clear()
@@ -49,25 +51,27 @@ def refused(stage: Stage, meanwhile: Callable[[], object], left_s: float = 5) ->
     return errors[0]
 
 
-def test_a_stop_reaches_an_action_that_waits_for_its_turn() -> None:
+def test_a_stop_refuses_an_action_that_waits_for_its_turn() -> None:
     stage = Stage()
     # The robot forgets the stop itself: the bridge must not rely on it.
     stage.robot.stop = lambda reason: None
-    why = refused(stage, lambda: stage.other.call(STOP, pb.StopRequest(reason="a child"), 1))
+    why = refusal_of_waiting_action(
+        stage, lambda: stage.other.call(STOP, pb.StopRequest(reason="a child"), 1)
+    )
     assert isinstance(why, Conflict)
     assert "a child" in str(why)
-    assert stage.bridge.state().stopped  # whatever the robot says
+    assert stage.bridge.state().stopped  # whatever the robot reports
 
 
-def test_a_lease_that_was_taken_reaches_an_action_that_waits_for_its_turn() -> None:
+def test_a_taken_lease_refuses_an_action_that_waits_for_its_turn() -> None:
     stage = Stage()
     take = pb.LeaseRequest(holder="other", take=True)
-    why = refused(stage, lambda: stage.other.call(LEASE, take, 1))
+    why = refusal_of_waiting_action(stage, lambda: stage.other.call(LEASE, take, 1))
     assert isinstance(why, Conflict)
     assert "ask for a new one" in str(why)
 
 
-def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() -> None:
+def test_an_action_waits_for_a_hanging_robot_no_longer_than_its_time_limit() -> None:
     stage = Stage()
     errors: list[Exception] = []
 
@@ -86,7 +90,7 @@ def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() ->
     assert isinstance(errors[0], DeadlineExceeded)
 
 
-def test_answers_of_the_newest_frames_are_remembered() -> None:
+def test_only_the_answers_of_the_newest_frames_are_kept() -> None:
     acks = KeyframeAcks(remembered=2)
     for seq in range(4):
         for part in ("occupancy", "value"):

@@ -1,4 +1,4 @@
-"""The contract suite can fail: each common slip of a driver breaks the claim that is about it."""
+"""The contract suite finds faults: each common driver mistake fails the claim about it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from helios_examples.room_robot import ROBOT, RoomRobot
 
 
 class Described(RoomRobot):
-    """Describes itself wrongly."""
+    """Gives a wrong description of itself."""
 
     def __init__(self, **wrong: Any) -> None:
         super().__init__()
@@ -32,7 +32,7 @@ class Described(RoomRobot):
 
 
 class Seeing(RoomRobot):
-    """Its images go through a slip."""
+    """Applies `slip` to every image."""
 
     def __init__(self, slip: Callable[[Capture], Capture]) -> None:
         super().__init__()
@@ -79,7 +79,7 @@ class Sideways(RoomRobot):
 
 
 class Reversing(RoomRobot):
-    """Drives back, which it has not said that it can."""
+    """Drives back although its description does not allow it."""
 
     def _do(self, action) -> str:
         if isinstance(action, Forward):
@@ -88,7 +88,7 @@ class Reversing(RoomRobot):
 
 
 class AsAsked(RoomRobot):
-    """Reports what it was asked to do, and does half of it."""
+    """Reports the requested distance and drives half of it."""
 
     def _do(self, action) -> str:
         return super()._do(
@@ -102,7 +102,7 @@ class Forgetful(RoomRobot):
 
 
 class Deaf(RoomRobot):
-    """Takes a stop and drives on until its action has ended."""
+    """Accepts a stop but drives on until its action has ended."""
 
     def _move(self, ahead_m: float, left_rad: float) -> str:
         stopped, self._stopped = self._stopped, type(self._stopped)()
@@ -132,7 +132,7 @@ class Stuck(RoomRobot):
 
 
 class OneBuffer(RoomRobot):
-    """Gives the same array every time and paints over it."""
+    """Returns the same array every time and overwrites it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -147,7 +147,7 @@ class OneBuffer(RoomRobot):
 
 
 class Raising(RoomRobot):
-    """Raises where a failed result is due."""
+    """Raises an exception instead of returning a failed result."""
 
     def _do(self, action) -> str:
         why_not = super()._do(action)
@@ -157,14 +157,14 @@ class Raising(RoomRobot):
 
 
 class Lost(RoomRobot):
-    """Names its origin by the moment."""
+    """Has another origin id at every call."""
 
     def state(self) -> RobotState:
         return replace(super().state(), origin_id=f"room {time.monotonic_ns()}")
 
 
 class Renamed(RoomRobot):
-    """Names its origin anew at each start."""
+    """Has another origin id at each start."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -246,12 +246,12 @@ SLIPS: list[tuple[Callable[[], RoomRobot], str]] = [
 @pytest.mark.parametrize(
     ("make", "claim"), SLIPS, ids=[f"{c}-{i}" for i, (_, c) in enumerate(SLIPS)]
 )
-def test_a_slip_breaks_its_claim(
+def test_each_driver_mistake_fails_its_claim(
     make: Callable[[], RoomRobot], claim: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_contract.stop_claims.WITHIN_S", 0.5)
     check = getattr(DriverContract(), claim)
-    # It holds of the driver without the slip.
+    # The claim holds for the driver without the mistake.
     check(Rig(RoomRobot(), started_again=lambda: closing(RoomRobot())))
     with pytest.raises((AssertionError, ValueError, HeliosError)):
         check(Rig(make(), started_again=lambda: closing(make())))

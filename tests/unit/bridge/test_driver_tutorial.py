@@ -1,4 +1,4 @@
-"""The lesson of docs/tutorials/your-own-robot.md: copy the example driver, check it, break it."""
+"""The tutorial docs/tutorials/your-own-robot.md: copy the example driver, check it, break it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PAGE = ROOT / "docs/tutorials/your-own-robot.md"
 
 
 def copied_driver(folder: Path) -> Path:
-    """my_robot.py, made by the commands of the page."""
+    """Run the commands of the page and return the path of my_robot.py."""
     blocks = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (commands,) = (block for block in blocks if "CHECKOUT" in block)
     script = commands.replace("CHECKOUT", str(ROOT))
@@ -22,15 +22,15 @@ def copied_driver(folder: Path) -> Path:
     return folder / "my_robot" / "my_robot.py"
 
 
-def contract(driver: Path) -> subprocess.CompletedProcess[str]:
+def run_contract(driver: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "helios_contract", "my_robot:MyRobot"],
         cwd=driver.parent, capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
 
 
-def test_the_copied_driver_keeps_the_contract(tmp_path: Path) -> None:
-    done = contract(copied_driver(tmp_path))
+def test_the_copied_driver_passes_the_contract_suite(tmp_path: Path) -> None:
+    done = run_contract(copied_driver(tmp_path))
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr
 
 
@@ -40,6 +40,6 @@ def test_the_wrong_sign_of_the_page_fails_the_claim_about_turning(tmp_path: Path
     right = wrong.replace("self._yaw_rad - left_rad", "self._yaw_rad + left_rad")
     assert right in driver.read_text()
     driver.write_text(driver.read_text().replace(right, wrong))
-    done = contract(driver)
+    done = run_contract(driver)
     assert done.returncode == 1
     assert "test_a_positive_turn_goes_left_by_that_angle FAILED" in done.stdout

@@ -1,4 +1,7 @@
-"""`helios up` with a real router and one small service: `client_small_stack.py PORT DIR`."""
+"""Run `helios up` with a real router and services that do nothing.
+
+Usage: `client_small_stack.py PORT DIR PRESET`.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,12 @@ from helios_core.health import Health
 from helios_core.service_process import run_service
 from helios_core.settings import ServiceSettings
 
-SLIPS = "detector"  # a service that is degraded
+SLIPS = "detector"  # the service that reports "degraded"
 WHY = "the detector mine gave in detect() a mask uint8 (4, 4)"
 
 
-class Small:
-    """A service that does nothing but be ready, or degraded."""
+class IdleService:
+    """A service that only reports ready or degraded."""
 
     def __init__(self, bus: Bus, health: Health, name: str) -> None:
         if name == SLIPS:
@@ -32,7 +35,7 @@ class Small:
 
 
 class SmallStack(StackOptions):
-    """The router, and services that need nothing else."""
+    """The router, and services that depend on nothing else."""
 
     def processes(self) -> tuple[ProcessSpec, ...]:
         router, *_ = super().processes()
@@ -48,7 +51,7 @@ def main() -> int:
     if sys.argv[1] == "service":
         name = sys.argv[2]
         settings = ServiceSettings.load(sys.argv[3:])
-        return run_service(name, settings, lambda bus, health: Small(bus, health, name))
+        return run_service(name, settings, lambda bus, health: IdleService(bus, health, name))
     port, folder, preset = int(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
     stack = SmallStack("sim", free_port(), folder, port=port, preset=preset)
     try:

@@ -1,4 +1,4 @@
-"""A gateway over made-up services, and the command line against it."""
+"""Fixtures: a gateway with fake services, and the command line connected to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The words of `helios replay` as a search context."""
+"""`--classes` and `--thresholds` of `helios replay` become a search context."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 
-def test_classes_and_thresholds_by_name() -> None:
+def test_flags_give_classes_with_their_thresholds_by_name() -> None:
     context = search_context_from_flags(" cup, dining  table", "dining table=0.35")
     assert [(c.name, c.threshold, c.role) for c in context.classes] == [
         ("cup", DEFAULT_THRESHOLD, Role.WATCH),
@@ -18,7 +18,7 @@ def test_classes_and_thresholds_by_name() -> None:
     ]
 
 
-def test_names_may_be_in_any_case_and_with_underscores() -> None:
+def test_class_names_ignore_case_and_accept_underscores() -> None:
     context = search_context_from_flags("Cup,Dining_Table", "DINING table=0.35")
     assert [(c.name, c.threshold) for c in context.classes] == [
         ("cup", DEFAULT_THRESHOLD),
@@ -27,19 +27,19 @@ def test_names_may_be_in_any_case_and_with_underscores() -> None:
 
 
 @pytest.mark.parametrize("classes", ["", ",", "cup,", "cup,cup", "cup, Cup"])
-def test_wrong_classes_are_wrong_use(classes: str) -> None:
+def test_invalid_classes_raise_a_usage_error(classes: str) -> None:
     with pytest.raises(UsageError, match="--classes"):
         search_context_from_flags(classes, "")
 
 
 @pytest.mark.parametrize("text", ["cup", "cup=", "cup=x", "cup=1.5", "cup=nan", "=0.3", "fork=0.2"])
-def test_wrong_thresholds_are_wrong_use(text: str) -> None:
+def test_invalid_thresholds_raise_a_usage_error(text: str) -> None:
     with pytest.raises(UsageError, match="--thresholds"):
         search_context_from_flags("cup", text)
 
 
 @given(st.text(), st.text())
-def test_any_words_give_a_context_or_wrong_use(classes: str, thresholds: str) -> None:
+def test_any_text_gives_a_valid_context_or_a_usage_error(classes: str, thresholds: str) -> None:
     try:
         context = search_context_from_flags(classes, thresholds)
     except UsageError:

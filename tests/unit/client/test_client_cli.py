@@ -1,4 +1,4 @@
-"""The command as a person calls it."""
+"""The command line as a user calls it."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from tests.support import free_port
 
 
 @dataclass(frozen=True)
-class Done:
+class CommandResult:
     status: int
     out: str
     error: str
 
 
 class Helios:
-    """The command with a state folder of its own."""
+    """The command with its own state folder."""
 
     def __init__(self, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.home, self._capsys = home, capsys
 
-    def __call__(self, *args: str) -> Done:
+    def __call__(self, *args: str) -> CommandResult:
         status = run(args)
         said = self._capsys.readouterr()
-        return Done(status, said.out, said.err)
+        return CommandResult(status, said.out, said.err)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def helios(
 
 
 @pytest.mark.parametrize("heavy", ["numpy", "cv2", "zenoh", "httpx", "google.protobuf"])
-def test_help_does_not_wait_for_heavy_imports(heavy: str) -> None:
+def test_importing_the_command_line_loads_no_heavy_package(heavy: str) -> None:
     code = f"import sys, helios_client.cli; sys.exit({heavy!r} in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -105,7 +105,9 @@ def test_every_command_has_help(command: list[str], helios: Helios) -> None:
         ["map", "paint"],
     ],
 )
-def test_wrong_use_is_one_sentence_and_status_2(args: list[str], helios: Helios) -> None:
+def test_a_usage_error_prints_one_sentence_and_exits_with_status_2(
+    args: list[str], helios: Helios
+) -> None:
     done = helios(*args)
     assert done.status == 2
     assert done.error.startswith("helios: ")
@@ -113,13 +115,15 @@ def test_wrong_use_is_one_sentence_and_status_2(args: list[str], helios: Helios)
 
 
 @pytest.mark.parametrize("args", [[], ["map"], ["assets"]])
-def test_a_group_without_a_command_shows_what_there_is(args: list[str], helios: Helios) -> None:
+def test_a_command_group_without_a_command_prints_its_usage(
+    args: list[str], helios: Helios
+) -> None:
     done = helios(*args)
     assert (done.status, done.out) == (2, "")
     assert done.error.startswith("Usage: helios")
 
 
-def test_nobody_there_is_one_sentence_and_status_1(helios: Helios) -> None:
+def test_an_unreachable_gateway_prints_one_sentence_and_exits_with_status_1(helios: Helios) -> None:
     for args in (
         ["status"], ["task", "move it"], ["go", "1", "-2"], ["explore"],
         ["home"], ["tasks"], ["cancel", "t1"], ["stop"], ["clear-stop"],
@@ -130,7 +134,7 @@ def test_nobody_there_is_one_sentence_and_status_1(helios: Helios) -> None:
         assert "helios up" in done.error
 
 
-def test_a_port_in_use_is_named_and_nothing_is_left(helios: Helios) -> None:
+def test_up_names_a_port_in_use_and_leaves_no_files(helios: Helios) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -151,7 +155,7 @@ def test_a_port_in_use_is_named_and_nothing_is_left(helios: Helios) -> None:
         (".", 1, "meta.json"),
     ],
 )
-def test_a_data_set_that_cannot_be_played_is_said(
+def test_replay_reports_a_data_set_that_it_cannot_play(
     name: str, status: int, words: str, helios: Helios
 ) -> None:
     (helios.home / "empty.mcap").touch()
@@ -169,7 +173,7 @@ def test_a_data_set_that_cannot_be_played_is_said(
     assert words in done.error
 
 
-def test_the_doctor_names_what_is_missing_and_how_to_mend_it() -> None:
+def test_the_doctor_names_missing_dependencies_and_how_to_install_them() -> None:
     absent = ("mujoco", "viser")
     found = examine(free_port(), lambda p: p not in absent, find_library=lambda _: None)
     missing = {f.what.split()[1]: f.remedy for f in found if not f.ok}
@@ -180,7 +184,7 @@ def test_the_doctor_names_what_is_missing_and_how_to_mend_it() -> None:
     assert set(missing) <= {"mujoco", "viser,", "EGL", "GL", "OSMesa", "in"}
 
 
-def test_the_shell_completes_commands_and_options(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shell_completes_commands_and_subcommands(monkeypatch: pytest.MonkeyPatch) -> None:
     for words, expected in (("helios cl", "clear-stop"), ("helios map ex", "export")):
         done = subprocess.run(
             [sys.executable, "-c", "from helios_client.cli import main; main()"],
@@ -196,7 +200,7 @@ def test_the_shell_completes_commands_and_options(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("set_to", "folder"), [("1", Path("recordings")), ("0", None), (None, None)]
 )
-def test_a_variable_makes_every_start_record(
+def test_an_environment_variable_makes_every_start_record(
     set_to: str | None, folder: Path | None, helios: Helios, monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:  # fmt: skip
@@ -209,7 +213,7 @@ def test_a_variable_makes_every_start_record(
 
 
 def test_the_version_is_reported_by_an_option_and_by_the_doctor(helios: Helios) -> None:
-    assert helios("--version") == Done(0, f"helios {helios_version()}\n", "")
+    assert helios("--version") == CommandResult(0, f"helios {helios_version()}\n", "")
     reported = helios("doctor", "--port", str(free_port())).out
     assert f"ok      HELIOS {helios_version()}\n" in reported
 
@@ -220,7 +224,7 @@ def test_the_version_is_reported_by_an_option_and_by_the_doctor(helios: Helios) 
      "objects"], ["--port", "1", "status", "--port", "PORT"], ["--robot", "x", "--port", "PORT",
      "tasks", "--limit", "3"], ["status", "--url", "http://localhost:PORT/"]],
 )  # fmt: skip
-def test_where_to_ask_is_said_before_the_command_or_behind_it(
+def test_address_options_are_accepted_before_or_after_the_command(
     args: list[str], helios: Helios
 ) -> None:
     port = str(free_port())
@@ -229,7 +233,7 @@ def test_where_to_ask_is_said_before_the_command_or_behind_it(
     assert f":{port}; start HELIOS with" in done.error
 
 
-def test_other_options_before_the_command_are_told_their_place(helios: Helios) -> None:
+def test_other_options_before_the_command_are_refused_with_the_right_order(helios: Helios) -> None:
     done = helios("--json", "status")
     assert done.status == 2
     assert "helios COMMAND --json" in done.error
@@ -240,7 +244,7 @@ def test_other_options_before_the_command_are_told_their_place(helios: Helios) -
 @pytest.mark.parametrize(
     "url", ["ftp://localhost", "http://", "localhost:99999", "a b:1?x=y", ":0"]
 )
-def test_an_address_that_is_none_is_wrong_use(
+def test_an_invalid_url_is_a_usage_error(
     url: str, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for args in (["status"], ["stop"], ["mcp"]):
@@ -251,6 +255,6 @@ def test_an_address_that_is_none_is_wrong_use(
     assert helios("tasks").status == 2
 
 
-def test_the_doctor_tells_programs_too(helios: Helios) -> None:
+def test_the_doctor_prints_its_findings_as_json(helios: Helios) -> None:
     done = helios("doctor", "--json", "--port", str(free_port()))
     assert {"what", "ok", "mend", "optional"} == set(json.loads(done.out)["findings"][0])

@@ -1,4 +1,4 @@
-"""Commands that speak to a running gateway."""
+"""Commands against a running gateway."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def test_tasks_are_listed_newest_first_and_by_state(gateway: Served, helios: Hel
     helios("tasks", "--state", "asleep", status=2)
 
 
-def test_a_task_is_cancelled_by_its_id_or_how_that_begins(gateway: Served, helios: Helios) -> None:
+def test_a_task_is_cancelled_by_id_and_an_ambiguous_or_unknown_id_is_refused(
+    gateway: Served, helios: Helios
+) -> None:
     gateway.backend.submit(INSTRUCTION)
     gateway.backend.submit(INSTRUCTION)
     assert "t1 is cancelled" in helios("cancel", "t1")
@@ -49,7 +51,7 @@ def test_a_task_is_cancelled_by_its_id_or_how_that_begins(gateway: Served, helio
     assert "has ended" in helios.error
 
 
-def test_a_task_is_paused_and_goes_on(gateway: Served, helios: Helios) -> None:
+def test_a_task_is_paused_and_resumed(gateway: Served, helios: Helios) -> None:
     gateway.backend.submit(INSTRUCTION)
     assert helios("pause", "t1") == "task t1 is queued\n"
     assert helios.json("resume", "t1")["on_hold"] is False
@@ -58,7 +60,9 @@ def test_a_task_is_paused_and_goes_on(gateway: Served, helios: Helios) -> None:
     assert helios.json("resume", "t1")["state"] == "running"
 
 
-def test_a_stop_latches_is_seen_and_lifted(gateway: Served, helios: Helios) -> None:
+def test_a_stop_latches_appears_in_the_status_and_can_be_cleared(
+    gateway: Served, helios: Helios
+) -> None:
     assert "helios clear-stop" in helios("stop", "--reason", "a child in the way")
     assert gateway.backend.stop_reason == "a child in the way"
     assert "the robot is stopped (a child in the way): it will not move" in helios("status")
@@ -68,7 +72,7 @@ def test_a_stop_latches_is_seen_and_lifted(gateway: Served, helios: Helios) -> N
     assert helios.json("status")["stopped"] is False
 
 
-def test_a_robot_is_asked_by_an_address_without_scheme(
+def test_the_gateway_url_may_lack_its_scheme(
     helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", f"localhost:{helios.gateway.port}")
@@ -76,7 +80,7 @@ def test_a_robot_is_asked_by_an_address_without_scheme(
     assert helios._capsys.readouterr().out == "no tasks yet\n"
 
 
-def test_what_was_seen_here_and_what_to_try_is_listed(gateway: Served, helios: Helios) -> None:
+def test_names_here_lists_found_objects_and_example_tasks(gateway: Served, helios: Helios) -> None:
     lines = helios("names", "--here").splitlines()
     assert [line.split()[:-2] for line in lines[1:4]] == [
         ["coffee", "table"], ["mug"], ["kitchen", "counter"]
@@ -90,14 +94,16 @@ def test_what_was_seen_here_and_what_to_try_is_listed(gateway: Served, helios: H
     assert "\nExamples that the detector knows:\n" in reported
 
 
-def test_the_camera_s_picture_is_written(gateway: Served, helios: Helios, tmp_path: Path) -> None:
+def test_the_camera_image_is_written_to_a_file(
+    gateway: Served, helios: Helios, tmp_path: Path
+) -> None:
     gateway.backend.publish_frame()
     file = tmp_path / "now.jpg"
     assert helios("camera", str(file)) == f"{file}\n"
     assert file.read_bytes().startswith(b"\xff\xd8")
 
 
-def test_what_is_typed_wins_over_the_variable(
+def test_an_option_overrides_the_environment_variable(
     gateway: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free_port()}")
@@ -109,7 +115,7 @@ def test_what_is_typed_wins_over_the_variable(
     )
 
 
-def test_names_are_taken_in_any_case(gateway: Served, helios: Helios) -> None:
+def test_names_and_ids_ignore_case(gateway: Served, helios: Helios) -> None:
     gateway.backend.submit(INSTRUCTION)
     assert len(helios.json("tasks", "--state", "QUEUED")["tasks"]) == 1
     assert len(helios.json("objects", "--class", "Coffee Table")["objects"]) == 1
@@ -117,7 +123,7 @@ def test_names_are_taken_in_any_case(gateway: Served, helios: Helios) -> None:
     assert "t1 is queued" in helios("resume", "LAST")
 
 
-def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> None:
+def test_objects_are_sorted_by_score_and_filtered_by_class_and_score(helios: Helios) -> None:
     scores = [o["score"] for o in helios.json("objects")["objects"]]
     assert scores == sorted(scores, reverse=True)
     assert [o["class"] for o in helios.json("objects", "--class", "mug")["objects"]] == ["mug"] * 2
@@ -135,7 +141,7 @@ def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> N
     assert "min_score" in helios.error
 
 
-def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Path) -> None:
+def test_the_map_is_exported_as_images_and_arrays(helios: Helios, tmp_path: Path) -> None:
     out = tmp_path / "map"
     files = [Path(path) for path in helios.json("map", "export", "--out", str(out))["files"]]
     names = {"occupancy", "value-pick", "value-place"}
@@ -162,7 +168,7 @@ def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [["map", "save"], ["camera"]])
-def test_a_file_is_written_into_a_folder_that_is_there(
+def test_output_into_a_missing_folder_or_onto_a_folder_is_refused(
     command: list[str], helios: Helios, tmp_path: Path
 ) -> None:
     helios(*command, str(tmp_path / "homes" / "first"), status=2)
@@ -174,7 +180,7 @@ def test_a_file_is_written_into_a_folder_that_is_there(
     assert f"{tmp_path} is a folder; name a file in it" in helios.error
 
 
-def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
+def test_a_full_disk_leaves_existing_files_unchanged(
     gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     big = bytes(600_000)
@@ -196,7 +202,7 @@ def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
         assert {p: p.read_bytes() for p in disk.rglob("*") if p.is_file()} == before
 
 
-def test_both_maps_are_forgotten_or_one(gateway: Served, helios: Helios) -> None:
+def test_map_reset_clears_both_maps_or_the_named_one(gateway: Served, helios: Helios) -> None:
     assert helios("map", "reset", "--only", "objects").startswith("forgotten: objects; ")
     assert gateway.backend.kept == {"map2d": b"walls", "objects": b""}
     assert helios.json("map", "reset", "--yes") == {"reset": ["objects", "occupancy"]}
@@ -208,7 +214,7 @@ def test_both_maps_are_forgotten_or_one(gateway: Served, helios: Helios) -> None
 
 
 @pytest.mark.parametrize(("answer", "status"), [("y", 0), ("n", 1), ("", 1)])
-def test_at_a_terminal_it_asks_before_it_forgets(
+def test_map_reset_at_a_terminal_asks_for_confirmation(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch, answer: str, status: int
 ) -> None:
     terminal = io.StringIO(f"{answer}\n")
@@ -219,7 +225,7 @@ def test_at_a_terminal_it_asks_before_it_forgets(
     assert bool(gateway.backend.kept["map2d"]) == bool(status)
 
 
-def test_both_maps_are_saved_in_one_file_and_come_back(
+def test_both_maps_are_saved_to_one_file_and_loaded_from_it(
     gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     file = tmp_path / "first.zip"
@@ -236,7 +242,7 @@ def test_both_maps_are_saved_in_one_file_and_come_back(
     assert "helios map save" in helios.error
 
 
-def test_where_something_was_seen_is_reported_with_pictures(
+def test_seen_reports_objects_and_past_views_with_images(
     gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     reported = helios("seen", "the mug", "--limit", "2", "--out", str(tmp_path))
@@ -250,7 +256,7 @@ def test_where_something_was_seen_is_reported_with_pictures(
     assert "past views were not asked: no view has been kept" in reported.replace("\n", " ")
 
 
-def test_a_task_has_a_priority_and_settings_of_its_own(gateway: Served, helios: Helios) -> None:
+def test_a_task_accepts_a_priority_and_its_own_settings(gateway: Served, helios: Helios) -> None:
     def end_it() -> None:
         wait_until(lambda: "t1" in gateway.backend.tasks, 60, "the task was submitted")
         gateway.backend.change_task("t1", "succeeded")
@@ -264,7 +270,7 @@ def test_a_task_has_a_priority_and_settings_of_its_own(gateway: Served, helios: 
     helios("task", INSTRUCTION, "--priority", "101", status=2)
 
 
-def test_what_can_be_asked_for_is_listed(helios: Helios, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_lists_the_vocabulary(helios: Helios, monkeypatch: pytest.MonkeyPatch) -> None:
     known = ["bowl", "coffee table", "kitchen counter", "mug", "sofa"]
     assert helios("names").splitlines() == known
     reported = helios.json("names")
@@ -277,7 +283,7 @@ def test_what_can_be_asked_for_is_listed(helios: Helios, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("thing", ["unicorn", "mugg"])
-def test_who_asks_for_what_nobody_knows_is_told_where_the_names_are(
+def test_an_unknown_class_gives_an_error_that_points_to_helios_names(
     thing: str, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known = pb.VocabularyReply(names=["mug", "sofa"], detector="simulated")
@@ -293,11 +299,11 @@ def test_who_asks_for_what_nobody_knows_is_told_where_the_names_are(
     assert helios.error.count("helios names") == 1
 
 
-def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
+def test_a_task_for_a_stopped_robot_reports_at_once_that_it_waits_for_clear_stop(
     gateway: Served, helios: Helios, tmp_path: Path
 ) -> None:
     folder = tmp_path / "helios" / str(gateway.port)
-    state_file.write([folder], {"ready": True, "services": []})  # as a `helios up` leaves it
+    state_file.write([folder], {"ready": True, "services": []})  # as `helios up` writes it
     helios("stop")
 
     def end_it() -> None:
@@ -310,7 +316,7 @@ def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
     assert "waiting until all services" not in helios.error
 
 
-def test_an_interrupted_task_is_cancelled_first(
+def test_an_interrupt_cancels_the_task_before_the_command_ends(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> NoReturn:
@@ -322,7 +328,7 @@ def test_an_interrupted_task_is_cancelled_first(
     assert gateway.backend.tasks["t1"].state == "cancelled"
 
 
-def test_an_interrupt_while_the_stop_is_told_cancels_too(
+def test_an_interrupt_while_the_stop_is_reported_cancels_the_task(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> NoReturn:
@@ -333,15 +339,17 @@ def test_an_interrupt_while_the_stop_is_told_cancels_too(
     assert gateway.backend.tasks["t1"].state == "cancelled"
 
 
-def test_another_robot_is_named(helios: Helios) -> None:
+def test_the_robot_option_selects_a_robot_and_refuses_an_unknown_one(helios: Helios) -> None:
     assert helios.json("tasks", "--robot", "robot") == {"tasks": []}
     helios("tasks", "--robot", "spot", status=2)
     assert "there are: robot" in helios.error
 
 
-def test_the_status_of_another_robot_is_its_own(helios: Helios, tmp_path: Path) -> None:
+def test_status_of_a_named_robot_ignores_the_state_file_of_another_robot(
+    helios: Helios, tmp_path: Path
+) -> None:
     row = {"name": "only-here", "state": "ready", "reason": "", "restarts": 0, "pid": 7}
-    here = {"ready": True, "services": [row], "robot": "here"}  # as a `helios up` leaves it
+    here = {"ready": True, "services": [row], "robot": "here"}  # as `helios up` writes it
     state_file.write([tmp_path / "helios" / str(helios.gateway.port)], here)
     assert "only-here" in helios("status")
     reported = helios("status", "--robot", "robot")
@@ -352,13 +360,15 @@ def test_the_status_of_another_robot_is_its_own(helios: Helios, tmp_path: Path) 
 @pytest.mark.parametrize(
     "args", [["task", "dance"], ["status", "--robot", "foo"], ["tasks", "--robot", "foo"]]
 )
-def test_what_helios_refuses_to_understand_is_wrong_use(args: list[str], helios: Helios) -> None:
+def test_a_request_that_the_gateway_refuses_is_a_usage_error(
+    args: list[str], helios: Helios
+) -> None:
     helios(*args, status=2)
     assert helios.error.startswith("helios: ")
     assert helios.error.count("\n") == 1
 
 
-def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
+def test_a_command_on_the_wrong_port_names_the_port_of_a_running_stack(
     gateway: Served, capsys: pytest.CaptureFixture[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -366,7 +376,7 @@ def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
     for args in (["task", INSTRUCTION], ["status"]):
         assert run([*args, "--port", str(free)]) == 1
         assert "or name its port with --port\n" in capsys.readouterr().err
-    running = {"ready": True, "services": []}  # as a `helios up` leaves it
+    running = {"ready": True, "services": []}  # as `helios up` writes it
     state_file.write([tmp_path / "helios" / str(gateway.port)], running)
     (tmp_path / "helios" / "backup").mkdir()
     for args in (["task", INSTRUCTION], ["status"], ["objects"]):
@@ -374,27 +384,29 @@ def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
         reported = capsys.readouterr().err
         assert reported.endswith(f"--port: one runs with --port {gateway.port}\n")
         assert reported.count("\n") == 1
-    monkeypatch.setenv("HELIOS_URL", f"127.0.0.1:{free}")  # this machine, too
+    monkeypatch.setenv("HELIOS_URL", f"127.0.0.1:{free}")  # also this machine
     assert run(["tasks"]) == 1
     assert capsys.readouterr().err.endswith(f"one runs with --port {gateway.port}\n")
-    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.2:{free}")  # as a machine elsewhere
+    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.2:{free}")  # stands for another machine
     assert run(["tasks"]) == 1
     assert "--port" not in capsys.readouterr().err
 
 
-def test_objects_below_the_least_score_are_not_called_missing(helios: Helios) -> None:
+def test_an_empty_object_list_names_the_minimum_score_that_filtered_it(helios: Helios) -> None:
     assert helios("objects", "--min-score", "7") == (
         "no object with a score of at least 7 has been found yet\n"
     )
 
 
-def test_a_picture_is_named_as_what_it_is(helios: Helios, tmp_path: Path) -> None:
+def test_the_camera_command_refuses_a_file_name_that_is_not_jpeg(
+    helios: Helios, tmp_path: Path
+) -> None:
     helios("camera", str(tmp_path / "now.png"), status=2)
     assert "the picture is a JPEG" in helios.error
     assert not list(tmp_path.iterdir())
 
 
-def test_every_failure_is_one_sentence(helios: Helios) -> None:
+def test_every_error_message_is_one_sentence(helios: Helios) -> None:
     for args in (["cancel", "none"], ["tasks", "--robot", "x"], ["map", "export", "--only", "x"]):
         assert run([*args, "--port", str(helios.gateway.port)]) in (1, 2)
         helios.error = helios._capsys.readouterr().err

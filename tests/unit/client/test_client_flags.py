@@ -1,4 +1,4 @@
-"""What the flags of `helios up` name is looked at before anything is started."""
+"""`helios up` checks the values of its flags before it starts anything."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_what_there_may_be_passes_and_nothing_of_a_plug_in_is_run() -> None:
+def test_valid_flags_pass_without_importing_a_plug_in() -> None:
     for robot in (*flag_checks.ROBOTS, "mine_of_a_test:Robot"):
         flag_checks.check_robot(robot)
     for detector in (
@@ -40,11 +40,11 @@ def test_what_there_may_be_passes_and_nothing_of_a_plug_in_is_run() -> None:
     assert "mine_of_a_test" not in sys.modules
 
 
-def test_names_are_taken_in_any_case_and_told_as_they_are_known() -> None:
+def test_names_ignore_case_and_are_returned_in_their_canonical_spelling() -> None:
     assert [flag_checks.check_robot(name) for name in ("SIM", "Spot")] == ["sim", "spot"]
     assert flag_checks.check_agent("VLFM_Helios_Stop") == "vlfm-helios-stop"
     assert flag_checks.check_detector("Ground Truth") == "ground-truth"
-    assert flag_checks.check_detector("Paint") == "paint"  # of an installed package
+    assert flag_checks.check_detector("Paint") == "paint"  # from an installed package
     assert flag_checks.check_scorer("MiniLM") == "minilm"
     assert flag_checks.check_home("sim", "OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
     for own in ("mine_of_a_test:Robot", "mine_of_a_test:ROBOT"):
@@ -74,7 +74,7 @@ def test_names_are_taken_in_any_case_and_told_as_they_are_known() -> None:
         ("--furniture", "realistic", "--furniture realistic: no realistic furniture in .*bake"),
     ],
 )
-def test_a_slip_is_wrong_use_before_anything_is_started(
+def test_an_invalid_flag_value_is_a_usage_error_before_anything_starts(
     folder: Path, capsys: pytest.CaptureFixture[str], flag: str, given: str, said: str
 ) -> None:
     import re
@@ -89,7 +89,7 @@ def test_a_slip_is_wrong_use_before_anything_is_started(
     assert not (folder / "state").exists()
 
 
-def test_the_scorer_is_passed_on_and_only_where_it_was_named() -> None:
+def test_the_scorer_flag_is_passed_to_the_detector_only_if_it_is_given() -> None:
     def argv(scorer: str | None) -> tuple[str, ...]:
         specs = StackOptions("sim", 7447, Path("state"), port=8080, scorer=scorer).processes()
         return next(spec.argv for spec in specs if spec.name == "detector")
@@ -98,7 +98,7 @@ def test_the_scorer_is_passed_on_and_only_where_it_was_named() -> None:
     assert "--scorer" not in argv(None)
 
 
-def test_an_entry_point_is_named_with_those_there_are() -> None:
+def test_an_unknown_detector_error_lists_the_installed_entry_points() -> None:
     with pytest.raises(
         UsageError, match=r"recorded, paint, onnx:FILE, transformers:ID, or package"
     ):

@@ -1,4 +1,4 @@
-"""Signals are told once, where they do no harm."""
+"""Interrupt signals: each is raised once, at a point where it does no harm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support import wait_until
 
 
 @pytest.fixture(autouse=True)
-def handlers_are_put_back():
+def restore_signal_handlers():
     before = {number: signal.getsignal(number) for number in NUMBERS}
     yield
     for number, handler in before.items():
@@ -20,7 +20,7 @@ def handlers_are_put_back():
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_signal_is_noted_and_raised_when_asked_for(number: signal.Signals) -> None:
+def test_a_signal_is_noted_and_raised_by_check(number: signal.Signals) -> None:
     with noted_interrupts() as interrupts:
         signal.raise_signal(number)
         wait_until(lambda: interrupts.came, 5, "it is noted")
@@ -50,12 +50,12 @@ def swallow() -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_an_interrupt_that_something_swallowed_is_raised_at_the_end() -> None:
+def test_a_swallowed_interrupt_is_raised_again_at_the_end() -> None:
     with noted_interrupts() as interrupts, pytest.raises(KeyboardInterrupt), interrupts.raised():
         swallow()
 
 
-def test_of_a_burst_of_signals_the_first_raises_and_a_later_one_again(
+def test_only_the_first_signal_of_each_burst_raises(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bursts, now_s = BurstHandler(), 100.0
@@ -69,14 +69,14 @@ def test_of_a_burst_of_signals_the_first_raises_and_a_later_one_again(
         now_s += 1.0
 
 
-def test_one_that_came_before_a_long_computation_is_raised_at_its_start() -> None:
+def test_a_signal_before_a_long_computation_is_raised_at_its_start() -> None:
     with noted_interrupts() as interrupts:
         signal.raise_signal(signal.SIGINT)
         with pytest.raises(KeyboardInterrupt), interrupts.raised():
             pytest.fail("it began")
 
 
-def test_handlers_come_back_unless_the_command_is_ending() -> None:
+def test_signal_handlers_are_restored_unless_the_command_is_ending() -> None:
     before = [signal.getsignal(number) for number in NUMBERS]
     with noted_interrupts():
         pass

@@ -1,4 +1,4 @@
-"""`helios key`: what it writes the gateway reads."""
+"""`helios key` and the key file that it writes for the gateway."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.full_disk import fill, refuse_writing, small_disk
 
 
 @given(names=st.lists(st.text(min_size=1), max_size=4, unique=True))
-def test_every_name_is_refused_or_comes_back_as_it_is(
+def test_every_key_name_is_refused_or_read_back_unchanged(
     names: list[str], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     file = tmp_path_factory.mktemp("keys") / "keys.toml"
@@ -34,7 +34,7 @@ def test_every_name_is_refused_or_comes_back_as_it_is(
     assert [entry["name"] for entry in read["key"]] == taken
 
 
-def test_a_name_may_have_any_letters(tmp_path: Path) -> None:
+def test_a_key_name_may_contain_any_printable_characters(tmp_path: Path) -> None:
     file = tmp_path / "keys.toml"
     for name in ("Küche", "🤖", 'a "b" \\c'):
         add_key(file, name, "operate")
@@ -45,7 +45,7 @@ def test_a_name_may_have_any_letters(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "  ", "a\nb", "\x7f", "\ud83e"])
-def test_a_name_that_cannot_be_read_is_refused(name: str, tmp_path: Path) -> None:
+def test_an_empty_or_unprintable_key_name_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="can be read"):
         add_key(tmp_path / "keys.toml", name, "read")
     assert list(tmp_path.iterdir()) == []
@@ -54,7 +54,9 @@ def test_a_name_that_cannot_be_read_is_refused(name: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     "content", [b"\xff\xfe", b"key = 3", b"key = [1]", b"key = []", b"[key]", b"]"]
 )
-def test_a_file_that_is_none_of_keys_is_left_as_it_is(content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_key_file_is_refused_and_left_unchanged(
+    content: bytes, tmp_path: Path
+) -> None:
     file = tmp_path / "keys.toml"
     file.write_bytes(content)
     with pytest.raises(HeliosError, match="is no file of keys") as refused:
@@ -63,7 +65,7 @@ def test_a_file_that_is_none_of_keys_is_left_as_it_is(content: bytes, tmp_path: 
     assert file.read_bytes() == content
 
 
-def test_only_its_owner_reads_the_file_also_after_a_further_key(tmp_path: Path) -> None:
+def test_the_key_file_is_readable_only_by_its_owner_after_every_addition(tmp_path: Path) -> None:
     file = tmp_path / "keys.toml"
     for name in ("tablet", "phone"):
         add_key(file, name, "read")
@@ -71,7 +73,7 @@ def test_only_its_owner_reads_the_file_also_after_a_further_key(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("real", [False, True])
-def test_a_full_disk_leaves_the_keys_that_were_there(
+def test_a_full_disk_leaves_the_existing_keys_unchanged(
     real: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with ExitStack() as stack:
@@ -90,7 +92,7 @@ def test_a_full_disk_leaves_the_keys_that_were_there(
         assert not (folder / "other.toml").exists()
 
 
-def test_of_keys_that_are_added_at_once_none_is_lost(tmp_path: Path) -> None:
+def test_no_key_is_lost_when_keys_are_added_concurrently(tmp_path: Path) -> None:
     file, names = tmp_path / "keys.toml", [f"tablet {k}" for k in range(20)]
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda name: add_key(file, name, "read"), names))

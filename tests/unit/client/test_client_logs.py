@@ -1,4 +1,4 @@
-"""`helios logs`: what the services wrote."""
+"""`helios logs` prints the log files of the services."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PORT = "8091"
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the services of the port keep their logs."""
+    """The log folder of the stack on this port."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     logs = tmp_path / "helios" / PORT / "logs"
     logs.mkdir(parents=True)
@@ -47,7 +47,7 @@ def test_control_characters_do_not_reach_the_terminal(
     assert logs("map2d", capsys=capsys) == ["one", "two \ufffd[31m \ufffd", "half"]
 
 
-def test_without_a_service_those_there_are_are_listed(
+def test_logs_without_a_service_lists_the_services_that_have_logs(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reported = logs(capsys=capsys)
@@ -60,7 +60,7 @@ def test_without_a_service_those_there_are_are_listed(
     )
 
 
-def test_they_are_of_the_robot_that_the_variable_names(
+def test_logs_come_from_the_robot_that_the_environment_variable_names(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", f"localhost:{PORT}")
@@ -71,10 +71,10 @@ def test_they_are_of_the_robot_that_the_variable_names(
     monkeypatch.setenv("HELIOS_URL", "http://192.0.2.7:8080")  # reserved for examples
     assert run(["logs", "planner"]) == 2
     assert "run `helios logs` on 192.0.2.7" in capsys.readouterr().err
-    assert logs("planner", "-n", "1", capsys=capsys) == ["line 99"]  # what is typed wins
+    assert logs("planner", "-n", "1", capsys=capsys) == ["line 99"]  # the option wins
 
 
-def test_where_nothing_ran_it_says_so(
+def test_a_missing_log_folder_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
@@ -83,18 +83,18 @@ def test_where_nothing_ran_it_says_so(
     assert "--state" in reported
 
 
-def test_the_logs_of_a_state_folder_elsewhere_are_found(
+def test_logs_are_found_in_another_state_folder(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     elsewhere = tmp_path / "elsewhere"
     (elsewhere / "logs").mkdir(parents=True)
     (elsewhere / "logs" / "bridge.log").write_text("here\n")
     assert logs("bridge", "--state", str(elsewhere), capsys=capsys) == ["here"]
-    state_file.write([folder.parent], {"state_dir": str(elsewhere)})  # a `helios up` that runs
+    state_file.write([folder.parent], {"state_dir": str(elsewhere)})  # of a running `helios up`
     assert logs("bridge", capsys=capsys) == ["here"]
 
 
-def test_following_goes_on_across_a_new_file(folder: Path) -> None:
+def test_following_continues_across_log_rotation(folder: Path) -> None:
     file = folder / "planner.log"
     newest, opened = newest_lines(file, 1)
     assert newest == ["line 99"]

@@ -1,4 +1,4 @@
-"""The MCP server as a language agent uses it, over a gateway."""
+"""The MCP server as a language agent uses it, connected to a gateway."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.gateway_process import Served, served
 INSTRUCTION = "move the mug to the kitchen counter"
 
 
-def used(act: Callable[[Served, Client], Awaitable[None]]) -> None:
+def run_with_client(act: Callable[[Served, Client], Awaitable[None]]) -> None:
     """Run `act` with a client of the server in this process."""
 
     async def run() -> None:
@@ -39,8 +39,8 @@ def text_of(content: object) -> str:
     return content.text
 
 
-async def said(client: Client, tool: str, **arguments: Any) -> Any:
-    """What a tool answers: each content as JSON."""
+async def call(client: Client, tool: str, **arguments: Any) -> Any:
+    """Call a tool and parse each content of its answer as JSON."""
     result = await client.call_tool(tool, arguments)
     texts = [text_of(content) for content in result.content]
     assert not result.is_error, texts
@@ -48,7 +48,7 @@ async def said(client: Client, tool: str, **arguments: Any) -> Any:
     return values[0] if len(values) == 1 else values
 
 
-def test_an_agent_finds_the_tools_with_their_meaning() -> None:
+def test_every_tool_is_listed_with_a_title_and_a_description() -> None:
     async def act(_: Served, client: Client) -> None:
         tools = {tool.name: tool for tool in (await client.list_tools()).tools}
         assert set(tools) == {
@@ -63,10 +63,10 @@ def test_an_agent_finds_the_tools_with_their_meaning() -> None:
             assert "  " not in tool.description
             assert "\n" not in tool.description
 
-    used(act)
+    run_with_client(act)
 
 
-def test_an_agent_is_told_what_each_tool_may_do() -> None:
+def test_tool_annotations_mark_read_only_destructive_and_idempotent_tools() -> None:
     async def act(_: Served, client: Client) -> None:
         hints = {tool.name: tool.annotations for tool in (await client.list_tools()).tools}
         reads = {name for name, hint in hints.items() if hint and hint.read_only_hint}
@@ -81,19 +81,19 @@ def test_an_agent_is_told_what_each_tool_may_do() -> None:
         assert again == acts - {"submit_task", "go_to_point", "explore", "go_home", "drive"}
         assert all(hint and hint.title for hint in hints.values())
 
-    used(act)
+    run_with_client(act)
 
 
-def test_the_server_says_its_version() -> None:
+def test_the_server_reports_its_version() -> None:
     async def act(_: Served, client: Client) -> None:
         info = client.server_info
         assert info is not None
         assert info.version == helios_version()
 
-    used(act)
+    run_with_client(act)
 
 
-def test_answers_are_structured_by_a_schema_and_whole() -> None:
+def test_tool_answers_have_a_schema_and_equal_the_http_answers() -> None:
     async def act(gateway: Served, client: Client) -> None:
         tools = {tool.name: tool for tool in (await client.list_tools()).tools}
         pictures = {"map_picture", "camera"}
@@ -106,7 +106,7 @@ def test_answers_are_structured_by_a_schema_and_whole() -> None:
         for tool, path in (("vocabulary", "vocabulary"), ("robot", "robot"), ("status", "status")):
             answer = await client.call_tool(tool, {})
             reported = httpx.get(f"{gateway.url}/v1/{path}").json()
-            assert _steady(answer.structured_content) == _steady(reported)
+            assert _without_times(answer.structured_content) == _without_times(reported)
         objects = await client.call_tool("objects", {"min_score": 0.7})
         reported = httpx.get(f"{gateway.url}/v1/objects?min_score=0.7").json()["objects"]
         assert objects.structured_content == {"result": reported}
@@ -114,17 +114,17 @@ def test_answers_are_structured_by_a_schema_and_whole() -> None:
         assert seen.structured_content is not None
         assert len(seen.structured_content["views"]) == 3
 
-    used(act)
+    run_with_client(act)
 
 
-def _steady(answer: Any) -> Any:
-    """Without what changes from second to second."""
+def _without_times(answer: Any) -> Any:
+    """Remove the fields that change from second to second."""
     if isinstance(answer, dict):
-        return {k: _steady(v) for k, v in answer.items() if not k.endswith(("_s", "heard"))}
-    return [_steady(v) for v in answer] if isinstance(answer, list) else answer
+        return {k: _without_times(v) for k, v in answer.items() if not k.endswith(("_s", "heard"))}
+    return [_without_times(v) for v in answer] if isinstance(answer, list) else answer
 
 
-def test_the_schemas_name_fields_that_the_interface_has() -> None:
+def test_the_answer_schemas_name_only_fields_of_the_http_interface() -> None:
     task = {name for name in answer_models.Task.model_fields if name != "eta_s"}
     assert task <= set(api_models.Task.model_fields)
     assert set(answer_models.Decision.model_fields) <= set(api_models.Decision.model_fields)
@@ -144,18 +144,18 @@ def test_the_schemas_name_fields_that_the_interface_has() -> None:
 
 def test_an_agent_pauses_and_resumes_a_task() -> None:
     async def act(gateway: Served, client: Client) -> None:
-        await said(client, "submit_task", instruction=INSTRUCTION)
+        await call(client, "submit_task", instruction=INSTRUCTION)
         gateway.backend.change_task("t1", "running")
-        assert (await said(client, "pause_task", id="t1"))["state"] == "paused"
-        assert (await said(client, "resume_task", id="t1"))["state"] == "running"
+        assert (await call(client, "pause_task", id="t1"))["state"] == "paused"
+        assert (await call(client, "resume_task", id="t1"))["state"] == "running"
 
-    used(act)
+    run_with_client(act)
 
 
-def test_an_agent_is_told_what_can_be_asked_for() -> None:
+def test_an_agent_gets_the_vocabulary_and_suggested_tasks() -> None:
     async def act(_: Served, client: Client) -> None:
-        assert (await said(client, "vocabulary"))["names"][0] == "bowl"
-        reported = await said(client, "suggest_tasks", limit=2)
+        assert (await call(client, "vocabulary"))["names"][0] == "bowl"
+        reported = await call(client, "suggest_tasks", limit=2)
         assert len(reported["tasks"]) == 2
         assert {one["name"] for one in reported["seen"]} == {
             "mug",
@@ -163,37 +163,37 @@ def test_an_agent_is_told_what_can_be_asked_for() -> None:
             "kitchen counter",
         }
 
-    used(act)
+    run_with_client(act)
 
 
-def test_a_wait_for_a_task_that_is_not_there_says_so() -> None:
+def test_waiting_for_an_unknown_task_is_an_error() -> None:
     async def act(_: Served, client: Client) -> None:
         result = await client.call_tool("wait_for_task", {"id": "none", "timeout_s": 1})
         assert result.is_error
         assert "none" in str(result.content)
 
-    used(act)
+    run_with_client(act)
 
 
-def test_an_agent_gives_a_task_watches_it_and_asks_why() -> None:
+def test_an_agent_submits_a_task_waits_for_it_and_reads_its_decisions() -> None:
     async def act(gateway: Served, client: Client) -> None:
-        task = await said(client, "submit_task", instruction=INSTRUCTION)
+        task = await call(client, "submit_task", instruction=INSTRUCTION)
         gateway.backend.decide()
-        assert (await said(client, "wait_for_task", id="t1", timeout_s=0.1))["state"] == "queued"
+        assert (await call(client, "wait_for_task", id="t1", timeout_s=0.1))["state"] == "queued"
         gateway.backend.change_task("t1", "succeeded")
-        assert (await said(client, "wait_for_task", id=task["id"]))["state"] == "succeeded"
-        assert (await said(client, "why", id="t1"))["rule"] == "global_search (eq. 10)"
-        mugs = await said(client, "objects", class_name="mug")
+        assert (await call(client, "wait_for_task", id=task["id"]))["state"] == "succeeded"
+        assert (await call(client, "why", id="t1"))["rule"] == "global_search (eq. 10)"
+        mugs = await call(client, "objects", class_name="mug")
         assert [mug["id"] for mug in mugs] == [1, 4]
         picture = await client.call_tool("map_picture", {"layer": "pick"})
         assert isinstance(picture.content[0], ImageContent)
         assert picture.content[0].mime_type == "image/png"
-        assert (await said(client, "stop_robot", reason="test"))["state"]["stopped"]
+        assert (await call(client, "stop_robot", reason="test"))["state"]["stopped"]
 
-    used(act)
+    run_with_client(act)
 
 
-def test_an_agent_asks_where_something_was_seen_and_sees_it() -> None:
+def test_where_seen_returns_objects_and_past_views_with_images() -> None:
     async def act(_: Served, client: Client) -> None:
         answer = await client.call_tool("where_seen", {"prompt": "a mug", "limit": 2})
         reported, *pictures = answer.content
@@ -203,16 +203,16 @@ def test_an_agent_asks_where_something_was_seen_and_sees_it() -> None:
         assert "jpeg_base64" not in found["views"][0]
         assert [p.mime_type for p in pictures if isinstance(p, ImageContent)] == ["image/jpeg"] * 2
 
-    used(act)
+    run_with_client(act)
 
 
-def test_what_cannot_be_done_is_said_in_the_interface_s_own_words() -> None:
+def test_a_refusal_has_the_error_message_of_the_http_interface() -> None:
     async def act(_: Served, client: Client) -> None:
         result = await client.call_tool("submit_task", {"instruction": "dance"})
         assert result.is_error
         assert "names no action" in str(result.content)
 
-    used(act)
+    run_with_client(act)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_what_cannot_be_done_is_said_in_the_interface_s_own_words() -> None:
         ("submit_tsak", {}, "there is no tool 'submit_tsak'; did you mean submit_task?"),
     ],
 )  # fmt: skip
-def test_wrong_arguments_are_reported_with_what_was_wanted(
+def test_invalid_arguments_are_reported_with_the_expected_value(
     tool: str, arguments: dict[str, Any], sentence: str
 ) -> None:
     async def act(_: Served, client: Client) -> None:
@@ -242,10 +242,12 @@ def test_wrong_arguments_are_reported_with_what_was_wanted(
         assert result.is_error
         assert [text_of(content) for content in result.content] == [sentence]
 
-    used(act)
+    run_with_client(act)
 
 
-def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_mcp_package_is_reported_with_the_extra_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     import sys
 
     monkeypatch.setitem(sys.modules, "mcp.server", None)

@@ -1,4 +1,4 @@
-"""`helios go`, `explore`, `home`, and the same from Python and over MCP."""
+"""`helios go`, `explore` and `home`, and the same moves from Python and over MCP."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]
         yield gateway
 
 
-def no_wait(gateway: Served, *args: str) -> int:
+def run_without_waiting(gateway: Served, *args: str) -> int:
     return run([*args, "--no-wait", "--port", str(gateway.port)])
 
 
@@ -47,16 +47,16 @@ def no_wait(gateway: Served, *args: str) -> int:
         (["home"], "return to the start"),
     ],
 )
-def test_a_command_submits_what_the_sentence_says(
+def test_each_move_command_submits_its_instruction(
     args: list[str], sentence: str, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert no_wait(gateway, *args) == 0
+    assert run_without_waiting(gateway, *args) == 0
     assert capsys.readouterr().out == "t1\n"
     assert gateway.backend.tasks["t1"].instruction == sentence
 
 
-def test_an_exploration_may_have_a_time(gateway: Served) -> None:
-    assert no_wait(gateway, "explore", "--time-limit-s", "90") == 0
+def test_an_exploration_accepts_a_time_limit(gateway: Served) -> None:
+    assert run_without_waiting(gateway, "explore", "--time-limit-s", "90") == 0
     assert gateway.backend.tasks["t1"].time_limit_s == 90
 
 
@@ -74,16 +74,16 @@ def test_an_exploration_may_have_a_time(gateway: Served) -> None:
         (["explore", "--time-limit-s", "0"], "helios explore --help"),
     ],
 )
-def test_wrong_numbers_are_wrong_use(
+def test_invalid_arguments_are_a_usage_error(
     args: list[str], says: str, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert no_wait(gateway, *args) == 2
+    assert run_without_waiting(gateway, *args) == 2
     assert says.lower() in capsys.readouterr().err.lower()
     assert gateway.backend.tasks == {}
 
 
 @pytest.mark.parametrize(("state", "status"), [("succeeded", 0), ("failed", 1), ("cancelled", 1)])
-def test_the_exit_status_says_whether_it_got_there(
+def test_the_exit_status_is_0_only_if_the_task_succeeds(
     state: str, status: int, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def end() -> None:
@@ -100,7 +100,7 @@ def test_the_exit_status_says_whether_it_got_there(
 
 
 # --- from Python --------------------------------------------------------------------------------
-def asked(request: httpx.Request, seen: list[tuple[str, Any]]) -> httpx.Response:
+def record_request(request: httpx.Request, seen: list[tuple[str, Any]]) -> httpx.Response:
     seen.append((request.url.path, json.loads(request.content) if request.content else None))
     return httpx.Response(202, json=TASK)
 
@@ -114,9 +114,9 @@ CALLS = [
 ]
 
 
-def test_the_sdk_sends_the_robot() -> None:
+def test_the_sdk_posts_each_move_to_its_address() -> None:
     seen: list[tuple[str, Any]] = []
-    helios = Helios(transport=httpx.MockTransport(lambda request: asked(request, seen)))
+    helios = Helios(transport=httpx.MockTransport(lambda request: record_request(request, seen)))
     task = helios.go(3.2, -4.1)
     assert (task.kind, task.point) == ("go_to_point", TASK["point"])
     helios.go(0.0, 0.0, yaw_rad=0.0)
@@ -126,11 +126,11 @@ def test_the_sdk_sends_the_robot() -> None:
     assert seen == CALLS
 
 
-def test_the_asynchronous_sdk_sends_the_same() -> None:
+def test_the_asynchronous_sdk_posts_the_same_requests() -> None:
     seen: list[tuple[str, Any]] = []
 
     async def act() -> None:
-        transport = httpx.MockTransport(lambda request: asked(request, seen))
+        transport = httpx.MockTransport(lambda request: record_request(request, seen))
         async with AsyncHelios(transport=transport) as helios:
             await helios.go(3.2, -4.1)
             await helios.go(0.0, 0.0, yaw_rad=0.0)
@@ -143,7 +143,7 @@ def test_the_asynchronous_sdk_sends_the_same() -> None:
 
 
 # --- over MCP -----------------------------------------------------------------------------------
-def test_an_agent_sends_the_robot_and_lets_it_explore() -> None:
+def test_an_agent_submits_go_explore_and_home_tasks() -> None:
     async def act() -> None:
         with served() as gateway:
             async with AsyncHelios(gateway.url) as helios, Client(build(helios)) as client:

@@ -1,4 +1,4 @@
-"""`helios record` finds the router of the robot that it is told of."""
+"""`helios record` finds the router of the robot that its options or the environment name."""
 
 from __future__ import annotations
 
@@ -14,46 +14,48 @@ from tests.support import free_port
 ROUTER = "tcp/127.0.0.1:17447"
 
 
-class Became(Exception):
-    """Instead of the recorder's process."""
+class ExecCalled(Exception):
+    """Raised instead of starting the recorder's process."""
 
 
 @pytest.fixture
 def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
-    """Of a `helios up` of this machine, as its state file tells it."""
+    """The port of a `helios up` on this machine, with its state file."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.delenv("HELIOS_URL", raising=False)
     port = free_port()
     status = {"ready": True, "services": [], "router": ROUTER, "robot": "arm"}
     state_file.write([state_file.default_state_dir(port)], status)
 
-    def become(_: str, argv: list[str]) -> None:
-        raise Became(*argv)
+    def fake_execv(_: str, argv: list[str]) -> None:
+        raise ExecCalled(*argv)
 
-    monkeypatch.setattr(os, "execv", become)
+    monkeypatch.setattr(os, "execv", fake_execv)
     return port
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:{}", "http://localhost:{}/", "localhost:{}"])
-def test_it_honours_the_url_that_every_command_does(
+def test_record_uses_the_url_of_the_environment_variable(
     port: int, monkeypatch: pytest.MonkeyPatch, url: str
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", url.format(port))
-    with pytest.raises(Became) as became:
+    with pytest.raises(ExecCalled) as became:
         run(["record"])
     argv = became.value.args
     assert argv[argv.index("--router") + 1] == ROUTER
     assert argv[argv.index("--robot") + 1] == "arm"
 
 
-def test_a_typed_port_wins_over_the_variable(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_port_option_overrides_the_environment_variable(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("HELIOS_URL", "http://192.0.2.7:8080")
-    with pytest.raises(Became) as became:
+    with pytest.raises(ExecCalled) as became:
         run(["record", "--port", str(port)])
     assert ROUTER in became.value.args
 
 
-def test_of_another_machine_it_says_what_to_give(
+def test_a_robot_on_another_machine_needs_the_router_option(
     port: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", "http://192.0.2.7:8080")  # reserved for examples
@@ -62,13 +64,13 @@ def test_of_another_machine_it_says_what_to_give(
     assert "not on this machine" in said
     assert "--router tcp/192.0.2.7:7447" in said
     assert said.count("\n") == 1
-    with pytest.raises(Became) as became:  # a router that is named is asked
+    with pytest.raises(ExecCalled) as became:  # the named router is used
         run(["record", "--router", "tcp/192.0.2.7:7447"])
     assert "tcp/192.0.2.7:7447" in became.value.args
 
 
 @pytest.mark.parametrize("url", ["http://", "http://localhost:seven", "ftp://localhost"])
-def test_a_url_that_is_none_is_wrong_use(
+def test_an_invalid_url_is_a_usage_error(
     port: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], url: str
 ) -> None:
     monkeypatch.setenv("HELIOS_URL", url)
@@ -76,7 +78,7 @@ def test_a_url_that_is_none_is_wrong_use(
     assert "http://HOST:PORT" in capsys.readouterr().err
 
 
-def test_where_nobody_runs_it_says_so_and_where_somebody_does(
+def test_a_missing_stack_is_reported_with_the_port_of_a_running_one(
     port: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nobody = free_port()

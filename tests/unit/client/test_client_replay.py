@@ -1,4 +1,4 @@
-"""What a replay counts and writes."""
+"""The frames that a replay counts and the result files that it writes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> p
     )  # fmt: skip
 
 
-def test_a_frame_counts_when_all_parts_have_answered() -> None:
+def test_a_frame_counts_after_all_map_parts_have_answered() -> None:
     tally = FrameAcks()
     for part in list(MapPart)[:-1]:
         tally.note_ack(ack(part, 1))
@@ -39,12 +39,12 @@ def test_a_frame_counts_when_all_parts_have_answered() -> None:
     assert tally.frames == 1
 
 
-def test_a_frame_that_the_detector_refused_is_over_once_its_occupancy_is_there() -> None:
+def test_a_frame_that_the_detector_refused_is_finished_by_its_occupancy_ack() -> None:
     tally = FrameAcks()
     tally.note_ack(ack("occupancy", 1))
     done = ack("observation", 1)
     done.accepted = True
-    tally.note_detector(done)  # the maps still work on it
+    tally.note_detector(done)  # the maps have not answered yet
     assert tally.finished_frames == 0
     refused = ack("observation", 1)
     refused.service, refused.accepted, refused.reason = "detector", False, "no model"
@@ -53,7 +53,7 @@ def test_a_frame_that_the_detector_refused_is_over_once_its_occupancy_is_there()
     assert tally.refusals == {"detector: no model": 1}
 
 
-def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() -> None:
+def test_a_frame_with_only_an_occupancy_ack_is_finished_when_the_next_begins() -> None:
     tally = FrameAcks()
     assert (tally.finished_frames, tally.occupancy_frames) == (0, 0)
     tally.note_ack(ack("occupancy", 1))
@@ -72,7 +72,7 @@ def test_refusals_are_counted_with_their_reason_and_not_timed() -> None:
     assert tally.median_ms() == {}
 
 
-def test_stages_are_medians_of_answers_and_of_what_services_report() -> None:
+def test_stage_times_are_medians_of_acks_and_of_service_metrics() -> None:
     tally, board = FrameAcks(), ServiceTable()
     for seq, ms in enumerate((1.0, 9.0, 2.0)):
         tally.note_ack(ack("occupancy", seq, update_ms=ms))
@@ -83,7 +83,7 @@ def test_stages_are_medians_of_answers_and_of_what_services_report() -> None:
     assert "keyframes" not in stages
 
 
-def test_results_are_asked_for_and_written(tmp_path: Path) -> None:
+def test_results_are_collected_from_the_services_and_written(tmp_path: Path) -> None:
     hub = MemoryHub()
     maps, client = MemoryBus(hub, "robot"), MemoryBus(hub, "robot")
     cup = pb.ObjectInstance(id=3, class_name="cup", center_m=pb.Vector3(x=1.8, y=0.7, z=0.8),
@@ -122,7 +122,7 @@ def results(score: float = 0.6, **summary: object) -> Results:
     return Results([found], b"png", decode_snapshot(snapshot), summary)
 
 
-def test_what_is_written_is_json_whatever_the_numbers_are(tmp_path: Path) -> None:
+def test_result_files_are_valid_json_with_non_finite_numbers_as_null(tmp_path: Path) -> None:
     def refuse(constant: str) -> None:
         raise AssertionError(f"{constant} is no JSON")
 
@@ -135,13 +135,13 @@ def test_what_is_written_is_json_whatever_the_numbers_are(tmp_path: Path) -> Non
     assert read[1] == {"wall_s": None, "frames": 3}
 
 
-def test_a_disk_that_is_full_keeps_the_files_of_before_and_is_said(
+def test_a_full_disk_is_reported_and_keeps_the_previous_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     results(frames=1).write(tmp_path)
 
     def full(path: Path, data: bytes) -> None:
-        path.touch()  # as much as there is room for
+        path.touch()  # only an empty file fits
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
@@ -152,6 +152,6 @@ def test_a_disk_that_is_full_keeps_the_files_of_before_and_is_said(
     assert len(list(tmp_path.iterdir())) == 4
 
 
-def test_a_map_that_is_not_there_is_an_error() -> None:
+def test_a_missing_map_service_is_an_error() -> None:
     with pytest.raises(Unavailable):
         collect(MemoryBus(MemoryHub(), "robot"), FrameAcks(), ServiceTable(), 1, 1.0)

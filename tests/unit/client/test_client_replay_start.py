@@ -1,4 +1,4 @@
-"""A replay that does not start says who is late and why; frames left out are counted."""
+"""Start of a replay: late services are named with reasons; skipped frames are counted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NAMES = ("router", "bridge", "detector", "map2d")
 
 
 class Processes:
-    """A supervisor whose processes all run."""
+    """A supervisor whose processes are all running."""
 
     def check(self) -> tuple:
         return ()
@@ -50,7 +50,7 @@ def play(
     job: ReplayJob, board: ServiceTable, tally: FrameAcks, *searches: str,
     interrupts: Interrupts | None = None,
 ) -> None:  # fmt: skip
-    """searches: what each looks for."""
+    """Play a replay; each of `searches` is the class name of one search."""
     quiet = Console(quiet=True)
     known = CheckedInput(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
     watch = ReplayMonitor(job, known, board, quiet)
@@ -75,7 +75,7 @@ def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_log
     assert "bridge" not in said
 
 
-def test_a_first_frame_that_nobody_answers_ends_the_replay_with_what_the_services_say(
+def test_an_unanswered_first_frame_ends_the_replay_with_the_services_reasons(
     tmp_path: Path,
 ) -> None:
     ready = [status(name, "ready") for name in NAMES[2:]]
@@ -84,7 +84,9 @@ def test_a_first_frame_that_nobody_answers_ends_the_replay_with_what_the_service
         play(job(tmp_path, start_s=60, patience_s=0.1), board, FrameAcks())
 
 
-def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
+def test_a_replay_ends_when_its_frames_are_answered_and_the_robot_is_finished(
+    tmp_path: Path,
+) -> None:
     tally = FrameAcks()
     for part in MapPart:
         tally.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
@@ -92,7 +94,7 @@ def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
     play(job(tmp_path, start_s=0.1), board_of(), tally)
 
 
-def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_replay(
+def test_a_loading_model_is_waited_for_but_a_missing_model_ends_the_replay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_client.replay.progress.TROUBLE_S", 0.0)
@@ -104,7 +106,7 @@ def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_re
         play(job(tmp_path, start_s=60), board_of(missing), FrameAcks())
 
 
-def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
+def test_a_detector_that_knows_no_class_ends_the_replay_with_a_usage_error(
     tmp_path: Path,
 ) -> None:
     refused = {"contexts_unknown": 1, "classes_refused": 1}
@@ -113,7 +115,7 @@ def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
         play(job(tmp_path, start_s=60), board, FrameAcks(), "cup", "cup")
 
 
-def test_a_class_that_is_not_known_is_reported_once_and_the_others_go_on(
+def test_an_unknown_class_is_reported_once_and_the_replay_continues(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figures = {"contexts_sought": 1, "classes_refused": 1}
@@ -126,7 +128,7 @@ def test_a_class_that_is_not_known_is_reported_once_and_the_others_go_on(
     assert capsys.readouterr().out.count("'cup' is not painted") == 1
 
 
-def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
+def test_an_unknown_first_search_is_an_error_only_when_the_replay_is_over(tmp_path: Path) -> None:
     refused = {"contexts_unknown": 1, "classes_refused": 1}
     board = board_of(
         *(status(name, "ready") for name in NAMES[1:]),
@@ -143,7 +145,7 @@ def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
         watch.classes.check(board, over=True, console=Console(quiet=True))
 
 
-def test_an_interrupt_ends_it_with_what_came_so_far_and_before_that_with_nothing(
+def test_an_interrupt_before_the_first_frame_raises_and_a_later_one_ends_the_replay(
     tmp_path: Path,
 ) -> None:
     tally, interrupts = FrameAcks(), Interrupts()
@@ -154,7 +156,7 @@ def test_an_interrupt_ends_it_with_what_came_so_far_and_before_that_with_nothing
     play(job(tmp_path), board_of(), tally, interrupts=interrupts)
 
 
-def test_the_screen_says_for_whom_it_waits() -> None:
+def test_the_progress_line_names_what_each_service_waits_for() -> None:
     rows = [
         ServiceRow("router", "ready", "", 0, 1),
         ServiceRow("bridge", "ready", "keyframe a/0/1 waits for map2d/value", 0, 2),
@@ -165,7 +167,7 @@ def test_the_screen_says_for_whom_it_waits() -> None:
     )
 
 
-def test_frames_left_out_are_reported_and_none_left_is_an_error(
+def test_skipped_frames_are_reported_and_a_replay_without_readable_frames_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def say(unreadable: int) -> None:

@@ -1,4 +1,4 @@
-"""What a replay seeks, and with what, by its flags; where a recorder finds its robot."""
+"""The search context, the detector and the process arguments that a replay's flags select."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from helios_client.usage_errors import UsageError
 TAPE, FOLDER = Path("tour.mcap"), Path("folder")
 
 
-def test_a_recording_needs_no_words() -> None:
+def test_a_recording_needs_no_classes_and_no_detector() -> None:
     assert search_and_detector(TAPE, None, "", None) == (None, RECORDED_DETECTOR)
     assert search_and_detector(TAPE, None, "", "onnx:x") == (None, "onnx:x")
     context, detector = search_and_detector(TAPE, "cup", "cup=0.3", "onnx:x")
@@ -31,21 +31,21 @@ def test_a_recording_needs_no_words() -> None:
         (TAPE, None, "cup=0.3", None),
     ],
 )
-def test_what_is_missing_is_asked_for(
+def test_missing_flags_are_a_usage_error(
     source: Path, classes: str | None, thresholds: str, detector: str | None
 ) -> None:
     with pytest.raises(UsageError):
         search_and_detector(source, classes, thresholds, detector)
 
 
-def test_detectors_that_need_not_be_named() -> None:
+def test_the_robot_and_the_source_select_the_default_detector() -> None:
     assert default_detector("sim", None) == "simulated"
     assert default_detector("replay", TAPE) == RECORDED_DETECTOR
     with pytest.raises(UsageError):
         default_detector("replay", FOLDER)
 
 
-def test_a_replay_and_a_recorder_are_called_so(tmp_path: Path) -> None:
+def test_replay_and_recorder_processes_get_their_flags(tmp_path: Path) -> None:
     stack = StackOptions(
         "replay", 7447, tmp_path, detector=RECORDED_DETECTOR, source=TAPE, from_s=2.0, to_s=5.0,
         rate=1.0, record=tmp_path / "out",
@@ -57,7 +57,7 @@ def test_a_replay_and_a_recorder_are_called_so(tmp_path: Path) -> None:
     assert f"--out {tmp_path / 'out'}" in specs["recorder"]
 
 
-def test_a_recorder_in_trouble_keeps_no_robot_from_being_ready() -> None:
+def test_a_degraded_recorder_does_not_keep_the_stack_from_being_ready() -> None:
     rows = [ServiceRow("bridge", "ready", "", 0, 1), ServiceRow("recorder", "degraded", "", 0, 2)]
     assert is_ready(rows)
     assert not is_ready([ServiceRow("bridge", "degraded", "", 0, 1)])

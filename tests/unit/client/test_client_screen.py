@@ -1,4 +1,4 @@
-"""What commands print: whole in a pipe, and without the control characters of others."""
+"""Output of commands: complete in a pipe, and without control characters from outside."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ ESCAPE = "find the \x1b[31mcup\x9b2J\x07\x00\r\n\x7f"
 
 
 def controls(text: str) -> str:
-    """The control characters of a text but for the ends of its lines."""
+    """The control characters of a text except its line ends."""
     return "".join(c for c in text if unicodedata.category(c) == "Cc" and c != "\n")
 
 
 @pytest.mark.parametrize("environment", [{}, {"COLUMNS": "40"}])
-def test_in_a_pipe_no_table_is_cut(environment: dict[str, str], gateway: Served) -> None:
+def test_tables_are_not_truncated_in_a_pipe(environment: dict[str, str], gateway: Served) -> None:
     gateway.backend.report("planner", 4105, "degraded", f"written to {PATH}")
     gateway.backend.submit(INSTRUCTION)
     gateway.backend.tasks["t1"].instruction = "of many words " * 20
@@ -44,10 +44,10 @@ def test_in_a_pipe_no_table_is_cut(environment: dict[str, str], gateway: Served)
             capture_output=True, text=True, check=False, env=os.environ | environment,
         )  # fmt: skip
         assert any(words.strip() in line for line in done.stdout.splitlines()), done.stdout
-        assert max(map(len, done.stdout.splitlines())) < 2000  # nothing pads to the whole width
+        assert max(map(len, done.stdout.splitlines())) < 2000  # no line is padded to the full width
 
 
-def test_a_narrow_terminal_cuts_nothing_either() -> None:
+def test_tables_are_not_truncated_on_a_narrow_terminal() -> None:
     table = plain_table("service", "reason")
     table.add_row("recorder", PATH)
     out = io.StringIO()
@@ -63,7 +63,7 @@ def test_why_is_not_padded_in_a_pipe() -> None:
 
 
 @given(st.text())
-def test_no_control_character_of_a_text_is_printed(text: str) -> None:
+def test_the_screen_prints_no_control_characters(text: str) -> None:
     out = io.StringIO()
     screen = Screen(file=out, force_terminal=True, color_system=None, legacy_windows=False)
     table = plain_table("instruction")
@@ -73,7 +73,7 @@ def test_no_control_character_of_a_text_is_printed(text: str) -> None:
     assert controls(out.getvalue()) == ""
 
 
-def test_a_live_view_prints_none_either() -> None:
+def test_a_live_view_prints_no_control_characters() -> None:
     out = io.StringIO()
     screen = Screen(file=out)
     with Live(ESCAPE, console=screen):
@@ -86,7 +86,7 @@ def test_a_live_view_prints_none_either() -> None:
     [["tasks"], ["status"], ["pause", "t1"], ["objects"], ["why", "t1"], ["seen", "mug"],
      ["names"], ["names", "--here"], ["cancel", "t1"], ["watch", "t2"]],
 )  # fmt: skip
-def test_no_command_prints_the_control_characters_of_others(
+def test_no_command_prints_control_characters_from_the_gateway(
     args: list[str], gateway: Served, helios: Helios
 ) -> None:
     for id in ("t1", "t2"):
@@ -104,7 +104,9 @@ def test_no_command_prints_the_control_characters_of_others(
     assert controls(reported) == ""
 
 
-def test_json_is_exact_and_plain(gateway: Served, helios: Helios) -> None:
+def test_json_output_is_exact_and_without_control_characters(
+    gateway: Served, helios: Helios
+) -> None:
     gateway.backend.submit(INSTRUCTION)
     gateway.backend.tasks["t1"].instruction = ESCAPE
     reported = helios("tasks", "--json")
@@ -113,7 +115,9 @@ def test_json_is_exact_and_plain(gateway: Served, helios: Helios) -> None:
     assert json.loads(reported)["tasks"] == answered
 
 
-def test_an_error_of_others_is_one_safe_line(gateway: Served, helios: Helios) -> None:
+def test_an_error_from_the_gateway_is_one_line_without_control_characters(
+    gateway: Served, helios: Helios
+) -> None:
     helios("task", "dance \x1b[31m now", status=2)
     assert controls(helios.error) == ""
     assert helios.error.count("\n") == 1

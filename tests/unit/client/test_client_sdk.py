@@ -1,4 +1,4 @@
-"""The SDK against answers as the gateway gives them."""
+"""The SDK against answers in the form that the gateway sends."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NEXT_EVENT = 'id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'
 
 
 class QuietHour(httpx.SyncByteStream):
-    """A stream of signs of life that breaks off after an hour, and the clock that sees it pass."""
+    """A stream of keepalives that breaks off after an hour, and the clock that measures it."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -66,7 +66,7 @@ def task_json(**changes: Any) -> dict[str, Any]:
     return task | changes
 
 
-def test_submit_sends_the_instruction_and_gives_the_task() -> None:
+def test_submit_sends_the_instruction_and_returns_the_task() -> None:
     def answer(request: httpx.Request) -> httpx.Response:
         assert (request.method, request.url.path) == ("POST", "/v1/tasks")
         assert json.loads(request.content) == {"instruction": "move it", "max_steps": 9}
@@ -82,23 +82,25 @@ def test_submit_sends_the_instruction_and_gives_the_task() -> None:
     [(400, InvalidInput), (404, InvalidInput), (409, Conflict), (503, Unavailable),
      (504, DeadlineExceeded), (500, Internal)],
 )  # fmt: skip
-def test_a_problem_is_a_typed_error_with_its_sentence(status: int, kind: type[HeliosError]) -> None:
+def test_a_problem_response_raises_a_typed_error_with_its_detail(
+    status: int, kind: type[HeliosError]
+) -> None:
     problem = {"type": "helios:x", "title": "x", "status": status, "detail": "say what to move"}
     with pytest.raises(kind, match="say what to move"):
         helios(lambda _: httpx.Response(status, json=problem)).task("t1")
 
 
-def test_an_answer_that_is_no_problem_still_is_an_error() -> None:
+def test_a_response_that_is_not_json_raises_an_error() -> None:
     with pytest.raises(Internal, match="502"):
         helios(lambda _: httpx.Response(502, text="<html>")).task("t1")
     with pytest.raises(InvalidInput, match="is HELIOS there") as refused:
         helios(lambda _: httpx.Response(404, text="<html>")).task("t1")
-    assert not isinstance(refused.value, WrongRequest)  # which is told of HELIOS's own word alone
+    assert not isinstance(refused.value, WrongRequest)  # only for HELIOS's own refusals
     with pytest.raises(Internal, match="no JSON"):
         helios(lambda _: httpx.Response(200, text="<html>")).task("t1")
 
 
-def test_where_nobody_listens_is_said() -> None:
+def test_an_unreachable_gateway_raises_unavailable() -> None:
     with (
         Helios(f"http://127.0.0.1:{free_port()}") as client,
         pytest.raises(Unavailable, match="helios up"),
@@ -106,7 +108,7 @@ def test_where_nobody_listens_is_said() -> None:
         client.tasks()
 
 
-def test_a_strange_task_id_cannot_reach_another_address() -> None:
+def test_a_task_id_is_escaped_and_cannot_reach_another_address() -> None:
     seen: list[str] = []
 
     def answer(request: httpx.Request) -> httpx.Response:
@@ -117,7 +119,7 @@ def test_a_strange_task_id_cannot_reach_another_address() -> None:
     assert seen == ["/v1/tasks/..%2Frobot%2Fstop%3Fx%3D/cancel"]
 
 
-def test_wait_outlives_a_gateway_that_is_restarted() -> None:
+def test_wait_survives_a_gateway_restart() -> None:
     answers = iter([
         httpx.Response(200, json=task_json()),
         httpx.Response(503, json={"detail": "starting"}),
@@ -134,20 +136,20 @@ def test_wait_ends_at_its_deadline() -> None:
         helios(lambda _: httpx.Response(200, json=task_json())).wait("t1", 0.0)
 
 
-def test_map_arrays_come_as_arrays() -> None:
+def test_map_arrays_are_returned_as_numpy_arrays() -> None:
     stream = io.BytesIO()
     np.savez_compressed(stream, occupancy=np.array([[0, 100], [-1, 0]], np.int8))
     arrays = helios(lambda _: httpx.Response(200, content=stream.getvalue())).occupancy()
     np.testing.assert_array_equal(arrays["occupancy"], [[0, 100], [-1, 0]])
 
 
-def test_objects_carry_their_class() -> None:
+def test_the_class_field_of_an_object_becomes_class_name() -> None:
     answer = {"objects": [{"id": 4, "class": "cup", "center_m": [1, 2, 0.8], "score": None}]}
     (found,) = helios(lambda _: httpx.Response(200, json=answer)).objects()
     assert (found.id, found.class_name, found.center_m, found.score) == (4, "cup", [1, 2, 0.8], 0.0)
 
 
-def test_events_are_parsed_and_signs_of_life_skipped() -> None:
+def test_events_are_parsed_and_keepalives_are_skipped() -> None:
     text = ': still here\n\nid: b-1\nevent: task\ndata: {"id": "t1"}\n\nevent: x\ndata: no JSON\n\n'
     events = helios(lambda _: httpx.Response(200, text=text)).events(silence_s=0)
     assert next(events) == Event("task", {"id": "t1"}, "b-1")
@@ -155,7 +157,7 @@ def test_events_are_parsed_and_signs_of_life_skipped() -> None:
         next(events)
 
 
-def test_events_go_on_where_the_connection_broke_off() -> None:
+def test_events_resume_where_the_connection_broke_off() -> None:
     def event(number: int) -> str:
         return f'id: b-{number}\nevent: map\ndata: {{"map2d": {number}}}\n\n'
 
@@ -175,7 +177,7 @@ def test_events_go_on_where_the_connection_broke_off() -> None:
     assert asked == [None, "b-2", "b-2"]
 
 
-def test_signs_of_life_count_when_a_quiet_connection_is_lost(
+def test_keepalives_count_as_contact_when_a_quiet_connection_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = QuietHour()
@@ -185,7 +187,7 @@ def test_signs_of_life_count_when_a_quiet_connection_is_lost(
     assert next(events).data == {"map2d": 2}
 
 
-def test_events_of_a_task_end_with_it() -> None:
+def test_the_events_of_a_task_end_with_the_task() -> None:
     text = "".join(
         f'event: task\ndata: {{"id": "t1", "state": "{state}"}}\n\n'
         for state in ("running", "succeeded")
@@ -199,7 +201,7 @@ def test_events_of_a_task_end_with_it() -> None:
     assert [event.data["state"] for event in events] == ["running", "succeeded"]
 
 
-def test_a_key_and_a_robot_s_name_go_with_every_call() -> None:
+def test_every_call_sends_the_key_and_the_robot_name() -> None:
     def answer(request: httpx.Request) -> httpx.Response:
         assert request.headers["authorization"] == "Bearer secret"
         assert request.url.path == "/v1/robots/spot/tasks"
@@ -210,7 +212,7 @@ def test_a_key_and_a_robot_s_name_go_with_every_call() -> None:
 
 
 @given(st.lists(st.text(alphabet=st.characters(exclude_characters="\n\r"))))
-def test_no_line_breaks_the_event_parser(lines: list[str]) -> None:
+def test_the_event_parser_accepts_any_line(lines: list[str]) -> None:
     parser = EventParser()
     for line in lines:
         parser.feed(line)
@@ -247,14 +249,14 @@ def test_an_address_may_lack_its_scheme(said: str, url: str) -> None:
 
 
 @pytest.mark.parametrize("said", ["", "ftp://robot", "http://", "robot:port", "robot:70000", "[::"])
-def test_what_is_no_address_is_said_in_one_sentence(said: str) -> None:
+def test_an_invalid_address_raises_an_error_with_the_expected_form(said: str) -> None:
     for kind in (Helios, AsyncHelios):
         with pytest.raises(InvalidInput, match="wanted http://HOST:PORT or HOST:PORT"):
             kind(said)
 
 
 @given(st.text(max_size=30))
-def test_any_text_is_an_address_or_refused(said: str) -> None:
+def test_base_url_refuses_a_text_or_is_idempotent(said: str) -> None:
     with contextlib.suppress(ValueError):
         assert base_url(base_url(said)) == base_url(said)
 
@@ -265,7 +267,7 @@ def test_a_key_that_no_header_can_hold_is_refused(key: str) -> None:
         Helios("robot", key=key)
 
 
-def test_fields_of_a_newer_gateway_are_kept_and_do_no_harm() -> None:
+def test_unknown_fields_of_a_newer_gateway_are_kept_in_raw() -> None:
     newer = {"new": {"a": 1}, "raw": "x", "id": "t1", "state": "running", "eta_s": None}
     task = Task.from_json(newer)
     assert (task.id, task.eta_s, task.time_limit_s, task.raw) == ("t1", None, None, newer)

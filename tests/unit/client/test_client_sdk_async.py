@@ -1,4 +1,4 @@
-"""The asynchronous SDK: the same calls, the same answers."""
+"""The asynchronous SDK has the same calls and answers as the synchronous one."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_task_is_submitted_and_waited_for() -> None:
     assert heard == ["running", "succeeded"]
 
 
-def test_events_come_as_an_iterator_and_go_on_after_a_break() -> None:
+def test_events_are_an_iterator_that_reconnects_after_a_break() -> None:
     answers = iter([
         httpx.Response(200, text='id: b-1\nevent: map\ndata: {"map2d": 1}\n\n'),
         httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
@@ -73,12 +73,12 @@ def test_events_come_as_an_iterator_and_go_on_after_a_break() -> None:
     assert asyncio.run(run()) == [1, 2]
 
 
-def test_signs_of_life_count_when_a_quiet_connection_is_lost(
+def test_keepalives_count_as_contact_when_a_quiet_connection_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s = 0.0
 
-    async def signs_of_life() -> AsyncIterator[bytes]:
+    async def keepalives() -> AsyncIterator[bytes]:
         nonlocal now_s
         for _ in range(240):
             now_s += 15
@@ -86,7 +86,7 @@ def test_signs_of_life_count_when_a_quiet_connection_is_lost(
         raise httpx.ReadError("reset by peer")
 
     answers = iter([
-        httpx.Response(200, content=signs_of_life()),
+        httpx.Response(200, content=keepalives()),
         httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
     ])  # fmt: skip
 
@@ -100,12 +100,12 @@ def test_signs_of_life_count_when_a_quiet_connection_is_lost(
     assert asyncio.run(run()) == {"map2d": 2}
 
 
-def test_every_method_says_what_it_does() -> None:
+def test_every_method_has_a_docstring() -> None:
     for kind in (Helios, AsyncHelios):
         assert [name for name in public(kind) if not vars(kind)[name].__doc__] == []
 
 
-def test_arrays_are_numpy_and_problems_are_typed() -> None:
+def test_arrays_are_numpy_and_errors_are_typed() -> None:
     stream = io.BytesIO()
     np.savez_compressed(stream, occupancy=np.array([[0, 100]], np.int8))
 

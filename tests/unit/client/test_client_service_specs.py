@@ -18,7 +18,7 @@ SETTINGS: dict[str, type[ServiceSettings]] = {
 
 
 def flags_of(service: str, agent: str | None) -> list[str]:
-    """What the service's process is called with, after `python -m MODULE`."""
+    """Arguments of the service's process after `python -m MODULE`."""
     specs = StackOptions("sim", 7447, Path("state"), port=8080, agent=agent).processes()
     (flags,) = (spec.argv[3:] for spec in specs if spec.name == service)
     return list(flags)
@@ -36,7 +36,7 @@ def test_every_service_starts_with_the_settings_of_the_agent(
 
 
 @pytest.mark.parametrize("service", SETTINGS)
-def test_a_slip_in_an_agents_name_is_refused_by_every_service(
+def test_every_service_refuses_a_misspelt_agent_name(
     service: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:

@@ -1,4 +1,4 @@
-"""How a service is, from what the supervisor and the service itself say."""
+"""State of a service, from the reports of the supervisor and of the service itself."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def row(board: ServiceTable, info: ProcessInfo) -> ServiceRow:
     return board.rows([info])[0]
 
 
-def test_a_process_that_has_not_spoken_is_starting() -> None:
+def test_a_process_without_a_report_is_starting() -> None:
     assert row(ServiceTable(), running()).state == "starting"
 
 
-def test_a_service_is_what_it_says() -> None:
+def test_a_service_has_the_state_that_it_reports() -> None:
     board = ServiceTable()
     board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame"))
     assert row(board, running()) == ServiceRow("map2d", "waiting", "for a frame", 0, 7)
 
 
-def test_the_word_of_an_earlier_process_does_not_count() -> None:
+def test_the_report_of_an_earlier_process_is_ignored() -> None:
     board = ServiceTable()
     board.on_status(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
     assert row(board, running()).state == "starting"
@@ -61,7 +61,7 @@ def test_a_silent_service_is_degraded() -> None:
     assert row(board, running()).state == "degraded"
 
 
-def test_a_process_that_is_down_is_so_whatever_it_said() -> None:
+def test_a_down_process_is_restarting_whatever_its_last_report() -> None:
     board = ServiceTable()
     board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     down = row(board, ProcessInfo("map2d", 0, 3, ProcessState.RESTARTING, "no model"))
@@ -72,7 +72,7 @@ def test_a_running_router_is_ready() -> None:
     assert row(ServiceTable(), running("router")).state == "ready"
 
 
-def test_all_is_ready_when_every_service_is() -> None:
+def test_the_stack_is_ready_when_every_service_is_ready() -> None:
     ready, starting = ServiceRow("a", "ready", "", 0, 1), ServiceRow("b", "starting", "", 0, 2)
     assert is_ready([ready])
     assert not is_ready([ready, starting])
@@ -82,7 +82,7 @@ def test_all_is_ready_when_every_service_is() -> None:
     ]
 
 
-def test_the_table_goes_over_the_bus_whole() -> None:
+def test_the_supervisor_message_contains_the_whole_process_table() -> None:
     message = supervisor_status([running(restarts=2, reason="why")])
     (process,) = pb.SupervisorStatus.FromString(message.SerializeToString()).processes
     assert (process.name, process.pid, process.restarts) == ("map2d", 7, 2)

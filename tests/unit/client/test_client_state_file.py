@@ -20,7 +20,7 @@ from tests.support import free_port
 STATUS = {"ready": True, "services": []}
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_a_written_status_is_read_back(tmp_path: Path) -> None:
     state_file.write([tmp_path / "a", tmp_path / "b"], STATUS)
     for folder in ("a", "b"):
         read = state_file.read(tmp_path / folder)
@@ -29,7 +29,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         assert read["supervisor_pid"] == os.getpid()
 
 
-def test_a_reader_never_sees_half_a_file(tmp_path: Path) -> None:
+def test_a_reader_never_sees_a_partial_file(tmp_path: Path) -> None:
     ending = threading.Event()
 
     def write() -> None:
@@ -47,7 +47,7 @@ def test_a_reader_never_sees_half_a_file(tmp_path: Path) -> None:
         writer.join()
 
 
-def test_the_file_of_a_supervisor_that_is_gone_does_not_count(tmp_path: Path) -> None:
+def test_the_file_of_an_ended_supervisor_is_ignored(tmp_path: Path) -> None:
     gone = subprocess.Popen(["true"])
     gone.wait()
     text = json.dumps(STATUS | {"supervisor_pid": gone.pid, "updated_s": time.time()})
@@ -55,7 +55,7 @@ def test_the_file_of_a_supervisor_that_is_gone_does_not_count(tmp_path: Path) ->
     assert state_file.read(tmp_path) is None
 
 
-def test_an_old_file_does_not_count(tmp_path: Path) -> None:
+def test_a_stale_file_is_ignored(tmp_path: Path) -> None:
     old = time.time() - state_file.STALE_S - 1
     text = json.dumps(STATUS | {"supervisor_pid": os.getpid(), "updated_s": old})
     (tmp_path / state_file.FILE_NAME).write_text(text)
@@ -63,18 +63,20 @@ def test_an_old_file_does_not_count(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"updated_s": "x"}'])
-def test_a_corrupt_file_does_not_count(tmp_path: Path, text: str) -> None:
+def test_a_corrupt_file_is_ignored(tmp_path: Path, text: str) -> None:
     (tmp_path / state_file.FILE_NAME).write_text(text)
     assert state_file.read(tmp_path) is None
 
 
-def test_a_directory_is_held_by_one(tmp_path: Path) -> None:
+def test_a_state_directory_has_only_one_lock_holder(tmp_path: Path) -> None:
     with state_file.lock(tmp_path), pytest.raises(state_file.StateDirLocked):
         state_file.lock(tmp_path)
     state_file.lock(tmp_path).close()
 
 
-def test_the_default_directory_is_by_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_default_directory_depends_on_the_port(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert state_file.default_state_dir(8080) == tmp_path / "helios" / "8080"
     monkeypatch.delenv("XDG_STATE_HOME")
@@ -82,7 +84,7 @@ def test_the_default_directory_is_by_port(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert state_file.default_state_dir(1) == tmp_path / ".local" / "state" / "helios" / "1"
 
 
-def test_status_is_known_while_nobody_answers_on_the_port(tmp_path: Path) -> None:
+def test_status_comes_from_the_file_while_the_gateway_is_unreachable(tmp_path: Path) -> None:
     state_file.write([tmp_path], STATUS | {"address": "http://127.0.0.1:1"})
     port = free_port()
     with Helios(f"http://127.0.0.1:{port}") as nobody:

@@ -1,4 +1,4 @@
-"""`helios stop` by its two ways: at once, and as the full command."""
+"""`helios stop` by its two code paths: the quick stop and the full command."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ANSWER = {"connected": True, "state": {"stopped": True, "message": "ü"}, "descr
 
 @dataclass
 class Gateway:
-    """Takes whatever comes, and answers with `status` and `body`."""
+    """Accepts every request and answers with `status` and `body`."""
 
     port: int
     status: int = 200
@@ -56,14 +56,17 @@ def gateway() -> Iterator[Gateway]:
 
 
 @dataclass(frozen=True)
-class Done:
+class CommandResult:
     status: int
     out: str
     error: str
 
 
-class Ways:
-    """Both ways of one command line; HOME has no state folder, PORT is the gateway's."""
+class StopPaths:
+    """Runs a command line by either code path.
+
+    HOME has no state folder; PORT in the arguments is the gateway's port.
+    """
 
     def __init__(
         self, gateway: Gateway, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -73,36 +76,36 @@ class Ways:
     def words(self, args: list[str]) -> list[str]:
         return [arg.replace("PORT", str(self.gateway.port)) for arg in args]
 
-    def full(self, args: list[str]) -> Done:
+    def full(self, args: list[str]) -> CommandResult:
         return self._said(run(self.words(args)))
 
-    def quick(self, args: list[str]) -> Done:
+    def quick(self, args: list[str]) -> CommandResult:
         self._patch.setattr(sys, "argv", ["helios", *self.words(args)])
         return self._said(main())
 
     def quick_alone(self, args: list[str]) -> int | None:
-        """The exit status; None: the full command is needed."""
+        """Exit status of the quick stop; None if the full command is needed."""
         status = quick_stop.quick_stop(self.words(args))
         self._said(0)
         return status
 
-    def _said(self, status: int) -> Done:
+    def _said(self, status: int) -> CommandResult:
         said = self._capsys.readouterr()
-        return Done(status, said.out, said.err)
+        return CommandResult(status, said.out, said.err)
 
 
 @pytest.fixture
-def ways(
+def paths(
     gateway: Gateway,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Any,
-) -> Ways:
+) -> StopPaths:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     for name in ("HELIOS_URL", "HELIOS_API_KEY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr("signal.signal", lambda *_: None)  # the handlers of the tests stay
-    return Ways(gateway, monkeypatch, capsys)
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # keep the handlers of the tests
+    return StopPaths(gateway, monkeypatch, capsys)
 
 
 WELL: list[tuple[list[str], dict[str, str]]] = [
@@ -132,16 +135,16 @@ WELL: list[tuple[list[str], dict[str, str]]] = [
 
 
 @pytest.mark.parametrize(("args", "variables"), WELL)
-def test_both_ways_ask_and_say_the_same(
-    args: list[str], variables: dict[str, str], ways: Ways, monkeypatch: pytest.MonkeyPatch
+def test_quick_stop_and_full_command_send_and_print_the_same(
+    args: list[str], variables: dict[str, str], paths: StopPaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name, value in variables.items():
-        monkeypatch.setenv(name, *ways.words([value]))
-    assert ways.quick_alone(args) == 0
-    full, quick = ways.full(args), ways.quick(args)
+        monkeypatch.setenv(name, *paths.words([value]))
+    assert paths.quick_alone(args) == 0
+    full, quick = paths.full(args), paths.quick(args)
     assert quick == full
     assert (quick.status, quick.error) == (0, "")
-    first, second, third = ways.gateway.asked
+    first, second, third = paths.gateway.asked
     assert first == second == third
 
 
@@ -165,11 +168,11 @@ ILL: list[list[str]] = [
 
 
 @pytest.mark.parametrize("args", ILL)
-def test_wrong_use_is_reported_by_the_full_command(args: list[str], ways: Ways) -> None:
-    assert ways.quick_alone(args) is None
-    assert ways.gateway.asked == []
-    full = ways.full(args)
-    assert ways.quick(args) == full
+def test_the_full_command_reports_a_usage_error(args: list[str], paths: StopPaths) -> None:
+    assert paths.quick_alone(args) is None
+    assert paths.gateway.asked == []
+    full = paths.full(args)
+    assert paths.quick(args) == full
     assert full.status != 0 or "Usage" in full.out
 
 
@@ -184,27 +187,27 @@ def test_wrong_use_is_reported_by_the_full_command(args: list[str], ways: Ways) 
         (200, b"<html>", 1, "no JSON"),
     ],
 )
-def test_a_refusal_is_reported_by_the_full_command(
-    status: int, body: bytes, exit_status: int, words: str, ways: Ways
+def test_the_full_command_reports_a_refusal(
+    status: int, body: bytes, exit_status: int, words: str, paths: StopPaths
 ) -> None:
-    ways.gateway.status, ways.gateway.body = status, body
+    paths.gateway.status, paths.gateway.body = status, body
     args = ["stop", "--port", "PORT"]
-    full = ways.full(args)
+    full = paths.full(args)
     assert (full.status, full.out) == (exit_status, "")
     assert words in full.error
-    assert ways.quick(args) == full
-    assert ways.quick_alone(args) is None
+    assert paths.quick(args) == full
+    assert paths.quick_alone(args) is None
 
 
-def test_where_nobody_is_both_ways_say_so(ways: Ways) -> None:
+def test_both_code_paths_report_an_unreachable_gateway(paths: StopPaths) -> None:
     args = ["stop", "--port", str(free_port())]
-    full = ways.full(args)
+    full = paths.full(args)
     assert (full.status, full.out) == (1, "")
     assert "helios up" in full.error
-    assert ways.quick(args) == full
+    assert paths.quick(args) == full
 
 
-def test_the_quick_way_knows_the_options_of_the_command() -> None:
+def test_the_quick_stop_has_the_options_of_the_full_command() -> None:
     group: Any = typer.main.get_command(app)
     command = group.commands["stop"]
     options = {p.opts[0]: p for p in command.params if p.name != "help"}
@@ -214,7 +217,7 @@ def test_the_quick_way_knows_the_options_of_the_command() -> None:
     assert options["--reason"].default == quick_stop.REASON
 
 
-def test_a_stop_imports_the_standard_library_alone(gateway: Gateway) -> None:
+def test_a_stop_imports_no_third_party_package(gateway: Gateway) -> None:
     code = f"""
 import json, sys
 before = set(sys.modules)
@@ -236,12 +239,12 @@ print(json.dumps([status, sorted(set(sys.modules) - before - sys.stdlib_module_n
     ]  # fmt: skip
 
 
-def test_a_port_of_any_length_is_left_to_the_full_command(ways: Ways) -> None:
-    assert ways.quick_alone(["stop", "--port", "9" * 5000]) is None
+def test_an_overlong_port_is_left_to_the_full_command(paths: StopPaths) -> None:
+    assert paths.quick_alone(["stop", "--port", "9" * 5000]) is None
 
 
-def test_where_the_authorities_cannot_be_imported_the_full_command_runs(
-    ways: Ways, monkeypatch: pytest.MonkeyPatch
+def test_the_full_command_runs_if_certifi_cannot_be_imported(
+    paths: StopPaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "certifi", None)
-    assert ways.quick_alone(["stop", "--url", "https://127.0.0.1:PORT"]) is None
+    assert paths.quick_alone(["stop", "--url", "https://127.0.0.1:PORT"]) is None

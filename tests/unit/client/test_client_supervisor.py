@@ -1,4 +1,4 @@
-"""The supervisor with tiny real processes."""
+"""The supervisor with small real processes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Clock:
 
 
 class Bench:
-    """Makes supervisors and stops what is left of them."""
+    """Creates supervisors and stops those that still run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.clock = folder, Clock()
@@ -68,7 +68,7 @@ def wait_for_ending(supervisor: Supervisor) -> None:
     wait_until(supervisor.check, 10, "a process ended")
 
 
-def test_a_killed_process_is_started_again_at_once(bench: Bench) -> None:
+def test_a_killed_process_is_restarted_at_once(bench: Bench) -> None:
     supervisor = bench(STAY)
     supervisor.start()
     first = supervisor.table()[0]
@@ -84,17 +84,17 @@ def test_a_killed_process_is_started_again_at_once(bench: Bench) -> None:
     assert is_alive(again.pid)
 
 
-def test_the_first_restart_is_at_once_and_later_ones_wait_up_to_5_s() -> None:
+def test_the_first_restart_is_immediate_and_later_ones_wait_up_to_5_s() -> None:
     delays = [restart_delay_s(n) for n in range(1, 20)]
     assert delays[0] == 0
     assert delays == sorted(delays)
     assert delays[-1] == 5
 
 
-def test_a_process_that_keeps_failing_is_started_less_and_less_often(bench: Bench) -> None:
+def test_a_process_that_keeps_failing_is_restarted_with_growing_delays(bench: Bench) -> None:
     supervisor = bench("import sys; print('no model at x'); sys.exit(1)")
     supervisor.start()
-    wait_for_ending(supervisor)  # the first restart comes in the same check
+    wait_for_ending(supervisor)  # the same check makes the first restart
     assert supervisor.table()[0].state is ProcessState.RUNNING
     for failures in (2, 3, 4):
         wait_for_ending(supervisor)
@@ -110,7 +110,7 @@ def test_a_process_that_keeps_failing_is_started_less_and_less_often(bench: Benc
         assert supervisor.table()[0].restarts == failures
 
 
-def test_a_process_that_ran_steadily_is_forgiven(bench: Bench) -> None:
+def test_a_steady_run_resets_the_restart_delay(bench: Bench) -> None:
     supervisor = bench(STAY)
     supervisor.start()
     for restarts in range(1, 5):
@@ -121,7 +121,7 @@ def test_a_process_that_ran_steadily_is_forgiven(bench: Bench) -> None:
         assert supervisor.table()[0].state is ProcessState.RUNNING
 
 
-def test_wrong_use_is_reported_and_not_repeated(bench: Bench) -> None:
+def test_a_process_with_a_usage_error_is_not_restarted(bench: Bench) -> None:
     supervisor = bench("import sys; print('wrong setting: seed', file=sys.stderr); sys.exit(2)")
     supervisor.start()
     wait_for_ending(supervisor)
@@ -131,7 +131,7 @@ def test_wrong_use_is_reported_and_not_repeated(bench: Bench) -> None:
     assert (row.state, row.restarts, row.reason) == (ProcessState.STOPPED, 0, "wrong setting: seed")
 
 
-def test_a_process_that_ran_steadily_is_tried_every_5_s_when_its_settings_are_spoilt(
+def test_a_process_whose_settings_break_after_a_steady_run_is_retried_every_5_s(
     bench: Bench,
 ) -> None:
     good = bench.folder / "good"
@@ -144,7 +144,7 @@ def test_a_process_that_ran_steadily_is_tried_every_5_s_when_its_settings_are_sp
     bench.clock.now_s += STEADY_S + 1
     good.unlink()
     os.kill(supervisor.table()[0].pid, signal.SIGKILL)
-    wait_for_ending(supervisor)  # started again at once, which is in vain
+    wait_for_ending(supervisor)  # the immediate restart fails
     for restarts in (1, 2):
         wait_for_ending(supervisor)
         row = supervisor.table()[0]
@@ -169,7 +169,7 @@ def test_without_restart_an_ended_process_stays_down(bench: Bench) -> None:
     assert supervisor.table()[0].state is ProcessState.STOPPED
 
 
-def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> None:
+def test_the_reason_ignores_log_lines_of_an_earlier_start(bench: Bench) -> None:
     (bench.folder / "p0.log").write_text("an old complaint\n")
     supervisor = bench("import sys; sys.exit(3)", restart=False)
     supervisor.start()
@@ -182,7 +182,7 @@ def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> 
     [
         ("os._exit(7)", "exit status 7; last log line: INFO ready"),
         ("os.kill(os.getpid(), 11)", "ended by SIGSEGV; last log line: INFO ready"),
-        ("os._exit(2)", "INFO ready"),  # wrong use: what it said is what to do
+        ("os._exit(2)", "INFO ready"),  # usage error: the log line is the reason
     ],
 )
 def test_the_reason_names_the_exit_status_or_signal_and_the_last_log_line(
@@ -194,7 +194,7 @@ def test_the_reason_names_the_exit_status_or_signal_and_the_last_log_line(
     assert supervisor.table()[0].reason == reported
 
 
-def test_stop_ends_also_what_ignores_it_and_its_children(bench: Bench) -> None:
+def test_stop_ends_processes_that_ignore_sigterm_and_their_children(bench: Bench) -> None:
     parent = (
         "import subprocess, sys; p = subprocess.Popen([sys.executable, '-c', "
         f"{STUBBORN!r}]); print(p.pid, flush=True); p.wait()"
@@ -213,7 +213,7 @@ def test_stop_ends_also_what_ignores_it_and_its_children(bench: Bench) -> None:
     assert supervisor.check() == ()
 
 
-def test_what_others_need_while_they_end_ends_last(bench: Bench) -> None:
+def test_a_process_marked_ends_last_ends_after_the_others(bench: Bench) -> None:
     tell = (
         "import signal, sys, time\n"
         "def end(*_):\n"
@@ -236,7 +236,7 @@ def test_what_others_need_while_they_end_ends_last(bench: Bench) -> None:
     assert order.read_text() == "servicerouter"
 
 
-def test_a_program_that_is_not_there_leaves_nothing_running(bench: Bench) -> None:
+def test_a_missing_program_leaves_no_process_running(bench: Bench) -> None:
     specs = [
         ProcessSpec("good", (sys.executable, "-c", STAY)),
         ProcessSpec("bad", ("/no/such/program",)),
@@ -247,7 +247,7 @@ def test_a_program_that_is_not_there_leaves_nothing_running(bench: Bench) -> Non
     assert all(row.pid == 0 for row in supervisor.table())
 
 
-def test_a_process_ends_with_its_supervisor_however_early(bench: Bench) -> None:
+def test_a_process_ends_when_its_supervisor_is_killed_right_after_the_start(bench: Bench) -> None:
     program = (
         "import os, sys, time\n"
         "from pathlib import Path\n"

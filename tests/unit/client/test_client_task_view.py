@@ -1,4 +1,4 @@
-"""A task that is watched: what is shown, and what an interrupt does."""
+"""The view of a watched task, and the effect of an interrupt."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def task(**values: Any) -> httpx.Response:
 
 @pytest.fixture
 def interrupted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Helios], str]:
-    """What is told of a task whose watching is interrupted at once; the error that ends it last."""
+    """Interrupt the watch of a task at once; return the output followed by the error's name."""
 
     def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
@@ -57,7 +57,7 @@ def test_watching_without_a_terminal_prints_each_change_once() -> None:
     assert "no [mug] found" in out.getvalue()
 
 
-def test_the_live_view_says_phase_what_is_sought_and_why() -> None:
+def test_the_live_view_shows_phase_search_target_and_last_decision() -> None:
     out = io.StringIO()
     task = Task(state="running", phase="find_object", seeking="mug [red]", progress=0.5, steps=3)
     Console(file=out, width=100).print(panel(task, "the sofa scores best"))
@@ -65,7 +65,7 @@ def test_the_live_view_says_phase_what_is_sought_and_why() -> None:
         assert words in out.getvalue()
 
 
-def test_a_cancel_is_repeated_until_a_gateway_that_starts_again_hears_it(
+def test_a_cancel_is_repeated_until_the_restarted_gateway_accepts_it(
     interrupted: Callable[[Helios], str],
 ) -> None:
     cancelled = task(state="cancelled", message="cancelled after 3 steps")
@@ -75,7 +75,7 @@ def test_a_cancel_is_repeated_until_a_gateway_that_starts_again_hears_it(
     assert reported.endswith("KeyboardInterrupt")
 
 
-def test_a_cancel_that_nobody_hears_is_said_with_what_to_do(
+def test_an_unanswered_cancel_is_reported_with_the_command_to_repeat_it(
     interrupted: Callable[[Helios], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "CANCEL_S", 0.0)
@@ -84,7 +84,7 @@ def test_a_cancel_that_nobody_hears_is_said_with_what_to_do(
     assert reported.endswith("Unavailable")
 
 
-def test_a_task_that_ended_before_its_cancel_is_reported_as_it_ended(
+def test_a_task_that_ended_before_its_cancel_is_reported_with_its_end_state(
     interrupted: Callable[[Helios], str],
 ) -> None:
     conflict = httpx.Response(409, json={"detail": "task t1 has ended"})
@@ -93,7 +93,7 @@ def test_a_task_that_ended_before_its_cancel_is_reported_as_it_ended(
     assert reported.endswith("KeyboardInterrupt")
 
 
-def test_the_longest_wait_bounds_the_wait_for_services_that_start(
+def test_the_maximum_wait_bounds_the_wait_for_starting_services(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "STARTING_S", 3600.0)

@@ -1,4 +1,4 @@
-"""Driving by hand from Python and by a language agent, over a real gateway."""
+"""Teleoperation from Python and by a language agent, over a real gateway."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def helios(gateway: Served) -> Iterator[Helios]:
         yield helios
 
 
-def test_what_is_held_drives_the_robot_until_it_is_let_go(gateway: Served, helios: Helios) -> None:
+def test_a_held_command_drives_the_robot_until_it_is_released(
+    gateway: Served, helios: Helios
+) -> None:
     driving = gateway.backend.driving
     with helios.teleop() as drive:
         state = drive(forward=1.0, for_s=1.0)
@@ -45,7 +47,7 @@ def test_what_is_held_drives_the_robot_until_it_is_let_go(gateway: Served, helio
     wait_until(lambda: driving.kinds()[-1] == "observe", 20, "it is given back")
 
 
-def test_the_same_with_await(gateway: Served) -> None:
+def test_the_asynchronous_sdk_drives_the_robot(gateway: Served) -> None:
     async def run() -> None:
         async with AsyncHelios(gateway.url) as helios:
             async with helios.teleop() as drive:
@@ -57,7 +59,7 @@ def test_the_same_with_await(gateway: Served) -> None:
     assert gateway.backend.driving.x_m >= 0.1
 
 
-def test_whoever_may_not_drive_is_told_so_on_entering(gateway: Served, helios: Helios) -> None:
+def test_teleop_during_a_task_is_refused_on_entry(gateway: Served, helios: Helios) -> None:
     gateway.backend.submit(INSTRUCTION)
     gateway.backend.change_task("t1", "running")
     with pytest.raises(Conflict, match="task t1 is running"), helios.teleop():
@@ -66,7 +68,7 @@ def test_whoever_may_not_drive_is_told_so_on_entering(gateway: Served, helios: H
         helios.drive(forward_m=0.2)
 
 
-def test_a_stop_ends_the_driving_with_its_reason(gateway: Served, helios: Helios) -> None:
+def test_a_stop_ends_teleop_with_its_reason(gateway: Served, helios: Helios) -> None:
     with helios.teleop() as drive:
         drive(forward=1.0, for_s=0.2)
         helios.stop_robot("child on the floor")
@@ -75,7 +77,7 @@ def test_a_stop_ends_the_driving_with_its_reason(gateway: Served, helios: Helios
 
 
 @pytest.mark.parametrize("wrong", [{"forward": 1.5}, {"turn": -2}, {"forward": float("nan")}])
-def test_a_wrong_command_is_reported_at_once_and_not_sent(
+def test_an_invalid_command_is_reported_at_once_and_not_sent(
     gateway: Served, helios: Helios, wrong: dict[str, float]
 ) -> None:
     with helios.teleop() as drive, pytest.raises(InvalidInput, match="-1 to 1"):
@@ -85,7 +87,7 @@ def test_a_wrong_command_is_reported_at_once_and_not_sent(
         drive(forward=1.0, for_s=-1.0)
 
 
-def test_the_gateways_own_refusal_of_a_command_is_of_the_same_kind() -> None:
+def test_a_refusal_by_the_gateway_raises_the_error_of_its_kind() -> None:
     def refused(**more: str) -> str:
         return json.dumps(
             {"state": "refused", "reason": "the command is wrong", "pose": None, **more}
@@ -98,7 +100,7 @@ def test_the_gateways_own_refusal_of_a_command_is_of_the_same_kind() -> None:
             TeleopState.from_json(refused(**earlier))
 
 
-def test_a_move_beyond_the_robot_is_wrong_whoever_has_the_robot(
+def test_a_move_beyond_the_robot_limits_is_invalid_even_during_a_task(
     gateway: Served, helios: Helios
 ) -> None:
     gateway.backend.submit(INSTRUCTION)
@@ -114,7 +116,7 @@ def test_a_move_beyond_the_robot_is_wrong_whoever_has_the_robot(
         helios.drive(forward_m=-0.2)
 
 
-def test_without_a_gateway_it_says_how_to_start_one() -> None:
+def test_teleop_without_a_gateway_reports_how_to_start_one() -> None:
     with (
         Helios(f"http://127.0.0.1:{free_port()}") as helios,
         pytest.raises(Unavailable, match="helios up"),

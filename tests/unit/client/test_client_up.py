@@ -1,4 +1,4 @@
-"""`helios up` over a real router with services that do nothing."""
+"""`helios up` with a real router and services that do nothing."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Up:
         self.children: set[psutil.Process] = set()
 
     def status(self) -> dict[str, Any]:
-        """As `helios status` reads it; nothing yet is an empty list of services."""
+        """The status as `helios status` reads it; without a file, an empty list of services."""
         return state_file.read(self.folder / "state") or {"ready": False, "services": []}
 
     def wait_ready(self) -> None:
@@ -65,7 +65,7 @@ def up(tmp_path: Path) -> Iterator[Up]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_ends_all_and_leaves_nothing(up: Up, number: signal.Signals) -> None:
+def test_a_signal_ends_all_processes_and_clears_the_status(up: Up, number: signal.Signals) -> None:
     up.wait_ready()
     up.process.send_signal(number)
     out, error = up.process.communicate(timeout=10)
@@ -75,7 +75,7 @@ def test_a_signal_ends_all_and_leaves_nothing(up: Up, number: signal.Signals) ->
     assert up.status()["services"] == []
 
 
-def test_a_killed_service_comes_back_and_this_is_said(up: Up) -> None:
+def test_a_killed_service_is_restarted_and_the_restart_is_reported(up: Up) -> None:
     up.wait_ready()
     before = up.service("gateway")["pid"]
     os.kill(before, signal.SIGKILL)
@@ -90,24 +90,24 @@ def test_a_killed_service_comes_back_and_this_is_said(up: Up) -> None:
     assert "gateway ended (ended by SIGKILL" in up.process.communicate()[0]
 
 
-def test_a_killed_router_comes_back_and_services_find_it(up: Up) -> None:
+def test_a_killed_router_is_restarted_and_services_reconnect(up: Up) -> None:
     up.wait_ready()
     os.kill(up.service("router")["pid"], signal.SIGKILL)
     wait_until(lambda: up.service("router")["restarts"] == 1, 5, "the router was restarted")
-    # Only over the new router can a restarted service's own word reach the supervisor.
+    # A restarted service can report to the supervisor only over the new router.
     os.kill(up.service("map2d")["pid"], signal.SIGKILL)
     wait_until(lambda: up.service("map2d")["restarts"] == 1, 5, "the service was restarted")
     wait_until(lambda: up.service("map2d")["state"] == "ready", 20, "it is ready again")
 
 
-def test_when_the_supervisor_is_killed_its_services_end(up: Up) -> None:
+def test_services_end_when_the_supervisor_is_killed(up: Up) -> None:
     up.wait_ready()
     up.process.kill()
     up.process.wait()
     wait_until(up.nothing_left, 10, "the services have ended by themselves")
 
 
-def test_flags_that_a_service_refuses_end_all_with_its_sentence(tmp_path: Path) -> None:
+def test_flags_that_a_service_refuses_end_the_stack_with_its_error(tmp_path: Path) -> None:
     up = Up(tmp_path, preset="wrong")
     _, error = up.process.communicate(timeout=30)
     assert up.process.returncode == 1
@@ -115,7 +115,7 @@ def test_flags_that_a_service_refuses_end_all_with_its_sentence(tmp_path: Path) 
     assert up.nothing_left()
 
 
-def test_a_service_that_is_degraded_is_said_at_once_and_once(tmp_path: Path) -> None:
+def test_a_degraded_service_is_reported_at_once_and_only_once(tmp_path: Path) -> None:
     up = Up(tmp_path, preset="detector")
     try:
         wait_until(
@@ -130,7 +130,7 @@ def test_a_service_that_is_degraded_is_said_at_once_and_once(tmp_path: Path) -> 
     assert out.count(said) == 1
 
 
-def test_a_state_directory_is_used_by_one_supervisor(up: Up) -> None:
+def test_a_second_supervisor_on_the_same_state_directory_is_refused(up: Up) -> None:
     up.wait_ready()
     second = Up(up.folder)
     _, error = second.process.communicate(timeout=20)
@@ -139,12 +139,12 @@ def test_a_state_directory_is_used_by_one_supervisor(up: Up) -> None:
     assert up.status()["ready"]
 
 
-def test_the_robot_goes_on_when_nobody_reads_any_more(up: Up) -> None:
+def test_the_stack_keeps_running_when_its_output_pipe_is_closed(up: Up) -> None:
     """As after `helios up | tee log` when tee ends."""
     up.wait_ready()
     assert up.process.stdout is not None
     up.process.stdout.close()
-    os.kill(up.service("gateway")["pid"], signal.SIGKILL)  # which is said, to nobody
+    os.kill(up.service("gateway")["pid"], signal.SIGKILL)  # reported to a closed pipe
     wait_until(lambda: up.service("gateway")["restarts"] == 1, 5, "the restart is counted")
     up.wait_ready()
     up.process.terminate()
@@ -153,7 +153,7 @@ def test_the_robot_goes_on_when_nobody_reads_any_more(up: Up) -> None:
     assert up.nothing_left()
 
 
-def test_a_path_in_letters_that_the_terminal_has_not_ends_nothing(tmp_path: Path) -> None:
+def test_a_path_that_the_terminal_cannot_encode_does_not_end_the_stack(tmp_path: Path) -> None:
     up = Up(tmp_path / "Küche", PYTHONIOENCODING="ascii")
     try:
         up.wait_ready()
@@ -165,7 +165,7 @@ def test_a_path_in_letters_that_the_terminal_has_not_ends_nothing(tmp_path: Path
         up.close()
 
 
-def test_a_port_that_may_not_be_used_is_told_from_one_in_use(
+def test_a_forbidden_port_is_reported_differently_from_a_port_in_use(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""A task that is left to itself, watched again, cancelled with all others; a closed terminal."""
+"""Tasks that are not waited for, watched again or cancelled; signals and a closed terminal."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
 
 
 def end_task(gateway: Served, id: str, state: str) -> None:
-    """End a task as soon as somebody has submitted it."""
+    """End a task as soon as it is submitted."""
 
     def end_it() -> None:
         wait_until(lambda: id in gateway.backend.tasks, 60, "the task was submitted")
@@ -35,20 +35,20 @@ def end_task(gateway: Served, id: str, state: str) -> None:
     threading.Thread(target=end_it, daemon=True).start()
 
 
-def test_without_waiting_the_id_is_printed_alone(gateway: Served, helios: Helios) -> None:
+def test_no_wait_prints_only_the_task_id(gateway: Served, helios: Helios) -> None:
     assert helios("task", INSTRUCTION, "--no-wait") == "t1\n"
     assert gateway.backend.tasks["t1"].state == "queued"
     reported = helios.json("task", INSTRUCTION, "--no-wait")
     assert (reported["id"], reported["state"]) == ("t2", "queued")
 
 
-def test_the_id_stands_in_the_first_line(gateway: Served, helios: Helios) -> None:
+def test_the_first_output_line_begins_with_the_task_id(gateway: Served, helios: Helios) -> None:
     end_task(gateway, "t1", "succeeded")
     assert helios("task", INSTRUCTION).startswith("task t1: ")
 
 
 @pytest.mark.parametrize(("state", "status"), [("succeeded", 0), ("failed", 1), ("cancelled", 1)])
-def test_a_task_is_watched_again_with_its_exit_status(
+def test_watch_exits_with_the_status_of_the_task(
     state: str, status: int, gateway: Served, helios: Helios
 ) -> None:
     gateway.backend.submit(INSTRUCTION)
@@ -58,14 +58,14 @@ def test_a_task_is_watched_again_with_its_exit_status(
     assert run(["watch", "--port", str(gateway.port), "--json"]) == status
 
 
-def test_a_task_that_is_not_there_cannot_be_watched(helios: Helios) -> None:
+def test_watching_an_unknown_task_is_a_usage_error(helios: Helios) -> None:
     helios("watch", status=2)
     assert "there is no task yet" in helios.error
     helios("watch", "none", status=2)
     assert "helios tasks" in helios.error
 
 
-def test_an_interrupted_watch_leaves_the_task_going(
+def test_an_interrupted_watch_does_not_cancel_the_task(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> NoReturn:
@@ -77,7 +77,7 @@ def test_an_interrupted_watch_leaves_the_task_going(
     assert gateway.backend.tasks["t1"].state == "queued"
 
 
-def test_all_tasks_are_cancelled_and_counted(gateway: Served, helios: Helios) -> None:
+def test_cancel_all_cancels_and_counts_all_open_tasks(gateway: Served, helios: Helios) -> None:
     assert helios("cancel", "--all") == "0 tasks cancelled\n"
     for _ in range(4):
         gateway.backend.submit(INSTRUCTION)
@@ -91,7 +91,7 @@ def test_all_tasks_are_cancelled_and_counted(gateway: Served, helios: Helios) ->
 
 
 @pytest.mark.parametrize("args", [["cancel"], ["cancel", "t1", "--all"]])
-def test_a_cancel_names_one_task_or_all(args: list[str], helios: Helios) -> None:
+def test_cancel_needs_either_one_task_or_all(args: list[str], helios: Helios) -> None:
     helios(*args, status=2)
     assert "name one task, or --all" in helios.error
 
@@ -121,13 +121,13 @@ def test_the_time_left_is_a_range_in_words(eta_s: object, words: str) -> None:
 
 
 @given(st.lists(st.floats(0, 1e6), min_size=2, max_size=2))
-def test_the_time_left_never_promises_less_than_the_range_says(eta_s: list[float]) -> None:
+def test_the_time_left_is_never_below_the_upper_end_of_the_range(eta_s: list[float]) -> None:
     words = time_left(Task(state="running", eta_s=eta_s))
     number, unit = words.removesuffix(" left").rsplit(" ", 2)[-2:]
     assert float(number) * {"s": 1, "min": 60}[unit] >= max(eta_s)
 
 
-def test_the_live_panel_holds_id_and_time_left() -> None:
+def test_the_live_panel_shows_id_and_time_left() -> None:
     console = Console(width=100)
     task = Task(id="3104ef4fe307", state="running", eta_s=[130, 280])
     with console.capture() as shown:
@@ -138,12 +138,12 @@ def test_the_live_panel_holds_id_and_time_left() -> None:
 
 # --- signals ------------------------------------------------------------------------------------
 def command(*args: str, gateway: Served, setup: str = "pass") -> list[str]:
-    """`helios` in a process of its own, after `setup`."""
+    """Arguments that run `setup` and then `helios` in its own process."""
     code = f"import sys, signal; {setup}; from helios_client.__main__ import main; sys.exit(main())"
     return [sys.executable, "-c", code, *args, "--port", str(gateway.port)]
 
 
-def watching(process: subprocess.Popen[str]) -> None:
+def wait_until_watching(process: subprocess.Popen[str]) -> None:
     """Wait until the process watches the task."""
     assert process.stdout is not None
     assert process.stdout.readline().startswith("task t1")
@@ -155,14 +155,14 @@ def watching(process: subprocess.Popen[str]) -> None:
     [(signal.SIGHUP, 129, "queued"), (signal.SIGINT, 130, "cancelled"),
      (signal.SIGTERM, 130, "cancelled")],
 )  # fmt: skip
-def test_a_closed_terminal_leaves_the_task_going_and_an_interrupt_cancels_it(
+def test_a_closed_terminal_does_not_cancel_the_task_but_an_interrupt_does(
     number: int, status: int, state: str, gateway: Served
 ) -> None:
     process = subprocess.Popen(
         command("task", INSTRUCTION, gateway=gateway),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    watching(process)
+    wait_until_watching(process)
     process.send_signal(number)
     _, error = process.communicate(timeout=ENDS_WITHIN_S)
     assert process.returncode == status
@@ -170,25 +170,25 @@ def test_a_closed_terminal_leaves_the_task_going_and_an_interrupt_cancels_it(
     assert ("helios watch t1" in error) is (number == signal.SIGHUP)
 
 
-def test_under_nohup_a_closed_terminal_changes_nothing(gateway: Served) -> None:
+def test_a_closed_terminal_has_no_effect_under_nohup(gateway: Served) -> None:
     ignored = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
     process = subprocess.Popen(
         command("task", INSTRUCTION, gateway=gateway, setup=ignored),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    watching(process)
+    wait_until_watching(process)
     process.send_signal(signal.SIGHUP)
     gateway.backend.change_task("t1", "succeeded")
     _, error = process.communicate(timeout=ENDS_WITHIN_S)
     assert (process.returncode, error) == (0, "")
 
 
-def test_a_terminal_that_is_gone_ends_the_watching_without_a_traceback(gateway: Served) -> None:
+def test_a_lost_terminal_ends_the_watch_without_a_traceback(gateway: Served) -> None:
     main, terminal = pty.openpty()
     process = subprocess.Popen(
         command("task", INSTRUCTION, gateway=gateway),
         stdin=terminal, stdout=terminal, stderr=subprocess.PIPE, start_new_session=True,
-        preexec_fn=lambda: _own(terminal), text=True, env=os.environ | {"TERM": "xterm"},
+        preexec_fn=lambda: _set_terminal(terminal), text=True, env=os.environ | {"TERM": "xterm"},
     )  # fmt: skip
     os.close(terminal)
     wait_until(lambda: "t1" in gateway.backend.tasks, ENDS_WITHIN_S, "the task was submitted")
@@ -202,8 +202,8 @@ def test_a_terminal_that_is_gone_ends_the_watching_without_a_traceback(gateway: 
     assert gateway.backend.tasks["t1"].state == "queued"
 
 
-def _own(terminal: int) -> None:
-    """Make it the controlling terminal of this session."""
+def _set_terminal(terminal: int) -> None:
+    """Make `terminal` the controlling terminal of this session."""
     import fcntl
     import termios
 
@@ -211,11 +211,11 @@ def _own(terminal: int) -> None:
 
 
 @pytest.mark.parametrize("args", [["task", INSTRUCTION], ["logs", "planner", "-f"]])
-def test_what_a_script_runs_in_its_background_hears_an_interrupt(
+def test_an_interrupt_ends_a_background_command_of_a_script(
     args: list[str], gateway: Served, tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """Such a shell starts it with SIGINT ignored."""
+    """A shell script starts its background commands with SIGINT ignored."""
     logs = tmp_path_factory.mktemp("state") / "helios" / str(gateway.port) / "logs"
     logs.mkdir(parents=True)
     (logs / "planner.log").write_text("task t1\nqueued\n")
@@ -226,16 +226,16 @@ def test_what_a_script_runs_in_its_background_hears_an_interrupt(
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
-    watching(process)
+    wait_until_watching(process)
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=ENDS_WITHIN_S)
     assert process.returncode == 130
 
 
-def test_time_is_reported_while_a_task_is_watched(
+def test_the_time_left_is_printed_while_a_task_is_watched(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each line without a terminal ends with the time left, where it is known."""
+    """Without a terminal, each line ends with the time left if it is known."""
     states = iter([
         Task(id="t1", state="running", message="drives", eta_s=[130, 280]),
         Task(id="t1", state="succeeded", message="done"),

@@ -1,4 +1,4 @@
-"""`helios why`: what a person reads, and what a program gets."""
+"""`helios why`: its text output and its JSON output."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def shown(decisions: list[dict[str, Any]], changes: tuple[str, ...] = (), top: i
     return out.getvalue()
 
 
-def test_each_decision_is_a_sentence_with_its_time_and_its_best_candidates() -> None:
+def test_each_decision_is_shown_with_its_sentence_time_and_best_candidates() -> None:
     lines = shown([SEARCH, PICK]).splitlines()
     assert lines[0] == TASK["instruction"]
     assert lines[1] == "succeeded: put the mug on the counter"
@@ -83,36 +83,36 @@ WIDE = PICK | {"candidates": [
 ]}  # fmt: skip
 
 
-def test_one_of_a_kind_is_reported_in_the_singular() -> None:
+def test_counts_of_one_are_printed_in_the_singular() -> None:
     text = shown([PICK | {"recomputed": FLIPPED}], ("alpha_d=0.1",), task=TASK | {"steps": 1})
     assert "task abc123, 1 step, 1 decision" in text
     assert "1 of 1 decision would flip" in text
 
 
 @pytest.mark.parametrize("width", [60, 72, 80, 100, 200])
-def test_on_a_narrow_terminal_no_name_and_no_number_is_cut(width: int) -> None:
+def test_a_narrow_terminal_truncates_no_name_and_no_number(width: int) -> None:
     lines = shown([SEARCH, WIDE], width=width).splitlines()
     assert all(len(line) <= width for line in lines)
     text = " ".join(" ".join(lines).split())
     for word in ("frontier 1", "1.234", "12.3 m", "0.741", "0.870", "and 2 more"):
         assert word in text
     assert "…" not in text
-    if width >= 72:  # below, long names are broken
+    if width >= 72:  # narrower terminals wrap long names
         assert text.count("television") == 4
 
 
-def test_on_eighty_columns_the_terms_of_a_search_stay_columns() -> None:
+def test_the_terms_of_a_search_stay_in_columns_on_a_terminal_of_80_columns() -> None:
     rows = [line.split() for line in shown([SEARCH], width=80).splitlines()]
     assert ["›", "coffee", "table", "0.620", "1.200", "3.1", "m", "0.741"] in rows
 
 
-def test_sentences_alone_can_be_asked_for() -> None:
+def test_top_0_prints_only_the_sentences() -> None:
     text = shown([SEARCH, PICK], top=0)
     assert "and 3 more" not in text
     assert "search the coffee table" in text
 
 
-def test_under_other_settings_the_decisions_that_would_flip_are_shown() -> None:
+def test_changed_settings_show_only_the_decisions_that_would_flip() -> None:
     decisions = [SEARCH | {"recomputed": FLIPPED}, PICK | {"recomputed": STAYS}]
     text = shown(decisions, ("alpha_d=0.1",))
     assert "under alpha_d=0.1 1 of 2 decisions would flip" in text
@@ -123,14 +123,14 @@ def test_under_other_settings_the_decisions_that_would_flip_are_shown() -> None:
     assert "would stay so" in everything
 
 
-def test_what_cannot_be_told_is_said() -> None:
+def test_an_uncertain_recomputation_is_marked() -> None:
     unsure = PICK | {"recomputed": STAYS | {"certain": False}}
     text = shown([unsure], ("tau_g=0.9",))
     assert "1 depends on what was not asked for then" in text
     assert "cannot be told" in text
 
 
-def test_names_with_markup_are_shown_as_they_are() -> None:
+def test_markup_in_a_decision_is_printed_literally() -> None:
     odd = PICK | {"why": "pick the [red] mug: [bold]"}
     assert "pick the [red] mug: [bold]" in shown([odd])
 
@@ -167,7 +167,7 @@ def port() -> Iterator[int]:
     server.server_close()
 
 
-def test_the_command_takes_a_prefix_or_the_last_task(
+def test_the_command_accepts_an_id_prefix_or_last(
     port: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for task in ("abc", "last"):
@@ -177,7 +177,7 @@ def test_the_command_takes_a_prefix_or_the_last_task(
     assert "there is no task 'nobody'" in capsys.readouterr().err
 
 
-def test_json_holds_the_decisions_and_how_many_flip(
+def test_json_contains_the_decisions_and_the_number_of_flips(
     port: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sets = ["--set", "alpha_d=0.1", "--set", "tau_g=0.4"]

@@ -1,4 +1,4 @@
-"""A backend and a client for every test."""
+"""Fixtures: a fake backend of services, and an HTTP client."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ from tests.unit.gateway.gateway_frames import bridge
 
 __all__ = ["bridge"]
 
-# Made-up services report once, and tests ask as often as they like.
+# The fake services report only once, and tests send any number of requests.
 PATIENT = Settings.load(["--silent-after-s", "3600", "--requests-per-s", "1000000"])
 
 
@@ -27,7 +27,7 @@ def hub() -> MemoryHub:
 
 @pytest.fixture
 def backend(hub: MemoryHub) -> Backend:
-    """Every service but the gateway, up and answering."""
+    """All services except the gateway, running and answering."""
     backend = Backend(hub)
     backend.start()
     return backend
@@ -35,7 +35,7 @@ def backend(hub: MemoryHub) -> Backend:
 
 @pytest.fixture
 def live(hub: MemoryHub) -> Iterator[RobotMonitor]:
-    """Without its ticker: tests call `tick`."""
+    """The robot monitor without its timer: tests call `tick`."""
     live = RobotMonitor(MemoryBus(hub), PATIENT)
     yield live
     live.close()
@@ -43,13 +43,16 @@ def live(hub: MemoryHub) -> Iterator[RobotMonitor]:
 
 @pytest.fixture(scope="session")
 def served() -> dict[str, RobotEndpoint]:
-    """The robots of the one application: empty between tests."""
+    """The robots of the shared application; empty between tests."""
     return {}
 
 
 @pytest.fixture(scope="session")
 def app(served: dict[str, RobotEndpoint]) -> FastAPI:
-    """Without keys. One for all tests of a process: its first requests make the routes."""
+    """The application without keys.
+
+    All tests of a process share it, since its first requests build the routes.
+    """
     return create_app(RobotRegistry(served), PATIENT)
 
 

@@ -1,4 +1,4 @@
-"""A frame as a client sends it over HTTP and a socket, and a bridge that takes every one."""
+"""A frame as a client sends it over HTTP or a socket, and a bridge that accepts every frame."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DEEP = png(np.full((HEIGHT, WIDTH, 3), 1500, np.uint16))
 
 
 class Bridge:
-    """Takes every frame; the maps answer as `reply` says."""
+    """Accepts every frame and answers with `reply`, which holds the maps' acknowledgements."""
 
     def __init__(self, hub: MemoryHub) -> None:
         self.requests: list[pb.PushRequest] = []

@@ -1,4 +1,4 @@
-"""Frames over HTTP: what the bridge is asked, what is answered, who may send them."""
+"""Frames over HTTP: the request to the bridge, the answer, and the scope that they need."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ from tests.unit.gateway.gateway_frames import (
 )
 
 
-def test_a_frame_reaches_the_bridge_as_it_was_meant(client: TestClient, bridge: Bridge) -> None:
+def test_a_frame_reaches_the_bridge_with_its_images_pose_and_ids(
+    client: TestClient, bridge: Bridge
+) -> None:
     reported = {
         "stamp_ns": 5,
         "classes": ["mug"],
@@ -57,9 +59,7 @@ def test_a_frame_reaches_the_bridge_as_it_was_meant(client: TestClient, bridge: 
     assert (frame.camera.fx, frame.camera.cy, frame.camera.width) == (14.0, 5.5, WIDTH)
 
 
-def test_where_the_robot_stands_goes_on_if_it_is_reported(
-    client: TestClient, bridge: Bridge
-) -> None:
+def test_the_base_pose_is_forwarded_only_if_it_is_sent(client: TestClient, bridge: Bridge) -> None:
     post(client)
     assert not bridge.requests[0].frame.HasField("T_world_base")
     T_world_base = se2_to_se3(1.0, 2.0, 0.5)
@@ -68,17 +68,19 @@ def test_where_the_robot_stands_goes_on_if_it_is_reported(
     np.testing.assert_allclose(frame.T_world_base, T_world_base, atol=1e-9)
 
 
-def test_a_file_says_what_it_is_whatever_its_name(client: TestClient, bridge: Bridge) -> None:
+def test_the_image_format_comes_from_the_content_and_not_the_file_name(
+    client: TestClient, bridge: Bridge
+) -> None:
     jpeg = cv2.imencode(".jpg", np.zeros((HEIGHT, WIDTH, 3), np.uint8))[1].tobytes()
     post(client, color=("c.png", jpeg))
     frame = bridge.requests[0].frame
     assert (frame.compressed_color.format, frame.compressed_depth.format) == ("jpeg", "png")
 
 
-def test_the_bridge_is_waited_for_as_long_as_it_may_take(
+def test_the_call_timeout_covers_the_turn_and_the_wait_for_the_maps(
     client: TestClient, bridge: Bridge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Frames before this one, then the maps."""
+    """The bridge first handles the frames before this one, then waits for the maps."""
     waited: list[float] = []
     call = MemoryBus.call
     monkeypatch.setattr(
@@ -90,7 +92,7 @@ def test_the_bridge_is_waited_for_as_long_as_it_may_take(
     assert waited[0] > 40 + LONGEST_TURN_S
 
 
-def test_places_are_given_back(client: TestClient, bridge: Bridge) -> None:
+def test_request_and_socket_slots_are_released(client: TestClient, bridge: Bridge) -> None:
     for _ in range(MOST_LARGE + 1):
         assert post(client).status_code == 200
     for _ in range(MOST_SENDERS + 1):
@@ -100,7 +102,7 @@ def test_places_are_given_back(client: TestClient, bridge: Bridge) -> None:
 
 
 @pytest.mark.parametrize(("scope", "may"), [("", False), ("read", False), ("operate", True)])
-def test_frames_need_a_key_that_may_operate(
+def test_sending_frames_needs_the_operate_scope(
     hub: MemoryHub, live: RobotMonitor, bridge: Bridge, tmp_path: Path, scope: str, may: bool
 ) -> None:
     file = tmp_path / "keys.toml"
@@ -127,7 +129,7 @@ def test_frames_need_a_key_that_may_operate(
     assert len(bridge.requests) == (2 if may else 0)
 
 
-def test_the_answer_says_which_map_took_it(client: TestClient, bridge: Bridge) -> None:
+def test_the_answer_lists_which_map_accepted_the_frame(client: TestClient, bridge: Bridge) -> None:
     assert post(client).json() == {
         "id": "boot/0/7",
         "integrated": True,
@@ -139,7 +141,7 @@ def test_the_answer_says_which_map_took_it(client: TestClient, bridge: Bridge) -
     }  # fmt: skip
 
 
-def test_a_refusal_and_a_missing_answer_are_no_integration(
+def test_a_refused_or_unanswered_frame_is_not_integrated(
     client: TestClient, bridge: Bridge
 ) -> None:
     bridge.reply.acks[0].accepted, bridge.reply.acks[0].reason = False, "another world epoch"
@@ -162,10 +164,10 @@ YES, NO = pb.Ack(accepted=True), pb.Ack(reason="no")
         ([YES, YES], [], True),
         ([YES, NO], [], False),
         ([YES], ["map2d/value"], False),
-        ([], [], False),  # nobody was waited for
+        ([], [], False),  # the bridge waited for no map
     ],
 )
-def test_integrated_means_that_every_map_has_taken_it(
+def test_integrated_is_true_only_if_every_map_accepted_the_frame(
     acks: list[pb.Ack], unanswered: list[str], integrated: bool
 ) -> None:
     assert push_response(pb.PushReply(acks=acks, unanswered=unanswered)).integrated is integrated
@@ -178,6 +180,8 @@ def test_depth_in_other_units_becomes_metres(client: TestClient, bridge: Bridge)
     np.testing.assert_allclose(frame_from_proto(request.frame).depth_m, 0.3, atol=1e-6)
 
 
-def test_a_frame_without_depth_goes_on_without_it(client: TestClient, bridge: Bridge) -> None:
+def test_a_frame_without_depth_is_forwarded_without_depth(
+    client: TestClient, bridge: Bridge
+) -> None:
     assert post(client, depth=None).status_code == 200
     assert bridge.requests[0].frame.WhichOneof("depth") is None

@@ -1,4 +1,4 @@
-"""Who sends nothing any more gives up his place, and is told so."""
+"""Idle senders of frames: the connection is closed with a reason and its slot is freed."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ def gateway() -> Iterator[Served]:
         yield out
 
 
-def opened(gateway: Served) -> Connection:
+def open_socket(gateway: Served) -> Connection:
     return connect(f"ws://127.0.0.1:{gateway.port}/v1/frames/ws", open_timeout=60)
 
 
-def sends(socket: Connection) -> bool:
+def frame_is_integrated(socket: Connection) -> bool:
     socket.send(json.dumps(META))
     socket.send(COLOR)
     socket.send(DEPTH)
     return json.loads(socket.recv(timeout=10))["integrated"]
 
 
-def has_room(gateway: Served) -> bool:
+def has_free_slot(gateway: Served) -> bool:
     try:
-        with opened(gateway) as socket:
-            return sends(socket)
-    except InvalidStatus:  # 503: all places are taken
+        with open_socket(gateway) as socket:
+            return frame_is_integrated(socket)
+    except InvalidStatus:  # 503: all slots are in use
         return False
 
 
-def test_an_idle_socket_is_reported_and_closed(gateway: Served) -> None:
-    with opened(gateway) as socket:
-        assert sends(socket)
+def test_an_idle_socket_gets_status_408_and_is_closed(gateway: Served) -> None:
+    with open_socket(gateway) as socket:
+        assert frame_is_integrated(socket)
         problem = json.loads(socket.recv(timeout=10))
         assert problem["status"] == 408
         assert f"no whole message came for {IDLE_S:g} s" in problem["detail"]
@@ -65,21 +65,21 @@ def test_an_idle_socket_is_reported_and_closed(gateway: Served) -> None:
     assert "connect again" in closed.value.rcvd.reason
 
 
-def test_a_socket_that_stops_within_a_frame_is_idle_too(gateway: Served) -> None:
-    with opened(gateway) as socket:
+def test_a_socket_that_stops_within_a_frame_is_idle(gateway: Served) -> None:
+    with open_socket(gateway) as socket:
         socket.send(json.dumps(META))
         assert json.loads(socket.recv(timeout=10))["status"] == 408
 
 
-def test_idle_sockets_give_up_their_places(gateway: Served) -> None:
+def test_idle_sockets_free_their_slots(gateway: Served) -> None:
     with contextlib.ExitStack() as idle:
         for _ in range(MOST_SENDERS):
-            idle.enter_context(opened(gateway))
-        wait_until(lambda: has_room(gateway), 20, "a place is free")
+            idle.enter_context(open_socket(gateway))
+        wait_until(lambda: has_free_slot(gateway), 20, "a place is free")
 
 
-def test_sockets_whose_other_end_is_gone_give_up_their_places(gateway: Served) -> None:
-    """It neither reads nor closes: a laptop that was shut, a phone that left the house."""
+def test_sockets_of_vanished_clients_free_their_slots(gateway: Served) -> None:
+    """The client neither reads nor closes, like a shut laptop or a phone out of range."""
     request = (
         f"GET /v1/frames/ws HTTP/1.1\r\nHost: 127.0.0.1:{gateway.port}\r\n"
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -91,12 +91,12 @@ def test_sockets_whose_other_end_is_gone_give_up_their_places(gateway: Served) -
         one.sendall(request)
         assert b"101" in one.recv(20)
         gone.append(one)
-    wait_until(lambda: has_room(gateway), 20, "a place is free")
+    wait_until(lambda: has_free_slot(gateway), 20, "a place is free")
     for one in gone:
         one.close()
 
 
-def test_bodies_that_stop_coming_give_up_their_places(
+def test_stalled_request_bodies_free_their_slots(
     gateway: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_gateway.request_limits.STALL_S", IDLE_S)

@@ -1,4 +1,4 @@
-"""Frames over HTTP that are refused: by name, by size, by what the robot is."""
+"""Frames over HTTP that are refused: for a field, for their size or by the kind of robot."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from tests.unit.gateway.gateway_frames import (
         (META | {"intrinsics": []}, "intrinsics"),
     ],
 )
-def test_wrong_words_about_a_frame_are_refused_by_name(
+def test_invalid_frame_metadata_is_refused_with_the_field_name(
     client: TestClient, bridge: Bridge, meta: object, said: str
 ) -> None:
     answer = post(client, meta)
@@ -70,7 +70,7 @@ def test_wrong_words_about_a_frame_are_refused_by_name(
         ({"color": ("c.png", DEEP)}, "color is a PNG of 16 bit a channel; send 8 bit"),
     ],
 )
-def test_what_is_no_image_is_refused(
+def test_an_invalid_colour_image_is_refused(
     client: TestClient, bridge: Bridge, more: dict[str, Any], said: str
 ) -> None:
     answer = post(client, **more)
@@ -80,7 +80,7 @@ def test_what_is_no_image_is_refused(
     assert bridge.requests == []
 
 
-def test_a_grey_image_of_8_bit_is_a_colour_image(client: TestClient, bridge: Bridge) -> None:
+def test_an_8_bit_grey_image_is_accepted_as_colour(client: TestClient, bridge: Bridge) -> None:
     grey = png(np.full((HEIGHT, WIDTH), 90, np.uint8))
     assert post(client, color=("c.png", grey)).status_code == 200
 
@@ -93,7 +93,7 @@ def test_a_missing_part_is_named(client: TestClient, bridge: Bridge) -> None:
     assert answer.status_code == 400
 
 
-def test_a_robot_that_takes_no_frames_says_so(client: TestClient, hub: MemoryHub) -> None:
+def test_a_robot_with_its_own_camera_refuses_frames(client: TestClient, hub: MemoryHub) -> None:
     assert post(client).status_code == 503
 
     def refuse(_: pb.PushRequest) -> pb.PushReply:
@@ -105,7 +105,7 @@ def test_a_robot_that_takes_no_frames_says_so(client: TestClient, hub: MemoryHub
     assert "camera of its own" in answer.json()["detail"]
 
 
-def test_a_body_above_the_limit_is_refused_and_one_above_that_of_others_taken(
+def test_a_frame_may_exceed_the_general_body_limit_but_not_its_own(
     client: TestClient, bridge: Bridge
 ) -> None:
     large = png(np.random.default_rng(0).integers(0, 255, (300, 400, 3), np.uint8))
@@ -116,7 +116,7 @@ def test_a_body_above_the_limit_is_refused_and_one_above_that_of_others_taken(
     assert "16000000" in answer.json()["detail"]
 
 
-def test_more_frames_at_once_than_are_held_are_told_to_wait(
+def test_too_many_concurrent_frames_get_status_503_with_retry_after(
     client: TestClient, bridge: Bridge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_gateway.request_limits.MOST_LARGE", 0)
@@ -128,7 +128,7 @@ def test_more_frames_at_once_than_are_held_are_told_to_wait(
 
 @given(st.one_of(st.binary(max_size=300), st.binary(max_size=300).map(lambda b: COLOR[:40] + b)))
 @settings(deadline=None, max_examples=100)
-def test_no_bytes_as_images_are_more_than_a_typed_error(data: bytes) -> None:
+def test_arbitrary_image_bytes_raise_at_most_a_typed_error(data: bytes) -> None:
     for scale in (0.001, 0.0002):
         meta = read_meta(json.dumps(META | {"depth_scale_m": scale}))
         for color, depth in ((data, DEPTH), (COLOR, data)):

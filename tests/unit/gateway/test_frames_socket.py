@@ -1,4 +1,4 @@
-"""Frames over a socket: each one answered, and what is wrong ends neither it nor the next."""
+"""Frames over a socket: each one is answered, and an invalid one does not end the connection."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_socket_answers_each_frame(client: TestClient, bridge: Bridge) -> None
         (lambda s: s.send_bytes(COLOR), "where a frame's meta was due"),
     ],
 )
-def test_a_wrong_frame_is_answered_by_a_problem_and_the_socket_goes_on(
+def test_an_invalid_frame_gets_a_problem_and_the_socket_stays_open(
     client: TestClient, bridge: Bridge, spoil: Callable[[Any], None], said: str
 ) -> None:
     with client.websocket_connect(SOCKET) as socket:
@@ -51,7 +51,7 @@ def test_a_wrong_frame_is_answered_by_a_problem_and_the_socket_goes_on(
         assert socket.receive_json()["integrated"]
 
 
-def test_a_frame_cut_short_by_the_next_is_reported_and_the_next_taken(
+def test_a_truncated_frame_is_reported_and_the_next_frame_is_accepted(
     client: TestClient, bridge: Bridge
 ) -> None:
     with client.websocket_connect(SOCKET) as socket:
@@ -62,9 +62,7 @@ def test_a_frame_cut_short_by_the_next_is_reported_and_the_next_taken(
         assert socket.receive_json()["integrated"]
 
 
-def test_so_many_sockets_and_no_more_until_one_is_closed(
-    client: TestClient, bridge: Bridge
-) -> None:
+def test_the_number_of_open_sockets_is_limited(client: TestClient, bridge: Bridge) -> None:
     both = (SOCKET, SOCKET.replace("/v1/", "/v1/robots/robot/"))  # one limit for all addresses
     open_ones = [client.websocket_connect(both[i % 2]) for i in range(MOST_SENDERS)]
     for one in open_ones:

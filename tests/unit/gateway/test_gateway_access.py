@@ -1,4 +1,4 @@
-"""Keys and their scopes, and what is refused before it is looked at."""
+"""API keys and their scopes, and requests that are refused before their body is read."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.gateway_backend import Backend
 TASK = {"instruction": "move the mug to the kitchen counter"}
 
 
-class Door:
+class GatewayApp:
     """An application with these flags, and clients with or without a key."""
 
     def __init__(self, hub: MemoryHub, live: RobotMonitor, *flags: str) -> None:
@@ -52,11 +52,11 @@ def keys(file: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def door(
+def gateway(
     hub: MemoryHub, backend: Backend, live: RobotMonitor, keys: dict[str, str], file: Path
-) -> Door:
+) -> GatewayApp:
     backend.serve_settings("planner", {"agent": "helios"})
-    return Door(hub, live, "--keys", str(file))
+    return GatewayApp(hub, live, "--keys", str(file))
 
 
 @pytest.mark.parametrize(
@@ -73,28 +73,28 @@ def door(
     ],
 )
 def test_each_address_needs_its_scope(
-    door: Door, keys: dict[str, str], verb: str, path: str, least: str
+    gateway: GatewayApp, keys: dict[str, str], verb: str, path: str, least: str
 ) -> None:
     body = TASK if path == "/v1/tasks" and verb == "POST" else None
     for key in ("", "nonsense"):
-        refused = door.client(key).request(verb, path, json=body)
+        refused = gateway.client(key).request(verb, path, json=body)
         assert (refused.status_code, refused.headers["www-authenticate"]) == (401, "Bearer")
         assert "helios key" in refused.json()["detail"]
     for scope in Scope:
-        answer = door.client(keys[scope.name.lower()]).request(verb, path, json=body)
+        answer = gateway.client(keys[scope.name.lower()]).request(verb, path, json=body)
         assert (answer.status_code == 403) == (scope < Scope[least.upper()]), answer.text
         assert answer.status_code in (200, 202, 403)
 
 
-def test_orchestrators_and_the_page_need_no_key(door: Door) -> None:
+def test_health_checks_and_pages_need_no_key(gateway: GatewayApp) -> None:
     for path in ("/healthz", "/readyz", "/", "/docs", "/openapi.json", "/static/main.js"):
-        assert door.client().get(path).status_code == 200
+        assert gateway.client().get(path).status_code == 200
 
 
 def test_a_browser_keeps_its_key_in_a_cookie_that_scripts_cannot_read(
-    door: Door, keys: dict[str, str]
+    gateway: GatewayApp, keys: dict[str, str]
 ) -> None:
-    browser = door.client()
+    browser = gateway.client()
     assert browser.get("/v1/session").json() == {"required": True, "name": "", "scope": None}
     assert browser.post("/v1/session", json={"key": "guess"}).status_code == 401
     opened = browser.post("/v1/session", json={"key": keys["operate"]})
@@ -113,22 +113,22 @@ def test_a_browser_keeps_its_key_in_a_cookie_that_scripts_cannot_read(
         pass
 
 
-def test_a_key_that_was_taken_out_of_the_file_opens_nothing(
-    door: Door, keys: dict[str, str], file: Path
+def test_a_key_that_is_removed_from_the_file_is_refused(
+    gateway: GatewayApp, keys: dict[str, str], file: Path
 ) -> None:
-    assert door.client(keys["read"]).get("/v1/tasks").status_code == 200
+    assert gateway.client(keys["read"]).get("/v1/tasks").status_code == 200
     entries = file.read_text().split("\n\n")
     file.write_text("\n\n".join(e for e in entries if '"read"' not in e))
-    assert door.client(keys["read"]).get("/v1/tasks").status_code == 401
-    file.write_text("no TOML [")  # half written: those of before stay
-    assert door.client(keys["operate"]).get("/v1/tasks").status_code == 200
+    assert gateway.client(keys["read"]).get("/v1/tasks").status_code == 401
+    file.write_text("no TOML [")  # half written: the previous keys stay valid
+    assert gateway.client(keys["operate"]).get("/v1/tasks").status_code == 200
 
 
-def test_an_empty_file_and_none_open_nothing_until_it_is_back(
-    door: Door, keys: dict[str, str], file: Path, caplog: pytest.LogCaptureFixture
+def test_no_key_is_accepted_while_the_key_file_is_empty_or_missing(
+    gateway: GatewayApp, keys: dict[str, str], file: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     def answer() -> int:
-        return door.client(keys["read"]).get("/v1/tasks").status_code
+        return gateway.client(keys["read"]).get("/v1/tasks").status_code
 
     entries = file.read_text()
     assert answer() == 200
@@ -147,7 +147,9 @@ def test_an_empty_file_and_none_open_nothing_until_it_is_back(
     assert answer() == 200
 
 
-def test_the_file_holds_no_key_and_is_its_owner_s_alone(keys: dict[str, str], file: Path) -> None:
+def test_the_key_file_contains_no_key_and_is_readable_only_by_its_owner(
+    keys: dict[str, str], file: Path
+) -> None:
     assert not any(key in file.read_text() for key in keys.values())
     assert file.stat().st_mode & 0o077 == 0
     with pytest.raises(Conflict, match="choose another name"):
@@ -164,7 +166,7 @@ def test_the_file_holds_no_key_and_is_its_owner_s_alone(keys: dict[str, str], fi
         ("[[key", "no TOML"),
     ],
 )
-def test_a_file_of_keys_that_is_wrong_is_refused(file: Path, text: str, says: str) -> None:
+def test_an_invalid_key_file_is_refused(file: Path, text: str, says: str) -> None:
     file.write_text(text)
     with pytest.raises(InvalidInput, match=says):
         ApiKeys(file)
@@ -172,13 +174,13 @@ def test_a_file_of_keys_that_is_wrong_is_refused(file: Path, text: str, says: st
         ApiKeys(file.parent / "none.toml")
 
 
-def test_a_file_of_keys_that_is_no_text_is_refused(file: Path) -> None:
+def test_a_binary_key_file_is_refused(file: Path) -> None:
     file.write_bytes(b"\xff\xfe")
     with pytest.raises(InvalidInput, match="no TOML"):
         ApiKeys(file)
 
 
-def test_beyond_loopback_keys_are_needed(file: Path, keys: dict[str, str]) -> None:
+def test_keys_are_required_beyond_loopback(file: Path, keys: dict[str, str]) -> None:
     check_open("127.0.0.1", Settings.load([]), ApiKeys(None))
     check_open("::1", Settings.load([]), ApiKeys(None))
     check_open("0.0.0.0", Settings.load([]), ApiKeys(file))
@@ -187,7 +189,7 @@ def test_beyond_loopback_keys_are_needed(file: Path, keys: dict[str, str]) -> No
         check_open("0.0.0.0", Settings.load([]), ApiKeys(None))
 
 
-def test_without_keys_only_this_machine_s_names_lead_here(client: TestClient) -> None:
+def test_without_keys_only_local_host_names_are_accepted(client: TestClient) -> None:
     for host in ("evil.example", "localhost.evil.example", ""):
         refused = client.get("/v1/robot", headers={"host": host})
         assert (refused.status_code, refused.json()["title"]) == (403, "Forbidden")
@@ -199,8 +201,8 @@ def test_without_keys_only_this_machine_s_names_lead_here(client: TestClient) ->
     ("verb", "path", "least"), [("PUT", "/v1/map.zip", "admin"), ("POST", "/v1/frames", "operate")]
 )
 @pytest.mark.parametrize("of_robot", ["/v1", "/v1/robots/robot"])
-def test_a_large_body_is_not_read_before_its_key_is_known(
-    door: Door, keys: dict[str, str], verb: str, path: str, least: str, of_robot: str
+def test_a_large_body_is_not_read_before_its_key_is_checked(
+    gateway: GatewayApp, keys: dict[str, str], verb: str, path: str, least: str, of_robot: str
 ) -> None:
     async def read_of(key: str) -> tuple[int, int]:
         read = 0
@@ -212,7 +214,7 @@ def test_a_large_body_is_not_read_before_its_key_is_known(
                 read += 100_000
 
         headers = {"authorization": f"Bearer {key}"}
-        transport = httpx.ASGITransport(door.app)
+        transport = httpx.ASGITransport(gateway.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             answer = await client.request(
                 verb, path.replace("/v1", of_robot), content=body(), headers=headers
@@ -225,10 +227,10 @@ def test_a_large_body_is_not_read_before_its_key_is_known(
         assert (status == 403, read == 0) == (2 * (scope < Scope[least.upper()],))
 
 
-def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
+def test_requests_above_the_rate_limit_get_status_429_but_stop_now_does_not(
     hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
-    client = Door(hub, live, "--requests-per-s", "3").client()
+    client = GatewayApp(hub, live, "--requests-per-s", "3").client()
     answers = [client.get("/v1/robot") for _ in range(20)]
     [refused, *_] = [a for a in answers if a.status_code == 429]
     assert refused.headers["retry-after"] == "1"
@@ -236,10 +238,10 @@ def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
     assert all(client.post("/v1/robot/stop").status_code == 200 for _ in range(10))
 
 
-def test_requests_at_the_same_time_are_bounded(
+def test_concurrent_requests_are_limited_except_stop_now(
     hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
-    door = Door(hub, live, "--max-requests", "1", "--body-timeout-s", "30")
+    gateway = GatewayApp(hub, live, "--max-requests", "1", "--body-timeout-s", "30")
 
     async def run() -> None:
         sent, done = asyncio.Event(), asyncio.Event()
@@ -250,7 +252,7 @@ def test_requests_at_the_same_time_are_bounded(
             await done.wait()
             yield b'the mug"}'
 
-        transport = httpx.ASGITransport(door.app)
+        transport = httpx.ASGITransport(gateway.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             headers = {"content-type": "application/json"}
             slow = asyncio.create_task(
@@ -267,17 +269,17 @@ def test_requests_at_the_same_time_are_bounded(
     asyncio.run(run())
 
 
-def test_a_body_that_dribbles_is_given_up(
+def test_a_slow_request_body_times_out_with_status_408(
     hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
-    door = Door(hub, live, "--body-timeout-s", "0.05")
+    gateway = GatewayApp(hub, live, "--body-timeout-s", "0.05")
 
     async def run() -> httpx.Response:
         async def dribble() -> AsyncIterator[bytes]:
             yield b"{"
             await asyncio.sleep(30)
 
-        transport = httpx.ASGITransport(door.app)
+        transport = httpx.ASGITransport(gateway.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             return await client.post("/v1/tasks", content=dribble())
 
@@ -285,13 +287,13 @@ def test_a_body_that_dribbles_is_given_up(
     assert (answer.status_code, answer.json()["title"]) == (408, "Request Timeout")
 
 
-def test_pages_of_listed_sites_may_ask_and_others_may_not(
+def test_only_pages_of_listed_origins_may_send_requests(
     hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
-    door = Door(hub, live, "--origins", "https://ops.example")
+    gateway = GatewayApp(hub, live, "--origins", "https://ops.example")
     ours, theirs = (
-        door.client(origin="https://ops.example"),
-        door.client(origin="https://x.example"),
+        gateway.client(origin="https://ops.example"),
+        gateway.client(origin="https://x.example"),
     )
     assert ours.get("/v1/robot").headers["access-control-allow-origin"] == "https://ops.example"
     assert "access-control-allow-origin" not in theirs.get("/v1/robot").headers

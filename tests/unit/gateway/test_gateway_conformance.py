@@ -1,4 +1,4 @@
-"""Every answer is as the interface's description says, whatever is asked (schemathesis)."""
+"""Every answer conforms to the OpenAPI description, whatever the request (schemathesis)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def as_it_is(context: object, value: object) -> bytes:
 def not_a_fault(
     ctx: schemathesis.CheckContext, response: schemathesis.Response, case: schemathesis.Case
 ) -> bool | None:
-    """503 says that a service is away, which is true of those that nobody plays here."""
+    """Accept 503, which reports a missing service: the fake backend lacks some services."""
     return None if response.status_code == 503 else not_a_server_error(ctx, response, case)
 
 
@@ -49,13 +49,13 @@ CHECKS = [
     not_a_fault, status_code_conformance, content_type_conformance,
     response_headers_conformance, response_schema_conformance, unsupported_method,
 ]  # fmt: skip
-# A stream without an end; test_gateway_interface.py reads it.
+# A stream without an end; test_gateway_interface.py tests it.
 ENDLESS = "^/v1/events$"
-NAMES = {"id": "t1", "layer": "pick", "name": "planner"}  # of things that are there
+NAMES = {"id": "t1", "layer": "pick", "name": "planner"}  # that exist
 
 
 class Rig:
-    """The gateway of a robot whose services all answer, with keys asked for."""
+    """The gateway of a robot whose services all answer; it requires keys."""
 
     def __init__(self) -> None:
         hub = MemoryHub()
@@ -93,7 +93,7 @@ OPERATIONS = {operation.label: operation for operation in operations()}
 
 
 @pytest.mark.parametrize("label", OPERATIONS)
-def test_every_answer_is_as_described(label: str) -> None:
+def test_every_answer_conforms_to_its_description(label: str) -> None:
     @given(case=OPERATIONS[label].as_strategy())
     @settings(max_examples=30, deadline=None, suppress_health_check=HEALTHY)
     def asked(case: schemathesis.Case) -> None:
@@ -103,9 +103,9 @@ def test_every_answer_is_as_described(label: str) -> None:
 
 
 def ask(case: schemathesis.Case) -> None:
-    """With whatever names the case has, then with those that there are."""
+    """Send the case with its generated names, then with names that exist."""
     headers = {"authorization": f"Bearer {rig().key}"}
-    rig().backend.reset()  # a stop or a cancelled task of the case before is not in the way
+    rig().backend.reset()  # removes a stop or a cancelled task of the previous case
     case.call_and_validate(checks=CHECKS, headers=headers)
     for name in case.path_parameters or {}:
         case.path_parameters[name] = 1 if "objects" in case.path else NAMES[name]
@@ -114,13 +114,13 @@ def ask(case: schemathesis.Case) -> None:
     rig().answered[case.operation.label] += response.status_code < 400
 
 
-def test_every_operation_was_also_answered_with_success() -> None:
-    """Else the test above had looked at refusals alone."""
+def test_every_operation_was_also_answered_successfully() -> None:
+    """Otherwise the test above would have checked only refusals."""
     answered = rig().answered
     if not answered:
         pytest.skip("runs after the test of the answers")
-    # nobody knows a random key, no grammar understands random words, no random bytes are a picture,
-    # and a task is queued all the time
+    # Random input is never a valid key, instruction or image, and the queued task blocks
+    # loading and resetting maps.
     assert {name for name, count in answered.items() if not count} <= {
         "POST /v1/session", "POST /v1/tasks", "POST /v1/frames", "PUT /v1/map.zip",
         "POST /v1/map/reset",

@@ -30,7 +30,7 @@ async def take(stream: AsyncIterator[bytes], count: int) -> list[tuple[str, str,
     return [parsed(await anext(stream)) for _ in range(count)]
 
 
-async def opened(hub: EventHub, last_id: str | None = None) -> AsyncIterator[bytes]:
+async def open_stream(hub: EventHub, last_id: str | None = None) -> AsyncIterator[bytes]:
     stream = as_sse(hub.watch(last_id))
     assert await anext(stream) == b"retry: 1000\n\n"
     return stream
@@ -40,22 +40,22 @@ def change(n: int) -> MapChange:
     return MapChange(map2d=n, objects=0)
 
 
-def test_who_comes_back_gets_what_was_missed_and_nothing_twice() -> None:
+def test_a_resumed_stream_sends_missed_events_exactly_once() -> None:
     hub = EventHub(backlog=100, max_viewers=5, keepalive_s=5)
 
     async def run() -> None:
-        stream = await opened(hub)
+        stream = await open_stream(hub)
         for n in range(3):
             hub.publish("map", change(n))
         seen = await take(stream, 2)
-        again = await opened(hub, seen[-1][0])
+        again = await open_stream(hub, seen[-1][0])
         hub.publish("map", change(3))
         assert [data["map2d"] for _, _, data in await take(again, 2)] == [2, 3]
 
     asyncio.run(run())
 
 
-def test_a_newcomer_is_given_the_newest_of_each_state() -> None:
+def test_a_new_stream_begins_with_the_newest_event_of_each_state() -> None:
     hub = EventHub(backlog=100, max_viewers=9, keepalive_s=5)
     for n in range(4):
         hub.publish("map", change(n), "map")
@@ -64,31 +64,31 @@ def test_a_newcomer_is_given_the_newest_of_each_state() -> None:
 
     async def run() -> None:
         for last_id in (None, "", "nonsense", "gone-1", "-", "x-99999999999999999999999"):
-            stream = await opened(hub, last_id)
+            stream = await open_stream(hub, last_id)
             assert [data["map2d"] for _, _, data in await take(stream, 2)] == [3, 9]
 
     asyncio.run(run())
 
 
-def test_an_id_that_is_no_longer_held_gets_the_states_anew() -> None:
+def test_an_expired_event_id_gets_the_current_states() -> None:
     hub = EventHub(backlog=2, max_viewers=5, keepalive_s=5)
     hub.publish("map", change(0), "map")
 
     async def run() -> None:
-        [(first, _, _)] = await take(await opened(hub), 1)
+        [(first, _, _)] = await take(await open_stream(hub), 1)
         for n in range(1, 6):
             hub.publish("map", change(n), "map")
-        [(_, _, data)] = await take(await opened(hub, first), 1)
+        [(_, _, data)] = await take(await open_stream(hub, first), 1)
         assert data["map2d"] == 5
 
     asyncio.run(run())
 
 
-def test_events_of_many_threads_arrive_in_the_order_of_their_numbers() -> None:
+def test_events_from_many_threads_arrive_in_the_order_of_their_numbers() -> None:
     hub = EventHub(backlog=1000, max_viewers=5, keepalive_s=5)
 
     async def run() -> None:
-        stream = await opened(hub)
+        stream = await open_stream(hub)
         threads = [
             threading.Thread(target=lambda: [hub.publish("map", change(n)) for n in range(50)])
             for _ in range(4)
@@ -103,11 +103,11 @@ def test_events_of_many_threads_arrive_in_the_order_of_their_numbers() -> None:
     asyncio.run(run())
 
 
-def test_a_viewer_that_does_not_read_is_ended_and_not_held_for_ever() -> None:
+def test_the_stream_of_a_viewer_that_does_not_read_is_ended() -> None:
     hub = EventHub(backlog=5, max_viewers=5, keepalive_s=5)
 
     async def run() -> None:
-        stream = await opened(hub)
+        stream = await open_stream(hub)
         for n in range(100):
             hub.publish("map", change(n))
         await asyncio.sleep(0)
@@ -117,7 +117,7 @@ def test_a_viewer_that_does_not_read_is_ended_and_not_held_for_ever() -> None:
     asyncio.run(run())
 
 
-def test_silence_is_broken_and_viewers_are_counted_and_bounded() -> None:
+def test_a_silent_stream_sends_keepalives_and_the_number_of_viewers_is_limited() -> None:
     hub = EventHub(backlog=5, max_viewers=1, keepalive_s=0.01)
 
     async def run() -> None:
@@ -136,7 +136,7 @@ def test_closing_ends_open_streams_and_refuses_new_ones() -> None:
     hub = EventHub(backlog=5, max_viewers=5, keepalive_s=60)
 
     async def run() -> None:
-        stream = await opened(hub)
+        stream = await open_stream(hub)
         hub.close()
         assert [raw async for raw in stream] == []
         with pytest.raises(Unavailable):
@@ -145,12 +145,12 @@ def test_closing_ends_open_streams_and_refuses_new_ones() -> None:
     asyncio.run(run())
 
 
-def test_numbers_that_are_not_finite_become_null() -> None:
+def test_non_finite_numbers_become_null() -> None:
     hub = EventHub(backlog=5, max_viewers=5, keepalive_s=5)
     hub.publish("robot", RobotPose(x_m=math.nan, y_m=math.inf, yaw_rad=1.0), "robot")
 
     async def run() -> None:
-        [(_, _, data)] = await take(await opened(hub), 1)
+        [(_, _, data)] = await take(await open_stream(hub), 1)
         assert data == {"x_m": None, "y_m": None, "yaw_rad": 1.0}
 
     asyncio.run(run())
@@ -171,7 +171,7 @@ def test_tasks_decisions_and_plans_are_reported_at_once(
     assert types_since(live, past) == ["task", "decision", "plan"]
 
 
-def test_the_pose_is_reported_once_a_tick_and_a_stop_at_once(
+def test_the_pose_is_reported_once_per_tick_and_a_stop_at_once(
     live: RobotMonitor, backend: Backend
 ) -> None:
     live.tick()
@@ -188,7 +188,7 @@ def test_the_pose_is_reported_once_a_tick_and_a_stop_at_once(
     assert types_since(live, past) == ["robot", "robot", "ready"]
 
 
-def test_a_service_that_goes_is_reported_once(live: RobotMonitor, backend: Backend) -> None:
+def test_a_change_of_a_service_state_is_reported_once(live: RobotMonitor, backend: Backend) -> None:
     live.tick()
     past = len(live.events._past)
     backend.report("detector", 4102, "waiting", "waits for a model")

@@ -1,4 +1,4 @@
-"""The map as it travels is read back exactly, or refused."""
+"""Map snapshots are decoded exactly, or refused."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.gateway_home import snapshot
     seed=st.integers(0, 99),
     layered=st.booleans(),
 )
-def test_what_was_packed_is_read_back(rows: int, columns: int, seed: int, layered: bool) -> None:
+def test_a_snapshot_is_decoded_exactly(rows: int, columns: int, seed: int, layered: bool) -> None:
     rng = np.random.default_rng(seed)
     shape = (rows, columns)
     occupancy = rng.choice(np.array([UNKNOWN, FREE, OCCUPIED], np.int8), shape)
@@ -56,7 +56,7 @@ def test_what_was_packed_is_read_back(rows: int, columns: int, seed: int, layere
         ({"trajectory_m": [1.0, 2.0, 3.0]}, "trajectory"),
     ],
 )
-def test_a_map_that_does_not_hold_together_is_refused(change: dict, says: str) -> None:
+def test_an_inconsistent_snapshot_is_refused(change: dict, says: str) -> None:
     message = snapshot(1, (0.0, 0.0, 0.0))
     message.ClearField("trajectory_m")
     for name, value in change.items():

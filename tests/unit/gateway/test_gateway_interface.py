@@ -1,4 +1,4 @@
-"""Robots, settings, filters, tags, and events over WebSocket."""
+"""Robots, service settings, filters, entity tags, and events over WebSocket."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.gateway_backend import Backend
 INSTRUCTION = "move the mug to the kitchen counter"
 
 
-def test_robots_are_told_apart_and_stopped_one_by_one(
+def test_robots_have_separate_tasks_and_stops(
     hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     other = Backend(hub, "spot")
@@ -75,9 +75,7 @@ def test_objects_are_filtered_by_class_and_score(backend: Backend, client: TestC
     "path", ["/map", "/map/frontiers", "/objects", "/map/cells.png", "/map/occupancy.npz",
              "/map/value/pick.npz", "/camera.jpg"],
 )  # fmt: skip
-def test_what_a_viewer_has_is_not_sent_again(
-    backend: Backend, client: TestClient, path: str
-) -> None:
+def test_unchanged_content_gets_status_304(backend: Backend, client: TestClient, path: str) -> None:
     backend.publish_frame()
     first = client.get(f"/v1{path}")
     again = client.get(f"/v1{path}", headers={"if-none-match": first.headers["etag"]})
@@ -101,7 +99,7 @@ def test_tasks_are_listed_by_state(backend: Backend, client: TestClient) -> None
     assert client.get("/v1/tasks?state=asleep").status_code == 400
 
 
-def test_a_websocket_tells_what_happens_and_resumes(backend: Backend, client: TestClient) -> None:
+def test_a_websocket_sends_events_and_resumes(backend: Backend, client: TestClient) -> None:
     with client.websocket_connect("ws://localhost/v1/events/ws?types=task") as socket:
         assert socket.receive_text() == ""
         backend.submit(INSTRUCTION)
@@ -117,7 +115,9 @@ def test_a_websocket_tells_what_happens_and_resumes(backend: Backend, client: Te
         assert again.receive_json()["data"]["id"] == "t2"
 
 
-def test_a_task_is_watched_until_it_ends(backend: Backend, client: TestClient) -> None:
+def test_the_event_stream_of_a_task_ends_with_the_task(
+    backend: Backend, client: TestClient
+) -> None:
     backend.submit(INSTRUCTION)
     backend.submit(INSTRUCTION)
     with client.websocket_connect("ws://localhost/v1/events/ws?task_id=t1") as socket:

@@ -1,4 +1,4 @@
-"""Both maps as one file, out and in."""
+"""Saving and loading both maps as one file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ZIP = {"content-type": "application/zip"}
 
 
 def rezipped(**changes: bytes | None) -> bytes:
-    """A map file with entries changed, or left out where None."""
+    """A map file with changed entries; an entry of None is left out."""
     entries = {"helios-map.json": b'{"format": 1}', "map2d.map": b"a", "objects.npz": b"b"}
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -41,21 +41,21 @@ def rezipped(**changes: bytes | None) -> bytes:
 
 
 @given(st.binary(max_size=200), st.binary(max_size=200))
-def test_what_was_packed_is_unpacked(map2d: bytes, objects: bytes) -> None:
+def test_a_packed_map_file_is_unpacked_unchanged(map2d: bytes, objects: bytes) -> None:
     maps = MapFile(map2d, objects)
     assert unpacked(packed(maps, "robot"), 10_000) == maps
     assert packed(maps, "robot") == packed(maps, "robot")
 
 
 @given(st.binary(max_size=300), st.integers(0, 200))
-def test_what_is_no_map_file_is_refused_and_never_worse(junk: bytes, at: int) -> None:
+def test_an_invalid_map_file_raises_at_most_a_typed_error(junk: bytes, at: int) -> None:
     good = packed(MapFile(b"walls", b"things"), "robot")
     for data in (junk, good[:at], good[:at] + junk + good[at:]):
         with contextlib.suppress(InvalidInput):
             unpacked(data, 10_000)
 
 
-def test_a_folder_that_was_zipped_again_is_a_map_file() -> None:
+def test_a_rezipped_folder_is_a_valid_map_file() -> None:
     assert unpacked(rezipped(), 10_000) == MapFile(b"a", b"b")
 
 
@@ -67,12 +67,12 @@ def test_a_folder_that_was_zipped_again_is_a_map_file() -> None:
      (rezipped(**{"helios-map.json": None}), "helios map save"),
      (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes")],
 )  # fmt: skip
-def test_a_map_file_that_lacks_something_says_what(data: bytes, says: str) -> None:
+def test_an_unusable_map_file_is_refused_with_the_reason(data: bytes, says: str) -> None:
     with pytest.raises(InvalidInput, match=says):
         unpacked(data, 10_000)
 
 
-def test_a_saved_map_comes_back(client: TestClient, backend: Backend) -> None:
+def test_a_saved_map_can_be_loaded_again(client: TestClient, backend: Backend) -> None:
     saved = client.get("/v1/map.zip")
     assert saved.headers["content-type"] == "application/zip"
     with zipfile.ZipFile(io.BytesIO(saved.content)) as archive:
@@ -104,7 +104,7 @@ def test_both_maps_are_loaded_or_neither(client: TestClient, backend: Backend) -
     assert backend.kept == {"map2d": b"present walls", "objects": b"present things"}
 
 
-def test_a_map_is_not_pulled_from_under_a_task(client: TestClient, backend: Backend) -> None:
+def test_no_map_is_loaded_while_a_task_is_open(client: TestClient, backend: Backend) -> None:
     saved = client.get("/v1/map.zip").content
     backend.submit("move the mug to the kitchen counter")
     for state in ("queued", "running", "paused"):
@@ -117,7 +117,7 @@ def test_a_map_is_not_pulled_from_under_a_task(client: TestClient, backend: Back
 
 
 @pytest.mark.parametrize("refused", [False, True])
-def test_no_task_is_begun_while_maps_are_loaded_and_afterwards_it_is(
+def test_the_planner_is_reserved_only_while_maps_are_loaded(
     client: TestClient, hub: MemoryHub, backend: Backend, refused: bool
 ) -> None:
     saved = client.get("/v1/map.zip").content
@@ -125,7 +125,7 @@ def test_no_task_is_begun_while_maps_are_loaded_and_afterwards_it_is(
 
     def load(request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
         reserved.append(backend.reserved)
-        backend.submit("move the mug to the kitchen counter")  # waits, for none is begun
+        backend.submit("move the mug to the kitchen counter")  # stays queued: no task starts now
         return pb.ObjectMapLoaded()
 
     def load_map2d(_: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
@@ -143,7 +143,7 @@ def test_no_task_is_begun_while_maps_are_loaded_and_afterwards_it_is(
 
 
 @pytest.mark.parametrize("method", [LOAD_OBJECTS, LOAD_MAP2D])
-def test_a_load_without_an_answer_is_said_to_be_unknown(
+def test_a_load_without_an_answer_reports_an_unknown_outcome(
     client: TestClient, hub: MemoryHub, backend: Backend, method: Method
 ) -> None:
     saved = client.get("/v1/map.zip").content
@@ -156,7 +156,7 @@ def test_a_load_without_an_answer_is_said_to_be_unknown(
     assert (answer.status_code, "is not known" in answer.json()["detail"]) == (504, True)
 
 
-def test_why_a_load_was_refused_is_reported_though_the_way_back_failed_too(
+def test_the_reason_of_a_refused_load_is_reported_even_if_the_rollback_fails(
     client: TestClient, hub: MemoryHub, backend: Backend
 ) -> None:
     saved = client.get("/v1/map.zip").content
@@ -177,13 +177,15 @@ def test_why_a_load_was_refused_is_reported_though_the_way_back_failed_too(
     assert "the object map is away" in detail
 
 
-def test_a_map_of_another_kind_is_a_plain_refusal(client: TestClient, backend: Backend) -> None:
+def test_a_body_that_is_not_a_map_file_gets_status_400(
+    client: TestClient, backend: Backend
+) -> None:
     answer = client.put("/v1/map.zip", content=b"walls", headers=ZIP)
     assert answer.status_code == 400
     assert "helios map save" in answer.json()["detail"]
 
 
-def test_a_map_is_larger_than_other_bodies_and_needs_the_highest_scope(
+def test_a_map_upload_has_its_own_size_limit_and_needs_the_admin_scope(
     hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"

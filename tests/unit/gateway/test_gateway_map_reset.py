@@ -1,4 +1,4 @@
-"""The maps forgotten on purpose: both, or one."""
+"""Reset of both maps or of one, and the class filter of the objects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BEFORE = {"map2d": b"walls", "objects": b"things"}
         ("?only=occupancy", ["occupancy"], {"map2d": b"", "objects": b"things"}),
     ],
 )
-def test_what_is_asked_is_forgotten_and_nothing_else(
+def test_reset_clears_only_the_requested_maps(
     client: TestClient, backend: Backend, query: str, reset: list[str], left: dict[str, bytes]
 ) -> None:
     answer = client.post(f"/v1/map/reset{query}")
@@ -31,19 +31,19 @@ def test_what_is_asked_is_forgotten_and_nothing_else(
     assert backend.kept == left
 
 
-def test_what_there_is_no_map_of_is_refused(client: TestClient, backend: Backend) -> None:
+def test_reset_of_an_unknown_map_is_refused(client: TestClient, backend: Backend) -> None:
     assert client.post("/v1/map/reset?only=walls").status_code == 400
     assert backend.kept == BEFORE
 
 
-def test_both_are_forgotten_or_neither(client: TestClient, backend: Backend) -> None:
+def test_a_refused_reset_leaves_both_maps_unchanged(client: TestClient, backend: Backend) -> None:
     backend.refuses_maps = InvalidInput("a reason")
     answer = client.post("/v1/map/reset")
     assert (answer.status_code, answer.json()["detail"]) == (400, "a reason")
     assert backend.kept == BEFORE
 
 
-def test_no_map_is_forgotten_under_a_task(client: TestClient, backend: Backend) -> None:
+def test_no_map_is_reset_while_a_task_is_open(client: TestClient, backend: Backend) -> None:
     backend.submit("move the mug to the kitchen counter")
     for state in ("queued", "running", "paused"):
         backend.change_task("t1", state)
@@ -57,7 +57,7 @@ def test_no_map_is_forgotten_under_a_task(client: TestClient, backend: Backend) 
 
 
 @pytest.mark.parametrize("method", [RESET_OBJECTS, RESET_MAP2D])
-def test_a_reset_without_an_answer_is_said_to_be_unknown(
+def test_a_reset_without_an_answer_reports_an_unknown_outcome(
     client: TestClient, hub: MemoryHub, backend: Backend, method: Method
 ) -> None:
     def late(_: object) -> NoReturn:
@@ -69,12 +69,14 @@ def test_a_reset_without_an_answer_is_said_to_be_unknown(
 
 
 @pytest.mark.parametrize("said", ["mug", "Mug", " MUGS ", "Coffee_Table", "coffee  table"])
-def test_a_class_is_asked_for_in_any_case(client: TestClient, backend: Backend, said: str) -> None:
+def test_the_class_filter_ignores_case_plural_and_separators(
+    client: TestClient, backend: Backend, said: str
+) -> None:
     found = client.get("/v1/objects", params={"class": said}).json()["objects"]
     assert {o["class"] for o in found} == {"mug" if "mug" in said.lower() else "coffee table"}
 
 
-def test_a_class_that_nobody_knows_is_reported_with_names_like_it(
+def test_an_unknown_class_is_reported_with_similar_names(
     client: TestClient, backend: Backend
 ) -> None:
     assert client.get("/v1/objects?class=Sofa").json()["objects"] == []

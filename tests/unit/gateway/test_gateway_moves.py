@@ -1,4 +1,4 @@
-"""Moving the robot over HTTP: each address submits the sentence that says the same."""
+"""Moving the robot over HTTP: each address submits a task with the matching instruction."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from tests.gateway_backend import Backend
 
 
-def test_each_address_queues_a_task_like_any_other(backend: Backend, client: TestClient) -> None:
+def test_each_move_address_queues_an_ordinary_task(backend: Backend, client: TestClient) -> None:
     go = client.post("/v1/robot/go", json={"x_m": 3.2, "y_m": -4.1, "yaw_rad": math.pi / 2})
     explore = client.post("/v1/robot/explore", json={"time_limit_s": 90})
     home = client.post("/v1/robot/home")
@@ -49,7 +49,7 @@ def test_each_address_queues_a_task_like_any_other(backend: Backend, client: Tes
         ("explore", {"time_limit_s": 1e9}, "time_limit_s"),
     ],
 )
-def test_a_wrong_body_is_a_400_with_the_reason(
+def test_an_invalid_body_gets_status_400_with_the_reason(
     backend: Backend, client: TestClient, path: str, body: dict, says: str
 ) -> None:
     answer = client.post(f"/v1/robot/{path}", json=body)
@@ -58,7 +58,7 @@ def test_a_wrong_body_is_a_400_with_the_reason(
     assert backend.calls == []
 
 
-def test_numbers_that_are_none_are_refused(backend: Backend, client: TestClient) -> None:
+def test_non_finite_numbers_are_refused(backend: Backend, client: TestClient) -> None:
     for number in ("NaN", "Infinity", "-Infinity", "1e400"):
         content = f'{{"x_m": {number}, "y_m": 1}}'
         answer = client.post(
@@ -67,7 +67,7 @@ def test_numbers_that_are_none_are_refused(backend: Backend, client: TestClient)
         assert answer.status_code == 400
 
 
-def test_only_who_may_submit_tasks_may_move_the_robot(hub: MemoryHub, tmp_path: Path) -> None:
+def test_moving_the_robot_needs_the_operate_scope(hub: MemoryHub, tmp_path: Path) -> None:
     file = tmp_path / "keys.toml"
     keys = {scope: add_key(file, scope, scope) for scope in ("read", "operate")}
     backend = Backend(hub)
@@ -89,7 +89,7 @@ angles = st.none() | st.floats(-1000, 1000)
 
 
 @given(metres, metres, angles)
-def test_the_planner_reads_the_sentence_as_the_numbers_were(
+def test_the_planner_parses_the_coordinates_of_a_go_instruction(
     x_m: float, y_m: float, yaw_rad: float | None
 ) -> None:
     got = parse(sentence_to(GoRequest(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)))
@@ -102,6 +102,6 @@ def test_the_planner_reads_the_sentence_as_the_numbers_were(
         assert math.cos(got.point.yaw_rad - yaw_rad) > 1 - 1e-6
 
 
-def test_the_planner_reads_the_other_two_sentences() -> None:
+def test_the_planner_parses_the_explore_and_home_instructions() -> None:
     assert parse(EXPLORE).kind is Kind.EXPLORE
     assert parse(HOME).kind is Kind.GO_HOME

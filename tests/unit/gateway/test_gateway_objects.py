@@ -1,4 +1,4 @@
-"""One object in full, rendered and exported."""
+"""Details, rendered views and exports of objects."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ metres = st.floats(0.02, 3.0)
     size=st.tuples(metres, metres, metres),
     azimuth_rad=st.floats(-7, 7),
 )
-def test_the_whole_box_is_in_the_picture_and_upright(
+def test_the_rendered_view_contains_the_whole_box_upright(
     center: tuple[float, ...], size: tuple[float, ...], azimuth_rad: float
 ) -> None:
     T_world_cam = look_at(np.array(center), np.array(size), azimuth_rad)
     assert is_rigid(T_world_cam)
-    assert T_world_cam[2, 1] < 0  # the camera's y looks down
+    assert T_world_cam[2, 1] < 0  # the camera's y axis points down
     lens = camera(320)
     corners = np.array(center) + np.array(size) / 2 * [
         [i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)
@@ -39,14 +39,16 @@ def test_the_whole_box_is_in_the_picture_and_upright(
     assert (pixels < 319).all()
 
 
-def test_an_object_is_reported_in_full(backend: Backend, client: TestClient) -> None:
+def test_an_object_is_reported_with_its_history(backend: Backend, client: TestClient) -> None:
     detail = client.get("/v1/objects/1/detail").json()
     assert detail["object"]["class"] == "mug"
     assert [m["views"] for m in detail["history"]] == [1, 2, 3, 4, 5]
     assert detail["history"][-1]["score"] == detail["object"]["score"]
 
 
-def test_a_gripper_gets_points_and_a_box(backend: Backend, client: TestClient) -> None:
+def test_the_points_file_contains_points_and_the_bounding_box(
+    backend: Backend, client: TestClient
+) -> None:
     answer = client.get("/v1/objects/1/points.npz")
     with np.load(io.BytesIO(answer.content)) as arrays:
         assert np.allclose(arrays["points_m"], [[1.0, 2.0, 0.5], [1.1, 2.0, 0.5]])
@@ -55,7 +57,7 @@ def test_a_gripper_gets_points_and_a_box(backend: Backend, client: TestClient) -
         assert arrays["box_size_m"].shape == (3,)
 
 
-def test_its_picture_is_taken_from_the_robot_s_side_or_as_asked(
+def test_an_object_is_rendered_from_the_robot_side_or_a_requested_azimuth(
     backend: Backend, client: TestClient
 ) -> None:
     def camera_at(query: str = "") -> np.ndarray:
@@ -92,7 +94,7 @@ def test_the_map_is_rendered_from_any_pose(
     assert client.get("/v1/map/view.png?x_m=nan&y_m=0").status_code in (400, 422)
 
 
-def test_gaussians_are_exported_and_what_is_not_there_is_a_404(
+def test_gaussians_are_exported_and_an_unknown_object_gets_status_404(
     backend: Backend, client: TestClient
 ) -> None:
     for path in ("/v1/objects.ply", "/v1/objects.npz", "/v1/objects/1/gaussians.ply",

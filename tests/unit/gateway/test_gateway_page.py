@@ -1,4 +1,4 @@
-"""The dashboard's map and the pictures of the map: one set of colours and names."""
+"""The dashboard's map and the rendered map images use the same colours and names."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ SAME = {
     "frontier": canvas.FRONTIER_RGB, "beyond": canvas.BEYOND_RGB, "way": canvas.TRAIL_RGB,
     "plan": canvas.PATH_RGB, "robot": canvas.ROBOT_RGB,
 }  # fmt: skip
-ONLY_THERE = ("low one",)  # obstacles of the page are of one shade
+ONLY_THERE = ("low one",)  # the page draws all obstacles in one shade
 
 
 @pytest.mark.parametrize("name", SAME)
-def test_a_mark_has_the_colour_that_it_has_in_pictures(name: str) -> None:
+def test_a_mark_has_the_same_colour_on_the_page_and_in_rendered_images(name: str) -> None:
     in_light, *_ = re.findall(f"--map-{name}: (#[0-9a-f]{{6}})", (PAGE / "style.css").read_text())
     assert in_light == "#" + bytes(SAME[name]).hex()
 
 
-def test_the_legend_names_all_that_that_of_pictures_names() -> None:
+def test_the_page_legend_covers_the_legend_of_the_rendered_images() -> None:
     text = (PAGE / "index.html").read_text()
     start = text.index('id="legend-2d"')
     said = text[start : text.index("</div>", start)]

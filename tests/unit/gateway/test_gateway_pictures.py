@@ -1,4 +1,4 @@
-"""Maps, objects, camera, robot."""
+"""Map, objects, camera image and robot over HTTP."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def image(data: bytes) -> np.ndarray:
     return out
 
 
-def test_the_occupancy_arrives_as_arrays_with_its_place(
+def test_map_arrays_have_their_origin_cell_size_and_frontiers(
     backend: Backend, client: TestClient
 ) -> None:
     response = client.get("/v1/map/occupancy.npz")
@@ -49,7 +49,7 @@ def test_the_occupancy_arrives_as_arrays_with_its_place(
         assert abs((row + 0.5) * 0.05 - 1.5) < 0.05
 
 
-def test_the_cells_picture_is_north_up_and_holds_state_explored_and_value(
+def test_the_cells_image_is_north_up_and_encodes_state_explored_and_value(
     backend: Backend, client: TestClient
 ) -> None:
     cells = image(client.get("/v1/map/cells.png?layer=pick").content)
@@ -57,13 +57,13 @@ def test_the_cells_picture_is_north_up_and_holds_state_explored_and_value(
     value, explored, state = cells[139 - 30, 40]  # y 1.525 m, x 2.025 m: the coffee table
     assert (state, explored) == (255, 255)
     assert value > 200
-    assert cells[0, 179].tolist() == [0, 0, 0]  # the room that was never seen
+    assert cells[0, 179].tolist() == [0, 0, 0]  # a room that was never seen
     assert client.get("/v1/map/cells.png").content != client.get(
         "/v1/map/cells.png?layer=pick"
     ).content  # fmt: skip
 
 
-def test_a_version_of_the_map_is_asked_for_once_however_many_look(
+def test_each_map_version_is_requested_only_once_from_map2d(
     backend: Backend, client: TestClient
 ) -> None:
     for _ in range(5):
@@ -78,14 +78,18 @@ def test_a_version_of_the_map_is_asked_for_once_however_many_look(
     assert (backend.calls.count("snapshot"), backend.calls.count("picture")) == (2, 2)
 
 
-def test_a_map2d_that_began_anew_is_believed(backend: Backend, client: TestClient) -> None:
+def test_a_lower_version_of_a_restarted_map2d_is_accepted(
+    backend: Backend, client: TestClient
+) -> None:
     assert client.get("/v1/map").json()["version"] == 41
     backend.map_version = 3
     backend.bus.publish(CONTEXT, pb.SearchContext(id="c2"))
     assert client.get("/v1/map").json()["version"] == 3
 
 
-def test_pictures_have_a_tag_and_are_not_sent_twice(backend: Backend, client: TestClient) -> None:
+def test_map_images_have_an_entity_tag_and_are_not_sent_twice(
+    backend: Backend, client: TestClient
+) -> None:
     first = client.get("/v1/map/occupancy.png?size_px=128")
     assert first.headers["content-type"] == "image/png"
     assert image(first.content).shape[:2] == (128, 128)
@@ -95,7 +99,7 @@ def test_pictures_have_a_tag_and_are_not_sent_twice(backend: Backend, client: Te
     assert (again.status_code, again.content) == (304, b"")
 
 
-def test_a_corrupt_map_is_a_fault_and_not_a_crash(
+def test_a_corrupt_map_gets_status_500_with_the_reason(
     hub: MemoryHub, backend: Backend, client: TestClient
 ) -> None:
     bad = pb.MapSnapshot(version=1, cell_m=0.05, width=10, height=10, occupancy=b"no zlib")
@@ -105,7 +109,7 @@ def test_a_corrupt_map_is_a_fault_and_not_a_crash(
     assert "occupancy of the map is corrupt" in response.json()["detail"]
 
 
-def test_frontiers_have_values_and_places(backend: Backend, client: TestClient) -> None:
+def test_frontiers_have_values_and_positions(backend: Backend, client: TestClient) -> None:
     frontiers = client.get("/v1/map/frontiers").json()["frontiers"]
     assert frontiers[0] == {
         "id": 12, "center_m": [6.4, 2.0], "size_m": 1.3, "reachable": True,
@@ -113,7 +117,9 @@ def test_frontiers_have_values_and_places(backend: Backend, client: TestClient) 
     }  # fmt: skip
 
 
-def test_objects_have_the_promised_fields_and_no_nan(backend: Backend, client: TestClient) -> None:
+def test_objects_have_the_documented_fields_and_no_nan(
+    backend: Backend, client: TestClient
+) -> None:
     backend.found[1].score = math.nan
     backend.found[1].center_m.x = math.inf
     response = client.get("/v1/objects")
@@ -124,7 +130,7 @@ def test_objects_have_the_promised_fields_and_no_nan(backend: Backend, client: T
     assert (table["score"], table["center_m"][0]) == (None, None)
 
 
-def test_detections_are_drawn_on_the_newest_picture_and_raw_is_without(
+def test_detections_are_drawn_on_the_newest_image_but_not_on_the_raw_image(
     backend: Backend, client: TestClient
 ) -> None:
     frame = backend.publish_frame()
@@ -139,7 +145,7 @@ def test_detections_are_drawn_on_the_newest_picture_and_raw_is_without(
     assert np.abs(edge - class_rgb("mug")[::-1]).max() < 60
 
 
-def test_boxes_stay_on_newer_pictures_from_the_same_place_only(
+def test_boxes_stay_on_newer_images_from_the_same_pose(
     backend: Backend, client: TestClient
 ) -> None:
     backend.publish_observation(backend.publish_frame())
@@ -159,7 +165,7 @@ def test_a_preview_is_shown_with_its_boxes(backend: Backend, client: TestClient)
     assert image(client.get("/v1/camera.jpg").content).shape == (240, 320, 3)
 
 
-def test_a_corrupt_picture_is_a_fault_and_the_next_good_one_is_shown(
+def test_a_corrupt_image_gets_status_500_and_the_next_valid_image_is_shown(
     backend: Backend, client: TestClient
 ) -> None:
     frame = pb.Frame(id=pb.FrameId(robot_boot_id="boot", seq=0))
@@ -187,13 +193,13 @@ def test_the_robot_is_reported_with_its_pose_and_stop_now_latches(
     assert client.post("/v1/robot/clear-stop").json()["state"]["stopped"] is False
 
 
-def test_boxes_that_reach_outside_are_cut_off() -> None:
+def test_boxes_outside_the_image_are_clipped() -> None:
     picture = np.zeros((60, 80, 3), np.uint8)
     boxes = (Box("ä long näme", 0.5, 70, 50, 500, 500), Box("x", 0.5, 900, 900, 1, 1))
     assert draw_boxes(picture, boxes).shape == (60, 80, 3)
 
 
-def test_many_who_ask_at_once_share_one_answer() -> None:
+def test_concurrent_requests_share_one_answer() -> None:
     made: list[int] = []
     results: RequestCoalescer[int] = RequestCoalescer(max_age_s=60)
     together = threading.Barrier(8)
@@ -215,12 +221,12 @@ def test_many_who_ask_at_once_share_one_answer() -> None:
     assert results.get("key", "another state", make) == 2
 
 
-def test_a_failure_is_shared_by_those_who_waited_and_the_next_tries_again() -> None:
+def test_a_failure_is_shared_by_waiting_requests_and_the_next_request_retries() -> None:
     asked = threading.Semaphore(0)
     tried: list[int] = []
     failures: list[str] = []
 
-    def clock() -> float:  # read once by everyone who asks, and once more by whoever makes
+    def clock() -> float:  # read once per request, and once more to compute
         asked.release()
         return time.monotonic()
 

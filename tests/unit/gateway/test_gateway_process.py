@@ -21,7 +21,7 @@ from tests.gateway_backend import Backend
 from tests.support import free_port, wait_until
 
 
-def test_a_port_in_use_is_one_sentence_and_status_1() -> None:
+def test_a_port_in_use_prints_one_sentence_and_exits_with_status_1() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -34,12 +34,12 @@ def test_a_port_in_use_is_one_sentence_and_status_1() -> None:
     )
 
 
-def test_a_host_that_is_not_ours_is_refused() -> None:
+def test_a_host_address_of_another_machine_is_refused() -> None:
     with pytest.raises(Unavailable, match="--host"):
         bind("192.0.2.1", 0)
 
 
-def test_it_serves_streams_events_and_closes_with_streams_open(
+def test_the_gateway_streams_events_and_closes_with_open_streams(
     hub: MemoryHub, backend: Backend
 ) -> None:
     health = Health()
@@ -59,11 +59,11 @@ def test_it_serves_streams_events_and_closes_with_streams_open(
         assert next(line for line in lines if line == "event: task")
         began = time.monotonic()
         gateway.close()
-        assert list(lines) is not None  # the stream has come to its end
+        assert list(lines) is not None  # the stream has ended
         assert time.monotonic() - began < Settings.load([]).keepalive_s
 
 
-def test_alone_it_says_what_it_waits_for_and_stops_on_sigterm() -> None:
+def test_a_gateway_alone_reports_missing_services_and_stops_on_sigterm() -> None:
     endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     gateway = subprocess.Popen(
         [sys.executable, "-m", "helios_gateway", "--port", str(port), "--router", endpoint]
@@ -86,7 +86,7 @@ def test_alone_it_says_what_it_waits_for_and_stops_on_sigterm() -> None:
             with client.stream("GET", "/v1/events") as stream:
                 next(stream.iter_lines())
                 gateway.send_signal(signal.SIGTERM)
-                assert gateway.wait(20) == 0  # it forces itself out with 1 after 2 s
+                assert gateway.wait(20) == 0  # after 2 s it would exit with status 1
     finally:
         for process in (gateway, router):
             process.kill()

@@ -1,4 +1,4 @@
-"""Decisions over HTTP, taken again under other settings; limits of a task."""
+"""Decisions over HTTP, recomputed under other settings, and the time limit of a task."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ DECIDED = pb.Decision(
 
 
 @pytest.fixture
-def asked(backend: Backend, hub: MemoryHub, client: TestClient) -> list[dict[str, str]]:
-    """A task with one decision; the settings under which it was asked for."""
+def requested_settings(
+    backend: Backend, hub: MemoryHub, client: TestClient
+) -> list[dict[str, str]]:
+    """Submit a task with one decision; return the settings of every request for it."""
     heard: list[dict[str, str]] = []
 
     def decisions(request: pb.TaskRequest) -> pb.DecisionList:
@@ -40,33 +42,41 @@ def asked(backend: Backend, hub: MemoryHub, client: TestClient) -> list[dict[str
     return heard
 
 
-def test_decisions_alone_are_as_they_were(asked: list, client: TestClient) -> None:
+def test_decisions_without_settings_are_not_recomputed(
+    requested_settings: list, client: TestClient
+) -> None:
     [decision] = client.get("/v1/tasks/t1/decisions").json()["decisions"]
     assert (decision["do"], decision["recomputed"]) == ("search_receptacle", None)
-    assert asked == [{}]
+    assert requested_settings == [{}]
 
 
-def test_with_settings_each_says_what_it_would_have_been(asked: list, client: TestClient) -> None:
+def test_decisions_with_settings_are_recomputed(
+    requested_settings: list, client: TestClient
+) -> None:
     answer = client.get("/v1/tasks/t1/decisions", params={"set": ["alpha_d=0.01", "tau_g = 0.6"]})
     [decision] = answer.json()["decisions"]
-    assert asked == [{"alpha_d": "0.01", "tau_g": "0.6"}]
+    assert requested_settings == [{"alpha_d": "0.01", "tau_g": "0.6"}]
     again = decision["recomputed"]
     assert (again["do"], again["flips"], again["certain"]) == ("go_to_frontier", True, True)
     assert again["candidates"][0]["terms"] == {"total": 0.5}
 
 
 @pytest.mark.parametrize("wrong", ["alpha_d", "=1", "alpha_d=", "alpha=1"])
-def test_settings_that_make_no_sense_are_a_400(asked: list, client: TestClient, wrong: str) -> None:
+def test_invalid_settings_get_status_400(
+    requested_settings: list, client: TestClient, wrong: str
+) -> None:
     assert client.get("/v1/tasks/t1/decisions", params={"set": wrong}).status_code == 400
 
 
-def test_decisions_of_no_task_are_a_404_with_settings_too(asked: list, client: TestClient) -> None:
+def test_decisions_of_an_unknown_task_get_status_404_also_with_settings(
+    requested_settings: list, client: TestClient
+) -> None:
     answer = client.get("/v1/tasks/none/decisions", params={"set": "alpha_d=1"})
     assert answer.status_code == 404
 
 
-def test_a_limit_of_time_reaches_the_planner(backend: Backend, hub: MemoryHub,
-                                             client: TestClient) -> None:  # fmt: skip
+def test_a_time_limit_reaches_the_planner(backend: Backend, hub: MemoryHub,
+                                          client: TestClient) -> None:  # fmt: skip
     heard: list[float] = []
 
     def submit(request: pb.SubmitRequest) -> pb.Task:

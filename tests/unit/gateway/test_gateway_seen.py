@@ -1,4 +1,4 @@
-"""Where something was seen: believed objects and past views."""
+"""Where something was seen: estimated objects and past views."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from tests.gateway_backend import Backend
 from tests.gateway_home import picture_jpeg
 
 
-def test_objects_of_that_name_and_past_views_are_reported(
-    client: TestClient, backend: Backend
-) -> None:
+def test_matching_objects_and_past_views_are_reported(client: TestClient, backend: Backend) -> None:
     answer = client.get("/v1/seen", params={"prompt": "the red mug", "limit": 2}).json()
     assert [found["id"] for found in answer["objects"]] == [1, 4]
     assert [view["score"] for view in answer["views"]] == [0.82, 0.64]
@@ -25,7 +23,7 @@ def test_objects_of_that_name_and_past_views_are_reported(
     assert (answer["views_asked"], answer["views_note"]) == (7, "")
 
 
-def test_where_no_view_can_be_asked_objects_are_reported_all_the_same(
+def test_objects_are_reported_even_if_past_views_are_unavailable(
     client: TestClient, backend: Backend
 ) -> None:
     backend.recalls = Unavailable("no view has been kept")
@@ -35,10 +33,8 @@ def test_where_no_view_can_be_asked_objects_are_reported_all_the_same(
     assert answer["views_note"] == "past views were not asked: no view has been kept"
 
 
-def test_an_object_s_views_are_those_that_show_its_place(
-    client: TestClient, backend: Backend
-) -> None:
-    (view,) = client.get("/v1/objects/1/views").json()["views"]  # the others look elsewhere
+def test_the_views_of_an_object_show_its_position(client: TestClient, backend: Backend) -> None:
+    (view,) = client.get("/v1/objects/1/views").json()["views"]  # the other views look elsewhere
     assert base64.b64decode(view["jpeg_base64"]) == picture_jpeg(0)
     assert client.get("/v1/objects/4/views").json()["views"] == []
     missing = client.get("/v1/objects/9/views")
@@ -46,7 +42,7 @@ def test_an_object_s_views_are_those_that_show_its_place(
 
 
 @pytest.mark.parametrize("query", ["", "?prompt=", "?prompt=mug&limit=0", "?prompt=" + 501 * "m"])
-def test_a_question_without_words_is_refused(
+def test_an_invalid_prompt_or_limit_is_refused(
     client: TestClient, backend: Backend, query: str
 ) -> None:
     assert client.get(f"/v1/seen{query}").status_code == 400
@@ -58,5 +54,7 @@ def test_a_question_without_words_is_refused(
       True), ("table", "coffee table", False), ("smug", "mug", False), ("mug", "", False),
      ("a cup (of tea", "cup (of", True)],
 )  # fmt: skip
-def test_words_name_a_class(prompt: str, class_name: str, named: bool) -> None:
+def test_a_prompt_mentions_a_class_only_as_whole_words(
+    prompt: str, class_name: str, named: bool
+) -> None:
     assert mentions_class(prompt, class_name) is named

@@ -31,7 +31,9 @@ def roster(clock: Clock) -> ServiceRegistry:
     return ServiceRegistry(silent_after_s=5, clock=clock)
 
 
-def says(service: str, state: str, reason: str = "", instance: str = "1") -> pb.ServiceStatus:
+def service_status(
+    service: str, state: str, reason: str = "", instance: str = "1"
+) -> pb.ServiceStatus:
     return pb.ServiceStatus(service=service, instance=instance, state=state, reason=reason, pid=7)
 
 
@@ -47,8 +49,8 @@ def test_a_known_service_that_was_never_seen_is_down_with_a_reason(roster: Servi
     assert len(roster.not_ready_reasons()) == 5
 
 
-def test_its_own_word_counts_while_it_is_alive(roster: ServiceRegistry) -> None:
-    roster.on_status(says("map2d", "waiting", "waits for a frame"))
+def test_the_report_of_a_service_counts_while_the_service_is_alive(roster: ServiceRegistry) -> None:
+    roster.on_status(service_status("map2d", "waiting", "waits for a frame"))
     assert state_of(roster, "map2d")[0] == "down"
     roster.on_alive("map2d", "1", True)
     assert state_of(roster, "map2d") == ("waiting", "waits for a frame")
@@ -56,37 +58,39 @@ def test_its_own_word_counts_while_it_is_alive(roster: ServiceRegistry) -> None:
     assert state_of(roster, "map2d") == ("down", "it was there and is gone; start it again")
 
 
-def test_the_word_of_a_dead_instance_is_not_that_of_its_successor(roster: ServiceRegistry) -> None:
+def test_the_report_of_a_dead_instance_does_not_count_for_its_successor(
+    roster: ServiceRegistry,
+) -> None:
     roster.on_alive("map2d", "1", True)
-    roster.on_status(says("map2d", "ready"))
+    roster.on_status(service_status("map2d", "ready"))
     roster.on_alive("map2d", "2", True)
     roster.on_alive("map2d", "1", False)
     assert state_of(roster, "map2d")[0] == "starting"
-    roster.on_status(says("map2d", "ready", instance="2"))
+    roster.on_status(service_status("map2d", "ready", instance="2"))
     assert state_of(roster, "map2d") == ("ready", "")
 
 
-def test_one_that_falls_silent_is_degraded(roster: ServiceRegistry, clock: Clock) -> None:
+def test_a_silent_service_is_degraded(roster: ServiceRegistry, clock: Clock) -> None:
     roster.on_alive("map2d", "1", True)
-    roster.on_status(says("map2d", "ready"))
+    roster.on_status(service_status("map2d", "ready"))
     clock.now += 6
     assert state_of(roster, "map2d") == ("degraded", "it has not reported for 6 s")
     assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
 
 
-def test_the_gateway_s_own_word_is_no_proof_of_the_router(
+def test_a_report_of_the_gateway_does_not_prove_that_the_router_works(
     roster: ServiceRegistry, clock: Clock
 ) -> None:
-    roster.on_status(says("gateway", "ready"))
+    roster.on_status(service_status("gateway", "ready"))
     assert state_of(roster, "router") == ("starting", "nothing has been heard over it")
-    roster.on_status(says("map2d", "ready"))
+    roster.on_status(service_status("map2d", "ready"))
     assert state_of(roster, "router") == ("ready", "")
     clock.now += 6
-    roster.on_status(says("gateway", "ready"))
+    roster.on_status(service_status("gateway", "ready"))
     assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
 
 
-def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: ServiceRegistry) -> None:
+def test_the_supervisor_reports_restarts_and_why_a_service_is_down(roster: ServiceRegistry) -> None:
     process = pb.ProcessStatus(
         name="map2d", pid=12, restarts=3, state="restarting", reason="killed by signal 9"
     )
@@ -96,13 +100,15 @@ def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: ServiceRegist
     assert (service.restarts, service.pid) == (3, 12)
 
 
-def test_the_world_is_listed_only_where_it_is_simulated(roster: ServiceRegistry) -> None:
+def test_the_world_service_is_listed_only_for_a_simulated_robot(roster: ServiceRegistry) -> None:
     assert "world" not in [s.name for s in roster.services()]
     roster.on_description(pb.RobotDescription(simulated=True))
     assert [s.name for s in roster.services()][:2] == ["router", "world"]
 
 
-def test_ready_when_all_five_are(backend: Backend, client: TestClient) -> None:
+def test_the_robot_is_ready_when_all_five_services_are_ready(
+    backend: Backend, client: TestClient
+) -> None:
     assert client.get("/readyz").json() == READY
     backend.report("planner", 4105, "waiting", "waits for the bridge")
     response = client.get("/readyz")
@@ -112,7 +118,7 @@ def test_ready_when_all_five_are(backend: Backend, client: TestClient) -> None:
     assert client.get("/healthz").json() == {"healthy": True}
 
 
-def test_a_latched_stop_is_in_the_way_and_said(backend: Backend, client: TestClient) -> None:
+def test_a_latched_stop_makes_the_robot_not_ready(backend: Backend, client: TestClient) -> None:
     client.post("/v1/robot/stop")
     response = client.get("/readyz")
     assert (response.status_code, response.json()["stopped"]) == (503, True)
@@ -123,10 +129,10 @@ def test_a_latched_stop_is_in_the_way_and_said(backend: Backend, client: TestCli
     assert client.get("/readyz").json() == READY
 
 
-def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
+def test_the_stop_reason_is_reported_in_readiness_and_status(
     backend: Backend, client: TestClient, live: RobotMonitor
 ) -> None:
-    for reason in ("child on the floor", "a cat\x1b[31m"):  # the second says more of one stop
+    for reason in ("child on the floor", "a cat\x1b[31m"):  # the second is for the same stop
         said = reason.replace("\x1b", "\ufffd")
         client.post("/v1/robot/stop", json={"reason": reason})
         readiness, status = client.get("/readyz").json(), client.get("/v1/status").json()
@@ -139,27 +145,29 @@ def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
 
 
 @pytest.mark.parametrize("name", ["", "planner", "map2d/../bridge"])
-def test_a_status_that_names_another_service_or_none_is_refused(
+def test_a_status_for_another_service_or_without_a_name_is_ignored(
     roster: ServiceRegistry, name: str
 ) -> None:
     before = [s.name for s in roster.services()]
-    roster.listener("map2d")(says(name, "ready"))
+    roster.listener("map2d")(service_status(name, "ready"))
     assert [s.name for s in roster.services()] == before
     assert state_of(roster, "map2d") == ("down", "it has not been seen; start it")
     roster.on_supervisor(pb.SupervisorStatus(processes=[pb.ProcessStatus(name="")]))
     assert [s.name for s in roster.services()] == before
-    roster.listener("map2d")(says("map2d", "ready"))
+    roster.listener("map2d")(service_status("map2d", "ready"))
     roster.on_alive("map2d", "1", True)
     assert state_of(roster, "map2d") == ("ready", "")
 
 
-def test_a_nameless_status_on_the_bus_makes_no_row(backend: Backend, client: TestClient) -> None:
+def test_a_status_on_the_bus_without_a_name_adds_no_row(
+    backend: Backend, client: TestClient
+) -> None:
     names = [s["name"] for s in client.get("/v1/status").json()["services"]]
-    backend.bus.publish(status_topic("planner"), says("", "ready"))
+    backend.bus.publish(status_topic("planner"), service_status("", "ready"))
     assert [s["name"] for s in client.get("/v1/status").json()["services"]] == names
 
 
-def test_status_names_every_service_with_restarts_and_pid(
+def test_status_lists_every_service_with_restarts_and_pid(
     backend: Backend, client: TestClient
 ) -> None:
     backend.supervise(detector=2)
@@ -183,7 +191,7 @@ def test_metrics_count_routes_by_pattern(
     )
 
     def counted(text: str) -> float:
-        """The application, and with it the count, outlives a test."""
+        """The total of the series; the application and its counts outlive a test."""
         return sum(float(line.split()[-1]) for line in text.splitlines() if series in line)
 
     before = counted(client.get("/metrics").text)
@@ -197,7 +205,7 @@ def test_metrics_count_routes_by_pattern(
     )
 
 
-def test_the_page_and_the_docs_name_no_other_host(client: TestClient) -> None:
+def test_the_page_and_the_docs_refer_to_no_other_host(client: TestClient) -> None:
     page = client.get("/")
     assert "default-src 'self'" in page.headers["content-security-policy"]
     for text in (page.text, client.get("/docs").text):
@@ -218,14 +226,16 @@ def test_the_page_and_the_docs_name_no_other_host(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/docs"])
-def test_no_other_page_may_show_the_pages_for_people_inside(client: TestClient, path: str) -> None:
+def test_the_page_and_the_docs_may_not_be_embedded_in_a_frame(
+    client: TestClient, path: str
+) -> None:
     page = client.get(path)
     assert page.status_code == 200
     assert "frame-ancestors 'none'" in page.headers["content-security-policy"]
     assert page.headers["x-frame-options"] == "DENY"
 
 
-def test_the_description_has_every_promised_address(client: TestClient) -> None:
+def test_the_openapi_description_has_every_documented_address(client: TestClient) -> None:
     paths = set(client.get("/openapi.json").json()["paths"])
     assert paths >= {
         "/v1/tasks", "/v1/tasks/{id}", "/v1/tasks/{id}/cancel", "/v1/tasks/{id}/decisions",

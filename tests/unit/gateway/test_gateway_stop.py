@@ -1,4 +1,4 @@
-"""Stop-now goes out whatever its body is and whatever else is asked."""
+"""Stop-now is sent for any body and while other requests are open."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from tests.gateway_backend import Backend
 from tests.gateway_process import served
 
-SHARED_THREADS = 40  # that the framework answers blocking requests in
+SHARED_THREADS = 40  # the framework's threads for blocking requests
 DEFAULT = "stop-now was asked for over HTTP"
 
 
@@ -68,7 +68,7 @@ def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
         (b'{"reason": "' + 500_000 * b"x", "application/json", DEFAULT),
     ],
 )
-def test_the_robot_stops_whatever_the_body(
+def test_the_robot_stops_for_any_request_body(
     backend: Backend, client: TestClient, body: bytes, content_type: str, reason: str
 ) -> None:
     headers = {"content-type": content_type}
@@ -77,7 +77,7 @@ def test_the_robot_stops_whatever_the_body(
     assert (backend.stopped, backend.stop_reason) == (True, reason)
 
 
-def test_the_robot_stops_though_the_body_never_ends(
+def test_the_robot_stops_even_if_the_body_never_ends(
     app: FastAPI, client: TestClient, backend: Backend
 ) -> None:
     async def run() -> int:
@@ -94,11 +94,11 @@ def test_the_robot_stops_though_the_body_never_ends(
 
 
 @given(st.binary() | st.text().map(lambda text: json.dumps({"reason": text}).encode()))
-def test_every_body_gives_a_reason_that_can_be_sent(body: bytes) -> None:
+def test_every_body_gives_a_stop_reason_that_can_be_serialized(body: bytes) -> None:
     assert len(pb.StopRequest(reason=stop_reason(body)).SerializeToString()) < 2100
 
 
-def test_the_description_still_tells_what_stop_now_takes(client: TestClient) -> None:
+def test_the_openapi_description_documents_the_body_of_stop_now(client: TestClient) -> None:
     stop = client.get("/openapi.json").json()["paths"]["/v1/robot/stop"]["post"]
     schema = stop["requestBody"]["content"]["application/json"]["schema"]
     assert list(schema["properties"]) == ["reason"]

@@ -1,4 +1,4 @@
-"""Streams that end when they should: with the task, and with the key that opened them."""
+"""Streams end with their task, and with the key that opened them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.unit.gateway.gateway_frames import COLOR, DEPTH, META, Bridge
 INSTRUCTION = "move the mug to the kitchen counter"
 
 
-def test_a_task_s_end_ends_a_stream_that_does_not_tell_of_it(
+def test_the_end_of_a_task_ends_a_stream_without_task_events(
     backend: Backend, client: TestClient
 ) -> None:
     backend.submit(INSTRUCTION)
@@ -46,7 +46,7 @@ def test_a_task_s_end_ends_a_stream_that_does_not_tell_of_it(
             socket.receive_text()
 
 
-def test_a_task_that_ends_while_it_is_asked_for_ends_the_stream(
+def test_a_task_that_ends_during_the_request_ends_the_stream(
     app: FastAPI, client: TestClient, hub: MemoryHub, backend: Backend, live: RobotMonitor
 ) -> None:
     backend.submit(INSTRUCTION)
@@ -73,7 +73,7 @@ def test_a_task_that_ends_while_it_is_asked_for_ends_the_stream(
     assert live.events.viewers == 0
 
 
-def test_a_stream_of_a_task_that_there_is_not_leaves_no_viewer(
+def test_a_stream_of_an_unknown_task_leaves_no_viewer(
     client: TestClient, backend: Backend, live: RobotMonitor
 ) -> None:
     assert client.get("/v1/events?task_id=none").status_code == 404
@@ -105,12 +105,12 @@ def bearer(key: str) -> dict[str, str]:
     return {"authorization": f"Bearer {key}"}
 
 
-def test_a_revoked_key_ends_its_stream_of_events(gateway: Served, file: Path, key: str) -> None:
+def test_a_revoked_key_ends_its_event_stream(gateway: Served, file: Path, key: str) -> None:
     with httpx.stream("GET", f"{gateway.url}/v1/events", headers=bearer(key), timeout=20) as stream:
         lines = stream.iter_lines()
         assert next(line for line in lines if line == ": still here")
         file.write_text("")
-        assert list(lines) is not None  # it has come to its end
+        assert list(lines) is not None  # the stream has ended
 
 
 def test_a_revoked_key_ends_a_stream_that_is_never_silent(
@@ -131,7 +131,7 @@ def test_a_revoked_key_ends_a_stream_that_is_never_silent(
         wait_until(lambda: not goes_on(), 10, "the stream has ended")
 
 
-def test_a_revoked_key_gives_no_more_frames(gateway: Served, file: Path, key: str) -> None:
+def test_a_revoked_key_ends_its_frame_socket(gateway: Served, file: Path, key: str) -> None:
     bridge = Bridge(gateway.backend.hub)
     address = f"ws://127.0.0.1:{gateway.port}/v1/frames/ws"
     with connect(address, additional_headers=bearer(key)) as socket:

@@ -1,4 +1,4 @@
-"""Tasks to try in a home."""
+"""Suggested tasks for a home."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ EXAMPLE = "Move the mug from the coffee table to the kitchen counter"
 KNOWN = ("bowl", "coffee_table", "kitchen_counter", "mug", "sofa")
 
 
-def test_what_was_seen_is_moved_from_where_it_is_to_elsewhere() -> None:
+def test_a_seen_object_is_suggested_for_a_move_to_another_receptacle() -> None:
     assert suggestions(False, KNOWN, True, [COUNTER, MUG, TABLE], 3) == [
         "Move the mug from the coffee table to the kitchen counter", "Find the mug",
         "Go to the coffee table",
     ]  # fmt: skip
 
 
-def test_a_robot_without_an_arm_moves_nothing() -> None:
+def test_a_robot_without_an_arm_gets_no_move_suggestions() -> None:
     reported = suggestions(True, (), False, [COUNTER, MUG, TABLE], 20)
     assert not any(text.startswith("Move") for text in reported)
 
 
-def test_where_nothing_was_seen_examples_and_known_names_stand_in() -> None:
+def test_examples_and_known_names_are_suggested_before_anything_is_seen() -> None:
     assert suggestions(False, KNOWN, True, [], 3) == [
         EXAMPLE, "Find the bowl", "Go to the sofa"
     ]  # fmt: skip
@@ -42,7 +42,7 @@ def test_where_nothing_was_seen_examples_and_known_names_stand_in() -> None:
     assert suggestions(True, [], True, [], 3) == [EXAMPLE, "Find the apple", "Go to the sofa"]
 
 
-def test_of_a_fresh_home_no_list_of_names_is_read_out_by_the_alphabet() -> None:
+def test_suggestions_for_a_new_home_are_not_in_alphabetical_order() -> None:
     of_coco = suggestions(False, sorted(COCO_NAMES), True, [], 5)
     assert of_coco == [
         "Move the apple from the dining table to the couch", "Find the cup", "Go to the bed",
@@ -55,14 +55,14 @@ def test_of_a_fresh_home_no_list_of_names_is_read_out_by_the_alphabet() -> None:
         assert f"Find the {known[0]}" not in reported
 
 
-def test_of_what_is_about_as_sure_the_nearest_comes_first() -> None:
+def test_the_nearest_of_similarly_scored_objects_comes_first() -> None:
     far = KnownObject("cup", 0.73, (9.0, 9.0, 0.5), (0.1, 0.1, 0.1))
     reported = suggestions(False, KNOWN, False, [far, MUG], 1, (1.0, 1.0))
     assert reported == ["Find the mug"]
     assert suggestions(False, KNOWN, False, [far, MUG], 1, (8.0, 9.0)) == ["Find the cup"]
 
 
-def test_what_is_doubtful_is_no_task() -> None:
+def test_an_object_with_a_low_score_is_not_suggested() -> None:
     doubtful = KnownObject("vase", 0.1, MUG.center_m, MUG.size_m)
     assert suggestions(False, [], True, [doubtful], 3) == []
 
@@ -73,14 +73,14 @@ THINGS = st.builds(KnownObject, st.sampled_from(KNOWN), NUMBERS, PLACES, PLACES)
 
 
 @given(st.booleans(), st.booleans(), st.lists(THINGS, max_size=8), st.integers(1, 20))
-def test_any_home_gets_at_most_so_many_each_once(
+def test_suggestions_are_unique_and_at_most_the_requested_number(
     any_name: bool, has_arm: bool, believed: list[KnownObject], most: int
 ) -> None:
     reported = suggestions(any_name, KNOWN, has_arm, believed, most)
     assert len(reported) == len(set(reported)) <= most
 
 
-def test_the_interface_tells_what_was_seen_and_what_to_try(
+def test_the_interface_reports_seen_objects_and_suggested_tasks(
     backend: Backend, client: TestClient
 ) -> None:
     reported = client.get("/v1/suggestions").json()
@@ -94,7 +94,7 @@ def test_the_interface_tells_what_was_seen_and_what_to_try(
     assert client.get("/v1/suggestions?limit=0").status_code == 400
 
 
-def test_a_robot_without_an_arm_is_not_asked_to_move_things(
+def test_the_interface_suggests_no_moves_for_a_robot_without_an_arm(
     backend: Backend, client: TestClient
 ) -> None:
     armless = description()
@@ -105,7 +105,7 @@ def test_a_robot_without_an_arm_is_not_asked_to_move_things(
     assert not any(text.startswith("Move") for text in tasks)
 
 
-def test_an_object_map_that_is_away_is_said(
+def test_a_missing_object_map_is_reported_as_null(
     backend: Backend, client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def away(*_: object) -> None:
@@ -118,13 +118,13 @@ def test_an_object_map_that_is_away_is_said(
 
 
 @pytest.mark.parametrize("name", ["MUG", "Mug", " mug "])
-def test_a_class_is_asked_for_in_any_case(name: str, backend: Backend, client: TestClient) -> None:
+def test_the_class_filter_ignores_case(name: str, backend: Backend, client: TestClient) -> None:
     found = client.get("/v1/objects", params={"class": name}).json()["objects"]
     assert [one["id"] for one in found] == [1, 4]
 
 
 @pytest.mark.parametrize("name", ["Coffee Table", "coffee_table"])
-def test_a_class_of_two_words_is_asked_for_either_way(
+def test_the_class_filter_accepts_a_space_or_an_underscore(
     name: str, backend: Backend, client: TestClient
 ) -> None:
     found = client.get("/v1/objects", params={"class": name}).json()["objects"]

@@ -1,4 +1,4 @@
-"""Tasks over HTTP, and what bad input gets."""
+"""Tasks over HTTP, and the errors for invalid input."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from tests.gateway_backend import Backend
 INSTRUCTION = "Move the mug from the coffee table to the kitchen counter"
 
 
-def is_problem(response, status: int) -> str:
-    """The detail of a well-formed problem."""
+def problem_detail(response, status: int) -> str:
+    """Check that the response is a well-formed problem and return its detail."""
     assert response.status_code == status, response.text
     assert response.headers["content-type"] == "application/problem+json"
     body = response.json()
@@ -36,13 +36,13 @@ def is_problem(response, status: int) -> str:
     return body["detail"]
 
 
-def test_the_planner_and_the_gateway_spell_the_same_states() -> None:
+def test_the_planner_and_the_gateway_use_the_same_task_states() -> None:
     assert [state.value for state in State] == list(TASK_STATES)
     assert {state.value for state in State if state.ended} == ENDED
 
 
 @pytest.mark.parametrize("state", TASK_STATES)
-def test_every_state_of_a_task_is_reported_and_can_be_asked_for(
+def test_every_task_state_is_reported_and_can_be_filtered(
     backend: Backend, client: TestClient, state: TaskState
 ) -> None:
     id = client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()["id"]
@@ -53,12 +53,10 @@ def test_every_state_of_a_task_is_reported_and_can_be_asked_for(
         assert [task["id"] for task in found] == ([id] if asked == state else [])
 
 
-def test_a_state_that_nobody_knows_is_a_fault_of_the_planner(
-    backend: Backend, client: TestClient
-) -> None:
+def test_an_unknown_task_state_gets_status_500(backend: Backend, client: TestClient) -> None:
     id = client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()["id"]
     backend.tasks[id].state = "dancing"
-    assert is_problem(client.get(f"/v1/tasks/{id}"), 500).startswith(
+    assert problem_detail(client.get(f"/v1/tasks/{id}"), 500).startswith(
         "the planner named a state 'dancing'"
     )
 
@@ -71,7 +69,7 @@ def test_a_task_is_accepted_watched_and_cancelled(backend: Backend, client: Test
     assert client.get(f"/v1/tasks/{task['id']}").json() == task
     assert client.get("/v1/tasks").json() == {"tasks": [task]}
     assert client.post(f"/v1/tasks/{task['id']}/cancel").json()["state"] == "cancelled"
-    assert "has ended" in is_problem(client.post(f"/v1/tasks/{task['id']}/cancel"), 409)
+    assert "has ended" in problem_detail(client.post(f"/v1/tasks/{task['id']}/cancel"), 409)
 
 
 def test_the_newest_task_comes_first(backend: Backend, client: TestClient) -> None:
@@ -80,7 +78,7 @@ def test_the_newest_task_comes_first(backend: Backend, client: TestClient) -> No
     assert [t["id"] for t in client.get("/v1/tasks").json()["tasks"]] == ["t3", "t2", "t1"]
 
 
-def test_phases_before_the_present_one_are_done(backend: Backend, client: TestClient) -> None:
+def test_phases_before_the_current_one_are_done(backend: Backend, client: TestClient) -> None:
     client.post("/v1/tasks", json={"instruction": INSTRUCTION})
     backend.tasks["t1"].state, backend.tasks["t1"].phase = "running", "find_receptacle"
     phases = client.get("/v1/tasks/t1").json()["phases"]
@@ -89,7 +87,7 @@ def test_phases_before_the_present_one_are_done(backend: Backend, client: TestCl
 
 
 @pytest.mark.parametrize("seen", [True, False, None])
-def test_a_task_says_whether_what_it_placed_was_seen_at_its_goal(
+def test_a_task_reports_whether_its_object_was_seen_at_the_goal(
     seen: bool | None, backend: Backend, client: TestClient
 ) -> None:
     client.post("/v1/tasks", json={"instruction": INSTRUCTION})
@@ -101,9 +99,7 @@ def test_a_task_says_whether_what_it_placed_was_seen_at_its_goal(
     assert Task.from_json(answer).seen_at_goal is seen
 
 
-def test_when_a_task_may_end_is_a_pair_and_null_where_nobody_can_say(
-    backend: Backend, client: TestClient
-) -> None:
+def test_the_time_left_is_a_range_or_null_if_unknown(backend: Backend, client: TestClient) -> None:
     client.post("/v1/tasks", json={"instruction": INSTRUCTION})
     answer = client.get("/v1/tasks/t1").json()
     assert answer["eta_s"] is None
@@ -114,7 +110,9 @@ def test_when_a_task_may_end_is_a_pair_and_null_where_nobody_can_say(
     assert Task.from_json(answer).eta_s == [40.0, 310.5]
 
 
-def test_no_time_limit_is_null_and_none(backend: Backend, client: TestClient) -> None:
+def test_a_missing_time_limit_is_null_in_json_and_none_in_python(
+    backend: Backend, client: TestClient
+) -> None:
     client.post("/v1/tasks", json={"instruction": INSTRUCTION})
     backend.change_task("t1", "running", time_limit_s=0.0)
     answer = client.get("/v1/tasks/t1").json()
@@ -124,10 +122,10 @@ def test_no_time_limit_is_null_and_none(backend: Backend, client: TestClient) ->
     assert Task.from_json(client.get("/v1/tasks/t1").json()).time_limit_s == 60.0
 
 
-def test_an_instruction_that_is_not_understood_says_what_was(
+def test_an_instruction_that_is_not_understood_is_refused_with_the_reason(
     backend: Backend, client: TestClient
 ) -> None:
-    detail = is_problem(client.post("/v1/tasks", json={"instruction": "dance"}), 400)
+    detail = problem_detail(client.post("/v1/tasks", json={"instruction": "dance"}), 400)
     assert "understood" in detail
     assert "'dance'" in detail
 
@@ -149,63 +147,63 @@ def test_an_instruction_that_is_not_understood_says_what_was(
         (b"[" * 50_000, "body"),
     ],
 )
-def test_a_bad_body_is_a_400_with_the_reason(
+def test_an_invalid_body_gets_status_400_with_the_reason(
     backend: Backend, client: TestClient, body: bytes, says: str
 ) -> None:
     headers = {"content-type": "application/json"}
-    detail = is_problem(client.post("/v1/tasks", content=body, headers=headers), 400)
+    detail = problem_detail(client.post("/v1/tasks", content=body, headers=headers), 400)
     assert says in detail
     assert backend.calls == []
 
 
 def test_a_body_above_the_limit_is_refused_unread(backend: Backend, client: TestClient) -> None:
     big = json.dumps({"instruction": "move " * 20_000}).encode()
-    assert "65536" in is_problem(client.post("/v1/tasks", content=big), 413)
+    assert "65536" in problem_detail(client.post("/v1/tasks", content=big), 413)
 
     def pieces():
         for _ in range(100):
             yield b"x" * 1024
 
-    is_problem(client.post("/v1/tasks", content=pieces()), 413)
+    problem_detail(client.post("/v1/tasks", content=pieces()), 413)
 
 
-def test_another_site_may_not_command(backend: Backend, client: TestClient) -> None:
+def test_a_command_from_another_origin_is_refused(backend: Backend, client: TestClient) -> None:
     other = {"origin": "https://example.org"}
-    is_problem(client.post("/v1/robot/clear-stop", headers=other), 403)
+    problem_detail(client.post("/v1/robot/clear-stop", headers=other), 403)
     own = {"origin": "http://localhost"}
     assert client.post("/v1/robot/clear-stop", headers=own).status_code == 200
 
 
-def test_what_is_not_there_is_a_404(backend: Backend, client: TestClient) -> None:
+def test_unknown_paths_and_tasks_get_status_404(backend: Backend, client: TestClient) -> None:
     for path in ("/v1/tasks/none", "/v1/tasks/none/decisions", "/v1/nothing", "/static/none.js"):
-        is_problem(client.get(path), 404)
-    is_problem(client.post("/v1/tasks/none/cancel"), 404)
-    is_problem(client.delete("/v1/tasks"), 405)
+        problem_detail(client.get(path), 404)
+    problem_detail(client.post("/v1/tasks/none/cancel"), 404)
+    problem_detail(client.delete("/v1/tasks"), 405)
 
 
-def test_a_service_that_is_away_is_a_503_and_a_fault_of_its_own_a_500(
+def test_a_missing_service_gets_status_503_and_an_internal_error_status_500(
     hub: MemoryHub, client: TestClient
 ) -> None:
     for path in ("/v1/tasks", "/v1/objects", "/v1/map", "/v1/map/occupancy.png", "/v1/camera.jpg"):
-        is_problem(client.get(path), 503)
-    is_problem(client.post("/v1/robot/stop"), 503)
+        problem_detail(client.get(path), 503)
+    problem_detail(client.post("/v1/robot/stop"), 503)
 
     def fault(_: pb.SubmitRequest) -> pb.Task:
         raise Internal("the planner's disk is full")
 
     MemoryBus(hub).serve(SUBMIT, fault)
     response = client.post("/v1/tasks", json={"instruction": INSTRUCTION})
-    assert is_problem(response, 500) == "the planner's disk is full"
+    assert problem_detail(response, 500) == "the planner's disk is full"
 
 
-def test_a_task_for_an_agent_that_nothing_was_started_for_is_a_409_with_the_command(
+def test_a_task_for_an_agent_that_does_not_run_gets_status_409_with_the_command(
     hub: MemoryHub, client: TestClient, tmp_path: Path
 ) -> None:
     settings = PlannerSettings(state_dir=tmp_path, agent="helios")
     planner = PlannerService(MemoryBus(hub), settings, Health())
     try:
         asked = {"instruction": INSTRUCTION, "agent": "helios-paper"}
-        detail = is_problem(client.post("/v1/tasks", json=asked), 409)
+        detail = problem_detail(client.post("/v1/tasks", json=asked), 409)
         assert "helios up --agent helios-paper" in detail
         assert "or submit the task for agent 'helios'" in detail
         assert client.get("/v1/tasks").json()["tasks"] == []
@@ -213,14 +211,16 @@ def test_a_task_for_an_agent_that_nothing_was_started_for_is_a_409_with_the_comm
         planner.close()
 
 
-def test_a_late_answer_is_a_504(hub: MemoryHub, backend: Backend, client: TestClient) -> None:
+def test_a_late_answer_gets_status_504(
+    hub: MemoryHub, backend: Backend, client: TestClient
+) -> None:
     from helios_core.errors import DeadlineExceeded
 
     def late(_: pb.TaskRequest) -> pb.Task:
         raise DeadlineExceeded("planner/get gave no answer in 5 s")
 
     MemoryBus(hub).serve(GET_TASK, late)
-    is_problem(client.get("/v1/tasks/t1"), 504)
+    problem_detail(client.get("/v1/tasks/t1"), 504)
 
 
 def test_decisions_carry_candidates_with_their_terms(backend: Backend, client: TestClient) -> None:
@@ -245,7 +245,9 @@ def test_decisions_carry_candidates_with_their_terms(backend: Backend, client: T
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
         st.sampled_from(["instruction", "max_steps", "x"]), inner, max_size=3),
     max_leaves=8))  # fmt: skip
-def test_no_body_makes_a_500(backend: Backend, client: TestClient, body: object) -> None:
+def test_no_request_body_causes_status_500(
+    backend: Backend, client: TestClient, body: object
+) -> None:
     response = client.post("/v1/tasks", content=json.dumps(body).encode(),
                            headers={"content-type": "application/json"})  # fmt: skip
     assert response.status_code in (202, 400)
@@ -255,7 +257,7 @@ def test_no_body_makes_a_500(backend: Backend, client: TestClient, body: object)
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(name=st.text(min_size=1, max_size=30), query=st.text(max_size=10))
-def test_no_address_makes_a_500(
+def test_no_path_or_query_causes_status_500(
     backend: Backend, client: TestClient, name: str, query: str
 ) -> None:
     from urllib.parse import quote

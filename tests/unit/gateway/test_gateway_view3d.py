@@ -1,4 +1,4 @@
-"""The 3D view: colours with a meaning, a scene that viser reads, nothing without a key."""
+"""The 3D view: its colour modes, a scene that viser reads, and no access without a key."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.gateway_backend import Backend
 from tests.gateway_home import gaussians as reply_of
 
 
-def some(concentration: list[list[float]]) -> Gaussians:
+def arrays_of(concentration: list[list[float]]) -> Gaussians:
     n = len(concentration)
     return Gaussians(
         np.zeros((n, 3), np.float32), np.full(n, 0.02, np.float32), np.full((n, 3), 9, np.uint8),
@@ -36,37 +36,37 @@ def some(concentration: list[list[float]]) -> Gaussians:
 
 
 def messages(scene: bytes) -> list[dict]:
-    """Of a .viser file: length, then zstd of length, msgpack, arrays."""
+    """The messages of a .viser file: length, then zstd of length, msgpack, arrays."""
     inner = zstandard.ZstdDecompressor().stream_reader(io.BytesIO(scene[8:])).read()
     end = 8 + int.from_bytes(inner[:8], "little")
     return [message for _, message in msgspec.msgpack.decode(inner[8:end])["messages"]]
 
 
-def test_a_class_has_its_colour_and_what_is_of_none_is_grey() -> None:
-    rgb = colored(some([[1, 5, 1], [1, 1, 5], [5, 1, 1]]), "class")
+def test_each_class_has_its_colour_and_the_other_class_is_grey() -> None:
+    rgb = colored(arrays_of([[1, 5, 1], [1, 1, 5], [5, 1, 1]]), "class")
     assert [tuple(row) for row in rgb.tolist()] == [class_rgb("mug"), class_rgb("sofa"), OTHER_RGB]
 
 
 @given(st.floats(0.1, 50), st.floats(0.1, 50))
-def test_more_of_a_class_is_nearer_to_yellow(less: float, more: float) -> None:
+def test_a_higher_class_probability_is_nearer_to_yellow(less: float, more: float) -> None:
     less, more = sorted((less, more))
-    low, high = colored(some([[1, 1 + less, 1], [1, 1 + more, 1]]), "probability").astype(int)
+    low, high = colored(arrays_of([[1, 1 + less, 1], [1, 1 + more, 1]]), "probability").astype(int)
     assert high[1] >= low[1], "viridis' green rises all the way"
 
 
-def test_what_was_seen_often_is_less_uncertain_at_the_same_share() -> None:
-    seldom, often = colored(some([[1, 3, 1], [100, 300, 100]]), "uncertainty").astype(int)
+def test_more_evidence_at_the_same_probability_is_less_uncertain() -> None:
+    seldom, often = colored(arrays_of([[1, 3, 1], [100, 300, 100]]), "uncertainty").astype(int)
     assert seldom[1] > often[1]
 
 
-def test_arrays_that_do_not_fit_are_a_fault_that_is_named() -> None:
+def test_arrays_of_inconsistent_size_raise_an_internal_error() -> None:
     reply = reply_of(Backend(MemoryHub()).found)
     reply.count += 1
     with pytest.raises(Internal, match="do not fit"):
         Gaussians.of(reply)
 
 
-def test_a_scene_holds_gaussians_ground_and_labels(client: TestClient, backend: Backend) -> None:
+def test_a_scene_contains_gaussians_ground_and_labels(client: TestClient, backend: Backend) -> None:
     seen = {}
     for by in ("color", "class", "probability", "uncertainty"):
         answer = client.get("/v1/objects.viser", params={"color": by})
@@ -81,7 +81,7 @@ def test_a_scene_holds_gaussians_ground_and_labels(client: TestClient, backend: 
     assert client.get("/v1/objects.viser?color=taste").status_code == 400
 
 
-def test_a_scene_is_made_once_for_all_and_told_unchanged(
+def test_a_scene_is_built_once_per_version_and_unchanged_gets_status_304(
     client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = []
@@ -97,7 +97,7 @@ def test_a_scene_is_made_once_for_all_and_told_unchanged(
     assert len(made) == 2
 
 
-def test_the_page_speaks_to_this_gateway_alone(client: TestClient) -> None:
+def test_the_page_connects_only_to_this_gateway(client: TestClient) -> None:
     page = client.get("/v1/view3d")
     assert page.headers["content-type"].startswith("text/html")
     policy = page.headers["content-security-policy"]
@@ -106,7 +106,7 @@ def test_the_page_speaks_to_this_gateway_alone(client: TestClient) -> None:
     assert page.text.index("parent.postMessage") < page.text.index("</title>"), "before viser's"
 
 
-def test_nothing_of_it_is_told_without_a_key(
+def test_the_3d_view_needs_a_key(
     hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
@@ -119,7 +119,7 @@ def test_nothing_of_it_is_told_without_a_key(
         assert client.get(path, headers={"authorization": f"Bearer {key}"}).status_code == 200
 
 
-def test_without_viser_it_says_what_to_install(
+def test_a_missing_viser_package_is_reported_with_the_extra_to_install(
     client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(viewer_scene, "find_spec", lambda _: None)

@@ -1,4 +1,4 @@
-"""Many viewers: each version is made once, and one that does not read hurts nobody."""
+"""Many viewers: each version is encoded once, and a viewer that does not read delays no other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VIEWERS = 200
 
 @pytest.fixture
 def encoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """How often something was encoded, by media type."""
+    """The number of encodings by media type."""
     counts: Counter[str] = Counter()
     made: Callable[..., Encoded] = Encoded.of
 
@@ -32,7 +32,7 @@ def encoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     return counts
 
 
-def test_each_version_of_each_picture_is_encoded_once(
+def test_each_version_of_each_response_is_encoded_once(
     live: RobotMonitor, backend: Backend, encoded: Counter[str]
 ) -> None:
     def look(_: int) -> set[str]:
@@ -56,7 +56,7 @@ def test_each_version_of_each_picture_is_encoded_once(
         assert backend.calls.count("snapshot") == version
 
 
-def test_an_event_is_encoded_once_and_a_deaf_viewer_delays_nobody() -> None:
+def test_an_event_is_encoded_once_and_a_viewer_that_does_not_read_delays_no_other() -> None:
     hub = EventHub(backlog=10, max_viewers=VIEWERS + 1, keepalive_s=60)
 
     async def run() -> None:
@@ -67,7 +67,7 @@ def test_an_event_is_encoded_once_and_a_deaf_viewer_delays_nobody() -> None:
         for number in range(50):
             hub.publish("map", MapChange(map2d=number, objects=0))
             seen = [await anext(stream) for stream in streams]
-            assert all(data is seen[0] for data in seen)  # one object, not equal ones
+            assert all(data is seen[0] for data in seen)  # the same object, not an equal copy
         assert len([data async for data in deaf]) <= 21  # cut off at twice the backlog
         assert hub.viewers == VIEWERS
 

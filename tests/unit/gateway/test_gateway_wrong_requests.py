@@ -1,4 +1,4 @@
-"""Every wrong request is told what came, what was wanted and what to do."""
+"""Errors of invalid requests name the received value, the expected value and what to do."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ JSON = {"content-type": "application/json"}
         ("POST", "/session", b"{}", "key is missing; send it"),
     ],
 )  # fmt: skip
-def test_a_wrong_request_is_told_what_came_and_what_was_wanted(
+def test_an_invalid_request_error_names_the_received_and_the_expected_value(
     client: TestClient, backend: Backend, verb: str, path: str, body: bytes, said: str
 ) -> None:
     answer = client.request(verb, f"/v1{path}", content=body or None, headers=JSON)
@@ -70,7 +70,7 @@ def test_control_characters_in_an_instruction_are_refused(
     assert "submit" not in backend.calls
 
 
-def test_lines_and_tabs_of_an_instruction_are_no_fault(
+def test_line_breaks_and_tabs_in_an_instruction_are_accepted(
     client: TestClient, backend: Backend
 ) -> None:
     answer = client.post("/v1/tasks", json={"instruction": "move the mug\n\tto the counter"})
@@ -78,7 +78,9 @@ def test_lines_and_tabs_of_an_instruction_are_no_fault(
     assert answer.json()["instruction"] == "move the mug  to the counter"
 
 
-def test_what_a_task_from_the_bus_says_is_cleaned(client: TestClient, backend: Backend) -> None:
+def test_control_characters_in_a_task_from_the_bus_are_replaced(
+    client: TestClient, backend: Backend
+) -> None:
     backend.submit("move the \x1b[31mmug")
     backend.change_task("t1", "running", message="drives\x9b2J")
     task = client.get("/v1/tasks/t1").json()
@@ -86,7 +88,7 @@ def test_what_a_task_from_the_bus_says_is_cleaned(client: TestClient, backend: B
 
 
 @given(st.text(min_size=1).filter(str.strip))
-def test_an_instruction_is_taken_exactly_where_it_can_be_shown(text: str) -> None:
+def test_an_instruction_is_accepted_exactly_if_it_is_printable(text: str) -> None:
     shown = all(unicodedata.category(c) not in ("Cc", "Cs") or c in "\t\n\r" for c in text)
     try:
         TaskRequest(instruction=text)
@@ -97,7 +99,7 @@ def test_an_instruction_is_taken_exactly_where_it_can_be_shown(text: str) -> Non
 
 
 @given(ANYTHING)
-def test_whatever_comes_the_sentence_can_be_shown(wrong: Any) -> None:
+def test_the_error_message_for_any_body_is_printable(wrong: Any) -> None:
     app = FastAPI()
     add_problems(app)
 

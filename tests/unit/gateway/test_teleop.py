@@ -1,4 +1,4 @@
-"""Driving by hand over the WebSocket and by single moves: dead-man, refusals, the lease."""
+"""Teleoperation over the WebSocket and by single moves: dead-man switch, refusals, lease."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ INSTRUCTION = "move the mug to the kitchen counter"
 
 
 @contextmanager
-def driver(client: TestClient) -> Iterator[Any]:
+def connect_driver(client: TestClient) -> Iterator[Any]:
     with client.websocket_connect(SOCKET) as socket:
         yield socket
 
 
-def until(socket: Any, holds: Callable[[dict], bool], hold: dict | None = None) -> dict:
-    """The first state that fits; meanwhile `hold` is sent again with each other state."""
+def receive_until(socket: Any, holds: Callable[[dict], bool], hold: dict | None = None) -> dict:
+    """Receive states until one fits; send `hold` again after each other state."""
     for _ in range(500):
         state = socket.receive_json()
         if holds(state):
@@ -50,37 +50,35 @@ def is_in(*names: str) -> Callable[[dict], bool]:
     return lambda state: state["state"] in names
 
 
-def test_what_is_held_moves_the_robot_and_letting_go_stops_it(
+def test_a_held_command_moves_the_robot_and_its_release_stops_the_robot(
     client: TestClient, backend: Backend
 ) -> None:
-    with driver(client) as socket:
+    with connect_driver(client) as socket:
         assert socket.receive_json() == {
             "state": "standing", "reason": "", "kind": "", "pose": None
         }  # fmt: skip
         socket.send_json(AHEAD)
-        driven = until(socket, lambda s: s["pose"] is not None)
+        driven = receive_until(socket, lambda s: s["pose"] is not None)
         assert driven["pose"]["x_m"] == pytest.approx(0.1)
         socket.send_json({})
-        until(socket, is_in("standing"))
+        receive_until(socket, is_in("standing"))
         moved = backend.driving.kinds().count("forward")
         wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
         assert backend.driving.kinds().count("forward") == moved
 
 
-def test_a_command_that_is_not_repeated_moves_the_robot_no_further(
-    client: TestClient, backend: Backend
-) -> None:
-    with driver(client) as socket:
+def test_a_command_that_is_not_repeated_expires(client: TestClient, backend: Backend) -> None:
+    with connect_driver(client) as socket:
         socket.send_json(AHEAD)
         wait_until(lambda: "observe" in backend.driving.kinds(), 20, "the robot is given back")
         assert backend.driving.kinds() == ["forward", "observe"]
-        until(socket, is_in("standing"))
+        receive_until(socket, is_in("standing"))
 
 
-def test_a_connection_that_ends_leaves_the_robot_standing_and_free(
+def test_a_closed_connection_stops_the_robot_and_releases_the_lease(
     client: TestClient, backend: Backend
 ) -> None:
-    with driver(client) as socket:
+    with connect_driver(client) as socket:
         socket.send_json(AHEAD)
         wait_until(lambda: backend.driving.moves, 20, "it moves")
     wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
@@ -95,10 +93,12 @@ def _granted(backend: Backend, request: pb.LeaseRequest) -> bool:
         return False
 
 
-def test_only_every_half_metre_becomes_a_keyframe(client: TestClient, backend: Backend) -> None:
-    with driver(client) as socket:
+def test_teleop_takes_a_keyframe_only_every_half_metre(
+    client: TestClient, backend: Backend
+) -> None:
+    with connect_driver(client) as socket:
         socket.send_json(AHEAD)
-        until(socket, lambda s: (s["pose"] or {}).get("x_m", 0) > 1.05, AHEAD)
+        receive_until(socket, lambda s: (s["pose"] or {}).get("x_m", 0) > 1.05, AHEAD)
         socket.send_json({})
         wait_until(lambda: "observe" in backend.driving.kinds(), 20, "a last keyframe is taken")
     marks = [request.no_keyframe for request in backend.driving.moves[:11]]
@@ -106,13 +106,13 @@ def test_only_every_half_metre_becomes_a_keyframe(client: TestClient, backend: B
     assert not backend.driving.moves[-1].no_keyframe
 
 
-def test_the_robots_refusal_is_said_and_not_tried_again(
+def test_a_move_that_the_robot_refuses_is_reported_and_not_retried(
     client: TestClient, backend: Backend
 ) -> None:
     backend.driving.blocked = "blocked after 0.02 m; look, and go another way"
-    with driver(client) as socket:
+    with connect_driver(client) as socket:
         socket.send_json(AHEAD)
-        said = until(socket, is_in("blocked"))
+        said = receive_until(socket, is_in("blocked"))
         assert said["reason"] == backend.driving.blocked
         for _ in range(20):
             socket.send_json(AHEAD)
@@ -122,13 +122,13 @@ def test_the_robots_refusal_is_said_and_not_tried_again(
 
 
 @pytest.mark.parametrize("state", ["running", "paused"])
-def test_nobody_drives_while_a_task_has_the_robot(
+def test_teleop_is_refused_while_a_task_has_the_robot(
     client: TestClient, backend: Backend, state: str
 ) -> None:
     backend.submit(INSTRUCTION)
     backend.change_task("t1", state)
-    with driver(client) as socket:
-        said = until(socket, is_in("refused"))
+    with connect_driver(client) as socket:
+        said = receive_until(socket, is_in("refused"))
         assert f"task t1 is {state} and has the robot" in said["reason"]
         assert said["kind"] == "conflict"
     answer = client.post("/v1/robot/drive", json={"forward_m": 0.2})
@@ -136,11 +136,13 @@ def test_nobody_drives_while_a_task_has_the_robot(
     assert backend.driving.moves == []
 
 
-def test_a_refusal_lasts_until_the_command_is_let_go(client: TestClient, backend: Backend) -> None:
+def test_a_refusal_lasts_until_the_command_is_released(
+    client: TestClient, backend: Backend
+) -> None:
     backend.submit(INSTRUCTION)
     backend.change_task("t1", "running")
-    with driver(client) as socket:
-        until(socket, is_in("refused"))
+    with connect_driver(client) as socket:
+        receive_until(socket, is_in("refused"))
         socket.send_json(AHEAD)
         wait_until(lambda: backend.calls.count("list") > 1, 20, "it was asked again")
         backend.change_task("t1", "succeeded")
@@ -148,28 +150,26 @@ def test_a_refusal_lasts_until_the_command_is_let_go(client: TestClient, backend
             socket.send_json(AHEAD)
         assert backend.driving.moves == []
         socket.send_json({})
-        until(socket, is_in("standing"))
+        receive_until(socket, is_in("standing"))
         socket.send_json(AHEAD)
-        until(socket, is_in("driving"))
+        receive_until(socket, is_in("driving"))
 
 
-def test_a_stop_ends_the_driving_and_its_reason_is_said(
-    client: TestClient, backend: Backend
-) -> None:
-    with driver(client) as socket:
+def test_a_stop_ends_teleop_with_its_reason(client: TestClient, backend: Backend) -> None:
+    with connect_driver(client) as socket:
         socket.send_json(AHEAD)
-        until(socket, lambda s: s["pose"] is not None)
+        receive_until(socket, lambda s: s["pose"] is not None)
         client.post("/v1/robot/stop", json={"reason": "child on the floor"})
-        said = until(socket, is_in("refused"), AHEAD)
+        said = receive_until(socket, is_in("refused"), AHEAD)
         assert "child on the floor" in said["reason"]
-    with driver(client) as socket:
-        assert "child on the floor" in until(socket, is_in("refused"))["reason"]
+    with connect_driver(client) as socket:
+        assert "child on the floor" in receive_until(socket, is_in("refused"))["reason"]
     answer = client.post("/v1/robot/drive", json={"turn_rad": 0.2})
     assert (answer.status_code, "child on the floor" in answer.json()["detail"]) == (409, True)
 
 
-def test_only_one_drives(client: TestClient, backend: Backend) -> None:
-    with driver(client) as first, driver(client) as second:
+def test_only_one_client_drives_at_a_time(client: TestClient, backend: Backend) -> None:
+    with connect_driver(client) as first, connect_driver(client) as second:
         let_go = threading.Event()
 
         def hold() -> None:
@@ -179,21 +179,21 @@ def test_only_one_drives(client: TestClient, backend: Backend) -> None:
         holder = threading.Thread(target=hold)
         holder.start()
         try:
-            until(first, lambda s: s["pose"] is not None)
+            receive_until(first, lambda s: s["pose"] is not None)
             second.send_json(AHEAD)
-            said = until(second, is_in("refused"))
+            said = receive_until(second, is_in("refused"))
             assert "drives the robot" in said["reason"]
         finally:
             let_go.set()
             holder.join()
 
 
-def test_a_robot_without_motion_is_not_driven(client: TestClient, backend: Backend) -> None:
+def test_a_robot_that_cannot_move_refuses_teleop(client: TestClient, backend: Backend) -> None:
     still = description()
     still.can_move = False
     backend.bus.publish(ROBOT_DESCRIPTION, still)
-    with driver(client) as socket:
-        assert "offers no motion" in until(socket, is_in("refused"))["reason"]
+    with connect_driver(client) as socket:
+        assert "offers no motion" in receive_until(socket, is_in("refused"))["reason"]
     answer = client.post("/v1/robot/drive", json={"forward_m": 0.2})
     assert (answer.status_code, "offers no motion" in answer.json()["detail"]) == (409, True)
 
@@ -208,28 +208,30 @@ def test_a_robot_without_motion_is_not_driven(client: TestClient, backend: Backe
         (b"\xff", "it is no JSON"),
     ],
 )
-def test_a_wrong_command_stops_the_robot_and_is_said(
+def test_an_invalid_command_is_reported_and_does_not_move_the_robot(
     client: TestClient, backend: Backend, wrong: str | bytes, said: str
 ) -> None:
-    with driver(client) as socket:
+    with connect_driver(client) as socket:
         (socket.send_text if isinstance(wrong, str) else socket.send_bytes)(wrong)
-        state = until(socket, is_in("refused"))
+        state = receive_until(socket, is_in("refused"))
         assert state["reason"].startswith("the command is wrong: ")
         assert state["kind"] == "invalid"
         assert said in state["reason"]
         assert backend.driving.moves == []
         socket.send_json(AHEAD)
-        until(socket, is_in("driving"))
+        receive_until(socket, is_in("driving"))
 
 
-def test_one_move_is_made_and_answered(client: TestClient, backend: Backend) -> None:
+def test_a_single_move_is_made_and_its_result_is_returned(
+    client: TestClient, backend: Backend
+) -> None:
     answer = client.post("/v1/robot/drive", json={"forward_m": 0.3})
     assert answer.status_code == 200
     made = answer.json()
     assert (made["succeeded"], made["moved_m"], made["pose"]["x_m"]) == (True, 0.3, 0.3)
     [move] = backend.driving.moves
     assert not move.no_keyframe
-    backend.driving.lease.release(backend.driving.lease.grant("planner"))  # it was given back
+    backend.driving.lease.release(backend.driving.lease.grant("planner"))  # the lease is free
     backend.driving.blocked = "blocked after 0.1 m"
     answer = client.post("/v1/robot/drive", json={"forward_m": 0.3}).json()
     assert (answer["succeeded"], answer["reason"]) == (False, "blocked after 0.1 m")
@@ -256,7 +258,7 @@ def test_a_move_beyond_the_limits_is_refused(
     assert said in answer.json()["detail"]
 
 
-def test_a_key_that_may_only_look_drives_nothing(
+def test_a_key_with_the_read_scope_cannot_drive(
     hub: MemoryHub, live: RobotMonitor, backend: Backend, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
@@ -280,29 +282,32 @@ def test_a_key_that_may_only_look_drives_nothing(
     assert backend.driving.moves == []
 
 
-def test_a_socket_that_says_nothing_is_closed(
+def test_an_idle_teleop_socket_is_closed(
     hub: MemoryHub, live: RobotMonitor, backend: Backend
 ) -> None:
     fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
     quick = Settings.load(["--teleop-idle-s", "0.05"])
-    with TestClient(create_app(fleet, quick), "http://localhost") as client, driver(client) as one:
+    with (
+        TestClient(create_app(fleet, quick), "http://localhost") as client,
+        connect_driver(client) as one,
+    ):
         assert one.receive_json()["state"] == "standing"
         assert one.receive()["code"] == 1001
 
 
 @pytest.mark.parametrize("send", ["send_text", "send_bytes"])
-def test_an_empty_message_is_refused_and_the_driver_may_go_on(
+def test_an_empty_message_is_refused_and_the_connection_stays_usable(
     client: TestClient, backend: Backend, send: str
 ) -> None:
-    with driver(client) as socket:
+    with connect_driver(client) as socket:
         getattr(socket, send)("" if send == "send_text" else b"")
-        assert "the command is wrong" in until(socket, is_in("refused"))["reason"]
+        assert "the command is wrong" in receive_until(socket, is_in("refused"))["reason"]
         socket.send_json({})
         socket.send_json(AHEAD)
         wait_until(lambda: backend.driving.moves, 20, "it moves")
 
 
-def test_a_task_that_begins_between_the_check_and_the_lease_has_the_robot(
+def test_a_task_that_starts_between_the_check_and_the_lease_has_the_robot(
     client: TestClient, hub: MemoryHub, backend: Backend
 ) -> None:
     grant = backend.driving.lease.grant
@@ -321,4 +326,4 @@ def test_a_task_that_begins_between_the_check_and_the_lease_has_the_robot(
     assert answer.status_code == 409
     assert "task t1 is running and has the robot" in answer.json()["detail"]
     assert not backend.driving.moves
-    assert grant("planner")  # the lease was given back at once
+    assert grant("planner")  # the lease was released at once

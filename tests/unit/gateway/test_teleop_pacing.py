@@ -1,4 +1,4 @@
-"""Which short move is due under what a driver holds."""
+"""The short move that is due for a held teleop command."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOVES = MoveLimits(step_m=0.1, back_m=0.0, step_rad=0.1, speed_m_s=0.3, turn_rad
 SHARES = st.floats(-1, 1) | st.just(0.0)
 
 
-def test_a_command_counts_until_it_is_too_old() -> None:
+def test_a_command_expires_after_its_hold_time() -> None:
     latest = LatestCommand(0.3)
     assert latest.now(0.0) == STAND
     latest.take(Command(1.0, 0.0), 5.0)
@@ -22,7 +22,7 @@ def test_a_command_counts_until_it_is_too_old() -> None:
     assert latest.now(5.31) == STAND
 
 
-def test_the_first_move_is_due_at_once_and_the_next_at_the_limit_of_speed() -> None:
+def test_the_first_move_is_due_at_once_and_the_next_at_the_speed_limit() -> None:
     pacer, ahead = Pacer(MOVES), Command(forward=1.0)
     first = pacer.due(ahead, 0.0)
     assert first is not None
@@ -31,7 +31,7 @@ def test_the_first_move_is_due_at_once_and_the_next_at_the_limit_of_speed() -> N
     assert pacer.due(ahead, 0.34) is not None
 
 
-def test_a_share_of_the_speed_is_kept() -> None:
+def test_a_partial_command_moves_at_that_share_of_the_speed() -> None:
     pacer = Pacer(MOVES)
     assert pacer.due(Command(turn=-0.5), 0.0) is not None
     assert pacer.due(Command(turn=-0.5), 0.32) is None
@@ -40,7 +40,7 @@ def test_a_share_of_the_speed_is_kept() -> None:
     assert due.action == Turn(-0.1)
 
 
-def test_ahead_and_to_the_side_take_turns() -> None:
+def test_forward_moves_and_turns_alternate() -> None:
     pacer, both = Pacer(MOVES), Command(1.0, 1.0)
     axes = [due.axis for k in range(200) if (due := pacer.due(both, 0.01 * k))]
     assert axes[:2] == ["forward", "turn"]
@@ -49,7 +49,9 @@ def test_ahead_and_to_the_side_take_turns() -> None:
 
 
 @given(st.lists(st.tuples(SHARES, SHARES, st.floats(0, 0.5)), max_size=60))
-def test_no_pressing_exceeds_the_limits_of_speed(presses: list[tuple[float, float, float]]) -> None:
+def test_no_sequence_of_commands_exceeds_the_speed_limits(
+    presses: list[tuple[float, float, float]],
+) -> None:
     pacer, now_s, driven_m, turned_rad = Pacer(MOVES), 0.0, 0.0, 0.0
     for forward, turn, wait_s in presses:
         now_s += wait_s
@@ -62,7 +64,7 @@ def test_no_pressing_exceeds_the_limits_of_speed(presses: list[tuple[float, floa
     assert turned_rad <= MOVES.step_rad + MOVES.turn_rad_s * now_s + 1e-9
 
 
-def test_what_failed_is_not_tried_again_before_it_is_let_go() -> None:
+def test_a_failed_move_is_not_retried_before_the_command_is_released() -> None:
     pacer, ahead = Pacer(MOVES), Command(forward=1.0)
     due = pacer.due(ahead, 0.0)
     assert due is not None
@@ -70,13 +72,13 @@ def test_what_failed_is_not_tried_again_before_it_is_let_go() -> None:
     assert pacer.due(ahead, 9.0) is None
     assert pacer.stuck(ahead)
     assert pacer.blocked == "blocked after 0.02 m"
-    assert pacer.due(Command(forward=1.0, turn=1.0), 9.1) is not None  # turning is no way ahead
+    assert pacer.due(Command(forward=1.0, turn=1.0), 9.1) is not None  # a turn is another axis
     assert not pacer.stuck(Command(forward=1.0, turn=1.0))
     assert pacer.due(STAND, 9.2) is None
     assert pacer.due(ahead, 9.3) is not None
 
 
-def test_a_move_that_the_robot_never_makes_is_said() -> None:
+def test_a_move_that_the_robot_cannot_make_is_reported() -> None:
     pacer = Pacer(MOVES)
     assert pacer.due(Command(forward=-1.0), 0.0) is None
     assert "cannot drive back" in pacer.blocked

@@ -1,4 +1,4 @@
-"""A session of driving by hand, by itself: what it sends when threads are scarce."""
+"""A teleoperation session in isolation: the moves that it sends when threads are scarce."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.gateway_backend import Backend
 
 
 @pytest.mark.parametrize("then", [Command(), Command(forward=-1.0)], ids=["let go", "turned round"])
-def test_a_command_that_changed_while_no_thread_was_free_moves_nothing(
+def test_a_command_that_changes_while_no_thread_is_free_causes_no_move(
     hub: MemoryHub, live: RobotMonitor, backend: Backend, then: Command
 ) -> None:
     driver = TeleopLease(RobotEndpoint(MemoryBus(hub), live), "", 5.0)
