@@ -1,1 +1,1 @@
-"""A robot, and somebody who drives it, that know only the messages and the page of keys."""
+"""A robot and a client that drives it. Both know only the messages and the page of keys."""

@@ -1,6 +1,6 @@
-"""Somebody who drives a robot, in a process of its own, with generated messages and bare Zenoh.
+"""A client that drives a robot, in its own process, with generated messages and bare Zenoh.
 
-python driver.py tcp/127.0.0.1:7447      prints what it saw as JSON
+python driver.py tcp/127.0.0.1:7447      prints its observations as JSON
 """
 
 import json
@@ -16,11 +16,11 @@ WITHIN_S = 60.0
 
 
 class Refused(Exception):
-    """A typed error came back."""
+    """The call returned a typed error."""
 
 
 def call(session, method, request, reply_type, timeout_s=30.0):
-    """One call; its pieces put together in their order."""
+    """Call a method and join the pieces of its reply in order."""
     parts, count = {}, 0
     for reply in session.get(
         f"{ROOT}svc/{method}", payload=request.SerializeToString(), timeout=timeout_s,
@@ -38,7 +38,7 @@ def call(session, method, request, reply_type, timeout_s=30.0):
 
 
 class Heard:
-    """Keyframes and the occupancy map's acknowledgements, by the number of the keyframe."""
+    """Received keyframes and acknowledgements of the occupancy map, by keyframe number."""
 
     def __init__(self, session):
         self.keyframes, self.acks, self.news = {}, {}, threading.Condition()
@@ -60,7 +60,7 @@ class Heard:
             self.news.notify_all()
 
     def wait_for(self, seq, timeout_s):
-        """Whether the keyframe and its acknowledgement came within that time."""
+        """Whether the keyframe and its acknowledgement arrive within `timeout_s`."""
         with self.news:
             return self.news.wait_for(
                 lambda: seq in self.keyframes and (seq, "occupancy") in self.acks, timeout_s
@@ -87,7 +87,7 @@ class Driver:
         return call(self.session, "bridge/act", request, robot_pb2.ActionResult)
 
     def look_until(self, heard):
-        """Look until a keyframe is heard: the subscriptions take a moment to be known."""
+        """Look until a keyframe arrives: the router needs a moment to learn the subscriptions."""
         deadline_s, k = time.monotonic() + WITHIN_S, 0
         while time.monotonic() < deadline_s:
             k += 1
@@ -97,7 +97,7 @@ class Driver:
         raise TimeoutError("no keyframe was heard")
 
     def refusal(self):
-        """What is said of an action without a lease."""
+        """The kind of error that answers an action without a lease."""
         try:
             self.act("without a lease", self.token + 1, observe=robot_pb2.Action.Observe())
         except Refused as error:

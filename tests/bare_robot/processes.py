@@ -1,4 +1,4 @@
-"""Makes the messages as another language would, and runs the bare scripts with nothing else."""
+"""Generates the messages as another language would, and runs the bare scripts with only these."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 
 
 def generate_messages(out: Path) -> None:
-    """`helios/v1` and `foxglove` below `out`: protoc's own output, unlike that of the project."""
+    """Write `helios/v1` and `foxglove` below `out`: protoc's own output, not the project's."""
     ours = sorted(str(p.relative_to(PROTO_ROOT)) for p in PROTO_ROOT.rglob("*.proto"))
     foxglove = foxglove_descriptors()
     theirs = [f.name for f in foxglove.file if f.name.startswith("foxglove/")]
@@ -40,7 +40,7 @@ def generate_messages(out: Path) -> None:
 
 @contextmanager
 def bare_robot(messages: Path, router: str) -> Iterator[None]:
-    """Runs until the context ends. Fails if it imports anything of HELIOS."""
+    """Run the robot until the context ends. Fails if the robot imports anything of HELIOS."""
     process = subprocess.Popen(
         [sys.executable, str(HERE / "robot.py"), router],
         env=os.environ | {"PYTHONPATH": str(messages)},
@@ -56,7 +56,7 @@ def bare_robot(messages: Path, router: str) -> Iterator[None]:
 
 
 def bare_driver(messages: Path, router: str) -> dict:
-    """What it said when it had driven."""
+    """Run the client to its end; its output."""
     done = subprocess.run(
         [sys.executable, str(HERE / "driver.py"), router],
         env=os.environ | {"PYTHONPATH": str(messages)},

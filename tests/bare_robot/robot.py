@@ -1,6 +1,6 @@
-"""A robot in a process of its own: generated messages, a bare Zenoh session, the standard library.
+"""A robot in its own process: generated messages, a bare Zenoh session, the standard library.
 
-It stands for a robot in another language, so it imports nothing of HELIOS: it was written from
+It stands for a robot in another language, so it imports nothing of HELIOS. It was written from
 `docs/reference/wire-contract.md` and the `.proto` files alone. Its world is an empty square room.
 
     python robot.py tcp/127.0.0.1:7447      (the generated messages on PYTHONPATH)
@@ -25,7 +25,7 @@ STEP_M, STEP_RAD, STEP_S = 0.02, 0.04, 0.01
 
 
 class Robot:
-    """A point that drives, with a camera that looks down a little."""
+    """A point robot with a camera that is tilted down slightly."""
 
     def __init__(self):
         self.x_m, self.y_m, self.yaw_rad, self.tilt_rad = 0.0, 0.0, 0.0, 0.3
@@ -63,7 +63,7 @@ class Robot:
 
     def act(self, request):
         with self.turn:
-            if request.action_id not in self.results:  # the same id is done once
+            if request.action_id not in self.results:  # each id runs once
                 self.results[request.action_id] = self.do(request.action, request.action_id)
             return self.results[request.action_id]
 
@@ -117,7 +117,7 @@ class Robot:
         return [[c, -s, 0, self.x_m], [s, c, 0, self.y_m], [0, 0, 1, 0], [0, 0, 0, 1]]
 
     def camera_rows(self):
-        """Columns: the camera's right, down and ahead in the world, then where it is."""
+        """Columns: the camera's right, down and forward axes in the world, then its position."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         ct, st = math.cos(self.tilt_rad), math.sin(self.tilt_rad)
         right, down, ahead = (s, -c, 0), (-st * c, -st * s, -ct), (ct * c, ct * s, -st)
@@ -136,7 +136,7 @@ def transform(rows):
 
 
 def cast(rows, ray):
-    """Colour and depth of what a ray of the camera meets; its length along the axis is 1."""
+    """Colour and depth where a camera ray hits; the ray's length along the optical axis is 1."""
     best = (math.inf, (0, 0, 0))
     for axis, (low, high) in enumerate(((-WALL_M, WALL_M), (-WALL_M, WALL_M), (0.0, CEILING_M))):
         ahead = sum(rows[axis][k] * ray[k] for k in range(3))
@@ -153,13 +153,13 @@ def serve(session, name, request_type, handler):
             try:
                 data = query.payload.to_bytes() if query.payload is not None else b""
                 reply = handler(request_type.FromString(data)).SerializeToString()
-                query.reply(ROOT + name, reply)  # one piece: no attachment needed
+                query.reply(ROOT + name, reply)  # one piece needs no attachment
             except Exception as error:
                 traceback.print_exc()
                 wrong = common_pb2.Error(kind=common_pb2.ERROR_KIND_INTERNAL, message=str(error))
                 query.reply_err(wrong.SerializeToString(), encoding=ERROR)
 
-    def accept(query):  # a thread for each: stop comes while an action runs
+    def accept(query):  # a thread for each query: a stop arrives while an action runs
         threading.Thread(target=answer, args=(query,), daemon=True).start()
 
     return session.declare_queryable(ROOT + name, accept)
@@ -179,11 +179,12 @@ def main():
             serve(session, "act", robot_pb2.WorldActRequest, robot.act),
             serve(session, "stop", robot_pb2.StopRequest, robot.stop),
             serve(session, "clear_stop", common_pb2.Empty, robot.clear_stop),
-            serve(session, "describe", common_pb2.Empty, robot.describe),  # last: now it is there
+            # Last, since clients wait for it.
+            serve(session, "describe", common_pb2.Empty, robot.describe),
         ]
         foreign = [name for name in sys.modules if name.startswith("helios_")]
         print(json.dumps({"serves": len(kept), "imports_of_helios": foreign}), flush=True)
-        sys.stdin.read()  # until whoever started it goes away
+        sys.stdin.read()  # until the parent process closes the pipe
 
 
 if __name__ == "__main__":

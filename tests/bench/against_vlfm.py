@@ -1,15 +1,15 @@
-"""Our 2D maps beside VLFM's own, on the same frames: speed, and how far they agree.
+"""Compares our 2D maps with VLFM's own on the same frames: speed and agreement.
 
     python tests/bench/against_vlfm.py --vlfm DIR --frontier-exploration DIR [--frames F] [--out D]
 
 The directories are checkouts of bdaiinstitute/vlfm and naokiyokoyama/frontier_exploration; nothing
 of them is part of this project. Frames are those of `helios bench`, or of a folder of RGB-D frames
-(`--frames redkitchen:DIR`). Times are medians in one run, taken in turn, of processor time
-used, so that other work counts less. "map" is a frame in to a published version, beside
-VLFM's `update_map`; "frontiers" is what becomes of them once a frame is in the map, beside VLFM's
-`_get_frontiers`, which calls frontier_exploration on the whole map: it knows no tiles, no numbers
-that stay, and not what can be reached. Maps are compared at 20 cells a metre, the only size that
-VLFM's value map has.
+(`--frames redkitchen:DIR`). Times are medians of processor time, so that other load counts less;
+both sides run in turn within one run. "map" is the time from a frame to a published version; its
+counterpart is VLFM's `update_map`. "frontiers" is the update of the frontiers after a frame is in
+the map; its counterpart is VLFM's `_get_frontiers`, which calls frontier_exploration on the whole
+map, without tiles, persistent numbers or reachability. Maps are compared at 20 cells per metre, the
+only size that VLFM's value map has.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ SCORES = {"pick": 0.3, "place": 0.6}
 
 
 class Vlfm:
-    """VLFM's maps of `cells` a side, fed with our frames in its own conventions."""
+    """VLFM's maps of `cells` x `cells`, fed with our frames in VLFM's conventions."""
 
     def __init__(self, cells: int, per_m: int, fusion_max: bool = False) -> None:
         from vlfm.mapping.obstacle_map import ObstacleMap  # pyright: ignore[reportMissingImports]
@@ -79,25 +79,25 @@ class Vlfm:
         return self.obstacles._get_frontiers()
 
     def upright(self, array: NDArray) -> NDArray:
-        """One of its arrays as ours are: its rows are x, its columns run against y."""
+        """Turn a VLFM array to our axes: its rows are x, its columns run against y."""
         return np.roll(array.T[::-1], 1, axis=0)
 
 
 def depth_of(frame: Frame) -> NDArray[np.float32]:
-    """Depth as VLFM takes it: 0 to 1 between the limits, what was not measured as far away."""
+    """Depth as VLFM takes it: 0 to 1 between the limits; unmeasured pixels count as far."""
     good = (frame.depth_m > NEAR_M) & (frame.depth_m < FAR_M)
     return np.where(good, (frame.depth_m - NEAR_M) / (FAR_M - NEAR_M), 1.0).astype(np.float32)
 
 
 def pose_of(frame: Frame) -> NDArray[np.float64]:
-    """VLFM's camera has x forward, y left, z up."""
+    """The camera pose with VLFM's axes: x forward, y left, z up."""
     out = frame.T_world_cam.copy()
     out[:3, :3] = frame.T_world_cam[:3, :3] @ np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
     return out
 
 
 def load(source: str) -> list[Frame]:
-    """The frames to compare on."""
+    """The frames for the comparison."""
     kind, _, where = source.partition(":")
     if kind == "bench":
         return list(bench_frames())
@@ -127,8 +127,8 @@ def redkitchen(folder: Path) -> Iterator[Frame]:
 
 
 def timed(work: Callable[[], object]) -> float:
-    """Processor time of this thread in ms. Not of the process: after a product of matrices BLAS's
-    second thread spins, which would count as VLFM's work."""
+    """Processor time of this thread in ms. Not of the process: BLAS's second thread spins after a
+    matrix product, and that would count as VLFM's work."""
     began = time.thread_time()
     work()
     return (time.thread_time() - began) * 1e3
@@ -139,9 +139,9 @@ def numbered(frame: Frame, seq: int) -> Frame:
 
 
 def speed(frames: list[Frame], cells: int, laps: int, maps: int) -> dict[str, dict[str, Any]]:
-    """Medians on `cells` x `cells` maps at 2.5 cm (values: VLFM's own 5 cm), of the first lap over
-    the frames, where each shows new ground, and of the later ones. All is done on each of several
-    maps that begin empty."""
+    """Medians on `cells` x `cells` maps at 2.5 cm (values: VLFM's own 5 cm). The first lap over the
+    frames, where each shows new ground, counts apart from the later laps. Everything runs on
+    several maps that begin empty."""
     cv2.setNumThreads(1)
     times: dict[str, dict[str, list[float]]] = {"new ground": {}, "known ground": {}}
     for _ in range(maps):
@@ -164,7 +164,7 @@ def speed(frames: list[Frame], cells: int, laps: int, maps: int) -> dict[str, di
 def one_map(
     frames: list[Frame], cells: int, laps: int, times: dict[str, dict[str, list[float]]]
 ) -> None:
-    """Add the times of some laps over the frames, ours and VLFM's in turn."""
+    """Add the times of `laps` laps over the frames, ours and VLFM's in turn."""
     rules = MapRules(size_cells=cells, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
     ours, theirs = EpochMap(rules, (0.0, 0.0), RADIUS_M), Vlfm(cells, 40)
     ours.reset_search(SearchContext("bench", (), {}))
@@ -192,7 +192,7 @@ def one_map(
 
 
 def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
-    """Medians of a frame and its scores in to all published, ms, on maps of two sizes in turn."""
+    """Median ms from a frame and its scores to all published, on maps of two sizes in turn."""
     sizes = (2000, 8000)
     rules = [MapRules(size_cells=size, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
              for size in sizes]  # fmt: skip
@@ -203,7 +203,8 @@ def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
     for i in range(laps * len(frames)):
         frame = numbered(frames[i % len(frames)], i + 1)
         seen = Observation(frame, "bench", (), SCORES, "bench")
-        for k, state in list(enumerate(maps))[:: 1 if i % 2 else -1]:  # each is first as often
+        # Each size goes first equally often.
+        for k, state in list(enumerate(maps))[:: 1 if i % 2 else -1]:
             ms = timed(lambda s=state, f=frame: s.integrate_frame(f))
             times[k].append(ms + timed(lambda s=state, o=seen: s.integrate_values(o)))
     ms = [statistics.median(taken[len(frames) :]) for taken in times]
@@ -213,7 +214,7 @@ def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
 
 
 def touched(ours: EpochMap) -> TileMask:
-    """The tiles that the newest frame changed, and those beside them."""
+    """The tiles that the newest frame changed, and their neighbours."""
     new = [t for t, tile in ours.published.ground.items() if tile.version == ours.version]
     return TileMask.of((r + dr, c + dc) for r, c in new
                        for dr, dc in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)))  # fmt: skip
@@ -222,15 +223,15 @@ def touched(ours: EpochMap) -> TileMask:
 def frontiers_of(
     stack: LayerStack, finder: FrontierFinder, tiles: TileMask, robot_m: tuple[float, float]
 ) -> None:
-    """What a frame makes of the frontiers: their cells in the tiles that it touched, clusters,
-    centres, what can be reached, and numbers."""
+    """Update the frontiers after a frame: cells in the tiles that it touched, clusters, centres,
+    reachability and numbers."""
     occupancy = stack.occupancy.occupancy
     finder.update(occupancy, stack.search.explored, tiles)
     finder.find(occupancy, stack.ground, robot_m, {})
 
 
 def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, float]:
-    """IoU of obstacles and of explored area, and the mean difference of values both have."""
+    """IoU of obstacles and of explored area; mean difference of the values that both maps have."""
     rules = MapRules(
         cell_m=0.05, size_cells=cells, min_depth_m=NEAR_M, max_depth_m=FAR_M,
         occupancy=OccupancyRules(band_lo_m=BAND_M[0], band_hi_m=BAND_M[1]),
@@ -271,7 +272,7 @@ def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, fl
 
 
 def by_half_a_cell(frame: Frame, cell_m: float) -> Frame:
-    """VLFM rounds to its cells where ours span from a multiple of their size to the next."""
+    """Shift a frame by half a cell: VLFM rounds to cells, ours begin at multiples of the size."""
     shift = np.eye(4)
     shift[:2, 3] = cell_m / 2
     return dataclasses.replace(
@@ -286,7 +287,7 @@ def aligned(state: EpochMap, array: NDArray, cells: int) -> NDArray:
 
 
 def iou(a: NDArray, b: NDArray, slack: int) -> float:
-    """Intersection over union; cells within `slack` cells of the other's count as shared."""
+    """Intersection over union; cells within `slack` cells of each other count as shared."""
     if slack:
         kernel = np.ones((2 * slack + 1,) * 2, np.uint8)
         wide_a = cv2.dilate(a.astype(np.uint8), kernel) > 0
@@ -297,7 +298,7 @@ def iou(a: NDArray, b: NDArray, slack: int) -> float:
 
 
 def picture(path: Path, maps: list[tuple[NDArray, NDArray]]) -> None:
-    """Maps beside each other: explored green, obstacles black."""
+    """Draw the maps side by side: explored green, obstacles black."""
     known = np.argwhere(np.any([o | e for o, e in maps], axis=0))
     (r0, c0), (r1, c1) = known.min(axis=0) - 5, known.max(axis=0) + 6
     parts = []

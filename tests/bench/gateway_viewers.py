@@ -1,14 +1,14 @@
-"""What a viewer of the dashboard costs the gateway: CPU and memory at 10, 50 and 200 viewers.
+"""Measures the gateway's CPU and memory per dashboard viewer, at 10, 50 and 200 viewers.
 
     python -m tests.bench.gateway_viewers [--viewers 10,50,200] [--seconds 10]
 
-The gateway runs in a process of its own over made-up services: the camera at 10 Hz, a new map and
-new objects every 2 s, the pose at 10 Hz. Each viewer does what the page does: it holds one stream
-of events, asks for the camera twice a second and for map, cells, frontiers and objects whenever an
-event says that they changed, with the tags that it has, over plain sockets, so that what asks costs
-little beside what answers. Beside them one viewer never reads. On a machine that is busy otherwise
-the viewers ask less often than they would: `asked_of_wanted` says how much of their rate they
-reached, and `cpu_ms_an_answer` (events count as answers) still holds there.
+The gateway runs in its own process over fake services: the camera at 10 Hz, a new map and new
+objects every 2 s, the pose at 10 Hz. Each viewer does what the page does: it holds one event
+stream, asks for the camera twice a second, and asks for map, cells, frontiers and objects whenever
+an event says that they changed, with the tags that it has. Viewers use plain sockets, so that they
+cost little compared with the gateway. One more viewer never reads. On a busy machine the viewers
+ask less often than they should: `asked_of_wanted` is the share of their rate that they reached, and
+`cpu_ms_an_answer` (events count as answers) still holds there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ CAMERA_PERIOD_S, MAP_PERIOD_S = 0.5, 2.0
 
 
 def host(pipe: Connection) -> None:
-    """The process of the gateway: lives until the pipe says so."""
+    """The gateway's process: runs until a message comes through the pipe."""
     with served(*FLAGS) as stack:
         ended = threading.Event()
         threading.Thread(target=live, args=(stack, ended), daemon=True).start()
@@ -42,7 +42,7 @@ def host(pipe: Connection) -> None:
 
 
 def live(stack: Served, ended: threading.Event) -> None:
-    """The robot looks and moves."""
+    """Publish a robot that looks and moves."""
     backend, step = stack.backend, 0
     while not ended.wait(0.1):
         step += 1
@@ -55,7 +55,7 @@ def live(stack: Served, ended: threading.Event) -> None:
 
 
 class Asker:
-    """One kept connection, one request at a time."""
+    """One persistent connection with one request at a time."""
 
     def __init__(self, port: int, counts: dict[str, int]) -> None:
         self._port, self._counts = port, counts
@@ -63,7 +63,7 @@ class Asker:
         self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
 
     async def begin(self, path: str) -> tuple[asyncio.StreamReader, dict[bytes, bytes], int]:
-        """Ask; the headers of the answer and its status. Its body is still to be read."""
+        """Send the request; reader, headers and status of the answer. The body is still unread."""
         if self._streams is None:
             self._streams = await asyncio.open_connection("127.0.0.1", self._port)
         reader, writer = self._streams
@@ -125,7 +125,7 @@ async def view(port: int, ended: asyncio.Event, counts: dict[str, int]) -> None:
 
 
 async def watch(port: int, viewers: int, seconds: float) -> dict[str, int]:
-    """So many pages for so long."""
+    """Keep `viewers` pages open for `seconds`."""
     counts = {"requests": 0, "failed": 0, "events": 0}
     ended = asyncio.Event()
     _, deaf = await asyncio.open_connection("127.0.0.1", port)
@@ -140,7 +140,7 @@ async def watch(port: int, viewers: int, seconds: float) -> dict[str, int]:
 
 
 def measure(viewers: int, seconds: float) -> dict[str, float]:
-    """A fresh gateway with so many viewers; CPU in percent of one core, memory in MB."""
+    """Run a new gateway with `viewers` viewers; CPU in percent of one core, memory in MB."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=host, args=(there,))

@@ -1,12 +1,12 @@
-"""How soon a planner that is killed in mid-task acts again, and where the time goes.
+"""Measures how soon a planner that is killed during a task acts again, and where the time goes.
 
     python -m tests.bench.planner_restart [--kills 5]
 
-A whole house runs with the simulated robot. The planner's process gets SIGKILL while it searches,
-again and again. After some steady seconds the supervisor restarts a process at once; for so
-long the task is paused in between.
-The figures are seconds after the kill, on the wall's clock: quote them from a machine that is quiet
-otherwise. Processor time of the new process is beside them, and holds on a busy one, too.
+The full stack runs with the simulated robot. The planner's process gets SIGKILL repeatedly while it
+searches. The supervisor restarts a process at once only after some steady seconds; the task is
+paused for that long in between.
+The figures are wall-clock seconds after the kill: quote them from an otherwise idle machine.
+Processor time of the new process is listed with them, and holds on a busy machine, too.
 """
 
 from __future__ import annotations

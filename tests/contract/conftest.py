@@ -1,4 +1,4 @@
-"""A router, and buses on it that are closed at the end of a test."""
+"""Fixtures: a router, and buses on it that close at the end of a test."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def make_bus(request: pytest.FixtureRequest, router: str) -> Iterator[MakeBus]:
 
 @pytest.fixture
 def zenoh_bus(router: str) -> Iterator[ZenohBus]:
-    """Of robot "r"."""
+    """A bus of robot "r"."""
     bus = _open(router, "r")
     yield bus
     bus.close()
@@ -52,7 +52,7 @@ def zenoh_bus(router: str) -> Iterator[ZenohBus]:
 
 @pytest.fixture
 def session(router: str, zenoh_bus: ZenohBus) -> Iterator[zenoh.Session]:
-    """Whoever else is on the router of `zenoh_bus`."""
+    """A bare Zenoh session on the router of `zenoh_bus`."""
     session = zenoh.open(client_config(router))
     yield session
     session.close()

@@ -1,4 +1,4 @@
-"""A TCP link between a client and its router that a test can hold up."""
+"""A TCP link between a client and its router that a test can block."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import suppress
 
 
 class Link:
-    """Relays both ways. While it is held, nothing comes from the router any more."""
+    """Relays both ways. While it is held, nothing arrives from the router."""
 
     def __init__(self, router: str) -> None:
         host, _, port = router.removeprefix("tcp/").rpartition(":")

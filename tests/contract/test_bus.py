@@ -1,4 +1,4 @@
-"""One suite for every kind of bus."""
+"""Tests of the bus interface, run against every implementation."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_published_message_arrives_whole_and_as_a_copy(make_bus: MakeBus) -> N
     assert got[0] is not sent
 
 
-def test_messages_of_a_never_drop_topic_come_all_and_in_order(make_bus: MakeBus) -> None:
+def test_a_never_drop_topic_delivers_every_message_in_order(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     got: list[int] = []
     b.subscribe(OBJECTMAP_ACK, lambda m: got.append(m.version))
@@ -59,7 +59,9 @@ def test_messages_of_a_never_drop_topic_come_all_and_in_order(make_bus: MakeBus)
     assert [v for v in got if v] == list(range(1, 101))
 
 
-def test_a_slow_reader_of_a_latest_wins_topic_sees_the_newest(make_bus: MakeBus) -> None:
+def test_a_slow_subscriber_of_a_latest_wins_topic_receives_the_newest_message(
+    make_bus: MakeBus,
+) -> None:
     a, b = make_bus("r"), make_bus("r")
     got: list[int] = []
     go = threading.Event()
@@ -90,7 +92,7 @@ def test_a_late_joiner_gets_the_retained_message_once(make_bus: MakeBus) -> None
     assert late == ["new"]
 
 
-def test_one_subscription_may_cover_the_status_of_all_services(make_bus: MakeBus) -> None:
+def test_one_subscription_receives_the_status_of_all_services(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     a.publish(status_topic("map2d"), pb.ServiceStatus(service="map2d"))
     got: set[str] = set()
@@ -125,7 +127,7 @@ def test_a_typed_error_of_the_handler_reaches_the_caller(make_bus: MakeBus, erro
         a.call(ACT, pb.ActionRequest(), 5)
 
 
-def test_a_fault_in_the_handler_is_an_internal_error_and_the_server_lives_on(
+def test_an_exception_in_a_handler_is_an_internal_error_and_the_server_keeps_serving(
     make_bus: MakeBus,
 ) -> None:
     a, b = make_bus("r"), make_bus("r")
@@ -142,7 +144,7 @@ def test_a_fault_in_the_handler_is_an_internal_error_and_the_server_lives_on(
     assert a.call(GET_TASK, pb.TaskRequest(id="2"), 5).id == "2"
 
 
-def test_a_method_that_nobody_serves_is_unavailable(make_bus: MakeBus) -> None:
+def test_a_call_of_a_method_without_a_server_is_unavailable(make_bus: MakeBus) -> None:
     with pytest.raises(Unavailable, match="planner/get"):
         make_bus("r").call(GET_TASK, pb.TaskRequest(), 5)
 
@@ -171,7 +173,7 @@ def test_a_failing_subscriber_gets_the_next_message(make_bus: MakeBus) -> None:
     wait_until(lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=1)) or len(got) > 1, 5, "two arrive")
 
 
-def test_liveliness_tells_who_is_there_comes_and_goes(make_bus: MakeBus) -> None:
+def test_liveliness_reports_present_joining_and_leaving_services(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     a.announce("detector", "1")
     seen: list[tuple[str, str, bool]] = []
@@ -183,7 +185,7 @@ def test_liveliness_tells_who_is_there_comes_and_goes(make_bus: MakeBus) -> None
     wait_until(lambda: ("planner", "2", False) in seen, 5, "the leaver is told")
 
 
-def test_robots_do_not_hear_each_other(make_bus: MakeBus) -> None:
+def test_a_robot_does_not_receive_messages_of_another_robot(make_bus: MakeBus) -> None:
     a, b, c = make_bus("one"), make_bus("two"), make_bus("one")
     other: list[str] = []
     mine: list[str] = []
@@ -194,7 +196,7 @@ def test_robots_do_not_hear_each_other(make_bus: MakeBus) -> None:
     assert other == []
 
 
-def test_a_closed_bus_says_so(make_bus: MakeBus) -> None:
+def test_publishing_on_a_closed_bus_raises_unavailable(make_bus: MakeBus) -> None:
     bus = make_bus("r")
     bus.close()
     bus.close()
@@ -202,7 +204,7 @@ def test_a_closed_bus_says_so(make_bus: MakeBus) -> None:
         bus.publish(CONTEXT, pb.SearchContext())
 
 
-def test_slow_calls_of_one_method_keep_no_other_waiting(make_bus: MakeBus) -> None:
+def test_slow_calls_of_one_method_do_not_delay_another_method(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     if not isinstance(b, ZenohBus):
         pytest.skip("calls run on the caller's thread")
@@ -239,7 +241,7 @@ def _all_kinds(bus: Bus) -> list[Registration]:
     ]
 
 
-def test_what_is_declared_and_taken_back_leaves_nothing(make_bus: MakeBus) -> None:
+def test_closed_registrations_leave_no_threads_and_no_entries(make_bus: MakeBus) -> None:
     asker, bus = make_bus("r"), make_bus("r")
     before = set(threading.enumerate())
     for _ in range(3):
@@ -256,7 +258,7 @@ def test_what_is_declared_and_taken_back_leaves_nothing(make_bus: MakeBus) -> No
         assert len(bus._readers) == 1
 
 
-def test_a_handler_may_take_itself_back(make_bus: MakeBus) -> None:
+def test_a_handler_may_close_its_own_registration(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     mine: list[Registration] = []
     heard: list[int] = []
@@ -278,7 +280,7 @@ def test_a_handler_may_take_itself_back(make_bus: MakeBus) -> None:
     assert len(b._mine) == 0
 
 
-def test_registrations_and_their_bus_may_close_at_once(make_bus: MakeBus) -> None:
+def test_registrations_and_their_bus_may_close_concurrently(make_bus: MakeBus) -> None:
     bus = make_bus("r")
     registrations = _all_kinds(bus)
     faults: list[BaseException] = []

@@ -1,4 +1,4 @@
-"""One suite for every robot driver; the suite itself is `helios_contract`, for any driver."""
+"""Runs the driver contract suite of `helios_contract` on every robot driver of the project."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class TestExample(DriverContract):
 
 
 class TestSimulator(DriverContract):
-    """A simulated world behind a bus."""
+    """The simulator's driver with a simulated world behind a bus."""
 
     @classmethod
     @contextmanager
@@ -77,7 +77,7 @@ class TestSimulator(DriverContract):
 
 
 class TestReplay(DriverContract):
-    """A data set that the room robot's camera took."""
+    """The replay driver on a data set that the room robot's camera recorded."""
 
     @classmethod
     @contextmanager
@@ -88,7 +88,7 @@ class TestReplay(DriverContract):
 
 
 class TestSpot(DriverContract):
-    """Spot's driver at a fake Spot that speaks the real gRPC services over TLS."""
+    """Spot's driver with a fake Spot that speaks the real gRPC services over TLS."""
 
     @classmethod
     @contextmanager
@@ -96,7 +96,7 @@ class TestSpot(DriverContract):
         pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
         from tests.unit.spot.spot_stage import Stage
 
-        # No faster: a stop has to come in the middle of a turn.
+        # No faster: a stop has to arrive in the middle of a turn.
         with TemporaryDirectory() as folder, closing(Stage(Path(folder), hurry=2.0)) as stage:
             driver = stage.driver()
 
@@ -112,7 +112,7 @@ class TestSpot(DriverContract):
 
 
 class TestAnotherLanguage(DriverContract):
-    """`--robot bus`: a robot that is a process of bare messages, behind a real router."""
+    """`--robot bus`: a robot process with bare messages behind a real router."""
 
     @classmethod
     @contextmanager
@@ -131,7 +131,7 @@ class TestAnotherLanguage(DriverContract):
 
 
 class DrivesOn(RoomRobot):
-    """Hears a stop only when its action is over."""
+    """Applies a stop only after its action ends."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -154,7 +154,7 @@ class DrivesOn(RoomRobot):
 
 
 class EndsLate(DrivesOn):
-    """Likewise, and tells the action that it has finished as refused."""
+    """Also applies a stop late, and reports the finished action as refused."""
 
     def act(self, action: Action, action_id: str) -> ActionResult:
         result = super().act(action, action_id)
@@ -162,7 +162,7 @@ class EndsLate(DrivesOn):
 
 
 class TurnsOn(RoomRobot):
-    """Ends the action that runs, and not its motion."""
+    """Ends the running action but not its motion."""
 
     def state(self) -> RobotState:
         if self._stopped.is_set():
@@ -171,18 +171,18 @@ class TurnsOn(RoomRobot):
 
 
 @pytest.mark.parametrize("make", [DrivesOn, EndsLate, TurnsOn])
-def test_a_driver_that_does_not_end_what_runs_breaks_the_contract(
+def test_a_driver_that_does_not_end_the_running_action_fails_the_contract(
     make: Callable[[], RoomRobot], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_contract.stop_claims.WITHIN_S", 2.0)
     check = DriverContract().test_a_stop_from_another_thread_ends_the_action_that_runs
-    check(Rig(RoomRobot()))  # holds of the driver without the slip
+    check(Rig(RoomRobot()))  # the driver without the defect passes
     with pytest.raises((AssertionError, pytest.fail.Exception)):
         check(Rig(make()))
 
 
 class Forgetful(RoomRobot):
-    """Fails to tell its state, for a while."""
+    """Cannot report its state while it is `broken`."""
 
     broken = False
 
@@ -195,7 +195,7 @@ class Forgetful(RoomRobot):
         return replace(RoomRobot().capture(), stamp_ns=time.time_ns())
 
 
-def test_a_driver_that_cannot_tell_its_state_is_said_and_the_stream_goes_on() -> None:
+def test_the_bridge_reports_a_driver_that_cannot_read_its_state_and_keeps_streaming() -> None:
     hub, robot, health = MemoryHub(), Forgetful(), Health()
     reported: list[pb.RobotState] = []
     MemoryBus(hub).subscribe(ROBOT_STATE, reported.append)
@@ -210,7 +210,7 @@ def test_a_driver_that_cannot_tell_its_state_is_said_and_the_stream_goes_on() ->
 
 
 def can_open(router: str) -> bool:
-    """Whether the router is there."""
+    """Whether the router accepts a connection."""
     try:
         ZenohBus(router).close()
     except Unavailable:
@@ -219,7 +219,7 @@ def can_open(router: str) -> bool:
 
 
 def record_folder(folder: Path, frames: int) -> None:
-    """Drive the room robot about and keep what it sees as a data set."""
+    """Drive the room robot around and write its frames as a data set."""
     robot = RoomRobot()
     (folder / "frames").mkdir()
     header = "frame,t_s,r00,r01,r02,tx,r10,r11,r12,ty,r20,r21,r22,tz"

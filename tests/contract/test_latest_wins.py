@@ -1,4 +1,4 @@
-"""Latest-wins topics where a link is full: the newest arrives, once, and nobody else waits."""
+"""Tests latest-wins topics on a full link: the newest message arrives once, others do not wait."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.contract.link import Link
 from tests.support import wait_until
 
 MESSAGES = 60
-SIZE = 300_000  # bytes; all of them are more than the buffers of a link hold
+SIZE = 300_000  # bytes; together the messages exceed the buffers of a link
 
 
 def _frame(seq: int, size: int = 0) -> pb.Frame:
@@ -35,7 +35,7 @@ def link(router: str, zenoh_bus: ZenohBus) -> Iterator[Link]:
 
 @pytest.fixture
 def make_bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ZenohBus]]:
-    """Buses on a router, as they are between machines: without shared memory."""
+    """Buses without shared memory, as between machines."""
 
     def config(router: str) -> zenoh.Config:
         out = zenoh_config.client_config(router)
@@ -54,7 +54,7 @@ def make_bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ZenohB
         bus.close()
 
 
-def test_the_newest_message_passes_a_link_that_was_held_up_and_others_do_not_wait(
+def test_the_newest_message_arrives_over_a_blocked_link_and_other_subscribers_do_not_wait(
     make_bus: Callable[[str], ZenohBus], router: str, link: Link
 ) -> None:
     sender, near, far = make_bus(router), make_bus(router), make_bus(link.endpoint)
@@ -76,7 +76,9 @@ def test_the_newest_message_passes_a_link_that_was_held_up_and_others_do_not_wai
         assert numbered == sorted(set(numbered))
 
 
-def test_repetitions_are_read_once(zenoh_bus: ZenohBus, session: zenoh.Session) -> None:
+def test_a_subscriber_handles_a_repeated_message_once(
+    zenoh_bus: ZenohBus, session: zenoh.Session
+) -> None:
     heard: list[int] = []
     zenoh_bus.subscribe(FRAME, lambda m: heard.append(m.id.seq))
     sent: list[zenoh.Sample] = []

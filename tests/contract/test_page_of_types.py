@@ -1,4 +1,4 @@
-"""The tables of a driver's types are those of the dataclasses."""
+"""Tests that the tables of the driver types on the documentation page match the dataclasses."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from helios_core.robot import Action
 from scripts.page_of_types import ACTIONS, BLOCK
 
 
-def test_the_tables_are_as_the_dataclasses_have_it() -> None:
+def test_the_tables_match_the_dataclasses() -> None:
     page = BLOCK.page.read_text()
     assert BLOCK.fresh(page) == page, f"run {BLOCK.script}"
 
 
-def test_every_action_has_its_row() -> None:
+def test_every_action_has_a_row() -> None:
     assert set(ACTIONS) == set(get_args(Action))

@@ -1,4 +1,4 @@
-"""Claims on `deploy/router.json5`: who has which certificate hears and asks what."""
+"""Tests `deploy/router.json5`: which certificate may hear which topics and call which methods."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Join = Callable[[str], ZenohBus]
 
 @pytest.fixture(scope="module")
 def endpoints(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """Endpoint by who comes to it; the router runs with the file that is deployed."""
+    """Endpoint by name of the client. The router runs with the deployed configuration."""
     folder, port = tmp_path_factory.mktemp("certificates"), free_port()
     authority = trustme.CA()
     authority.cert_pem.write_to_path(folder / "ca.pem")
@@ -76,7 +76,7 @@ def join(endpoints: dict[str, str]) -> Iterator[Join]:
         bus.close()
 
 
-def test_services_hear_every_topic_and_are_answered_every_method(join: Join) -> None:
+def test_a_service_certificate_may_hear_every_topic_and_call_every_method(join: Join) -> None:
     here, there = join("helios-service"), join("helios-service")
     heard: set[str] = set()
     for topic in EVERY_TOPIC:
@@ -106,7 +106,7 @@ def test_services_hear_every_topic_and_are_answered_every_method(join: Join) -> 
             there.call(method, method.request(), WITHIN_S)
 
 
-def test_the_truth_is_for_the_simulation_alone(join: Join) -> None:
+def test_only_the_simulation_certificate_may_call_truth_methods(join: Join) -> None:
     world, eyes, service = (
         join("helios-simulation"),
         join("helios-simulation"),
@@ -118,7 +118,7 @@ def test_the_truth_is_for_the_simulation_alone(join: Join) -> None:
         service.call(TRUTH_EPISODE, TRUTH_EPISODE.request(), 1.0)
 
 
-def test_a_certificate_of_another_name_hears_and_says_nothing(join: Join) -> None:
+def test_a_certificate_with_an_unknown_name_hears_nothing_and_reaches_nobody(join: Join) -> None:
     stranger, service, witness = join("stranger"), join("helios-service"), join("helios-service")
     overheard: list[pb.RobotState] = []
     heard: list[pb.RobotState] = []
@@ -132,10 +132,11 @@ def test_a_certificate_of_another_name_hears_and_says_nothing(join: Join) -> Non
 
     wait_until(said, WITHIN_S, "the services hear one another")
     assert {state.message for state in heard} == {"service"}
-    assert {state.message for state in overheard} == {"stranger"}  # its own word, in its process
+    # The stranger's own message, within its process.
+    assert {state.message for state in overheard} == {"stranger"}
 
 
-def test_nobody_comes_in_without_a_certificate(endpoints: dict[str, str], join: Join) -> None:
-    join("helios-service")  # the router is there
+def test_a_client_without_a_certificate_is_refused(endpoints: dict[str, str], join: Join) -> None:
+    join("helios-service")  # waits until the router accepts connections
     with pytest.raises(Unavailable):
         ZenohBus(endpoints["nobody"], "r").call(TRUTH_EPISODE, TRUTH_EPISODE.request(), 1.0)

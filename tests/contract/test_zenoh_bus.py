@@ -1,4 +1,4 @@
-"""What is true of the bus over Zenoh alone: its threads, and strangers on its router."""
+"""Tests of the Zenoh bus only: its threads, and foreign clients on its router."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _task(request: pb.TaskRequest) -> pb.Task:
     return pb.Task(id=request.id)
 
 
-def test_bytes_that_are_no_request_are_refused_as_invalid(
+def test_an_undecodable_request_is_invalid_input(
     zenoh_bus: ZenohBus, session: zenoh.Session
 ) -> None:
     bus = zenoh_bus
@@ -39,10 +39,10 @@ def test_bytes_that_are_no_request_are_refused_as_invalid(
     assert "50 bytes" in error.message
 
 
-def test_a_session_that_has_just_opened_waits_longer_for_whoever_serves(
+def test_a_new_session_waits_longer_for_a_server(
     zenoh_bus: ZenohBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It does not know yet who serves what; one that is older is told at once that nobody does."""
+    """A new session does not know the servers yet; an older session fails at once without one."""
     monkeypatch.setattr("helios_core.zenoh_bus.DISCOVERY_S", 0.0)
     monkeypatch.setattr("helios_core.zenoh_bus.MEETING_S", 20.0)
     asked = threading.Event()
@@ -60,7 +60,7 @@ def test_a_session_that_has_just_opened_waits_longer_for_whoever_serves(
 @pytest.mark.parametrize(
     "head", ["", "x", "1/2", "a/b/c", "0/1/-/-", "3/2/-", "0/0/-", b"\xff/1/-"]
 )
-def test_a_reply_that_is_no_piece_of_ours_is_an_internal_error(
+def test_a_reply_without_a_valid_piece_header_is_an_internal_error(
     zenoh_bus: ZenohBus, session: zenoh.Session, head: str | bytes
 ) -> None:
     session.declare_queryable(GET, lambda query: query.reply(GET, b"", attachment=head))
@@ -68,7 +68,7 @@ def test_a_reply_that_is_no_piece_of_ours_is_an_internal_error(
         zenoh_bus.call(GET_TASK, pb.TaskRequest(), 5)
 
 
-def test_bytes_that_are_no_reply_are_an_internal_error(
+def test_an_undecodable_reply_is_an_internal_error(
     zenoh_bus: ZenohBus, session: zenoh.Session
 ) -> None:
     session.declare_queryable(GET, lambda query: query.reply(GET, b"\xff" * 50))
@@ -94,7 +94,7 @@ def test_replies_that_cannot_be_sent_are_reported_once(
     assert reported == ["a reply of planner/get could not be sent: no way out"]
 
 
-def test_a_retained_topic_is_heard_from_an_ordinary_publisher_too(
+def test_a_retained_topic_also_receives_messages_of_an_ordinary_publisher(
     zenoh_bus: ZenohBus, session: zenoh.Session
 ) -> None:
     got: list[pb.SearchContext] = []
@@ -105,7 +105,7 @@ def test_a_retained_topic_is_heard_from_an_ordinary_publisher_too(
 
 
 def test_closing_waits_for_every_thread_that_a_bus_started(zenoh_bus: ZenohBus) -> None:
-    """Whoever declares them: the threads of a daemon thread are daemons, and would be killed."""
+    """Also threads declared on a daemon thread: they are daemons and would be killed otherwise."""
     before, bus = set(threading.enumerate()), zenoh_bus
 
     def declare() -> None:
@@ -123,7 +123,7 @@ def test_closing_waits_for_every_thread_that_a_bus_started(zenoh_bus: ZenohBus) 
     wait_until(lambda: not any(thread.is_alive() for thread in started), 5, "they end")
 
 
-def test_a_bus_that_closes_while_something_is_declared_takes_it_back(
+def test_a_bus_that_closes_during_a_declaration_undoes_the_declaration(
     zenoh_bus: ZenohBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start, before = zenoh_bus._start_reader, set(threading.enumerate())
@@ -140,8 +140,8 @@ def test_a_bus_that_closes_while_something_is_declared_takes_it_back(
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
-def test_buses_that_are_closed_hold_no_shared_memory(router: str) -> None:
-    """Each that sends frames takes 16 MB."""
+def test_closed_buses_hold_no_shared_memory(router: str) -> None:
+    """Each bus that sends frames takes 16 MB."""
 
     def sends_frames() -> None:
         bus = ZenohBus(router, "r")

@@ -1,3 +1,5 @@
+"""Fixture: one Chromium for the tests of a module."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator

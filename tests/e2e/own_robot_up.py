@@ -1,4 +1,4 @@
-"""`helios up` with a robot of one's own, as its tests start and end it."""
+"""Starts and ends `helios up` with a user's own robot for the tests."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tests.support import LOOPBACK, wait_until
 
 
 class OwnUp(Up):
-    """A running `helios up`, of which only some services can be ready."""
+    """A running `helios up` in which only some services can become ready."""
 
     def services(self) -> dict[str, dict[str, Any]]:
-        """By name, as the gateway tells them; empty while it cannot be asked."""
+        """The gateway's services by name; empty while the gateway does not answer."""
         try:
             answer = LOOPBACK.get(f"{self.address}/v1/status", timeout=10)
             return {s["name"]: s for s in answer.json()["services"]}
@@ -36,7 +36,7 @@ def own_robot_up(
     needed: tuple[str, ...] = ("bridge", "map2d"),
     detector: str = "ground-truth",
 ) -> Iterator[OwnUp]:
-    """Until these are ready."""
+    """Run `helios up`; enters when the `needed` services are ready."""
     flags = ("--robot", robot, "--detector", detector)
     home = {"XDG_STATE_HOME": str(folder / "home")}
     with helios_up(folder / "state", *flags, kind=OwnUp, environment=home) as up:

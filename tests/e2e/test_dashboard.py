@@ -1,4 +1,4 @@
-"""The dashboard in a real Chromium, over made-up services: what a person sees and does.
+"""Tests the dashboard in a real Chromium over fake services: what a user sees and does.
 
 `HELIOS_TEST_SCREENSHOTS=DIR` keeps pictures of the page in light, dark and on a tablet.
 """
@@ -48,7 +48,7 @@ def page(browser: Browser, gateway: Served) -> Iterator[Page]:
 
 
 def opened(browser: Browser, url: str, faults: list[str], **options: Any) -> Page:
-    """The page, once it has heard of the robot. Scripts that fail say so in `faults`."""
+    """The page after its first message of the robot. Script errors are appended to `faults`."""
     page = browser.new_page(**options)
     page.set_default_timeout(DEADLINE_MS)
     page.on("pageerror", lambda error: faults.append(str(error)))
@@ -82,7 +82,7 @@ def test_a_task_is_submitted_and_watched_until_it_succeeds(page: Page, gateway: 
     expect(page.locator("#cancel")).to_be_hidden()
 
 
-def test_the_terms_of_a_decision_are_explained_and_said_once(page: Page, gateway: Served) -> None:
+def test_the_terms_of_a_decision_are_explained_and_shown_once(page: Page, gateway: Served) -> None:
     submit(page)
     terms = {"class_score": 0.6, "score": 0.5, "in_place": 1.0, "total": 0.5}
     mug = pb.Candidate(kind="object", name="mug", terms=terms, chosen=True)
@@ -96,34 +96,34 @@ def test_the_terms_of_a_decision_are_explained_and_said_once(page: Page, gateway
     expect(heads).to_have_text(["candidate", "class score", "in place", "score", "total"])
 
 
-def test_an_instruction_that_is_not_understood_is_answered_beside_it(page: Page) -> None:
+def test_an_instruction_that_is_not_understood_shows_an_error_beside_the_input(page: Page) -> None:
     page.fill("#instruction", "dance")
     page.click("text=Submit task")
     expect(page.locator("#ask-error")).to_contain_text("names no action")
     expect(page.locator("#instruction")).to_have_value("dance")
 
 
-def test_a_suggestion_fills_the_box(page: Page) -> None:
+def test_a_suggestion_fills_the_instruction_field(page: Page) -> None:
     page.locator("#suggestions button").first.click()
     assert page.input_value("#instruction").startswith("Move the mug")
 
 
-def tried(page: Page) -> list[str]:
+def shown_suggestions(page: Page) -> list[str]:
     return page.locator("#suggestions button").all_text_contents()
 
 
-def test_what_is_suggested_is_known_to_the_detector_and_within_the_robots_powers(
+def test_suggestions_fit_the_detector_vocabulary_and_the_robots_abilities(
     page: Page, gateway: Served
 ) -> None:
     expect(page.locator("#suggestions button").first).to_have_text(INSTRUCTION)
-    assert tried(page)[1:] == ["Find the mug", "Go to the coffee table"]
+    assert shown_suggestions(page)[1:] == ["Find the mug", "Go to the coffee table"]
     vocabulary = {"open": False, "names": ["table", "box", "shelf"], "detector": "", "scorer": ""}
     page.route("**/v1/vocabulary", lambda route: route.fulfill(json=vocabulary))
     page.reload()
     expect(page.locator("#seen-prompt")).to_have_attribute("placeholder", "table")
     armless = description()
     armless.can_pick = False
-    gateway.backend.bus.publish(ROBOT_DESCRIPTION, armless)  # heard without a reload
+    gateway.backend.bus.publish(ROBOT_DESCRIPTION, armless)  # takes effect without a reload
     expect(page.locator("#suggestions button").first).to_have_text("Find the mug")
 
 
@@ -134,7 +134,7 @@ def test_a_task_is_cancelled(page: Page, gateway: Served) -> None:
     assert gateway.backend.tasks["t1"].state == "cancelled"
 
 
-def test_a_task_is_paused_and_goes_on(page: Page, gateway: Served) -> None:
+def test_a_task_is_paused_and_resumed(page: Page, gateway: Served) -> None:
     submit(page)
     page.click("#pause")
     expect(page.locator("#pause")).to_have_text("Resume")
@@ -150,7 +150,7 @@ def test_a_task_is_paused_and_goes_on(page: Page, gateway: Served) -> None:
     expect(page.locator("#task-state")).to_have_text("running")
 
 
-def test_a_service_that_dies_is_said(page: Page, gateway: Served) -> None:
+def test_the_page_shows_a_service_that_dies(page: Page, gateway: Served) -> None:
     expect(page.locator("#ready")).to_have_text("ready")
     gateway.backend.die("detector")
     expect(page.locator("#ready")).to_have_text("not ready")
@@ -160,7 +160,7 @@ def test_a_service_that_dies_is_said(page: Page, gateway: Served) -> None:
     expect(page.locator("#trouble")).to_be_hidden()
 
 
-def test_a_lost_connection_is_said_and_comes_back(browser: Browser) -> None:
+def test_the_page_shows_a_lost_connection_and_reconnects(browser: Browser) -> None:
     with served() as first:
         page = opened(browser, first.url, [])
         submit(page)
@@ -172,7 +172,7 @@ def test_a_lost_connection_is_said_and_comes_back(browser: Browser) -> None:
     page.close()
 
 
-def test_stop_now_is_in_sight_latches_and_is_lifted(page: Page, gateway: Served) -> None:
+def test_stop_now_stays_in_view_latches_and_can_be_cleared(page: Page, gateway: Served) -> None:
     page.set_viewport_size({"width": 420, "height": 700})
     page.mouse.wheel(0, 5000)
     expect(page.locator("#stop")).to_be_in_viewport()
@@ -201,7 +201,7 @@ def test_an_object_shows_its_views_and_scores(page: Page) -> None:
     expect(panel).to_be_hidden()
 
 
-def test_the_map_has_layers_and_is_zoomed_and_moved(page: Page) -> None:
+def test_the_map_shows_layers_zooms_and_pans(page: Page) -> None:
     expect(page.locator("#map-empty")).to_be_hidden()
     before = page.locator("#map").screenshot()
     page.click("text=Value: pick")
@@ -224,7 +224,7 @@ def test_the_camera_shows_detections(page: Page) -> None:
     assert raw.value.ok
 
 
-def test_a_key_is_asked_for_and_kept(browser: Browser, tmp_path: Path) -> None:
+def test_the_page_asks_for_a_key_and_keeps_it(browser: Browser, tmp_path: Path) -> None:
     key = add_key(tmp_path / "keys.toml", "tablet", "operate")
     with served("--keys", str(tmp_path / "keys.toml")) as gateway:
         page = browser.new_page()
@@ -251,7 +251,7 @@ def test_a_task_has_a_priority_and_limits(page: Page, gateway: Served) -> None:
     expect(page.locator("#task-facts")).to_contain_text("priority")
 
 
-def test_where_something_was_seen_is_reported_with_pictures_and_shown_on_the_map(
+def test_a_search_of_past_views_shows_images_and_marks_places_on_the_map(
     page: Page, gateway: Served
 ) -> None:
     page.fill("#seen-prompt", "the red mug")
@@ -270,10 +270,10 @@ def test_where_something_was_seen_is_reported_with_pictures_and_shown_on_the_map
 
 
 @pytest.mark.parametrize("kind", SIZES)
-def test_everybody_can_read_and_use_it(
+def test_the_page_is_accessible(
     kind: str, browser: Browser, gateway: Served, tmp_path: Path
 ) -> None:
-    """No finding of axe, WCAG 2.1 A and AA, with a task, a decision and an object on show."""
+    """axe finds no violation of WCAG 2.1 A and AA while a task, a decision and an object show."""
     width, height = SIZES[kind]
     page = opened(
         browser, gateway.url, [],

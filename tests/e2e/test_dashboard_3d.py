@@ -1,6 +1,6 @@
-"""The dashboard's view of the Gaussians in a real Chromium that draws in software.
+"""Tests the dashboard's 3D view of the Gaussians in a real Chromium that renders in software.
 
-`HELIOS_TEST_SCREENSHOTS=DIR` keeps a picture of it.
+`HELIOS_TEST_SCREENSHOTS=DIR` keeps a screenshot.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.support import wait_until
 expect.set_options(timeout=DEADLINE_MS)
 
 
-def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(
+def test_the_3d_view_shows_gaussians_with_the_key_and_loads_only_from_the_gateway(
     browser: Browser, tmp_path: Path
 ) -> None:
     key = add_key(tmp_path / "keys.toml", "tablet", "read")
@@ -53,7 +53,7 @@ def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(
         folder.mkdir(parents=True, exist_ok=True)
         page.screenshot(path=folder / "dashboard-3d.png")
         cameras = turn(page)
-        gateway.backend.change_objects()  # so that there is a newer scene
+        gateway.backend.change_objects()  # makes a newer scene
         wait_until(lambda: camera_of(page) == cameras[-1], 120, "it is shown as it was turned")
         wait_until(lambda: colourful_px(view.screenshot()) > 500, 120, "Gaussians are drawn again")
         page.click("#show-2d")
@@ -66,16 +66,16 @@ CAMERA = re.compile("initialCameraPosition=[^&]*")
 
 
 def camera_of(page: Page) -> str:
-    """From where the scene on show was told to be seen."""
+    """The camera position in the address of the scene on show."""
     found = CAMERA.search(page.locator("#view-3d").get_attribute("src") or "")
     return found[0] if found else ""
 
 
 def turn(page: Page) -> list[str]:
-    """Turns the view by hand; the positions of its camera from then on, as viser tells them."""
+    """Turn the view by hand; the camera positions that viser logs from then on."""
     said: list[str] = []
     page.on("console", lambda one: said.extend(CAMERA.findall(one.text)))
-    box = page.locator("#frame-3d").bounding_box()  # which stays when a newer scene comes
+    box = page.locator("#frame-3d").bounding_box()  # stays when a newer scene comes
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
@@ -87,7 +87,7 @@ def turn(page: Page) -> list[str]:
 
 
 def colourful_px(png: bytes) -> int:
-    """How many pixels are of a strong colour."""
+    """The number of pixels with a strong colour."""
     image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     assert image is not None
     return int((np.ptp(image.astype(int), axis=2) > 90).sum())

@@ -1,4 +1,4 @@
-"""Driving by hand in a real Chromium: what is held moves the robot, letting go stops it."""
+"""Tests driving by hand in a real Chromium: a held control moves the robot, a release stops it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def page(browser: Browser, gateway: Served) -> Iterator[Page]:
 
 
 def stands(gateway: Served) -> None:
-    """The last keyframe was taken, and no move follows."""
+    """Wait until the last keyframe is taken and no move follows."""
     wait_until(lambda: gateway.backend.driving.kinds()[-1:] == ["observe"], 30, "the robot stands")
 
 
@@ -61,7 +61,7 @@ def test_a_button_drives_while_it_is_held(page: Page, gateway: Served) -> None:
     page.get_by_label("Turn right").hover()
     page.mouse.down()
     wait_until(lambda: driving.yaw_rad < 0, 30, "it turns to the right")
-    page.mouse.move(5, 5)  # the hand slides off the button: what is held stays held until let go
+    page.mouse.move(5, 5)  # the pointer slides off the button, which stays held until released
     page.mouse.up()
     stands(gateway)
 
@@ -78,7 +78,9 @@ def test_a_key_drives_while_it_is_held(page: Page, gateway: Served, key: str, ki
 @pytest.mark.parametrize(
     "let_go", ["window.dispatchEvent(new Event('blur'))", "document.querySelector('#map').focus()"]
 )
-def test_a_page_that_loses_the_focus_lets_go(page: Page, gateway: Served, let_go: str) -> None:
+def test_the_robot_stops_when_the_page_loses_the_focus(
+    page: Page, gateway: Served, let_go: str
+) -> None:
     page.focus("#pad")
     page.keyboard.down("w")
     wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
@@ -86,7 +88,7 @@ def test_a_page_that_loses_the_focus_lets_go(page: Page, gateway: Served, let_go
     stands(gateway)
 
 
-def test_a_page_that_is_closed_lets_go(browser: Browser, gateway: Served) -> None:
+def test_the_robot_stops_when_the_page_is_closed(browser: Browser, gateway: Served) -> None:
     page = browser.new_page()
     page.goto(gateway.url)
     expect(page.get_by_label(AHEAD)).to_be_enabled()
@@ -97,14 +99,14 @@ def test_a_page_that_is_closed_lets_go(browser: Browser, gateway: Served) -> Non
     stands(gateway)
 
 
-def test_the_keys_drive_nothing_elsewhere_on_the_page(page: Page, gateway: Served) -> None:
+def test_the_drive_keys_do_nothing_elsewhere_on_the_page(page: Page, gateway: Served) -> None:
     page.fill("#instruction", "wasd")
     page.focus("#map")
     page.keyboard.press("ArrowUp")
     assert gateway.backend.driving.moves == []
 
 
-def test_a_touch_drives(browser: Browser, gateway: Served) -> None:
+def test_the_robot_drives_while_a_button_is_touched(browser: Browser, gateway: Served) -> None:
     page = browser.new_page(viewport={"width": 820, "height": 1180}, has_touch=True)
     page.set_default_timeout(DEADLINE_MS)
     page.goto(gateway.url)
@@ -121,7 +123,7 @@ def test_a_touch_drives(browser: Browser, gateway: Served) -> None:
     page.close()
 
 
-def test_what_blocks_the_robot_is_said(page: Page, gateway: Served) -> None:
+def test_the_page_shows_the_reason_when_the_robot_is_blocked(page: Page, gateway: Served) -> None:
     gateway.backend.driving.blocked = "blocked after 0.02 m; look, and go another way"
     page.get_by_label(AHEAD).hover()
     page.mouse.down()
@@ -129,7 +131,7 @@ def test_what_blocks_the_robot_is_said(page: Page, gateway: Served) -> None:
     page.mouse.up()
 
 
-def test_while_a_task_has_the_robot_nobody_drives(page: Page, gateway: Served) -> None:
+def test_driving_is_disabled_while_a_task_runs(page: Page, gateway: Served) -> None:
     gateway.backend.submit(INSTRUCTION)
     gateway.backend.change_task("t1", "running")
     expect(page.get_by_label(AHEAD)).to_be_disabled()
@@ -141,7 +143,7 @@ def test_while_a_task_has_the_robot_nobody_drives(page: Page, gateway: Served) -
     assert gateway.backend.driving.moves == []
 
 
-def test_a_stop_ends_the_driving_and_says_why(page: Page, gateway: Served) -> None:
+def test_a_stop_ends_driving_and_shows_the_reason(page: Page, gateway: Served) -> None:
     page.focus("#pad")
     page.keyboard.down("w")
     wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
@@ -151,7 +153,7 @@ def test_a_stop_ends_the_driving_and_says_why(page: Page, gateway: Served) -> No
     page.keyboard.up("w")
 
 
-def test_a_robot_that_offers_no_motion_has_no_buttons_to_press(page: Page, gateway: Served) -> None:
+def test_the_buttons_are_disabled_for_a_robot_without_motion(page: Page, gateway: Served) -> None:
     still = description()
     still.can_move = False
     gateway.backend.bus.publish(ROBOT_DESCRIPTION, still)
@@ -159,7 +161,7 @@ def test_a_robot_that_offers_no_motion_has_no_buttons_to_press(page: Page, gatew
     expect(page.get_by_label(AHEAD)).to_be_disabled()
 
 
-def test_a_key_that_may_only_look_is_told_so(browser: Browser, tmp_path: Path) -> None:
+def test_driving_with_a_read_only_key_shows_an_error(browser: Browser, tmp_path: Path) -> None:
     look = add_key(tmp_path / "keys.toml", "wall", "read")
     with served("--keys", str(tmp_path / "keys.toml")) as gateway:
         page = browser.new_page()
@@ -175,7 +177,7 @@ def test_a_key_that_may_only_look_is_told_so(browser: Browser, tmp_path: Path) -
         page.close()
 
 
-def test_how_long_a_task_may_still_take_is_shown_where_it_is_known(
+def test_the_remaining_time_of_a_task_is_shown_where_it_is_known(
     page: Page, gateway: Served
 ) -> None:
     gateway.backend.submit(INSTRUCTION)
@@ -192,7 +194,7 @@ def test_how_long_a_task_may_still_take_is_shown_where_it_is_known(
 
 
 @pytest.mark.parametrize(("kind", "size"), [("dark", (1600, 1150)), ("tablet", (820, 1180))])
-def test_everybody_can_read_and_use_the_pad(
+def test_the_drive_pad_is_accessible(
     kind: str, size: tuple[int, int], browser: Browser, gateway: Served, tmp_path: Path
 ) -> None:
     page = browser.new_page(

@@ -1,4 +1,4 @@
-"""The dashboard's stop button and its map, when the gateway or a layer is away."""
+"""Tests the dashboard's stop button and map when the gateway or a layer is unavailable."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def page(browser: Browser, gateway: Served) -> Iterator[Page]:
     page.close()
 
 
-def test_a_stop_without_an_answer_says_so_and_can_be_pressed_again(
+def test_a_stop_without_an_answer_shows_an_error_and_can_be_pressed_again(
     page: Page, gateway: Served
 ) -> None:
     page.goto(gateway.url)
     kept: list[Route] = []
-    page.route("**/v1/robot/stop", lambda route: kept.append(route))  # it never answers
+    page.route("**/v1/robot/stop", lambda route: kept.append(route))  # never answered
     page.click("#stop")
     expect(page.locator("#stop")).to_have_text("Stopping…")
     expect(page.locator("#failed")).to_contain_text("not known whether the robot stops")
@@ -45,7 +45,7 @@ def test_a_stop_without_an_answer_says_so_and_can_be_pressed_again(
     assert gateway.backend.stopped
 
 
-def test_the_stop_button_works_though_the_rest_of_the_page_does_not(
+def test_the_stop_button_works_when_the_main_script_fails_to_load(
     page: Page, gateway: Served
 ) -> None:
     page.route("**/static/main.js", lambda route: route.abort())
@@ -55,7 +55,9 @@ def test_the_stop_button_works_though_the_rest_of_the_page_does_not(
     assert gateway.backend.stopped
 
 
-def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, gateway: Served) -> None:
+def test_the_map_falls_back_to_occupancy_when_its_layer_disappears(
+    page: Page, gateway: Served
+) -> None:
     page.goto(gateway.url)
     pick = page.locator("#layers button", has_text="pick")
     expect(page.locator("#map-facts")).to_contain_text("version 41")
@@ -76,7 +78,7 @@ def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, gateway
     expect(page.locator("#scale")).to_be_hidden()
 
 
-def test_a_map_that_could_not_be_had_is_asked_for_again(page: Page, gateway: Served) -> None:
+def test_the_page_retries_a_failed_map_request(page: Page, gateway: Served) -> None:
     page.route("**/v1/map/cells.png", lambda route: route.fulfill(status=504, json={}), times=1)
     page.goto(gateway.url)
     expect(page.locator("#map-facts")).to_contain_text("version 41")

@@ -1,4 +1,4 @@
-"""`helios eval` as a program: what it leaves, how it goes on after it was killed, how it ends."""
+"""Tests the command `helios eval`: its output files, resuming after a kill, and how it ends."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def arguments(out: Path, *more: str) -> list[str]:
 
 
 def start(out: Path, *more: str) -> subprocess.Popen[str]:
-    """In a process group of its own, as a shell would."""
+    """Start the command in its own process group, as a shell would."""
     return subprocess.Popen(
         arguments(out, *more), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True,
@@ -55,8 +55,8 @@ def members(group: int) -> list[int]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that nothing disturbed."""
+def complete_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an undisturbed run."""
     out = tmp_path_factory.mktemp("whole")
     done = subprocess.run(
         arguments(out, "--jobs", "2"), capture_output=True, text=True, timeout=250, check=False
@@ -66,9 +66,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_a_run_leaves_what_others_rely_on(whole: Path) -> None:
-    assert len(episode_record.read(whole)) == 4
-    rows = json.loads((whole / "results.json").read_text())
+def test_a_run_writes_results_settings_reports_and_failure_snapshots(complete_run: Path) -> None:
+    assert len(episode_record.read(complete_run)) == 4
+    rows = json.loads((complete_run / "results.json").read_text())
     assert {(r["agent"], r["picks"]) for r in rows} == {
         (agent, picks) for agent in AGENTS for picks in (1, "unlimited")
     }
@@ -79,16 +79,18 @@ def test_a_run_leaves_what_others_rely_on(whole: Path) -> None:
         assert set(row["metrics"]) == names
         assert all(set(m) == {"mean", "sem", "n"} for m in row["metrics"].values())
         assert row["metrics"]["SR"]["n"] == 2
-    assert all(r["metrics"]["steps"]["mean"] <= 8 for r in rows)  # the walker's too
-    run = json.loads((whole / "run.json").read_text())
+    assert all(r["metrics"]["steps"]["mean"] <= 8 for r in rows)  # also for the walker
+    run = json.loads((complete_run / "run.json").read_text())
     assert {"commit", "machine", "versions", "preset_hash", "noise_hash", "command"} <= set(run)
-    assert "demo-v1" in (whole / "report.md").read_text()
-    assert (whole / "report.html").stat().st_size > 0
-    assert len(list((whole / "failed").glob("helios-noisy-*.npz"))) == 2
+    assert "demo-v1" in (complete_run / "report.md").read_text()
+    assert (complete_run / "report.html").stat().st_size > 0
+    assert len(list((complete_run / "failed").glob("helios-noisy-*.npz"))) == 2
 
 
-def test_a_killed_run_goes_on_where_it_was(whole: Path, tmp_path: Path) -> None:
-    """The whole process group is killed in mid-run; the second run plays what is missing."""
+def test_a_killed_run_resumes_and_plays_only_the_missing_episodes(
+    complete_run: Path, tmp_path: Path
+) -> None:
+    """The whole process group is killed during the run; the second run plays the rest."""
     first = start(tmp_path, "--jobs", "1")
     episodes = tmp_path / episode_record.EPISODES
     try:
@@ -109,19 +111,19 @@ def test_a_killed_run_goes_on_where_it_was(whole: Path, tmp_path: Path) -> None:
     )
     assert again.returncode == 0, again.stderr
     assert f"{there} of 4 episodes are there already" in again.stdout
-    assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(whole))
+    assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(complete_run))
 
 
-def test_nothing_is_played_twice(whole: Path) -> None:
-    before = (whole / episode_record.EPISODES).read_bytes()
+def test_a_complete_run_plays_no_episode_again(complete_run: Path) -> None:
+    before = (complete_run / episode_record.EPISODES).read_bytes()
     done = subprocess.run(
-        arguments(whole), capture_output=True, text=True, timeout=120, check=False
+        arguments(complete_run), capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert (whole / episode_record.EPISODES).read_bytes() == before
+    assert (complete_run / episode_record.EPISODES).read_bytes() == before
 
 
-def test_an_interrupt_ends_everything_within_seconds(tmp_path: Path) -> None:
+def test_an_interrupt_ends_all_processes_within_seconds(tmp_path: Path) -> None:
     run = start(tmp_path, "--jobs", "2", "--seed0", "3")
     try:
         wait_until(lambda: len(members(run.pid)) >= 3, 60, "two processes play")
@@ -136,7 +138,7 @@ def test_an_interrupt_ends_everything_within_seconds(tmp_path: Path) -> None:
             os.killpg(run.pid, signal.SIGKILL)
 
 
-def test_a_terminated_run_leaves_the_report_of_what_was_played(tmp_path: Path) -> None:
+def test_a_terminated_run_writes_the_report_of_its_finished_episodes(tmp_path: Path) -> None:
     run = start(tmp_path, "--jobs", "1")
     episodes = tmp_path / episode_record.EPISODES
     try:
@@ -162,10 +164,10 @@ def test_a_terminated_run_leaves_the_report_of_what_was_played(tmp_path: Path) -
 @pytest.mark.skipif(
     importlib.util.find_spec("ray") is None, reason="Ray is missing: pip install 'helios-ovmm[ray]'"
 )
-def test_a_ray_cluster_gives_the_same_results(whole: Path, tmp_path: Path) -> None:
+def test_a_ray_cluster_gives_the_same_results(complete_run: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         arguments(tmp_path, "--ray", "local"),
         capture_output=True, text=True, timeout=280, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(whole))
+    assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(complete_run))

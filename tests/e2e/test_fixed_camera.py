@@ -1,4 +1,4 @@
-"""A robot whose camera cannot be tilted and does not see the floor at its feet does its task."""
+"""Tests a task on a robot with a fixed camera that does not see the floor near the robot."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEVEL = replace(ROBOT, camera=WIDE, camera_height_m=0.5, tilt_range_rad=(0.0, 0.
 
 
 class LevelRobot(RoomRobot):
-    """The example's robot with a camera that looks straight ahead, half a metre up."""
+    """The example robot with a camera 0.5 m above the floor that looks straight ahead."""
 
     def describe(self) -> RobotDescription:
         return LEVEL
@@ -52,7 +52,9 @@ class LevelRobot(RoomRobot):
         return result
 
 
-def test_it_leaves_its_place_and_finds_what_it_is_sent_for(tmp_path: Path) -> None:
+def test_a_robot_with_a_fixed_level_camera_leaves_its_start_and_finds_the_target(
+    tmp_path: Path,
+) -> None:
     assert blind_m(LEVEL) > LEVEL.footprint_radius_m + 0.5
     hub, ended, robot = MemoryHub(), threading.Event(), LevelRobot()
     bus = MemoryBus(hub)
@@ -72,7 +74,7 @@ def test_it_leaves_its_place_and_finds_what_it_is_sent_for(tmp_path: Path) -> No
         task = bus.call(GET_TASK, pb.TaskRequest(id=id), 10)
         assert task.state == "succeeded", task.message
         x_m, y_m = robot.state().T_world_base[:2, 3]
-        assert math.hypot(x_m, y_m) > 0.5  # it stood at the origin
+        assert math.hypot(x_m, y_m) > 0.5  # it started at the origin
         assert robot.blocked == 0
     finally:
         for service in (planner, detector, bridge, objects, map2d):

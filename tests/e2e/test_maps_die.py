@@ -1,4 +1,4 @@
-"""SIGKILL of a map in mid-task: it is back with what it knew, or says why it is not."""
+"""Tests SIGKILL of a map service during a task: it restores its map, or reports why it cannot."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from tests.support import wait_until
 
 pytestmark = pytest.mark.timeout(420)
 
-OLD_S = 5.0  # what is older than this when a service dies, it still knows afterwards
+OLD_S = 5.0  # a service that dies restores everything that is older than this
 RESTORED = r"the map was restored as it was written .* frames up to number (\d+)"
 REFUSED = r"the kept map was refused and put aside as (\S+): "
-KEPT = {"objectmap": "objectmap/objects.npz", "map2d": "map2d/map2d.map"}  # below the state folder
+KEPT = {"objectmap": "objectmap/objects.npz", "map2d": "map2d/map2d.map"}  # in the state folder
 MAPS = tuple(KEPT)
 
 
 class Watched:
-    """A house at work, and when which map took up which frame."""
+    """A running stack, and the time and number of each frame that each map integrated."""
 
     def __init__(self, stack: Stack, bus: Bus) -> None:
         self.stack, self.bus = stack, bus
@@ -40,11 +40,11 @@ class Watched:
         bus.subscribe(MAP2D_ACK, self._on_ack)
         self.instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
         self.task = ""
-        self._logged = dict.fromkeys(MAPS, 0)  # bytes of their logs when they were last killed
+        self._logged = dict.fromkeys(MAPS, 0)  # log sizes in bytes at the last kill
         self.works_on()
 
     def works_on(self) -> None:
-        """Give the task (again) unless it is being worked on."""
+        """Submit the task (again) unless it is running."""
         if not self.task or self.stack.task(self.task)["state"] != "running":
             self.task = self.stack.post("/v1/tasks", {"instruction": self.instruction})["id"]
 
@@ -58,7 +58,7 @@ class Watched:
         return self.stack.state / KEPT[name]
 
     def kill(self, name: str) -> int:
-        """Returns the process that is no more."""
+        """Kill a service; the pid of the dead process."""
         pid = self.stack.pid(name)
         self._logged[name] = len(self.log(name))
         os.kill(pid, signal.SIGKILL)
@@ -68,8 +68,8 @@ class Watched:
         return (self.stack.state / "logs" / f"{name}.log").read_bytes()
 
     def back(self, name: str, killed_pid: int, says: str) -> re.Match[str]:
-        """Wait until it is ready under another process and has said something (a pattern), in its
-        status or, where a frame has come since, in its log."""
+        """Wait until the service is ready in another process and its status, or its log where a
+        frame has arrived since, matches the pattern `says`."""
         found: list[re.Match[str]] = []
 
         def is_back() -> bool:
@@ -83,10 +83,10 @@ class Watched:
         return found[0]
 
     def takes_more(self, name: str, frames: int) -> None:
-        """Wait until it has taken up so many more frames, from a robot that works.
+        """Wait until the map has integrated `frames` more frames from a robot at work.
 
-        A task may end at any time (a slow machine's planner gives up on a map that was away), and
-        a robot that stands still takes no keyframes.
+        A task may end at any time (the planner of a slow machine gives up on a map that was away),
+        and a robot that stands still takes no keyframes.
         """
         enough = len(self.taken[name]) + frames
 
@@ -116,7 +116,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_a_killed_map_is_back_with_what_it_knew_5_s_before_and_says_so(
+def test_a_killed_map_restores_and_reports_its_state_of_5_s_before(
     watched: Watched, name: str
 ) -> None:
     def works() -> bool:
@@ -141,14 +141,16 @@ def test_a_killed_map_is_back_with_what_it_knew_5_s_before_and_says_so(
 
 
 @pytest.mark.parametrize("kind", ["truncated", "foreign"])
-def test_kept_maps_that_cannot_be_used_are_put_aside_and_said(watched: Watched, kind: str) -> None:
+def test_unusable_saved_maps_are_set_aside_and_reported(watched: Watched, kind: str) -> None:
     watched.works_on()
     for name in MAPS:
         wait_until(watched.kept(name).is_file, 30, f"{name} keeps its map")
     killed = {name: watched.kill(name) for name in MAPS}
     wrong: dict[str, bytes] = {}
-    for name in MAPS:  # nobody writes now; the next process reads it after its imports
-        wrong[name] = foreign() if kind == "foreign" else watched.kept(name).read_bytes()[:-1000]
+    for name in MAPS:  # no process writes now; the next one reads the file after its imports
+        wrong[name] = (
+            foreign_file() if kind == "foreign" else watched.kept(name).read_bytes()[:-1000]
+        )
         watched.kept(name).write_bytes(wrong[name])
 
     for name in MAPS:
@@ -156,7 +158,7 @@ def test_kept_maps_that_cannot_be_used_are_put_aside_and_said(watched: Watched, 
         assert Path(said[1]).read_bytes() == wrong[name]
     for name in MAPS:
         watched.takes_more(name, 3)
-    watched.works_on()  # a robot that stands still may see nothing that it seeks
+    watched.works_on()  # a robot that stands still may see nothing of the search context
     wait_until(lambda: watched.objects().gaussians > 0, 120, "objects are mapped anew")
     assert watched.ground().explored_m2 > 1
     for name in MAPS:
@@ -191,8 +193,8 @@ def assert_knows_ground(now: MapView, then: MapView, newest: int) -> None:
     assert np.array_equal(now.trajectory_m[: len(then.trajectory_m)], then.trajectory_m)
 
 
-def foreign() -> bytes:
-    """A good file, but of another program."""
+def foreign_file() -> bytes:
+    """A valid file of another program."""
     stream = io.BytesIO()
     np.savez(stream, header=np.arange(3), means=np.zeros((4, 3)))
     return stream.getvalue()

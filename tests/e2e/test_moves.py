@@ -1,4 +1,4 @@
-"""Going, exploring and coming back through real processes, with the simulated robot."""
+"""Tests go, explore and come back through real processes with the simulated robot."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_the_robot_explores_goes_and_comes_back(
     decisions = stack.get(f"/v1/tasks/{explored['id']}/decisions")["decisions"]
     assert decisions
     assert all(d["why"] for d in decisions)
-    x, y = stack.get("/v1/map")["trajectory_m"][-1]  # where it surely fits
+    x, y = stack.get("/v1/map")["trajectory_m"][-1]  # where the robot fits for certain
     goal = start if (x, y) == start else (round(x, 2), round(y, 2))
     assert run(["go", str(goal[0]), str(goal[1]), "-90", "--port", port, "--json"]) == 0
     went = json.loads(capsys.readouterr().out)
@@ -62,7 +62,9 @@ def test_the_robot_explores_goes_and_comes_back(
     assert max(abs(a - b) for a, b in zip(pose(stack), start, strict=True)) < 0.65
 
 
-def test_a_killed_planner_still_gets_there_though_the_detector_is_dead_too(stack: Stack) -> None:
+def test_a_killed_planner_still_reaches_the_goal_when_the_detector_is_killed_too(
+    stack: Stack,
+) -> None:
     start = pose(stack)
     far = max(
         stack.get("/v1/map")["trajectory_m"],
@@ -78,7 +80,7 @@ def test_a_killed_planner_still_gets_there_though_the_detector_is_dead_too(stack
     assert max(abs(a - b) for a, b in zip(pose(stack), far, strict=True)) < 0.4
 
 
-def test_a_point_that_nobody_can_reach_is_reported_with_the_nearest_place(stack: Stack) -> None:
+def test_a_point_that_is_too_far_fails_as_unreachable_with_the_limit(stack: Stack) -> None:
     done = ended(stack, stack.post("/v1/robot/go", {"x_m": 500.0, "y_m": 0.0})["id"])
     assert (done["state"], done["cause"]) == ("failed", "goal unreachable")
     assert "m away; the robot is sent 100 m at most" in done["message"]

@@ -1,5 +1,5 @@
-"""`helios up` ended and started again: the maps are there by themselves where the robot says that
-its origin is the same, and said to be unused where it is not."""
+"""Tests a restart of `helios up`: maps are restored if the robot reports the same origin id, and
+reported as unused if it does not."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.timeout(420)
 
 @contextmanager
 def up(folder: Path, robot: str) -> Iterator[OwnUp]:
-    """Until all is ready, with the state of the one before it."""
+    """Run `helios up` with the state of the run before; enters when all services are ready."""
     own = {"XDG_STATE_HOME": str(folder / "home"), "PYTHONPATH": str(folder)}
     flags = ("--robot", robot, "--detector", "paint")
     with helios_up(folder / "state", *flags, kind=OwnUp, environment=own) as running:
@@ -61,7 +61,7 @@ def find_the_box(running: OwnUp) -> str:
     return get(running, f"/tasks/{id}")["state"]
 
 
-def test_maps_are_back_after_a_start_with_the_same_origin_and_only_then(tmp_path: Path) -> None:
+def test_maps_are_restored_only_after_a_start_with_the_same_origin_id(tmp_path: Path) -> None:
     with up(tmp_path, ROBOT) as first:
         assert find_the_box(first) == "succeeded"
         known, seen_m2 = objects(first), get(first, "/map")["occupied_m2"]

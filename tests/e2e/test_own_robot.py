@@ -1,4 +1,4 @@
-"""The example driver through `helios up --robot package:Class`: it maps, drives, stops."""
+"""Tests the example driver in `helios up --robot package:Class`: it maps, drives and stops."""
 
 from __future__ import annotations
 
@@ -45,11 +45,13 @@ def act(bus: ZenohBus, id: str, action: pb.Action) -> pb.ActionResult:
     return bus.call(ACT, request, 25)
 
 
-def test_the_example_is_as_short_as_the_docs_say() -> None:
+def test_the_example_driver_is_as_short_as_the_docs_say() -> None:
     assert len(Path(room_robot.__file__).read_text().splitlines()) <= MOST_LINES
 
 
-def test_the_program_of_the_docs_drives_it_and_hears_the_map(up: OwnUp, tmp_path: Path) -> None:
+def test_the_example_program_of_the_docs_drives_the_robot_and_receives_the_map(
+    up: OwnUp, tmp_path: Path
+) -> None:
     page = (Path(__file__).resolve().parents[2] / "docs/how-to/drive-from-python.md").read_text()
     [program] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     assert len(program.splitlines()) <= 40, "short enough to read"
@@ -65,14 +67,16 @@ def test_the_program_of_the_docs_drives_it_and_hears_the_map(up: OwnUp, tmp_path
     assert float(known.split()[0]) > 5
 
 
-def test_a_drive_is_done_and_its_keyframe_reaches_the_map(up: OwnUp, bus: ZenohBus) -> None:
+def test_a_forward_action_succeeds_and_the_map_integrates_its_keyframe(
+    up: OwnUp, bus: ZenohBus
+) -> None:
     keyframes: list[pb.Frame] = []
     acks: list[pb.Ack] = []
     bus.subscribe(KEYFRAME, keyframes.append)
     bus.subscribe(MAP2D_ACK, acks.append)
     numbers = iter(range(100))
 
-    def heard() -> bool:  # a keyframe is heard once its subscriber is known to the router
+    def heard() -> bool:  # keyframes arrive once the router knows the subscriber
         act(bus, f"look {next(numbers)}", pb.Action(observe=pb.Action.Observe()))
         return bool(keyframes) and bool(acks)
 
@@ -108,7 +112,7 @@ def test_the_map_shows_the_table_and_the_free_floor(up: OwnUp, bus: ZenohBus) ->
     wait_until(mapped, 20, "the table is occupied and the floor before it free")
 
 
-def test_stop_now_over_http_holds_the_robot(up: OwnUp, bus: ZenohBus) -> None:
+def test_stop_now_over_http_blocks_actions_until_it_is_cleared(up: OwnUp, bus: ZenohBus) -> None:
     stopped = LOOPBACK.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=10)
     assert stopped.status_code == 200
     with pytest.raises(Conflict, match="a cat"):
@@ -118,8 +122,8 @@ def test_stop_now_over_http_holds_the_robot(up: OwnUp, bus: ZenohBus) -> None:
 
 
 @pytest.mark.timeout(300)
-def test_the_planner_drives_it_to_find_a_thing(up: OwnUp) -> None:
-    """The shelf stands behind the robot: it has to turn, and to look from several places."""
+def test_the_planner_drives_the_example_robot_and_finds_an_object(up: OwnUp) -> None:
+    """The shelf stands behind the robot, which has to turn and to look from several places."""
     address = f"{up.address}/v1/tasks"
     task = LOOPBACK.post(address, json={"instruction": "find the shelf"}, timeout=20).json()
 

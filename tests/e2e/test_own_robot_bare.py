@@ -1,4 +1,4 @@
-"""A robot in another language, and a driver in another: the messages and the page of keys do."""
+"""Tests that the messages and the page of keys suffice for a robot and a client in any language."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.e2e.own_robot_up import own_robot_up
 from tests.support import wait_until
 
 
-def test_a_robot_of_bare_messages_is_mapped_and_driven_by_bare_messages(tmp_path: Path) -> None:
+def test_a_robot_and_a_client_with_only_the_messages_drive_and_map(tmp_path: Path) -> None:
     messages = tmp_path / "messages"
     messages.mkdir()
     generate_messages(messages)

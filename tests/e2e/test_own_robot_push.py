@@ -1,4 +1,4 @@
-"""`helios up --robot push`: frames come by curl and over a WebSocket, as the docs say."""
+"""Tests `helios up --robot push`: frames arrive by curl and over a WebSocket, as documented."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnUp]:
 
 
 def write_frame(folder: Path, x_m: float = 0.0, yaw_rad: float = 0.0, **more: Any) -> None:
-    """meta.json, color.png and depth.png of the example's room."""
+    """Write meta.json, color.png and depth.png of the example room."""
     T_world_cam = camera_on_base(se2_to_se3(x_m, 0.0, yaw_rad), 1.2, 0.4)
     color, depth_m = look(CAMERA, T_world_cam)
     cv2.imwrite(str(folder / "color.png"), color[..., ::-1])
@@ -46,7 +46,7 @@ def post(up: OwnUp, folder: Path) -> httpx.Response:
     return LOOPBACK.post(f"{up.address}/v1/frames", data=data, files=files, timeout=60)
 
 
-def test_the_curl_line_of_the_docs_works(up: OwnUp, tmp_path: Path) -> None:
+def test_the_curl_command_of_the_docs_works(up: OwnUp, tmp_path: Path) -> None:
     if shutil.which("curl") is None:
         pytest.skip("there is no curl")
     page = (Path(__file__).parents[2] / "docs/tutorials/your-own-robot.md").read_text()
@@ -62,7 +62,7 @@ def test_the_curl_line_of_the_docs_works(up: OwnUp, tmp_path: Path) -> None:
     assert [m["map"] for m in answer["maps"]] == ["map2d/occupancy"]
 
 
-def test_pushed_frames_make_a_map(up: OwnUp, tmp_path: Path) -> None:
+def test_pushed_frames_build_a_map(up: OwnUp, tmp_path: Path) -> None:
     for k in range(4):
         write_frame(tmp_path, yaw_rad=k * np.pi / 2)
         answer = post(up, tmp_path)
@@ -75,8 +75,8 @@ def test_pushed_frames_make_a_map(up: OwnUp, tmp_path: Path) -> None:
     assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
 
 
-def test_classes_that_are_asked_for_become_objects(up: OwnUp, tmp_path: Path) -> None:
-    def integrated() -> bool:  # the first frames may meet a map that has not heard of the search
+def test_requested_classes_become_objects(up: OwnUp, tmp_path: Path) -> None:
+    def integrated() -> bool:  # the first frames may reach a map before the search context does
         write_frame(tmp_path, x_m=0.1, classes=["box"], wait_s=10)
         answer = post(up, tmp_path).json()
         return answer["integrated"] and len(answer["maps"]) == 3
@@ -87,7 +87,7 @@ def test_classes_that_are_asked_for_become_objects(up: OwnUp, tmp_path: Path) ->
     assert min(near_m) < 0.25, objects
 
 
-def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: OwnUp, tmp_path: Path) -> None:
+def test_each_frame_over_a_websocket_gets_an_answer(up: OwnUp, tmp_path: Path) -> None:
     with connect(f"ws://127.0.0.1:{up.port}/v1/frames/ws") as socket:
         numbers = []
         for k in range(5):
@@ -103,7 +103,7 @@ def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: OwnUp, tmp_path: 
     assert numbers == sorted(set(numbers))
 
 
-def test_a_picture_of_many_megabytes_is_taken(up: OwnUp, tmp_path: Path) -> None:
+def test_an_image_of_many_megabytes_is_accepted(up: OwnUp, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (1080, 1920, 3), np.uint8)
     depth = np.full((1080, 1920), 2000, np.uint16)
     cv2.imwrite(str(tmp_path / "color.png"), noise)
@@ -119,7 +119,7 @@ def test_a_picture_of_many_megabytes_is_taken(up: OwnUp, tmp_path: Path) -> None
     assert "map2d/occupancy" in taken, answer.text
 
 
-def test_nothing_that_is_sent_ends_a_service(up: OwnUp, tmp_path: Path) -> None:
+def test_invalid_input_is_refused_and_ends_no_service(up: OwnUp, tmp_path: Path) -> None:
     before = {name: s["pid"] for name, s in up.services().items()}
     write_frame(tmp_path, wait_s=0)
     meta = json.loads((tmp_path / "meta.json").read_text())

@@ -1,4 +1,4 @@
-"""SIGKILL of the planner process in mid-task: it goes on, and nothing was forgotten."""
+"""Tests SIGKILL of the planner during a task: the task continues and keeps its search state."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
         stack.close()
 
 
-def test_a_killed_planner_goes_on_where_it_was(stack: Stack) -> None:
+def test_a_killed_planner_continues_its_task(stack: Stack) -> None:
     bus = ZenohBus(f"tcp/127.0.0.1:{stack.router_port}")
     contexts: list[str] = []
     bus.subscribe(CONTEXT, lambda c: contexts.append(c.id))
@@ -35,11 +35,11 @@ def test_a_killed_planner_goes_on_where_it_was(stack: Stack) -> None:
         instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
         id = stack.post("/v1/tasks", {"instruction": instruction})["id"]
         restarts: list[Restart] = []
-        for steps in (20, 45):  # while it looks around, and while it searches
+        for steps in (20, 45):  # during the first look around, and during the search
             wait_until(lambda steps=steps: stack.task(id)["steps"] >= steps, 150, "it works")
             restarts.append(killed(stack, bus, id))
-        # Five seconds on a quiet machine, in words that hold on a busy one: `tests/bench/
-        # planner_restart.py` prints them as they are. What is slow by itself is slow both times.
+        # The limit is 5 s on an idle machine; these checks hold on a busy one, too. `tests/bench/
+        # planner_restart.py` prints the times. A planner that is slow itself is slow both times.
         assert max(r.cpu_s for r in restarts) < 5
         assert min(r.of_first_word for r in restarts) < 5
         assert set(contexts) == {id}, "another search context forgets what was searched"
@@ -53,7 +53,7 @@ def test_a_killed_planner_goes_on_where_it_was(stack: Stack) -> None:
 
 
 def killed(stack: Stack, bus: Bus, id: str) -> Restart:
-    """Kill the planner, and wait until it goes on; what was explored is never less."""
+    """Kill the planner and wait until it continues. The explored area never shrinks."""
     explored_m2 = stack.get("/v1/map")["explored_m2"]
     least_m2 = [explored_m2]
     restart = restarted(

@@ -1,4 +1,4 @@
-"""A full disk and a killed planner, in real processes: no task that has ended moves the robot."""
+"""Tests a full disk and a killed planner in real processes: an ended task never moves the robot."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.timeout(420)
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """The planner's folder of the state folder `tmp_path`, on a disk of 4 MB."""
+    """The planner's folder in the state folder `tmp_path`, on a disk of 4 MB."""
     folder = tmp_path / "planner"
     folder.mkdir()
     mount = shutil.which("mount")
@@ -39,7 +39,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def fill(folder: Path) -> Path:
-    """Take all room that is left on a disk; the file that takes it."""
+    """Fill the disk; the file that fills it."""
     filler = folder / "filler"
     with filler.open("wb", buffering=0) as file:
         for size in (65536, 4096, 1):
@@ -52,14 +52,14 @@ def fill(folder: Path) -> Path:
 
 
 def refused(stack: Stack, instruction: str) -> str:
-    """Why a task is not taken; empty where it is."""
+    """The reason why the planner refuses a task; empty if it accepts the task."""
     answer = LOOPBACK.post(
         f"{stack.address}/v1/tasks", json={"instruction": instruction}, timeout=10
     )
     return answer.json()["detail"] if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE else ""
 
 
-def test_a_task_that_ended_on_a_full_disk_moves_nothing_after_the_planner_died(
+def test_a_task_that_ended_on_a_full_disk_does_not_resume_after_the_planner_dies(
     small_disk: Path, tmp_path: Path
 ) -> None:
     stack = Stack(tmp_path)
@@ -96,6 +96,6 @@ def test_a_task_that_ended_on_a_full_disk_moves_nothing_after_the_planner_died(
         assert len(running) == 1
         wait_until(lambda: stack.task(running[0])["steps"] >= 2, 60, "it works")
         assert stack.task(id)["state"] == "failed"
-        assert stack.task(id)["steps"] <= steps  # the last ones could not be written down
+        assert stack.task(id)["steps"] <= steps  # the last steps could not be written
     finally:
         stack.close()

@@ -1,7 +1,7 @@
-"""Every command of the README is run as it stands there, in order, against one simulated home.
+"""Runs every command of the README as written, in order, against one simulated home.
 
-Changed is only what a test must choose: port, state folder, the id of the task.
-`HELIOS_TEST_SCREENSHOTS=DIR` keeps pictures of the dashboard, those of the README among them.
+Only port, state folder and task id are replaced.
+`HELIOS_TEST_SCREENSHOTS=DIR` keeps screenshots of the dashboard, including those of the README.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.support import LOOPBACK, free_port, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
-# What is not run here, and why.
+# Commands that do not run here, with the reason.
 EXEMPT = {
     "make demo": "installs, then does what tests/e2e/test_system.py and the next commands do",
     "make test": "is this suite",
@@ -39,12 +39,12 @@ EXEMPT = {
 
 SIZES = {"light": (1600, 1150), "dark": (1600, 1150), "tablet": (820, 1180)}  # of the dashboard
 
-# Of these, those that the README names in its text only, or may name any day.
+# Exempt commands that the README names only in its text, or may name in the future.
 BESIDES = ("helios bench", "helios mcp", "helios record", "helios up --robot spot")
 
 
 def readme_commands() -> list[str]:
-    """Of the README's blocks for the shell, each as one line, without comments."""
+    """The commands of the README's bash blocks, each on one line, without comments."""
     blocks = re.findall(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     bare = (re.sub(r"\s+#.*$", "", line).strip() for line in lines)
@@ -60,7 +60,7 @@ COMMANDS = [c for c in readme_commands() if why_exempt(c) is None]
 
 @dataclass
 class Stack:
-    """What `helios up` of the README started, and where."""
+    """The stack that the README's `helios up` started, and its folder and port."""
 
     folder: Path
     port: int = field(default_factory=free_port)
@@ -72,7 +72,7 @@ class Stack:
         return os.environ | state | {"PATH": f"{BIN}:{os.environ['PATH']}"}
 
     def adapted(self, command: str) -> str:
-        """The command for this house."""
+        """The command with this stack's port and task id."""
         command = command.replace("localhost:8080", f"localhost:{self.port}")
         command = re.sub(r"\b(ID|TASK)\b", self.task_id, command)
         if command.startswith("helios ") and not command.startswith("helios key"):
@@ -93,7 +93,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
         yield stack
 
 
-def test_each_command_is_run_or_left_out_for_a_reason() -> None:
+def test_each_readme_command_runs_or_is_exempt_with_a_reason() -> None:
     assert len(COMMANDS) >= 8
     stale = [start for start in EXEMPT if not any(c.startswith(start) for c in readme_commands())]
     assert set(stale) <= set(BESIDES), "said to be exempt, and no longer there"
@@ -101,7 +101,7 @@ def test_each_command_is_run_or_left_out_for_a_reason() -> None:
 
 
 @pytest.mark.timeout(600)
-def test_the_commands_work_in_their_order(stack: Stack) -> None:
+def test_the_readme_commands_succeed_in_order(stack: Stack) -> None:
     for command in COMMANDS:
         if command.startswith("helios up"):
             continue
@@ -118,7 +118,7 @@ def test_the_commands_work_in_their_order(stack: Stack) -> None:
             stack.task_id = stack.newest_task()["id"]
 
 
-def test_the_dashboard_shows_the_task_that_succeeded(stack: Stack, tmp_path: Path) -> None:
+def test_the_dashboard_shows_the_succeeded_task(stack: Stack, tmp_path: Path) -> None:
     assert stack.task_id, "runs after the commands"
     with chromium() as browser:
         for name, (width, height) in SIZES.items():

@@ -1,4 +1,4 @@
-"""A task is recorded; what is replayed of it builds the same maps, to the last bit."""
+"""Tests that the replay of a recorded task builds the same maps to the last bit."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ RERUN = os.environ.get("HELIOS_TEST_RERUN") or shutil.which("rerun")
 
 @dataclass(frozen=True)
 class Maps:
-    """All that two runs are compared by."""
+    """The maps by which two runs are compared."""
 
     snapshot: pb.MapSnapshot
     gaussians: pb.GaussiansReply
@@ -65,7 +65,7 @@ class Maps:
     @classmethod
     def of(cls, bus: Bus) -> Maps:
         snapshot = bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True), CALL_S)
-        snapshot.map_id = ""  # another one for each map
+        snapshot.map_id = ""  # differs for each map
         return cls(
             snapshot,
             bus.call(GAUSSIANS, pb.GaussiansRequest(), CALL_S),
@@ -74,8 +74,8 @@ class Maps:
 
 
 @dataclass(frozen=True)
-class Done:
-    """A recorded task, and the maps at its end."""
+class RecordedTask:
+    """A recorded task with the maps at its end."""
 
     folder: Path
     maps: Maps
@@ -84,8 +84,8 @@ class Done:
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
-    """A whole pick-and-place in one process, recorded."""
+def done(tmp_path_factory: pytest.TempPathFactory) -> RecordedTask:
+    """A complete pick-and-place task, recorded in one process."""
     folder = tmp_path_factory.mktemp("recorded")
     spec = EpisodeSpec("ovmm", "helios", "ground-truth", "demo-v1", SEED, None)
     home = generate_home(SEED, PRESETS[spec.preset])
@@ -98,11 +98,11 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     ):
         task = stack.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)
         maps = Maps.of(stack.bus())
-    return Done(folder, maps, task, health.metrics())
+    return RecordedTask(folder, maps, task, health.metrics())
 
 
 def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
-    """All of a recording through fresh services, in lockstep."""
+    """Replay a recording through new services in lockstep; the maps at the end."""
     hub = MemoryHub()
     with ExitStack() as opened:
 
@@ -130,26 +130,28 @@ def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
         return Maps.of(bus)
 
 
-def test_the_recorded_task_was_a_whole_one(done: Done) -> None:
+def test_the_recorded_task_succeeds_and_the_recording_is_complete(done: RecordedTask) -> None:
     assert (done.task.state, done.task.phase) == ("succeeded", "place")
     assert done.metrics["dropped_frames"] == done.metrics["dropped_messages"] == 0
     assert done.metrics["missed_frames"] == 0
     assert done.maps.gaussians.count > 1000
 
 
-def test_a_replay_gives_the_same_maps_and_objects_to_the_last_bit(done: Done) -> None:
+def test_a_replay_gives_the_same_maps_and_objects_to_the_last_bit(done: RecordedTask) -> None:
     assert play(done.folder) == done.maps
 
 
-def test_waiting_changes_nothing(done: Done) -> None:
-    """At a rate, the replay only waits."""
+def test_a_paced_replay_gives_the_same_maps_as_a_fast_one(done: RecordedTask) -> None:
+    """A rate only makes the replay wait."""
     source = open_source(done.folder)
     first_s = source.shots[20].time_s - source.shots[0].time_s
     assert play(done.folder, rate=first_s / 1.5, limit=20) == play(done.folder, limit=20)
 
 
-def test_the_replay_command_gives_them_too(done: Done, tmp_path: Path) -> None:
-    """As processes, over the router."""
+def test_the_replay_command_gives_the_same_maps_and_objects(
+    done: RecordedTask, tmp_path: Path
+) -> None:
+    """Here the services are processes that communicate over the router."""
     reported = helios("replay", str(done.folder), "--out", str(tmp_path))
     assert reported.returncode == 0, reported.stderr
     found = {o["id"]: o for o in json.loads((tmp_path / "objects.json").read_text())}
@@ -166,8 +168,10 @@ def test_the_replay_command_gives_them_too(done: Done, tmp_path: Path) -> None:
         np.testing.assert_array_equal(arrays["explored"], live.explored)
 
 
-def test_a_free_running_replay_ends_and_leaves_what_it_found(done: Done, tmp_path: Path) -> None:
-    """No promise of equality: only that nothing is waited for and every file is there."""
+def test_a_free_running_replay_ends_and_writes_its_results(
+    done: RecordedTask, tmp_path: Path
+) -> None:
+    """Equal results are not promised: the replay waits for nothing and writes every file."""
     reported = helios(
         "replay", str(done.folder), "--free-running", "--rate", "4", "--out", str(tmp_path)
     )
@@ -178,7 +182,7 @@ def test_a_free_running_replay_ends_and_leaves_what_it_found(done: Done, tmp_pat
 
 
 @pytest.mark.skipif(RERUN is None, reason="the command `rerun` (pip install rerun-sdk) is not here")
-def test_rerun_opens_it(done: Done, tmp_path: Path) -> None:
+def test_rerun_converts_the_recording(done: RecordedTask, tmp_path: Path) -> None:
     assert RERUN is not None
     (path,) = done.folder.glob("*.mcap")
     out = tmp_path / "recording.rrd"
@@ -216,7 +220,7 @@ def helios(*args: str, timeout_s: float = 200) -> subprocess.CompletedProcess[st
 
 
 def keyframes_of(path: Path) -> int:
-    """Whole ones, in a file that may be written at this moment."""
+    """The number of complete keyframes in a file that may still be written."""
     from helios_core.errors import InvalidInput
 
     try:
@@ -233,8 +237,8 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedUp]:
         yield up
 
 
-def test_what_a_killed_recorder_has_written_is_replayed(up: RecordedUp, tmp_path: Path) -> None:
-    """Twice, and both times the same; the recorder is back meanwhile, with a new file."""
+def test_the_file_of_a_killed_recorder_is_replayed(up: RecordedUp, tmp_path: Path) -> None:
+    """Two replays give the same result. Meanwhile the recorder restarts with a new file."""
     before = up.services()["recorder"]
     assert before["state"] == "ready"
     assert "recording to" in before["reason"]
@@ -250,7 +254,7 @@ def test_what_a_killed_recorder_has_written_is_replayed(up: RecordedUp, tmp_path
 
     wait_until(is_back, 30, "the recorder is back")
     wait_until(lambda: len(up.recordings) == 2, 30, "it writes a new file")
-    LOOPBACK.post(f"{tasks}/{task.json()['id']}/cancel")  # its work would only slow the replays
+    LOOPBACK.post(f"{tasks}/{task.json()['id']}/cancel")  # a running task would slow the replays
     found: list[tuple[str, np.ndarray]] = []
     for name, rate in (("fast", "0"), ("paced", "1000")):
         out = tmp_path / name
@@ -265,7 +269,7 @@ def test_what_a_killed_recorder_has_written_is_replayed(up: RecordedUp, tmp_path
     np.testing.assert_array_equal(found[0][1], found[1][1])
 
 
-def test_a_recorder_may_come_from_outside(up: RecordedUp, tmp_path: Path) -> None:
+def test_a_recorder_may_be_started_outside_helios_up(up: RecordedUp, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "helios_client", "record", "--out", str(tmp_path),
          "--port", str(up.port), "--state", str(up.state)],
@@ -280,8 +284,10 @@ def test_a_recorder_may_come_from_outside(up: RecordedUp, tmp_path: Path) -> Non
         assert process.wait(ENDS_WITHIN_S) == 0
 
 
-def test_it_holds_the_map_and_the_objects_that_helios_tells(up: RecordedUp, tmp_path: Path) -> None:
-    """While the robot stands, so that both are of one version."""
+def test_the_recording_holds_the_same_map_and_objects_as_the_gateway(
+    up: RecordedUp, tmp_path: Path
+) -> None:
+    """The robot stands still, so that both have the same version."""
     tasks = f"http://127.0.0.1:{up.port}/v1/tasks"
     task = LOOPBACK.post(tasks, json={"instruction": "Find the bed"}, timeout=20).json()
 
@@ -319,12 +325,12 @@ def test_it_holds_the_map_and_the_objects_that_helios_tells(up: RecordedUp, tmp_
     assert drawn.keys() == objects().keys()
     for id, o in objects().items():
         box = drawn[id].cubes[0].pose.position
-        np.testing.assert_allclose([box.x, box.y, box.z], o["center_m"], atol=1e-4)  # as told
+        np.testing.assert_allclose([box.x, box.y, box.z], o["center_m"], atol=1e-4)  # as reported
         name, _, score = drawn[id].texts[0].text.rpartition(" ")
         assert (name, float(score)) == (o["class"], pytest.approx(o["score"], abs=0.006))
 
 
-def test_without_anything_to_record_it_says_so(tmp_path: Path) -> None:
+def test_recording_without_a_running_stack_fails_with_one_sentence(tmp_path: Path) -> None:
     done = helios("record", "--out", str(tmp_path), "--state", str(tmp_path))
     assert done.returncode == 1
     assert "--router" in done.stderr

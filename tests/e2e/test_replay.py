@@ -1,4 +1,4 @@
-"""Real camera frames through real processes: a mug on a table is found where it stands."""
+"""Tests real camera frames through real processes: a mug on a table is found at its position."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ needs_data = pytest.mark.skipif(
 def replay(
     out: Path, classes: str, detector: str = f"onnx:{MODEL}"
 ) -> subprocess.CompletedProcess[str]:
-    """`helios replay` of the first frames; no process of it is left."""
+    """Run `helios replay` on the first frames; checks that no process is left."""
     mark = uuid.uuid4().hex
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "replay", str(DATASET), "--classes", classes,
@@ -41,7 +41,7 @@ def replay(
 
 
 @needs_data
-def test_a_mug_is_found_in_real_frames(tmp_path: Path) -> None:
+def test_replay_finds_a_mug_in_real_frames(tmp_path: Path) -> None:
     done = replay(tmp_path, "cup,dining table")
     assert done.returncode == 0, done.stderr
     objects = json.loads((tmp_path / "objects.json").read_text())
@@ -61,12 +61,12 @@ def test_a_mug_is_found_in_real_frames(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("classes", "detector", "words", "status"),
     [
-        ("unicorn,zeppelin", f"onnx:{MODEL}", "unicorn", 2),  # none of them is known
+        ("unicorn,zeppelin", f"onnx:{MODEL}", "unicorn", 2),  # no class is known
         ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx", 2),
-        ("cup", "crystal-ball", "crystal-ball", 2),  # wrong use
+        ("cup", "crystal-ball", "crystal-ball", 2),  # no such detector
     ],
 )
-def test_what_cannot_be_found_is_said_in_one_sentence(
+def test_an_unknown_class_model_or_detector_is_reported_in_one_sentence(
     classes: str, detector: str, words: str, status: int, tmp_path: Path
 ) -> None:
     done = replay(tmp_path, classes, detector)

@@ -1,5 +1,5 @@
-"""`helios replay` of a recording whose search begins late, is not known, is damaged or interrupted:
-it ends, says why, and leaves what it found."""
+"""Tests `helios replay` of a recording with a late search, unknown classes, damage or an interrupt:
+it ends, reports why, and writes its results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LONGEST_S = 280.0
 
 
 def record(folder: Path, *classes: str, after: int = AFTER) -> Path:
-    """Of the first keyframes, none was answered."""
+    """Write a recording whose first `BEFORE` keyframes have no observation."""
     recorded = Recorded(folder, chunk_mb=0.02)
     recorded.robot()
     for seq in range(BEFORE):
@@ -46,7 +46,7 @@ def command(path: Path, out: Path, flags: Sequence[str]) -> list[str]:
 
 
 def replay(path: Path, out: Path, *flags: str) -> subprocess.CompletedProcess[str]:
-    """To its end; no process of it is left."""
+    """Run a replay to its end; checks that no process is left."""
     mark = uuid.uuid4().hex
     done = subprocess.run(
         command(path, out, flags), capture_output=True, text=True, timeout=LONGEST_S, check=False,
@@ -57,7 +57,7 @@ def replay(path: Path, out: Path, *flags: str) -> subprocess.CompletedProcess[st
 
 
 @pytest.mark.parametrize("flags", [[], ["--from", "0.001"]])
-def test_keyframes_before_the_first_search_are_mapped_and_known_classes_are_looked_for(
+def test_keyframes_before_the_first_search_are_mapped_and_unknown_classes_are_skipped(
     flags: list[str], tmp_path: Path
 ) -> None:
     path = record(tmp_path, "box", "cup")
@@ -74,7 +74,9 @@ def test_keyframes_before_the_first_search_are_mapped_and_known_classes_are_look
     assert np.any(occupancy >= 0)
 
 
-def test_a_recording_of_which_the_detector_knows_no_class_ends_as_wrong_use(tmp_path: Path) -> None:
+def test_a_recording_without_any_class_of_the_detector_ends_as_a_usage_error(
+    tmp_path: Path,
+) -> None:
     path = record(tmp_path, "cup")
     done = replay(path, tmp_path / "out", "--detector", "paint")
     assert done.returncode == 2, done.stdout
@@ -83,7 +85,7 @@ def test_a_recording_of_which_the_detector_knows_no_class_ends_as_wrong_use(tmp_
     assert not (tmp_path / "out/objects.json").exists()
 
 
-def test_a_damaged_recording_is_played_without_what_is_lost(tmp_path: Path) -> None:
+def test_a_damaged_recording_is_replayed_without_its_lost_chunks(tmp_path: Path) -> None:
     path = record(tmp_path, "box")
     data = bytearray(path.read_bytes())
     middle = len(data) // 2
@@ -104,7 +106,9 @@ def test_a_damaged_recording_is_played_without_what_is_lost(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_leaves_what_was_found_so_far(number: signal.Signals, tmp_path: Path) -> None:
+def test_an_interrupted_replay_writes_its_results_so_far(
+    number: signal.Signals, tmp_path: Path
+) -> None:
     path = record(tmp_path, "box", "cup", after=60)
     out, said = tmp_path / "out", tmp_path / "said"
     mark = uuid.uuid4().hex

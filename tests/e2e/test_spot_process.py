@@ -1,4 +1,4 @@
-"""`helios up --robot spot` at a fake Spot: it gets ready, and its death leaves no robot walking."""
+"""Tests `helios up --robot spot` with a fake Spot: it gets ready; it halts when the bridge dies."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class SpotUp(Up):
     """A running `helios up` that drives a fake Spot."""
 
     def bridge(self) -> dict[str, Any]:
-        """As `helios status` finds it; empty before it is known."""
+        """The bridge as `helios status` reports it; empty before the status is known."""
         with Helios(f"http://127.0.0.1:{self.port}", 3.0) as helios:
             try:
                 services = find_status(helios, self.port, self.state)["services"]
@@ -56,13 +56,13 @@ def fake(tmp_path: Path) -> Iterator[FakeSpot]:
 @contextmanager
 def spot_up(fake: FakeSpot, folder: Path, **environment: str) -> Iterator[SpotUp]:
     env = fake.environment | environment | {"XDG_STATE_HOME": str(folder / "home")}
-    del env["HELIOS_SPOT_HOST"]  # a flag names it
+    del env["HELIOS_SPOT_HOST"]  # the flag names the host
     flags = ("--robot", "spot", "--spot-host", "127.0.0.1", "--detector", "ground-truth")
     with helios_up(folder / "state", *flags, kind=SpotUp, environment=env) as up:
         yield up
 
 
-def test_a_bridge_that_is_killed_leaves_no_robot_walking_and_its_successor_goes_on(
+def test_a_killed_bridge_leaves_no_robot_walking_and_the_restarted_one_drives(
     fake: FakeSpot, tmp_path: Path
 ) -> None:
     world = fake.world
@@ -90,10 +90,12 @@ def test_a_bridge_that_is_killed_leaves_no_robot_walking_and_its_successor_goes_
                 lambda: _ignore(lambda: act(bus, "turn", turn).succeeded), 20,
                 "the robot turns again",
             )  # fmt: skip
-    assert world.lease_owner == ""  # given back in an orderly end
+    assert world.lease_owner == ""  # an orderly end returns the lease
 
 
-def test_a_wrong_password_is_shown_and_not_tried_again(fake: FakeSpot, tmp_path: Path) -> None:
+def test_a_wrong_password_degrades_the_bridge_with_the_reason(
+    fake: FakeSpot, tmp_path: Path
+) -> None:
     with spot_up(fake, tmp_path, HELIOS_SPOT_PASSWORD="guess") as up:
         wait_until(lambda: up.bridge_is("degraded"), 60, "the bridge says what is wrong")
         assert "HELIOS_SPOT_PASSWORD" in up.bridge()["reason"]

@@ -1,4 +1,4 @@
-"""Spot does a whole task: driver over the real services, detector, maps and planner."""
+"""Tests a complete task with a fake Spot: driver over real services, detector, maps and planner."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ from tests.support import wait_until
 
 TASK_S = 240.0
 INSTRUCTION = "Move the mug from the table to the bench"
-HUES = {"mug": (0, 8), "bench": (55, 75), "table": (110, 125)}  # as OpenCV counts them
+HUES = {"mug": (0, 8), "bench": (55, 75), "table": (110, 125)}  # in OpenCV's units
 
 
 class ColourDetector(DetectorBackend):
-    """Finds coloured shapes: everything of a hue, in one piece, is a thing of that class."""
+    """Finds coloured shapes: each connected region of a hue is an object of that class."""
 
     name = "colours"
 
@@ -74,10 +74,10 @@ class ColourDetector(DetectorBackend):
         return Findings(tuple(found), seen)
 
     def warm_up(self) -> None:
-        """It is warm."""
+        """Nothing to warm up."""
 
     def close(self) -> None:
-        """It holds nothing."""
+        """Nothing to close."""
 
 
 class Stack:
@@ -116,14 +116,14 @@ class Stack:
         opened.enter_context(closing(PlannerService(new_bus(), kept, Health())))
 
     def begin(self, instruction: str) -> str:
-        """Submit; the task's id."""
+        """Submit a task; its id."""
         return self._bus.call(SUBMIT, pb.SubmitRequest(instruction=instruction), 30).id
 
     def task(self, id: str) -> pb.Task:
         return self._bus.call(GET_TASK, pb.TaskRequest(id=id), 10)
 
     def end(self, id: str) -> pb.Task:
-        """The task when it has ended."""
+        """Wait until the task ends; the ended task."""
         assert self.ended.wait(TASK_S), "the task did not end"
         return self.task(id)
 
@@ -141,20 +141,20 @@ class Stack:
 
 @dataclass(frozen=True)
 class Episode:
-    """One task from its first step to its end, and how it was while the tablet had the robot."""
+    """One task from its first step to its end, and its state while the tablet held the lease."""
 
     world: World
     paused: pb.Task
     moving: bool
     lease_owner: str
-    refused: str  # what clearing the stop too early was answered
+    refused: str  # the answer to clearing the stop too early
     ended: pb.Task
 
 
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
-    """A person takes the robot once it moves, clears the stop too early, gives the robot back, and
-    clears the stop: once, and at once."""
+    """An operator takes the lease once the robot moves, clears the stop too early, returns the
+    lease, and clears the stop once, without waiting."""
     with closing(Stack(tmp_path_factory.mktemp("spot"))) as stack:
         world = stack.fake.world
         id = stack.begin(INSTRUCTION)
@@ -169,7 +169,7 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
         yield Episode(world, *then, refused.value.message, stack.end(id))
 
 
-def test_a_task_pauses_while_the_tablet_has_the_robot(episode: Episode) -> None:
+def test_a_task_pauses_while_the_tablet_holds_the_lease(episode: Episode) -> None:
     assert episode.paused.state == "paused"
     assert "the tablet has taken the robot's lease" in episode.paused.message
     assert not episode.moving
@@ -177,7 +177,7 @@ def test_a_task_pauses_while_the_tablet_has_the_robot(episode: Episode) -> None:
     assert "cannot clear the stop: the tablet holds the robot's lease" in episode.refused
 
 
-def test_it_goes_on_when_a_person_says_so_and_carries_the_mug_from_the_table_to_the_bench(
+def test_the_task_continues_after_the_stop_is_cleared_and_moves_the_mug_to_the_bench(
     episode: Episode,
 ) -> None:
     assert episode.ended.state == "succeeded", episode.ended.message
@@ -186,7 +186,7 @@ def test_it_goes_on_when_a_person_says_so_and_carries_the_mug_from_the_table_to_
     x, y, z = world.things["mug"].center
     assert low[0] <= x <= high[0]
     assert low[1] <= y <= high[1]
-    assert abs(z - 0.06 - high[2]) < 0.01  # it stands on the bench
+    assert abs(z - 0.06 - high[2]) < 0.01  # the mug stands on the bench
     assert world.bumps == 0
     assert world.fastest <= 0.5
     assert not world.moving

@@ -1,4 +1,4 @@
-"""The whole house as processes: it stands, survives any of them dying, and does a task."""
+"""Tests the full stack as processes: it starts, survives the death of any service, does a task."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Stack(Up):
         return LOOPBACK.get(f"{self.address}{path}", timeout=10)
 
     def status(self) -> dict[str, ServiceAnswer]:
-        """Of each service, as `helios status` finds it."""
+        """The services by name, as `helios status` reports them."""
         with Helios(f"http://127.0.0.1:{self.port}", 3.0) as helios:
             found = find_status(helios, self.port, self.state)
         return {s["name"]: s for s in found["services"]}
 
     def kill(self, name: str) -> None:
-        """Returns when it is back, which the status says, and everything is ready."""
+        """Kill a service; returns when the status shows it restarted and all services are ready."""
         wait_until(self.ready, 90, "all services are ready")
         before = self.status()[name]
         pid = before["pid"]
@@ -57,13 +57,14 @@ class Stack(Up):
                 and now["restarts"] == before["restarts"] + 1
             )
 
-        wait_until(is_back, 60, f"{name} is back")  # on a busy machine; 5 s are measured apart
+        # 60 s allow for a busy machine; the 5 s are measured elsewhere.
+        wait_until(is_back, 60, f"{name} is back")
         wait_until(self.ready, 90, "all services are ready again")
 
 
 @pytest.fixture(scope="module")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """In the end it must leave no process behind."""
+    """A stack that must leave no process behind."""
     flags = ("--robot", "sim", "--seed", str(SEED))
     with helios_up(tmp_path_factory.mktemp("state"), *flags, kind=Stack) as stack:
         wait_until(stack.ready, 120, "all services are ready")
@@ -76,7 +77,7 @@ def check_answer(stack: Stack, path: str, kind: str) -> None:
     assert answer.headers["content-type"].startswith(kind)
 
 
-def test_every_service_is_a_process_of_its_own_and_ready(stack: Stack) -> None:
+def test_every_service_is_ready_in_its_own_process(stack: Stack) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "status", "--json", "--port", str(stack.port)],
         capture_output=True, text=True, timeout=20, check=False,
@@ -98,7 +99,7 @@ def test_every_service_is_a_process_of_its_own_and_ready(stack: Stack) -> None:
         ("x" * 20_000, "10,000|10000|long"),
     ],
 )
-def test_an_instruction_that_cannot_be_done_is_refused_with_a_sentence(
+def test_an_invalid_instruction_is_refused_with_a_reason(
     stack: Stack, instruction: str, said: str
 ) -> None:
     answer = LOOPBACK.post(
@@ -109,11 +110,13 @@ def test_an_instruction_that_cannot_be_done_is_refused_with_a_sentence(
 
 
 @pytest.mark.parametrize("name", [s for s in SERVICES if s not in ("world", "bridge")])
-def test_a_killed_service_is_back_and_said_to_be(stack: Stack, name: str) -> None:
+def test_a_killed_service_is_restarted_and_the_status_counts_the_restart(
+    stack: Stack, name: str
+) -> None:
     stack.kill(name)
 
 
-def test_a_killed_bridge_is_back_and_the_world_as_it_was(stack: Stack) -> None:
+def test_a_killed_bridge_is_restarted_and_the_world_is_unchanged(stack: Stack) -> None:
     bus = ZenohBus(stack.router)
     try:
         before = bus.call(WORLD_STATE, pb.Empty(), 10)
@@ -126,7 +129,7 @@ def test_a_killed_bridge_is_back_and_the_world_as_it_was(stack: Stack) -> None:
 
 
 @pytest.mark.timeout(420)
-def test_a_language_task_succeeds_after_all_that(stack: Stack) -> None:
+def test_a_language_task_succeeds_after_the_restarts(stack: Stack) -> None:
     bus = ZenohBus(stack.router)
     try:
         episode = bus.call(TRUTH_EPISODE, pb.Empty(), 10)
@@ -174,7 +177,7 @@ def test_a_language_task_succeeds_after_all_that(stack: Stack) -> None:
         ("/", "text/html"),
     ],
 )
-def test_every_path_of_the_interface_answers(stack: Stack, path: str, kind: str) -> None:
+def test_every_path_of_the_http_interface_answers(stack: Stack, path: str, kind: str) -> None:
     check_answer(stack, path, kind)
 
 
@@ -201,7 +204,7 @@ MODULES = {
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_a_service_started_alone_says_what_it_waits_for_and_ends_when_asked(
+def test_a_service_started_alone_logs_that_it_waits_for_the_router_and_ends_on_sigterm(
     name: str, tmp_path: Path
 ) -> None:
     log = tmp_path / "log"
@@ -220,7 +223,7 @@ def test_a_service_started_alone_says_what_it_waits_for_and_ends_when_asked(
         process.kill()
 
 
-def test_the_order_of_starting_does_not_matter(tmp_path: Path) -> None:
+def test_services_may_start_in_any_order(tmp_path: Path) -> None:
     router, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     extra = {
         "gateway": ["--port", str(port)],
@@ -251,7 +254,7 @@ def test_the_order_of_starting_does_not_matter(tmp_path: Path) -> None:
             process.wait()
 
 
-def test_a_missing_model_file_is_said_in_one_sentence(stack: Stack, tmp_path: Path) -> None:
+def test_a_missing_model_file_is_named_in_the_log(stack: Stack, tmp_path: Path) -> None:
     log = tmp_path / "log"
     with log.open("wb") as out:
         process = subprocess.Popen(
@@ -266,7 +269,7 @@ def test_a_missing_model_file_is_said_in_one_sentence(stack: Stack, tmp_path: Pa
         process.wait()
 
 
-def test_a_port_in_use_is_said_by_number(stack: Stack, tmp_path: Path) -> None:
+def test_an_occupied_port_is_reported_with_its_number(stack: Stack, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "up", "--robot", "sim", "--port", str(stack.port),
          "--state", str(tmp_path)],

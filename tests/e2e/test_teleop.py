@@ -1,4 +1,4 @@
-"""Driving by hand through real processes: from Chromium, from Python, and beside a task."""
+"""Tests driving by hand through real processes: from Chromium, from Python, and during a task."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def pose(helios: Helios) -> tuple[float, float, float]:
 
 
 def is_mapped(helios: Helios) -> bool:
-    """Whether a keyframe has come to the map."""
+    """Whether a keyframe has reached the map."""
     try:
         return helios.map_info()["version"] > 0
-    except Unavailable:  # none has come yet
+    except Unavailable:  # no keyframe yet
         return False
 
 
-def test_from_the_page_what_is_held_moves_the_robot_and_letting_go_stops_it(
+def test_a_held_key_on_the_page_moves_the_robot_and_a_release_stops_it(
     browser: Browser, up: OwnUp, helios: Helios
 ) -> None:
     page = browser.new_page()
@@ -67,9 +67,7 @@ def test_from_the_page_what_is_held_moves_the_robot_and_letting_go_stops_it(
     page.close()
 
 
-def test_from_python_it_turns_and_stands_when_the_program_says_nothing_more(
-    helios: Helios,
-) -> None:
+def test_python_teleop_turns_the_robot_and_stops_when_commands_cease(helios: Helios) -> None:
     before = pose(helios)
     with helios.teleop() as drive:
         state = drive(turn=1.0, for_s=1.0)
@@ -79,7 +77,7 @@ def test_from_python_it_turns_and_stands_when_the_program_says_nothing_more(
     assert answer["succeeded"], answer["reason"]
 
 
-def test_a_wall_is_said_and_not_driven_against_again(helios: Helios) -> None:
+def test_teleop_reports_blocked_at_a_wall(helios: Helios) -> None:
     with helios.teleop() as drive:
         deadline = time.monotonic() + 60
         while (state := drive(forward=1.0)).state != "blocked":
@@ -88,7 +86,7 @@ def test_a_wall_is_said_and_not_driven_against_again(helios: Helios) -> None:
     assert "blocked" in state.reason
 
 
-def test_nobody_drives_while_a_task_runs_and_a_task_waits_for_who_drives(helios: Helios) -> None:
+def test_driving_is_refused_during_a_task_and_a_task_waits_for_the_driver(helios: Helios) -> None:
     let_go = threading.Event()
     refused: list[Exception] = []
 

@@ -1,6 +1,6 @@
-"""A Spot made of arithmetic that speaks the real services: the SDK talks to it unmodified.
+"""A simulated Spot that speaks the real gRPC services: the unmodified SDK connects to it.
 
     python -m tests.fake_spot --folder /tmp/spot     # prints the settings to reach it with
 
-What it proves and what it does not: docs/how-to/spot.md.
+docs/how-to/spot.md says what it proves and what it does not.
 """

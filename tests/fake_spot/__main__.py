@@ -1,4 +1,4 @@
-"""`python -m tests.fake_spot`: a robot to try the driver with; runs until Ctrl-C."""
+"""`python -m tests.fake_spot`: a robot for trying the driver; runs until Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may talk: login, directory, identity, clocks."""
+"""Access services of the fake Spot: login, directory, identity, clocks."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class RobotId(pb.servicer("RobotIdService")):
 
 
 class TimeSync(pb.servicer("TimeSyncService")):
-    """Works in the robot's clock. `ready` is False while it cannot."""
+    """Uses the robot's clock. `ready` is False while the service is not ready."""
 
     ready = True
 

@@ -1,4 +1,4 @@
-"""What the fake robot does: robot commands and grasps."""
+"""Action services of the fake Spot: robot commands and grasps."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ HALF_OPEN_RAD = 1.5708
 class Commands(pb.servicer("RobotCommandService")):
     def __init__(self, world: World, leases: Leases) -> None:
         self._w, self._leases = world, leases
-        self.late_s = 0.0  # so much later than sent a command with an end arrives
-        self.asked = 0  # how often somebody wanted to know what became of a command
+        self.late_s = 0.0  # delay from send to arrival of a command with an end time
+        self.asked = 0  # number of requests for command feedback
         self._ids = itertools.count(1)
         self._arm_ok: dict[int, bool] = {}
         self._kinds: dict[int, str] = {}
@@ -154,7 +154,7 @@ class Commands(pb.servicer("RobotCommandService")):
             self._arm_ok[id] = w.reach(T)
 
     def _bounded(self, asked: Any) -> None:
-        """Note how fast the hand may move; a bound that is not told is none."""
+        """Record how fast the hand may move; a missing bound counts as infinite."""
         w = self._w
         linear = asked.max_linear_velocity.value or math.inf
         angular = asked.max_angular_velocity.value or math.inf
@@ -164,7 +164,7 @@ class Commands(pb.servicer("RobotCommandService")):
 
 
 class Manipulation(pb.servicer("ManipulationApiService")):
-    """Casts the pixel's ray with the request's own camera and frames."""
+    """Casts the pixel's ray with the camera and frames of the request."""
 
     def __init__(self, world: World, leases: Leases) -> None:
         self._w, self._leases = world, leases

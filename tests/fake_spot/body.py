@@ -1,4 +1,4 @@
-"""The fake robot's own shape: where its links are, as frames, joints and capsules."""
+"""The fake Spot's body: its links as frames, joints and capsules."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ STOWED = pose((0.45, 0.0, 0.25))
 
 
 def looking_at(eye: Array, point: Array) -> Array:
-    """Rotation [3, 3] of a hand at `eye` that points its x axis at a point and keeps level."""
+    """Rotation [3, 3] of a level hand at `eye` whose x axis points at `point`."""
     x = (point - eye) / max(float(np.linalg.norm(point - eye)), 1e-9)
     y = np.cross([0.0, 0.0, 1.0], x)
     y /= max(float(np.linalg.norm(y)), 1e-9)
@@ -44,7 +44,7 @@ def looking_at(eye: Array, point: Array) -> Array:
 
 @dataclass(frozen=True)
 class Arm:
-    """Joints that bring the wrist where the hand's pose wants it; the elbow points up."""
+    """Joints that place the wrist for the hand's pose; the elbow points up."""
 
     T_body_hand: Array
 
@@ -73,7 +73,7 @@ class Arm:
         return bool(np.linalg.norm(self.wrist - SHOULDER) <= UPPER + FORE)
 
     def shapes(self, T_world_body: Array) -> dict[str, Shape]:
-        """Upper arm and forearm as a camera of the body sees them."""
+        """Upper arm and forearm in the world, for the body's cameras."""
 
         def world(p: Array) -> tuple[float, float, float]:
             x, y, z = (T_world_body @ [*p, 1.0])[:3]

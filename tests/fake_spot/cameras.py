@@ -1,4 +1,4 @@
-"""The fake robot's image sources: intrinsics, mounts, and rays."""
+"""The fake Spot's image sources: intrinsics, mounts and rays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEPTH_SCALE = 1000.0
 
 
 def _turned(yaw: float, down: float, roll: float) -> Array:
-    """Rotation of a camera that heads `yaw`, looks down, and is rolled about its axis."""
+    """Rotation of a camera with heading `yaw`, pitched `down`, and rolled about its axis."""
     cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(down), math.sin(down)
     cr, sr = math.cos(roll), math.sin(roll)
     heading = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1.0]])
@@ -65,7 +65,7 @@ class Source:
 
 
 def sources(cols: int = 320, rows: int = 240) -> dict[str, Source]:
-    """What this Spot has: the hand's colour and depth, and two of the body's cameras."""
+    """The image sources of this Spot: the hand's colour and depth, and two of the body's."""
     hand = pose((0.02, 0.0, 0.02), R_OPTICAL)
     front = pose((0.42, 0.04, 0.02), _turned(0.0, 0.5, math.radians(-78)))
     front_depth = pose((0.42, 0.06, 0.02), _turned(0.0, 0.5, math.radians(-78)))

@@ -1,4 +1,4 @@
-"""bosdyn's generated modules, in one place; they carry no types, hence Any."""
+"""Imports of bosdyn's generated modules in one place; they have no types, hence Any."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ util = _load("util")
 
 
 def servicer(name: str) -> Any:
-    """The base class that a service's methods are written into."""
+    """The generated base class of a service."""
     return getattr(SERVICERS[name], f"{name}Servicer")
 
 
 def answer(reply: Any, request: Any, robot_ns: int) -> Any:
-    """A reply with the header that every service of the robot sends."""
+    """Fill in the header that every service of the robot sends; the reply."""
     reply.header.request_header.CopyFrom(request.header)
     util.set_timestamp_from_nsec(reply.header.request_received_timestamp, robot_ns)
     util.set_timestamp_from_nsec(reply.header.response_timestamp, robot_ns)

@@ -1,4 +1,4 @@
-"""Who may move it: lease, e-stop, power."""
+"""Services of the fake Spot for the right to move: lease, e-stop, power."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.fake_spot.world import World
 
 
 class Leases(pb.servicer("LeaseService")):
-    """One resource, the body. The newest root sequence drives."""
+    """Leases of one resource, the body. The lease with the newest root sequence drives."""
 
     def __init__(self, world: World) -> None:
         self._w = world
@@ -28,7 +28,7 @@ class Leases(pb.servicer("LeaseService")):
                 result.status = result.STATUS_INVALID_LEASE
                 return False
             result.latest_known_lease.CopyFrom(self._newest)
-            # Keep-alive and commands may overtake each other: only the root counts.
+            # Keep-alive and commands may overtake each other, so only the root counts.
             good = list(lease.sequence[:1]) == list(self._newest.sequence[:1])
             result.status = result.STATUS_OK if good else result.STATUS_OLDER
             return good
@@ -74,19 +74,19 @@ class Leases(pb.servicer("LeaseService")):
         return pb.answer(reply, request, self._w.robot_ns)
 
     def give_to(self, owner: str) -> None:
-        """Somebody else takes it, as the tablet does."""
+        """Another client takes the lease, as the tablet does."""
         with self._w.lock:
             self._w.halt("the lease was taken")
             self._grant(pb.lease.TakeLeaseResponse(), owner)
-            self._w.retained_s = math.inf  # a tablet keeps it
+            self._w.retained_s = math.inf  # a tablet keeps the lease
 
     def free(self) -> None:
-        """That somebody releases it."""
+        """The other client releases the lease."""
         with self._w.lock:
             self._w.lease_owner = ""
 
     def reboot(self) -> None:
-        """The robot starts anew: it sits, nobody has it, and its leases are of a new epoch."""
+        """The robot restarts: it sits, nobody holds a lease, and new leases have a new epoch."""
         with self._w.lock:
             self._w.halt("a reboot")
             self._w.motors = self._w.standing = False
@@ -109,8 +109,8 @@ class Leases(pb.servicer("LeaseService")):
 
 
 class Estop(pb.servicer("EstopService")):
-    """An endpoint that checks in releases "software"; one that falls silent presses it again.
-    Others are pressed by hand."""
+    """An endpoint that checks in releases the e-stop "software"; silence presses it again. Other
+    e-stops are pressed by hand."""
 
     def __init__(self, world: World) -> None:
         self._w = world
@@ -131,7 +131,7 @@ class Estop(pb.servicer("EstopService")):
         reply.active_config.CopyFrom(self._config)
         reply.status = reply.STATUS_SUCCESS
         with self._w.lock:
-            self._w.estops.add("software")  # until it checks in
+            self._w.estops.add("software")  # until the endpoint checks in
             self._w.estop_due_s = math.inf
         return pb.answer(reply, request, self._w.robot_ns)
 
@@ -169,7 +169,7 @@ class Estop(pb.servicer("EstopService")):
         return pb.answer(reply, request, self._w.robot_ns)
 
     def replace(self, name: str) -> None:
-        """Somebody sets up an e-stop of their own, and holds it released."""
+        """Another client sets up its own e-stop and holds it released."""
         with self._w.lock:
             del self._config.endpoints[:]
             self._config.endpoints.add(name=name, unique_id="0")

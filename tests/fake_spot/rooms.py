@@ -1,4 +1,4 @@
-"""Rooms to stand in."""
+"""Rooms for the fake Spot."""
 
 from __future__ import annotations
 

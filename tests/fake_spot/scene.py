@@ -1,4 +1,4 @@
-"""Boxes, upright cylinders and capsules, and what a camera sees of them by ray casting.
+"""Boxes, upright cylinders and capsules, and their camera images by ray casting.
 
 World: x, y, z up, floor at z = 0, metres. Rays have length 1 along the optical axis, so that the
 distance along a ray is the depth of its pixel.
@@ -20,7 +20,7 @@ SKY: Color = (200, 210, 220)
 
 @dataclass(frozen=True)
 class Box:
-    """Along the world's axes."""
+    """A box along the world's axes."""
 
     center: tuple[float, float, float]
     size: tuple[float, float, float]
@@ -48,7 +48,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Upright."""
+    """An upright cylinder."""
 
     center: tuple[float, float, float]
     radius: float
@@ -85,7 +85,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within a radius of a line; the robot's own arm."""
+    """All points within a radius of a line segment; models the robot's arm."""
 
     a: tuple[float, float, float]
     b: tuple[float, float, float]
@@ -98,7 +98,7 @@ class Capsule:
         return ends.min(0) - self.radius, ends.max(0) + self.radius
 
     def cast(self, eye: Array, rays: Array) -> tuple[Array, Array]:
-        """As Box; seen from outside. Balls along the line, close enough together to be a tube."""
+        """As Box, for an eye outside. Casts spheres along the line that overlap to a tube."""
         a, b = np.array(self.a), np.array(self.b)
         n = max(2, int(np.linalg.norm(b - a) / (0.3 * self.radius)) + 2)
         best, normal = np.full(len(rays), np.inf), np.zeros_like(rays)
@@ -107,7 +107,7 @@ class Capsule:
             o = eye - (a + f * (b - a))
             rb, c = rays @ o, float(o @ o) - self.radius**2
             if c < 0:
-                continue  # the eye is inside
+                continue  # the eye is inside the sphere
             with np.errstate(invalid="ignore"):
                 t = (-rb - np.sqrt(rb * rb - rr * c)) / rr
             nearer = (t > 0) & (t < best)
@@ -121,18 +121,18 @@ Shape = Box | Cylinder | Capsule
 
 @dataclass(frozen=True)
 class Seen:
-    """What a camera sees: depth [h, w] along the optical axis (0: nothing), colour, and names."""
+    """A camera image: depth [h, w] along the optical axis (0: no hit), colour, and shape names."""
 
     depth_m: NDArray[np.float32]
     color: NDArray[np.uint8]
-    index: NDArray[np.int16]  # [h, w] into `names`; -1 is nothing
+    index: NDArray[np.int16]  # [h, w] into `names`; -1: no hit
     names: tuple[str, ...]
 
 
 def look(
     shapes: Mapping[str, Shape], T_world_cam: Array, rays_cam: Array, far_m: float = 20.0
 ) -> Seen:
-    """rays_cam: [h, w, 3] with z = 1, one for each pixel."""
+    """Render the shapes. rays_cam: [h, w, 3] with z = 1, one for each pixel."""
     h, w, _ = rays_cam.shape
     eye = T_world_cam[:3, 3]
     rays = (rays_cam @ T_world_cam[:3, :3].T).reshape(-1, 3)
@@ -155,14 +155,14 @@ def look(
 
 
 def first_hit(shapes: Mapping[str, Shape], eye: Array, ray: Array) -> tuple[str, float]:
-    """(name, distance in lengths of the ray) of what a single ray meets; ("", inf) for nothing."""
+    """(name, distance in ray lengths) of the first shape that a ray hits; ("", inf) for none."""
     found = [(float(s.cast(eye, ray[None])[0][0]), name) for name, s in shapes.items()]
     t, name = min(found, default=(np.inf, ""))
     return (name, t) if np.isfinite(t) else ("", np.inf)
 
 
 def support_below(shapes: Iterable[Shape], x: float, y: float, below_z: float) -> float:
-    """Height of what lies below a point; 0 is the floor."""
+    """Height of the highest surface below a point; 0 is the floor."""
     tops = [0.0]
     for shape in shapes:
         low, high = shape.bounds
@@ -172,7 +172,7 @@ def support_below(shapes: Iterable[Shape], x: float, y: float, below_z: float) -
 
 
 def _may_meet(shape: Shape, eye: Array, rays: Array) -> NDArray[np.bool_]:
-    """Which rays [n, 3] pass near the shape's bounding ball."""
+    """Which rays [n, 3] pass through the shape's bounding sphere."""
     low, high = shape.bounds
     o, r = (low + high) / 2 - eye, float(np.linalg.norm(high - low) / 2)
     along = rays @ o

@@ -1,4 +1,4 @@
-"""What the fake robot tells of itself, and its images."""
+"""Sensor services of the fake Spot: robot state and images."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def inverse(T: Array) -> Array:
 
 
 def frame_tree(world: World, source: Source | None = None) -> Any:
-    """As the robot's: the body is the root, and vision hangs below it."""
+    """The frame tree as on the real robot: the body is the root, and vision is its child."""
     tree = pb.geometry.FrameTreeSnapshot()
     edges = tree.child_to_parent_edge_map
     edges["body"].parent_frame_name = ""
@@ -78,7 +78,7 @@ class State(pb.servicer("RobotStateService")):
 
 
 class Images(pb.servicer("ImageService")):
-    """`sources` may lose members while it runs: a camera that breaks."""
+    """Serves images. `sources` may lose members at runtime, as when a camera breaks."""
 
     def __init__(self, world: World, sources: dict[str, Source]) -> None:
         self._w, self.sources = world, sources
@@ -137,7 +137,7 @@ class Images(pb.servicer("ImageService")):
         image.format, image.data = image.FORMAT_JPEG, jpeg.tobytes()
 
     def _see(self, source: Source, shapes: dict[str, Any], T_world_cam: Array) -> Seen:
-        """Colour and depth of one moment are asked for one after the other: cast once."""
+        """Cast once for colour and depth of one moment, which are requested in sequence."""
         key = (source.rays.shape, source.focal, T_world_cam.tobytes(), tuple(shapes.values()))
         if self._last is None or self._last[0] != key:
             self._last = (key, look(shapes, T_world_cam, source.rays))

@@ -1,4 +1,4 @@
-"""The fake robot behind TLS: every service on one port, as on the real one."""
+"""The fake Spot's server: every service on one port behind TLS, as on the real robot."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OPEN = ("AuthService", "RobotIdService")
 
 
 class _NeedsToken(grpc.ServerInterceptor):
-    """Only login and identity answer without the token that login gave."""
+    """Refuses calls without the login token, except to login and identity."""
 
     def intercept_service(self, continuation: Any, handler_call_details: Any) -> Any:
         given = ("authorization", f"Bearer {TOKEN}") in [
@@ -54,7 +54,8 @@ class FakeSpot:
         self.world = world or World(*tea_room())
         self.ca_file = folder / "fake-spot-ca.pem"
         authority = trustme.CA()
-        certificate = authority.issue_cert("*.spot.robot")  # the SDK asks for auth.spot.robot etc.
+        # The SDK connects to auth.spot.robot etc.
+        certificate = authority.issue_cert("*.spot.robot")
         authority.cert_pem.write_to_path(self.ca_file)
         self._server = grpc.server(
             futures.ThreadPoolExecutor(16, "fake-spot"),
@@ -90,12 +91,12 @@ class FakeSpot:
 
     @property
     def port(self) -> int:
-        """Of the wire that can be cut."""
+        """The port of the connection that a test can cut."""
         return self.wire.port
 
     @property
     def environment(self) -> dict[str, str]:
-        """Settings with which the driver finds it."""
+        """The settings with which the driver connects to this robot."""
         return {
             "HELIOS_SPOT_HOST": "127.0.0.1",
             "HELIOS_SPOT_PORT": str(self.port),

@@ -1,4 +1,4 @@
-"""A cable that can be cut: TCP from one port to another, until it swallows every byte."""
+"""A TCP relay between two ports that a test can cut; a cut relay drops every byte."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import threading
 
 
 class Wire:
-    """Listens on `port` of the loopback and passes on to `target`."""
+    """Listens on `port` of the loopback and relays to `target`."""
 
     def __init__(self, target: int) -> None:
         self._target = target
@@ -20,11 +20,11 @@ class Wire:
         threading.Thread(target=self._accept, name="wire", daemon=True).start()
 
     def cut(self) -> None:
-        """Nothing passes any more and nobody is told, as when a radio link fades."""
+        """Drop all bytes without closing a connection, as when a radio link fades."""
         self._whole.clear()
 
     def mend(self) -> None:
-        """What was swallowed is lost: the old connections end, new ones pass."""
+        """Close the old connections, whose dropped bytes are lost, and relay new ones."""
         self._close_all()
         self._whole.set()
 
@@ -46,7 +46,7 @@ class Wire:
                 return
             try:
                 far = socket.create_connection(("127.0.0.1", self._target), timeout=5)
-            except OSError:  # nobody there now; the next one may get through
+            except OSError:  # no server now; the next connection may succeed
                 near.close()
                 continue
             far.settimeout(None)

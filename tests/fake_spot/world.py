@@ -1,7 +1,7 @@
-"""The fake robot and the room around it: moves as it was told, as long as it may.
+"""The fake Spot and its room. The robot moves as commanded while command and lease are valid.
 
-Time is the computer's, the robot's clock is `skew_s` ahead. `hurry` lets it walk so many times as
-fast as it was told, so that a whole task takes seconds; limits and ends of commands stay true.
+Time is the computer's; the robot's clock is `skew_s` ahead. `hurry` multiplies the walking speed,
+so that a complete task takes seconds; limits and end times of commands stay true.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tests.fake_spot.scene import Box, Cylinder, Shape, first_hit, support_below
 LEASE_STALE_S = 3.0
 GROUND_IN_VISION_M = -0.2  # the vision frame's origin is not on the floor
 FOOTPRINT_M = 0.35
-REACH_M = 1.15  # from the shoulder to what is grasped
+REACH_M = 1.15  # from the shoulder to the grasped object
 TIP_M = 0.12
 
 
@@ -36,7 +36,7 @@ class Walk:
 
 @dataclass
 class World:
-    """Guarded by `lock`; servicers hold it while they read or write."""
+    """State of robot and room, guarded by `lock`: servicers hold it while they read or write."""
 
     fixed: dict[str, Shape]
     things: dict[str, Cylinder | Box]
@@ -51,7 +51,7 @@ class World:
     estops: set[str] = field(default_factory=set)
     power_refusal: str = ""  # name of a PowerCommandStatus
     grasp_outcome: str = ""  # name of a ManipulationFeedbackState to end every grasp with
-    endless: set[str] = field(default_factory=set)  # kinds of commands that never come to an end
+    endless: set[str] = field(default_factory=set)  # kinds of commands that never end
     estop_due_s: float = math.inf  # monotonic: when a silent e-stop endpoint trips
     T_flat_hand: Array = field(default_factory=STOWED.copy)
     stowed: bool = True
@@ -60,7 +60,7 @@ class World:
     walk: Walk | None = None
     lease_owner: str = ""
     retained_s: float = 0.0
-    # The fastest that it was told: walk, turn, hand (m/s), hand (rad/s).
+    # The fastest commanded speeds: walk, turn, hand (m/s), hand (rad/s).
     fastest: float = 0.0
     fastest_turn: float = 0.0
     fastest_hand: float = 0.0
@@ -75,7 +75,7 @@ class World:
         return time.time_ns() + round(self.skew_s * 1e9)
 
     def local_s(self, robot_ns: int) -> float:
-        """The computer's clock at a moment of the robot's."""
+        """Time on the computer's clock for a time on the robot's clock."""
         return robot_ns / 1e9 - self.skew_s
 
     # --- where it is --------------------------------------------------------------------------
@@ -91,18 +91,18 @@ class World:
 
     @property
     def shapes(self) -> dict[str, Shape]:
-        """Everything but the robot; what it holds hangs at the fingers."""
+        """Everything but the robot and the object that hangs at its fingers."""
         return {**self.fixed, **{n: t for n, t in self.things.items() if n != self.held}}
 
     @property
     def moving(self) -> bool:
-        """Whether it walks or turns; it stands where a walk has reached its goal."""
+        """Whether the robot walks or turns; a walk that has reached its goal does not count."""
         self.step()
         return self.walk is not None and (self.walk.goal is None or not self.at_goal())
 
     @property
     def lease_is_stale(self) -> bool:
-        """Whether its holder has been silent too long; then anybody may have it."""
+        """Whether the holder has been silent too long; then any client may acquire the lease."""
         return time.monotonic() - self.retained_s > LEASE_STALE_S
 
     # --- motion -------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ class World:
 
     # --- gripper ------------------------------------------------------------------------------
     def grasp_along(self, eye: Array, ray: Array) -> str:
-        """What a grasp along a ray of the camera comes to: a ManipulationFeedbackState's name."""
+        """Grasp along a camera ray; the resulting ManipulationFeedbackState's name."""
         name, t = first_hit(self.shapes, eye, ray)
         if self.grasp_outcome:
             return self.grasp_outcome
@@ -197,7 +197,7 @@ class World:
         return "MANIP_STATE_GRASP_SUCCEEDED"
 
     def grip(self, open: float) -> None:
-        """0 is closed; what is held falls when it opens."""
+        """Set the gripper opening, 0 is closed. A held object falls when the gripper opens."""
         self.open = open
         if open > 0.5 and self.held:
             name, self.held = self.held, ""
@@ -212,7 +212,7 @@ class World:
             self.log.append(f"released {name} at {center[0]:.2f} {center[1]:.2f} {z:.2f}")
 
     def reach(self, T_flat_hand: Array) -> bool:
-        """Bring the hand there; False where it does not reach."""
+        """Move the hand to a pose; False if the arm cannot reach it."""
         if not Arm(T_flat_hand).reachable:
             return False
         self.T_flat_hand, self.stowed = T_flat_hand, False

@@ -1,4 +1,4 @@
-"""What `deploy/` starts is there: modules, flags, variables, and folders that may be written."""
+"""Tests that the modules, flags, variables and writable folders of `deploy/` exist."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STATE_DIRS = {
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_each_service_understands_its_command_and_finds_the_router(
+def test_each_service_accepts_its_command_and_connects_to_the_router(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module, *flags = SERVICES[name]["command"]
@@ -36,28 +36,28 @@ def test_each_service_understands_its_command_and_finds_the_router(
     assert importlib.util.find_spec(f"{module}.__main__") is not None
 
 
-def test_the_router_listens_where_the_services_look() -> None:
+def test_the_router_listens_on_the_port_of_the_services() -> None:
     assert COMPOSE["services"]["router"]["command"] == [
         "helios_core.router", "--listen", "tcp/0.0.0.0:7447"
     ]  # fmt: skip
 
 
-def test_what_survives_a_restart_is_kept_in_a_volume_of_its_own() -> None:
+def test_each_state_folder_has_its_own_volume() -> None:
     assert set(STATE_DIRS) == {"objectmap", "map2d", "planner"}
     for name, folder in STATE_DIRS.items():
         assert SERVICES[name]["volumes"] == [f"{name}-state:{folder}"]
         assert f"{name}-state" in COMPOSE["volumes"]
 
 
-def test_the_image_holds_these_folders_as_its_user_owns_them() -> None:
-    """A volume of a folder that the image lacks would belong to root."""
+def test_the_image_contains_the_state_folders_owned_by_its_user() -> None:
+    """The volume of a folder that is missing in the image would belong to root."""
     before_user, _, _ = IMAGE.partition("USER helios")
     made = re.search(r"mkdir -p ([^&]*)&& chown -R helios /state$", before_user, re.MULTILINE)
     assert made is not None
     assert set(made[1].split()) == set(STATE_DIRS.values())
 
 
-def test_the_image_takes_the_versions_that_the_tests_run_with() -> None:
+def test_the_image_installs_the_package_versions_of_the_tests() -> None:
     assert "--constraint constraints.txt" in IMAGE
     assert re.search(r"^COPY .*\bconstraints\.txt\b", IMAGE, re.MULTILINE)
     lines = (ROOT / "constraints.txt").read_text().splitlines()

@@ -1,4 +1,4 @@
-"""The documents name files, modules, commands and options that exist."""
+"""Tests that the files, modules, commands and options named in the documents exist."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("services", "shared", "clients")
 FOLDERS = (*SOURCES, "docs", "tests", "scripts", "deploy", ".github", ".ci")
 SUFFIXES = ("py", "proto", "toml", "json5", "yaml", "sh", "md", "json", "png", "svg")
-# What a reader writes, a command leaves, or another package has; no file of the repository.
+# Files that a reader writes, a command creates, or another package contains; none is ours.
 OF_THE_READER = {
     "keys.toml", "helios.toml", "meta.json", "result.json", "results.json", "run.json",
     "report.md", "calibration.md", "attributions.md", "realism.md", "beliefs.json",
@@ -39,7 +39,7 @@ TUTORIAL = "docs/tutorials/"  # files there are mostly the reader's own
 
 
 def documents() -> list[Path]:
-    """Every page of prose: no changelog, and no report that a command wrote."""
+    """Every page of prose, without the changelog and generated reports."""
     pages = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md"), *(ROOT / ".github").rglob("*.md")]
     left_out = ("CHANGELOG.md", "THIRD_PARTY_NOTICES.md", "report.md")
     return sorted(page for page in pages if page.name not in left_out)
@@ -50,7 +50,7 @@ PAGES = {str(page.relative_to(ROOT)): page.read_text() for page in documents()}
 
 @cache
 def tracked() -> tuple[str, ...]:
-    """All files of the repository, also new ones."""
+    """All files of the repository, including new ones."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT, capture_output=True, text=True, check=True,
@@ -59,7 +59,7 @@ def tracked() -> tuple[str, ...]:
 
 
 def exists(path: str) -> bool:
-    """Whether a file or folder of the repository has this path, or ends so."""
+    """Whether a file or folder of the repository has this path, or a path that ends with it."""
     path = path.rstrip("/")
     if (ROOT / path).exists():
         return True
@@ -91,7 +91,7 @@ def inline_code(page: str) -> list[str]:
 
 
 def paths_named(name: str, page: str) -> Iterator[str]:
-    """Those in inline code that mean a file of the repository."""
+    """Paths in inline code that refer to a file of the repository."""
     for code in inline_code(page):
         if not PATH.fullmatch(code) or code in OF_THE_READER:
             continue
@@ -103,7 +103,7 @@ def paths_named(name: str, page: str) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Command:
-    """A command line in a page, cut into words."""
+    """A command line in a page, split into words."""
 
     page: str
     words: tuple[str, ...]
@@ -113,12 +113,12 @@ class Command:
 
     @property
     def options(self) -> list[str]:
-        """Names alone; of `-h` and `--a=b` too."""
+        """Names of the long options, without values."""
         return [w.partition("=")[0] for w in self.words if re.fullmatch(r"--[a-z][\w-]*(=.*)?", w)]
 
 
 def lines_of(page: str) -> Iterator[str]:
-    """Inline code, and lines of blocks without prompts and comments; continued ones joined."""
+    """Inline code, and lines of code blocks without comments; continued lines are joined."""
     yield from inline_code(page)
     for kind, block in parts_of(page)[1]:
         if kind not in ("", "bash", "sh", "console"):
@@ -128,7 +128,7 @@ def lines_of(page: str) -> Iterator[str]:
 
 
 def commands(start: str) -> Iterator[Command]:
-    """All that begin with these words, behind variables and loops; each up to its end."""
+    """All commands that begin with these words, also after variables and in loops."""
     for name, page in PAGES.items():
         for line in lines_of(page):
             for part in re.split(r"&&|\|\||[;|…]|\bdo\b", line):
@@ -147,7 +147,7 @@ def options_of(command: Any) -> set[str]:
 
 
 def fault_in(words: list[str], command: Any) -> str:
-    """What is wrong with the words after a command of click; "" if nothing is."""
+    """The fault in the words after a click command; "" if there is none."""
     while inner := commands_by_name(command):
         if not words:
             return ""
@@ -163,7 +163,7 @@ def fault_in(words: list[str], command: Any) -> str:
 
 HELIOS = typer.main.get_command(helios_app)
 EVAL = typer.main.get_command(eval_app)
-PLACEHOLDERS = {"…", "X", "COMMAND", "up`"}  # words of prose that stand for any command
+PLACEHOLDERS = {"…", "X", "COMMAND", "up`"}  # placeholders in prose for any command
 
 
 def fault_of(command: Command) -> str:
@@ -181,7 +181,7 @@ def fault_of(command: Command) -> str:
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_each_file_that_a_page_names_exists(name: str) -> None:
+def test_each_file_named_in_a_page_exists(name: str) -> None:
     missing = sorted({path for path in paths_named(name, PAGES[name]) if not exists(path)})
     assert not missing, f"{name} names files that there are not: {missing}"
 
@@ -202,7 +202,7 @@ def source_of(module: str) -> Path | None:
 
 
 def options_of_module(module: str, source: str) -> set[str]:
-    """Names in its source, of argparse or of typer, and of a service's settings."""
+    """Option names in the source (argparse or typer) and in the service's settings."""
     known = {*re.findall(r'"(--[a-z][\w-]*)"', source), "--help"}
     known |= {f"--{name.replace('_', '-')}" for name in re.findall(r"^    (\w+): ", source, re.M)}
     if (
@@ -215,7 +215,7 @@ def options_of_module(module: str, source: str) -> set[str]:
     return known
 
 
-def test_each_module_that_is_run_exists_and_has_its_options() -> None:
+def test_each_module_run_in_a_page_exists_with_its_options() -> None:
     found = [c for c in commands("python -m") if c.words[0].startswith(("helios", "tests."))]
     assert len(found) > 20
     wrong: set[str] = set()
@@ -230,7 +230,7 @@ def test_each_module_that_is_run_exists_and_has_its_options() -> None:
     assert not wrong, "\n".join(sorted(wrong))
 
 
-def test_each_script_that_is_run_exists() -> None:
+def test_each_script_run_in_a_page_exists() -> None:
     scripts = [c.words[0] for c in commands("python") if c.words[0].startswith(FOLDERS)]
     assert scripts
     assert not [script for script in scripts if not exists(script)]
@@ -249,7 +249,7 @@ def test_a_wrong_command_is_found(line: str, fault: str) -> None:
     assert fault_of(Command("a page", tuple(line.split()))) == fault
 
 
-def test_a_path_of_the_repository_is_told_from_one_of_the_reader() -> None:
+def test_paths_of_the_repository_are_distinguished_from_those_of_the_reader() -> None:
     page = "`services/helios_planner/gone.py`, `runs/x.png`, `executor.py`, `a word`, `keys.toml`"
     assert list(paths_named("docs/index.md", page)) == [
         "services/helios_planner/gone.py", "executor.py"

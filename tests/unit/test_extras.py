@@ -1,7 +1,7 @@
-"""Each process needs no more than the core and its own extra: nothing else may be imported.
+"""Tests that each package needs only the core and its own extra.
 
 Instead of one virtual environment per extra, a process refuses every module of a distribution that
-the extra does not bring, and then imports the whole package.
+the extra does not install, and then imports the whole package.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PACKAGES = {
     "contract": "helios_contract",
     "mcp": "helios_client",
 }
-NEEDS_MORE = {"client": ["helios_client.mcp_tools"]}  # than this extra: the extra `mcp`
+NEEDS_MORE = {"client": ["helios_client.mcp_tools"]}  # than the extra `client`: the extra `mcp`
 OURS = "helios-ovmm"
 IMPORT_ALL = """
 import importlib, json, pkgutil, sys
@@ -54,7 +54,7 @@ for info in pkgutil.walk_packages(found.__path__, package + "."):
 
 
 def closure(extra: str) -> set[str]:
-    """Names of all distributions that the core and one extra bring."""
+    """Names of all distributions that the core and one extra install."""
     todo, seen = [(OURS, frozenset({extra}))], set()
     while todo:
         name, extras = todo.pop()
@@ -79,7 +79,7 @@ def closure(extra: str) -> set[str]:
 
 
 @pytest.mark.parametrize("extra", PACKAGES)
-def test_a_package_needs_no_more_than_its_own_extra(extra: str) -> None:
+def test_a_package_needs_only_its_own_extra(extra: str) -> None:
     done = subprocess.run(
         [
             sys.executable, "-c", IMPORT_ALL, json.dumps(sorted(closure(extra))), PACKAGES[extra],

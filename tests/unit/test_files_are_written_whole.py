@@ -1,4 +1,4 @@
-"""What users get as files is written by `helios_core.atomic_file`, and by nothing else."""
+"""Tests that only `helios_core.atomic_file` writes the files of users."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LINES = "lines are added, each on the disk before the next; a torn last one is l
 SCRATCH = "in a scratch folder that is renamed as a whole, or goes"
 SCRIPT = "a script of the developers: git keeps the old file"
 
-# (file, what writes) -> how often, and why that is right
+# (file, writing call) -> number of calls, and why they are right
 ELSEWHERE = {
     ("shared/helios_core/atomic_file.py", "write_bytes"): (1, "this is the one place"),
     ("shared/helios_core/atomic_file.py", "os.open"): (2, "this is the one place"),
@@ -69,7 +69,7 @@ ONLY_OF = {"connect": "sqlite3", "dump": "json", "copy": "shutil", "move": "shut
 
 
 def written_by(path: Path) -> Iterator[str]:
-    """What in a module may write to a file, outside of a block of `replacing`."""
+    """Calls in a module that may write to a file, outside of a block of `replacing`."""
     tree = ast.parse(path.read_text())
     safe = {
         id(inner)
@@ -84,7 +84,7 @@ def written_by(path: Path) -> Iterator[str]:
 
 
 def _writer(call: ast.Call) -> str:
-    """The name of a call that may write to a file; "" for another."""
+    """The name of a call that may write to a file; "" for other calls."""
     dotted = ast.unparse(call.func)
     owner, _, name = dotted.rpartition(".")
     constants = [
@@ -98,12 +98,12 @@ def _writer(call: ast.Call) -> str:
         return dotted
     if name in ("open", "ZipFile", "TarFile"):
         return name if any(set(c) & set("wxa+") and len(c) <= 3 for c in constants) else ""
-    if name == "save":  # of a picture or an array; others are methods of ours
+    if name == "save":  # of an image or an array; others are our own methods
         return name if constants or owner in ("np", "numpy") or call.keywords else ""
     return name if name in WRITES else ""
 
 
-def test_nobody_else_writes_files() -> None:
+def test_only_listed_places_write_files_directly() -> None:
     found: Counter[tuple[str, str]] = Counter()
     for folder in ("services", "shared", "clients", "scripts"):
         for path in sorted((ROOT / folder).rglob("*.py")):
@@ -117,7 +117,7 @@ def test_nobody_else_writes_files() -> None:
     )
 
 
-def test_each_way_to_write_is_found(tmp_path: Path) -> None:
+def test_each_kind_of_writing_call_is_found(tmp_path: Path) -> None:
     module = tmp_path / "module.py"
     for line in (
         'p.write_text("a")', 'p.write_bytes(b"a")', 'open(p, "w")', 'p.open("ab+")',

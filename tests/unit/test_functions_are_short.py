@@ -1,4 +1,4 @@
-"""No function is longer than a screen; a numba kernel may be, since a call inside it costs."""
+"""Tests the length of functions; numba kernels are exempt, since a call inside them costs time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`generate_proto.py --check` knows modules that are stale, missing, or of no message any more."""
+"""Tests that `generate_proto.py --check` finds stale, missing and obsolete modules."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scripts import generate_proto
 
 @pytest.fixture
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the project's messages and their modules, which are up to date."""
+    """A copy of the project's messages and their up-to-date modules."""
     root = shutil.copytree(
         generate_proto.PROTO_ROOT, tmp_path / "proto",
         ignore=shutil.ignore_patterns("__pycache__"),

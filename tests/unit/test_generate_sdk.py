@@ -1,4 +1,4 @@
-"""The blocking SDK is the asynchronous one without `await`."""
+"""Tests that the blocking SDK is the asynchronous SDK without `await`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from helios_client.sdk_async import AsyncHelios
 from scripts import generate_sdk
 
 
-def test_the_committed_file_is_what_the_source_says() -> None:
+def test_the_committed_file_matches_the_generated_source() -> None:
     assert generate_sdk.TARGET.read_text() == generate_sdk.generated()
 
 
-def test_both_have_the_same_methods_with_the_same_parameters() -> None:
+def test_both_sdks_have_the_same_methods_and_parameters() -> None:
     def surface(kind: type) -> dict[str, list[tuple[str, object]]]:
         return {
             name: [(p.name, p.default) for p in inspect.signature(method).parameters.values()]

@@ -1,4 +1,4 @@
-"""What tests start leaves no process behind, however it ends."""
+"""Tests that `started` leaves no process behind, however the command ends."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests import helios_up
 from tests.helios_up import started
 from tests.support import ENDS_WITHIN_S, wait_until
 
-# Starts a process that only a kill ends, and tells its pid.
+# Starts a process that ignores SIGTERM, and prints its pid.
 PROGRAM = """
 import signal, subprocess, sys, time
 stubborn = "import signal, time; signal.signal(15, signal.SIG_IGN); time.sleep(600)"
@@ -30,8 +30,8 @@ def gone(pid: int) -> bool:
         return True
 
 
-def test_what_a_command_leaves_is_ended_and_told(tmp_path: Path) -> None:
-    """The command itself has ended before."""
+def test_processes_left_by_a_command_are_ended_and_reported(tmp_path: Path) -> None:
+    """The command itself has already ended."""
     log = tmp_path / "log"
     with (
         pytest.raises(AssertionError, match="left processes"),
@@ -42,7 +42,7 @@ def test_what_a_command_leaves_is_ended_and_told(tmp_path: Path) -> None:
     wait_until(lambda: gone(child), ENDS_WITHIN_S, "what it left has ended")
 
 
-def test_a_command_that_does_not_end_is_killed_with_all_that_it_started(
+def test_a_command_that_does_not_end_is_killed_with_its_child_processes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(helios_up, "ENDS_WITHIN_S", 0.1)

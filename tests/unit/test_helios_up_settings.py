@@ -1,4 +1,4 @@
-"""What `helios up` makes of its environment, and where its planner keeps the tasks."""
+"""Tests the message of `helios up` about unread variables, and the planner's task folder."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ SMALL_STACK = Path(__file__).parent / "client/client_small_stack.py"
         ("HELIOS_APIKEY", "HELIOS_API_KEY"),
     ],
 )
-def test_a_variable_of_no_service_is_reported_with_the_near_name(name: str, near: str) -> None:
+def test_an_unknown_variable_is_reported_with_a_similar_name(name: str, near: str) -> None:
     assert f"reads {name} (did you mean {near}?); the services are" in unread_variables_message(
         [name, "HOME"]
     )
 
 
-def test_a_variable_like_nothing_is_reported_with_the_services() -> None:
+def test_an_unknown_variable_without_a_similar_name_is_reported_with_the_services() -> None:
     assert "reads HELIOS_HOME; the services are bridge, detector" in unread_variables_message(
         ["HELIOS_HOME"]
     )
 
 
-def test_nothing_is_told_of_what_is_read_or_is_a_services_own_affair() -> None:
+def test_variables_that_a_program_or_service_reads_are_not_reported() -> None:
     read = ("CONFIG", "URL", "API_KEY", "RECORD", "TEST_SCREENSHOTS", "PLANNER_TAU_GG", "SPOT_HOST")
     assert (
         unread_variables_message([*(f"HELIOS_{name}" for name in read), "_HELIOS_COMPLETE", "PATH"])
@@ -45,7 +45,7 @@ def test_nothing_is_told_of_what_is_read_or_is_a_services_own_affair() -> None:
     )
 
 
-def test_it_is_said_before_the_services_start_and_ends_nothing(tmp_path: Path) -> None:
+def test_unread_variables_are_reported_once_before_the_services_start(tmp_path: Path) -> None:
     log = tmp_path / "up.log"
     argv = [sys.executable, str(SMALL_STACK), str(free_port()), str(tmp_path / "state"), "demo-v1"]
     environment = {"XDG_STATE_HOME": str(tmp_path), "HELIOS_PLANER_TAU_G": "0.2"}
@@ -61,7 +61,7 @@ def tasks_dir(stack: StackOptions) -> Path:
     return Path(planner.argv[planner.argv.index("--state-dir") + 1])
 
 
-def test_each_simulated_home_has_its_own_tasks_and_finds_them_again() -> None:
+def test_each_simulated_home_has_its_own_persistent_task_folder() -> None:
     def of(preset: str, seed: int) -> Path:
         return tasks_dir(
             StackOptions("sim", 7447, Path("state"), port=8080, preset=preset, seed=seed)
@@ -73,5 +73,5 @@ def test_each_simulated_home_has_its_own_tasks_and_finds_them_again() -> None:
     assert of("../x", 3).parent == Path("state/planner")
 
 
-def test_another_robot_lists_no_tasks_of_a_simulated_home() -> None:
+def test_another_robot_does_not_use_the_task_folder_of_a_simulated_home() -> None:
     assert tasks_dir(StackOptions("spot", 7447, Path("state"), port=8080)) == Path("state/planner")

@@ -1,4 +1,4 @@
-"""docs/explanation/paper-to-code.md names files, functions, tests and values that exist."""
+"""Tests that docs/explanation/paper-to-code.md names only existing code, tests and values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MENTION = re.compile(r"[Ee]q\. (\d+(?:(?:-|–|, | and )\d+)*)")
 
 @dataclass(frozen=True)
 class Row:
-    """One row, with the files that stand above its table."""
+    """One row, with the files listed above its table."""
 
     section: str
     cells: dict[str, str]
@@ -53,7 +53,7 @@ class Row:
 
 
 def files_in(section: str, kind: str) -> list[Path]:
-    """Those of "- Code in `folder`: `a.py`, `b.py`; in `folder`: `c.py`"."""
+    """The files in "- Code in `folder`: `a.py`, `b.py`; in `folder`: `c.py`"."""
     found = re.search(rf"^- {kind} (in .*(?:\n  .*)*)", section, re.MULTILINE)
     groups = re.findall(r"in\s+`([^`]+)`:((?:\s+`[^`]+`,?)+)", found[1]) if found else []
     return [
@@ -62,7 +62,7 @@ def files_in(section: str, kind: str) -> list[Path]:
 
 
 def rows(page: str) -> Iterator[Row]:
-    """All rows of all tables, from the top."""
+    """All rows of all tables in order."""
     for section in page.split("\n## ")[1:]:
         title = section.partition("\n")[0]
         files = files_in(section, "Code"), files_in(section, "Tests")
@@ -73,7 +73,7 @@ def rows(page: str) -> Iterator[Row]:
 
 
 def found_in(files: list[Path], name: str) -> tuple[list[Path], ast.stmt | None]:
-    """The files that define a name, and its definition in the first one."""
+    """The files that define a name, and its definition in the first file."""
     nodes = [(path, node_of(path, name)) for path in files]
     there = [(path, node) for path, node in nodes if node is not None]
     return [path for path, _ in there], there[0][1] if there else None
@@ -85,7 +85,7 @@ def parsed(path: Path) -> ast.Module:
 
 
 def node_of(path: Path, name: str) -> ast.stmt | None:
-    """What a file defines under a name: function, class, method, field or constant; or None."""
+    """A file's definition of a name: function, class, method, field or constant; or None."""
     if not path.is_file():
         return None
     body, found = parsed(path).body, None
@@ -108,12 +108,12 @@ def names_of(node: ast.stmt) -> list[str]:
 
 
 def source_of(path: Path, node: ast.stmt) -> str:
-    """With its comments."""
+    """The source of a node, with its comments."""
     return "\n".join(path.read_text().splitlines()[node.lineno - 1 : node.end_lineno])
 
 
 def equations_in(text: str) -> set[int]:
-    """Those that a text names: "eq. 2", "eq. 8-10", "eq. 6, 11 and 12"."""
+    """The equations that a text names: "eq. 2", "eq. 8-10", "eq. 6, 11 and 12"."""
     found: set[int] = set()
     for mention in MENTION.findall(text):
         for part in re.split(r", | and ", mention):
@@ -123,7 +123,7 @@ def equations_in(text: str) -> set[int]:
 
 
 def default_of(path: Path, name: str) -> float | None:
-    """The value of a setting that the paper's agent runs with, or of another field."""
+    """The value of a setting for the paper's agent, or the default of another field."""
     node = node_of(path, name)
     if not isinstance(node, ast.AnnAssign) or node.value is None:
         return None
@@ -145,9 +145,9 @@ def number(cell: str) -> float:
 
 
 def faults(page: str) -> list[str]:
-    """What the page says that is not so, one sentence each."""
+    """The faults of the page, one sentence each."""
     everything = list(rows(page))
-    out = [fault for row in everything for fault in [*of_row(row), *of_value(row)]]
+    out = [fault for row in everything for fault in [*row_faults(row), *value_faults(row)]]
     reported = {n for row in everything if row.code for n in equations_in(row.cells["paper"])}
     out += [f"no row is of eq. {n}" for n in EQUATIONS if n not in reported]
     first = [row.cells["paper"] for row in everything]
@@ -159,11 +159,11 @@ def faults(page: str) -> list[str]:
         elif number(constants[name].cells["paper's value"]) != published:
             out.append(f"{name} is {published} in the paper")
     for title in dict.fromkeys(row.section for row in everything):
-        out += of_files(title, [row for row in everything if row.section == title])
+        out += file_faults(title, [row for row in everything if row.section == title])
     return out
 
 
-def of_files(title: str, of_section: list[Row]) -> Iterator[str]:
+def file_faults(title: str, of_section: list[Row]) -> Iterator[str]:
     code, tests = of_section[0].code_files, of_section[0].test_files
     used = {p for row in of_section for name in row.code for p in found_in(code, name)[0]}
     used |= {p for row in of_section for name in row.tests for p in found_in(tests, name)[0]}
@@ -172,7 +172,7 @@ def of_files(title: str, of_section: list[Row]) -> Iterator[str]:
             yield f"{title}: no row uses {path.relative_to(ROOT)}"
 
 
-def of_row(row: Row) -> Iterator[str]:
+def row_faults(row: Row) -> Iterator[str]:
     if [c for c in row.cells if c in COLUMNS] != COLUMNS or not all(row.cells.values()):
         yield f"{row.name}: a column is missing or empty"
         return
@@ -190,7 +190,7 @@ def of_row(row: Row) -> Iterator[str]:
             yield f"{row.name}: {name} does not mention eq. {missing}"
 
 
-def of_value(row: Row) -> Iterator[str]:
+def value_faults(row: Row) -> Iterator[str]:
     if "ours" not in row.cells:
         return
     published, ours = number(row.cells["paper's value"]), number(row.cells["ours"])
@@ -203,7 +203,7 @@ def of_value(row: Row) -> Iterator[str]:
         yield f"{row.name}: a value that is not the paper's, and only that, has a difference"
 
 
-def test_all_that_the_page_names_is_there() -> None:
+def test_the_page_has_no_faults() -> None:
     assert faults(PAGE) == []
 
 
@@ -234,7 +234,7 @@ def test_each_fault_of_the_page_is_found(old: str, new: str, fault: str) -> None
     assert any(fault in found for found in faults(PAGE.replace(old, new)))
 
 
-def test_mentions_of_equations_are_read_in_all_their_forms() -> None:
+def test_mentions_of_equations_are_parsed_in_all_forms() -> None:
     assert equations_in("(eq. 2)") == {2}
     assert equations_in("Eq. 8-10 and the rest") == {8, 9, 10}
     assert equations_in("eq. 6, 11 and 12, appendix") == {6, 11, 12}

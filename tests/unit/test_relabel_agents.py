@@ -1,4 +1,4 @@
-"""Old results get the present names of the agents, once, and nothing else in them changes."""
+"""Tests relabelling old results: agents get their current names once, and nothing else changes."""
 
 from __future__ import annotations
 
@@ -51,9 +51,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_the_agents_have_their_present_names_and_everything_else_is_as_it_was(
-    folder: Path,
-) -> None:
+def test_agents_get_their_current_names_and_everything_else_is_unchanged(folder: Path) -> None:
     assert relabel_agents.main([str(folder)]) == 0
     packed = gzip.decompress((folder / PACKED).read_bytes()).decode()
     assert packed.splitlines() == [line(agent) for agent in NEW]
@@ -70,7 +68,7 @@ def test_the_agents_have_their_present_names_and_everything_else_is_as_it_was(
     assert all(row["metrics"] == {"SR": {"mean": 1 / 3}} for row in rows)
 
 
-def test_results_that_are_relabelled_are_refused_and_stay(
+def test_relabelled_results_are_refused_and_unchanged(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert relabel_agents.main([str(folder)]) == 0
@@ -80,7 +78,7 @@ def test_results_that_are_relabelled_are_refused_and_stay(
     assert contents(folder) == before
 
 
-def test_results_with_a_present_name_are_refused_without_the_note_also(
+def test_results_with_a_current_name_are_refused_even_without_the_relabelled_entry(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert relabel_agents.main([str(folder)]) == 0
@@ -91,7 +89,7 @@ def test_results_with_a_present_name_are_refused_without_the_note_also(
     assert "episodes of helios-paper" in capsys.readouterr().err
 
 
-def test_one_folder_that_is_refused_leaves_the_others_as_they_were(
+def test_a_refused_folder_leaves_the_other_folders_unchanged(
     folder: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     unpacked = tmp_path_factory.mktemp("run")
@@ -112,7 +110,7 @@ def test_one_folder_that_is_refused_leaves_the_others_as_they_were(
         (["helios", "eval", "report", "helios-next"], "helios eval report helios-next"),
     ],
 )
-def test_a_command_is_relabelled_where_it_names_agents(words: list[str], wanted: str) -> None:
+def test_a_command_is_relabelled_only_in_its_agent_options(words: list[str], wanted: str) -> None:
     assert " ".join(relabel_agents.relabelled_command(words)) == wanted
 
 
@@ -121,6 +119,6 @@ def test_the_committed_results_are_relabelled() -> None:
     for run in sorted(r for r in results.glob("*/run.json") if r.parent.name != "paper"):
         assert "relabelled" in json.loads(run.read_text()), (
             run
-        )  # of `paper` only the report is kept
+        )  # for `paper` only the report is kept
         agents = {record.agent for record in episode_record.read(run.parent)}
         assert "helios-next" not in agents

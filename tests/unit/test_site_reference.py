@@ -1,4 +1,4 @@
-"""The generated reference pages: each thing that a user can name has its meaning there."""
+"""Tests that the generated reference pages explain every setting, option, parameter and field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulator's truth is for the simulated detector and the evaluation alone."""
+"""Tests that only the simulated detector and the evaluation use the simulator's truth."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ FILES = sorted(
 )
 
 
-def test_truth_keys_lie_apart_from_all_others() -> None:
+def test_truth_keys_are_separate_from_all_other_keys() -> None:
     for method in METHODS:
         assert ("/truth/" in method.key("r")) == method.truth
     assert all("/truth/" not in topic.key("r") for topic in TOPICS)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_nobody_else_names_the_truth(path: Path) -> None:
+def test_no_other_module_names_the_truth(path: Path) -> None:
     tree = ast.parse(path.read_text())
     names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
     names |= {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}

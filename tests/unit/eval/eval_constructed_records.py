@@ -1,4 +1,4 @@
-"""Episodes with beliefs whose calibration is known."""
+"""Constructs episode records with beliefs of known calibration."""
 
 import numpy as np
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord, Noise
@@ -31,11 +31,11 @@ def record(seed: int, beliefs: tuple[Belief, ...] = (), **chosen) -> EpisodeReco
 def episodes(
     count: int, overconfident: float = 0.0, first_seed: int = 0, **chosen
 ) -> list[EpisodeRecord]:
-    """A dozen instances each; the truth is drawn with probability S - overconfident."""
+    """Episodes of 12 instances each; the truth is drawn with probability S - overconfident."""
     rng = np.random.default_rng(first_seed + 1)
     out = []
     for seed in range(first_seed, first_seed + count):
-        luck = rng.normal(0, 0.08)  # the instances of one home share it
+        luck = rng.normal(0, 0.08)  # shared by the instances of one home
         found = []
         for instance in range(1, 13):
             views = int(np.ceil(rng.gamma(1.5, 3.0)))

@@ -1,4 +1,4 @@
-"""A moment of an episode, made by hand."""
+"""Constructs the scene of one video frame."""
 
 import numpy as np
 from helios_core import proto as pb
@@ -10,7 +10,7 @@ CELL_M = 0.05
 
 
 def constructed_map() -> MapView:
-    """Two rooms of a home of 9 x 7 m; the right one is seen in part."""
+    """Two rooms of a home of 9 x 7 m; the right room is partly explored."""
     shape = (160, 200)
     occupancy = np.full(shape, UNKNOWN, np.int8)
     occupancy[10:150, 10:150] = FREE

@@ -1,7 +1,7 @@
-"""What a process of the pool does in tests: no world, but the faults that a world may have.
+"""The worker process of the pool in tests: it simulates no world, only the faults of one.
 
-Agents are named by what happens: "fine", "dies" always, "dies-once", "raises", "impossible",
-"hangs". Marks go to the folder that the commit names.
+The agent's name selects the fault: "fine", "dies" always, "dies-once", "raises", "impossible",
+"hangs". Marks go to the folder that `commit` names.
 """
 
 import os

@@ -1,8 +1,8 @@
-"""Made-up episodes, to look at reports and to test them. They are no result of anything.
+"""Synthetic episodes for viewing and testing reports. They are not results.
 
     python tests/unit/eval/synthetic_episodes.py FOLDER
 
-leaves a folder as `helios eval` would, every agent's name and figure in it invented by chance.
+writes a folder as `helios eval` does, with random outcomes and figures for each agent.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 NOISE = Noise(table="synthetic", digest="0" * 64, level=1.0, correlation=None)
 OBJECTS = ("mug", "toy animal", "spray bottle", "book", "sushi mat")
 PLACES = ("kitchen counter", "coffee table", "bed", "shelves", "chest of drawers")
-CHANCES = {  # of FindObj, Pick, FindRec, Place, no collision: each given the one before
+CHANCES = {  # of FindObj, Pick, FindRec, Place, no collision: each given the previous
     "helios-paper": (0.86, 0.82, 0.85, 0.80, 0.85),
     "trusting": (0.62, 0.55, 0.80, 0.75, 0.80),
     "no-global-objective": (0.80, 0.75, 0.82, 0.78, 0.84),
@@ -32,10 +32,10 @@ CAUSES = ("object not found", "wrong object believed", "receptacle not found", "
 
 
 def episode(seed: int, agent: str = "helios-paper", **changes: Any) -> EpisodeRecord:
-    """One invented episode; the same arguments give the same one."""
+    """One random episode; the same arguments give the same episode."""
     names = sorted(CHANCES)
     rng = np.random.default_rng([seed, names.index(agent) if agent in names else len(names)])
-    hard = np.random.default_rng([seed, 99]).random() * 0.25  # of the home, for all agents
+    hard = np.random.default_rng([seed, 99]).random() * 0.25  # per home, for all agents
     truth = changes.get("semantics") == "ground-truth"
     chances = [min(1.0, c + (0.15 if truth else 0)) for c in CHANCES.get(agent, (0.7,) * 5)]
     met = [bool(rng.random() < c - (hard if i == 0 else 0)) for i, c in enumerate(chances)]
@@ -87,7 +87,7 @@ def _beliefs(rng: np.random.Generator, steps: int) -> list[Belief]:
 
 
 def kept(episode: EpisodeRecord) -> FailureSnapshot:
-    """An invented map to a failed episode."""
+    """A random failure snapshot for a failed episode."""
     rng = np.random.default_rng(episode.seed)
     cell_m, size = 0.05, 220
     grid = np.full((size, size), -1, np.int8)
@@ -119,7 +119,7 @@ def kept(episode: EpisodeRecord) -> FailureSnapshot:
 
 
 def write(folder: Path, episodes: list[EpisodeRecord], pictures: bool = True) -> None:
-    """As the runner leaves a folder."""
+    """Write a folder as the runner does."""
     folder.mkdir(parents=True, exist_ok=True)
     lines = "".join(e.model_dump_json() + "\n" for e in episodes)
     (folder / episode_record.EPISODES).write_text(lines, encoding="utf-8")
@@ -129,7 +129,7 @@ def write(folder: Path, episodes: list[EpisodeRecord], pictures: bool = True) ->
 
 
 def main(folder: Path) -> None:
-    """Everything that a report can hold."""
+    """Write a folder with everything that a report can show."""
     from helios_eval.report import write_report
 
     episodes = [episode(s, a) for a in CHANCES for s in range(60)]

@@ -1,4 +1,4 @@
-"""The rule by which a belief is right or wrong, on constructed scenes."""
+"""Tests the rule that judges a belief as right or wrong, on constructed scenes."""
 
 import math
 from dataclasses import dataclass
@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 
 
 @dataclass(frozen=True)
-class Thing:
+class HomeObject:
     class_name: str
     center_m: tuple[float, float, float]
     size_m: tuple[float, float, float]
     yaw_rad: float = 0.0
 
 
-MUG = Thing("mug", (1.0, 2.0, 0.80), (0.10, 0.10, 0.12))
-TABLE = Thing("coffee table", (1.0, 2.0, 0.20), (1.2, 0.6, 0.40))
-TURNED = Thing("counter", (4.0, 0.0, 0.45), (2.0, 0.6, 0.90), math.pi / 2)
+MUG = HomeObject("mug", (1.0, 2.0, 0.80), (0.10, 0.10, 0.12))
+TABLE = HomeObject("coffee table", (1.0, 2.0, 0.20), (1.2, 0.6, 0.40))
+TURNED = HomeObject("counter", (4.0, 0.0, 0.45), (2.0, 0.6, 0.90), math.pi / 2)
 HOME: tuple[TrueObject, ...] = (MUG, TABLE, TURNED)
 ROLES: dict[str, Role] = {"mug": "object", "coffee table": "start", "counter": "goal"}
 
@@ -43,7 +43,7 @@ def is_right(seen: ObjectInstance) -> bool:
     ("center_m", "right"),
     [
         ((1.0, 2.0, 0.80), True),
-        ((1.149, 2.0, 0.80), True),  # half of 0.10, and 0.10 more
+        ((1.149, 2.0, 0.80), True),  # half of 0.10, plus 0.10
         ((1.151, 2.0, 0.80), False),
         ((1.0, 2.0, 0.959), True),
         ((1.0, 2.0, 0.961), False),
@@ -60,27 +60,27 @@ def test_a_small_object_is_right_within_its_grown_box(center_m, right):
         ((1.0, 2.0, 0.40), True),
         ((1.74, 2.44, 0.40), True),  # a corner, grown by 0.15
         ((1.76, 2.0, 0.40), False),
-        ((1.0, 2.0, 0.02), True),  # the legs alone were seen
+        ((1.0, 2.0, 0.02), True),  # only the legs were seen
         ((1.0, 2.0, 0.54), True),
-        ((1.0, 2.0, 0.90), False),  # a lamp above the table is no table
+        ((1.0, 2.0, 0.90), False),  # a lamp above the table
     ],
 )
 def test_a_receptacle_is_right_over_its_footprint_at_a_plausible_height(center_m, right):
     assert is_right(instance("coffee table", *center_m)) is right
 
 
-def test_a_turned_box_is_turned():
+def test_the_box_of_a_rotated_object_is_rotated():
     assert is_right(instance("counter", 4.0, 0.9, 0.9))  # 2 m long, along y
     assert not is_right(instance("counter", 4.9, 0.0, 0.9))
 
 
-def test_the_right_place_of_another_class_is_wrong():
+def test_an_instance_at_the_place_of_another_class_is_wrong():
     assert not is_right(instance("coffee table", 4.0, 0.0, 0.45))
     assert not is_right(instance("mug", 1.0, 2.0, 0.20))
 
 
 @pytest.mark.parametrize("spelling", ["Coffee_Table", "coffee-table", " COFFEE  table "])
-def test_spelling_does_not_matter(spelling):
+def test_class_names_match_in_any_case_and_separator(spelling):
     seen = instance(spelling, 1.0, 2.0, 0.4)
     (belief,) = judge_instances([seen], HOME, ROLES, 1)
     assert (belief.correct, belief.role) == (True, "start")
@@ -90,12 +90,12 @@ def test_spelling_does_not_matter(spelling):
     assert (belief.correct, belief.role) == (True, "goal")
 
 
-def test_a_kind_of_it_is_not_it():
+def test_a_more_general_class_name_does_not_match():
     (belief,) = judge_instances([instance("table", 1.0, 2.0, 0.4)], HOME, {"table": "goal"}, 1)
     assert not belief.correct
 
 
-def test_classes_without_a_role_are_left_out_and_the_order_is_kept():
+def test_instances_without_a_role_are_left_out_and_the_order_is_kept():
     seen = [
         instance("mug", 9, 9, 9, score=0.1),
         instance("cat", 0, 0, 0),
@@ -111,7 +111,7 @@ def test_classes_without_a_role_are_left_out_and_the_order_is_kept():
     assert (beliefs[1].gaussians, beliefs[1].uncertainty) == (123, 0.1)
 
 
-def test_two_instances_of_one_thing_are_both_right():
+def test_two_instances_of_one_object_are_both_right():
     beliefs = judge_instances(
         [instance("mug", 1, 2, 0.8), instance("mug", 1.05, 2, 0.8)], HOME, ROLES, 0
     )
@@ -129,11 +129,11 @@ small = st.floats(-3, 3)
 
 @settings(deadline=None)
 @given(small, small, small, st.floats(-7, 7), st.sampled_from(["object", "start"]))
-def test_turning_the_whole_home_changes_nothing(dx, dy, dz, turn_rad, role):
+def test_rotating_the_whole_home_changes_no_verdict(dx, dy, dz, turn_rad, role):
     def verdict(yaw_rad: float) -> bool:
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         seen = instance("shelf", c * dx - s * dy, s * dx + c * dy, dz)
-        shelf = Thing("shelf", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0), yaw_rad)
+        shelf = HomeObject("shelf", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0), yaw_rad)
         return judge_instances([seen], [shelf], {"shelf": role}, 0)[0].correct
 
     margin_m = 0.10 if role == "object" else 0.15

@@ -1,4 +1,4 @@
-"""From records to samples, groups, figures and the report."""
+"""Tests the calibration report: samples, groups and figures from episode records."""
 
 import json
 
@@ -18,7 +18,7 @@ CORRELATED = Noise(table="ovmm-v1", digest="0", level=2.0, correlation=1.0)
 
 
 @pytest.fixture(scope="module")
-def made():
+def calibration_figures():
     calm, wild = episodes(30), episodes(30, overconfident=0.3, noise=CORRELATED)
     return figures([*calm, *wild])
 
@@ -36,20 +36,20 @@ def test_the_last_belief_of_each_instance_counts():
     assert len(samples_of([reported], every_step=True)) == 5
 
 
-def test_every_count_of_views_has_one_group():
+def test_every_number_of_views_belongs_to_one_group():
     beliefs = tuple(belief(k, True, views=k) for k in range(30))
     samples = samples_of([record(0, beliefs)])
     assert [len(samples.of_views(name)) for name, _, _ in VIEWS] == [2, 2, 4, 22]
 
 
-def test_roles_are_told_apart():
+def test_samples_are_selected_by_role():
     roles = ("object", "start", "goal")
     samples = samples_of([record(0, tuple(belief(k, True, role=r) for k, r in enumerate(roles)))])
     assert len(samples.of_role("object")) == 1
     assert len(samples.of_role("receptacle")) == 2
 
 
-def test_settings_are_named_by_noise_and_by_what_differs():
+def test_settings_are_named_by_noise_and_by_their_differences():
     one = (belief(1, True),)
     table = Noise(table="other", digest="1", level=1.0, correlation=None)
     groups = by_setting([
@@ -69,7 +69,7 @@ def test_settings_are_named_by_noise_and_by_what_differs():
     assert "noise ×1, helios-paper, table ovmm-v1, objectmap.prior=2.0" in groups
 
 
-def test_rows_tell_a_calibrated_setting_from_an_overconfident_one():
+def test_rows_distinguish_a_calibrated_setting_from_an_overconfident_one():
     groups = {"calm": samples_of(episodes(60)), "wild": samples_of(episodes(60, 0.3))}
     rows = {(r.setting, r.role, r.views, r.score): r for r in rows_of(groups)}
     for role in ("object", "receptacle"):
@@ -80,22 +80,22 @@ def test_rows_tell_a_calibrated_setting_from_an_overconfident_one():
         assert wild.ece_low <= wild.ece <= wild.ece_high
         assert calm.auroc_low <= calm.auroc <= calm.auroc_high
     uncertainty = rows["calm", "object", ALL, "−U"]
-    assert np.isnan(uncertainty.ece)  # it is no probability
+    assert np.isnan(uncertainty.ece)  # −U is no probability
     assert 0.5 < uncertainty.auroc < 1.0
     assert uncertainty.cells()["ece"] is None
 
 
-def test_groups_too_small_are_left_out_and_figures_need_beliefs():
+def test_small_groups_are_left_out_and_figures_need_beliefs():
     assert figures([record(0), record(1)]) == []
     assert figures([record(0, (belief(1, True), belief(2, False)))]) == []
 
 
-def test_groups_too_small_to_be_told_apart_by_views_have_no_picture_of_them():
+def test_a_setting_with_small_view_groups_has_no_figure_by_views():
     beliefs = tuple(belief(k, k % 3 > 0, views=1 + k) for k in range(24))
     assert [f.title.split(":")[0] for f in figures([record(0, beliefs)])] == ["Reliability"]
 
 
-def test_beliefs_that_are_all_right_can_be_shown():
+def test_beliefs_that_are_all_correct_give_a_figure_without_auroc():
     reported = [
         record(k, tuple(belief(i, True, 0.5 + i / 50) for i in range(20))) for k in range(3)
     ]
@@ -104,7 +104,7 @@ def test_beliefs_that_are_all_right_can_be_shown():
 
 
 def test_fewer_than_six_episodes_have_no_interval():
-    """A bootstrap over one episode always draws that one: an interval without width."""
+    """A bootstrap over one episode always draws the same: an interval without width."""
     few, enough = (rows_of({"": samples_of(episodes(count))}) for count in (5, 6))
     assert few
     assert all(np.isnan([r.ece_low, r.ece_high, r.auroc_low, r.auroc_high]).all() for r in few)
@@ -115,7 +115,7 @@ def test_fewer_than_six_episodes_have_no_interval():
 
 
 def test_more_beliefs_of_the_same_homes_make_no_interval_narrower():
-    """What one home holds depends on one another: whole episodes are drawn."""
+    """Beliefs of one home depend on each other, so the bootstrap draws whole episodes."""
 
     def rows(copies: int):
         reported = [
@@ -130,11 +130,11 @@ def test_more_beliefs_of_the_same_homes_make_no_interval_narrower():
         np.testing.assert_allclose(first, second, equal_nan=True)
 
 
-def test_figures_are_pictures_with_numbers(made):
-    assert [f.title.split(":")[0] for f in made] == [
+def test_figures_have_an_image_a_caption_and_a_table(calibration_figures):
+    assert [f.title.split(":")[0] for f in calibration_figures] == [
         "Calibration by the detector's noise", *["Reliability", "What more views bring"] * 2,
     ]  # fmt: skip
-    for figure in made:
+    for figure in calibration_figures:
         picture = cv2.imdecode(np.frombuffer(figure.png, np.uint8), cv2.IMREAD_COLOR)
         assert picture is not None
         assert picture.shape[1] >= 1000
@@ -143,9 +143,9 @@ def test_figures_are_pictures_with_numbers(made):
         json.dumps(figure.table, allow_nan=False)
 
 
-def test_the_same_records_give_the_same_numbers(made):
+def test_the_same_records_give_the_same_numbers(calibration_figures):
     again = figures([*episodes(30), *episodes(30, overconfident=0.3, noise=CORRELATED)])
-    assert [f.table for f in again] == [f.table for f in made]
+    assert [f.table for f in again] == [f.table for f in calibration_figures]
 
 
 def test_the_command_compares_folders(tmp_path, capsys):
@@ -178,6 +178,6 @@ def test_wrong_folders_are_refused(tmp_path):
         calibration([tmp_path / "a"], tmp_path / "out")
 
 
-def test_cells_cannot_break_a_table():
+def test_special_characters_in_cells_do_not_break_a_markdown_table():
     table = markdown_table([{"name": "a|b\nc", "x": 0.12345, "none": None}])
     assert table.splitlines()[2] == "| a\\|b c | 0.123 | – |"

@@ -1,4 +1,4 @@
-"""Statistics of calibration against hand-computed and simulated cases."""
+"""Tests the calibration statistics against hand-computed and simulated cases."""
 
 import numpy as np
 import pytest
@@ -29,10 +29,10 @@ def drawn(n: int, seed: int, wrong_by: float = 0.0) -> tuple[st.Scores, st.Truth
 
 
 # --- by hand ---------------------------------------------------------------------------------
-def test_ece_of_two_bins_by_hand():
+def test_ece_of_two_bins_equals_the_hand_computed_value():
     score = np.array([0.2, 0.2, 0.9, 0.9])
     truth = np.array([False, True, True, True])
-    # Bin of 0.2: half is true, gap 0.3; bin of 0.9: all is true, gap 0.1; both weigh a half.
+    # Bin of 0.2: half is true, gap 0.3; bin of 0.9: all is true, gap 0.1; each weighs one half.
     assert st.ece(score, truth, TEN)[0] == pytest.approx(0.2)
     bins = st.reliability(score, truth, TEN)
     assert bins.count.tolist() == [2, 2]
@@ -41,13 +41,13 @@ def test_ece_of_two_bins_by_hand():
     assert st.mce(bins) == pytest.approx(0.3)
 
 
-def test_auroc_by_hand():
+def test_auroc_equals_the_hand_computed_value():
     assert st.auroc(FOUR, FOUR_TRUE)[0] == pytest.approx(0.75)  # three of four pairs
     assert st.auroc(np.full(4, 0.5), FOUR_TRUE)[0] == pytest.approx(0.5)  # ties count half
     assert np.isnan(st.auroc(FOUR, np.ones(4, bool))[0])
 
 
-def test_brier_by_hand():
+def test_brier_score_and_its_parts_equal_the_hand_computed_values():
     score = np.array([0.2, 0.2, 0.9, 0.9])
     truth = np.array([False, True, True, True])
     b = st.brier(score, truth, TEN)
@@ -58,18 +58,18 @@ def test_brier_by_hand():
     assert b.within == pytest.approx(0.0, abs=1e-12)  # scores are equal within each bin
 
 
-def test_wilson_by_hand():
+def test_wilson_bounds_equal_the_hand_computed_values():
     low, high = st.wilson(np.array([0, 5, 10]), np.array([10, 10, 10]))
     assert low == pytest.approx([0.0, 0.2366, 0.7225], abs=1e-4)
     assert high == pytest.approx([0.2775, 0.7634, 1.0], abs=1e-4)
 
 
-def test_edges_and_scores_out_of_range_have_a_bin():
+def test_edges_and_out_of_range_scores_fall_into_a_bin():
     at = st.bin_of(np.array([-0.3, 0.0, 0.1, 0.99, 1.0, 1.2]), TEN)
     assert at.tolist() == [0, 0, 1, 9, 9, 9]
 
 
-def test_adaptive_bins_hold_equally_many():
+def test_adaptive_bins_hold_equal_counts():
     score = np.random.default_rng(0).random(1000) ** 3
     bins = st.reliability(score, score > 0.5, st.equal_count_edges(score, 10))
     assert bins.count.tolist() == [100] * 10
@@ -90,14 +90,14 @@ def test_a_calibrated_score_has_an_ece_within_chance():
     assert 0.3 * mean < found < 1.5 * most
 
 
-def test_an_overconfident_score_shows_by_how_much():
+def test_the_ece_of_an_overconfident_score_is_its_overconfidence():
     score, truth = drawn(20_000, seed=3, wrong_by=0.1)
     assert st.ece(score, truth, TEN)[0] == pytest.approx(0.1, abs=0.01)
     assert st.ece(score, truth, st.equal_count_edges(score))[0] == pytest.approx(0.1, abs=0.01)
     assert st.ece_if_calibrated(score, TEN, 100, np.random.default_rng(0))[1] < 0.02
 
 
-def test_a_random_score_tells_nothing():
+def test_a_random_score_has_auroc_one_half_and_no_resolution():
     rng = np.random.default_rng(4)
     score, truth = rng.random(20_000), rng.random(20_000) < 0.3
     assert st.auroc(score, truth)[0] == pytest.approx(0.5, abs=0.015)
@@ -105,7 +105,7 @@ def test_a_random_score_tells_nothing():
 
 
 def test_dependent_beliefs_widen_the_interval():
-    """Ten copies of each belief are no more evidence than one, if their episode says so."""
+    """Ten copies of a belief in one episode are no more evidence than one."""
     score, truth = drawn(200, seed=5, wrong_by=0.1)
     score, truth = np.repeat(score, 10), np.repeat(truth, 10)
     rng = np.random.default_rng(6)
@@ -120,7 +120,7 @@ def test_dependent_beliefs_widen_the_interval():
     assert together == pytest.approx(apart * np.sqrt(10), rel=0.25)
 
 
-def test_the_interval_holds_the_truth_about_as_often_as_it_says():
+def test_the_bootstrap_interval_covers_the_truth_at_about_its_nominal_rate():
     held = 0
     for seed in range(40):
         score, truth = drawn(600, seed=100 + seed, wrong_by=0.1)
@@ -136,7 +136,7 @@ def test_the_interval_holds_the_truth_about_as_often_as_it_says():
 # --- always ----------------------------------------------------------------------------------
 @settings(deadline=None)
 @given(judged())
-def test_auroc_turns_round_with_the_score(case):
+def test_auroc_of_the_negated_score_is_one_minus_auroc(case):
     score, truth = case
     forward, backward = st.auroc(score, truth)[0], st.auroc(-score, truth)[0]
     assert (np.isnan(forward) and np.isnan(backward)) or forward + backward == pytest.approx(1.0)
@@ -144,7 +144,7 @@ def test_auroc_turns_round_with_the_score(case):
 
 @settings(deadline=None)
 @given(judged())
-def test_auroc_is_the_share_of_pairs(case):
+def test_auroc_is_the_share_of_correctly_ordered_pairs(case):
     score, truth = case
     right, wrong = score[truth], score[~truth]
     if len(right) and len(wrong):
@@ -154,7 +154,7 @@ def test_auroc_is_the_share_of_pairs(case):
 
 @settings(deadline=None)
 @given(judged())
-def test_parts_of_brier_sum_to_it_and_have_the_right_sign(case):
+def test_the_parts_of_the_brier_score_sum_to_the_total_and_are_not_negative(case):
     score, truth = case
     b = st.brier(score, truth, TEN)
     assert b.total == pytest.approx(b.reliability - b.resolution + b.uncertainty + b.within)
@@ -163,7 +163,7 @@ def test_parts_of_brier_sum_to_it_and_have_the_right_sign(case):
 
 @settings(deadline=None)
 @given(judged())
-def test_ece_is_the_weighted_gap_and_below_mce(case):
+def test_ece_is_the_weighted_mean_gap_and_at_most_mce(case):
     score, truth = case
     bins = st.reliability(score, truth, TEN)
     by_bins = float((bins.count * bins.gap).sum() / bins.count.sum())
@@ -175,7 +175,7 @@ def test_ece_is_the_weighted_gap_and_below_mce(case):
 
 @settings(deadline=None)
 @given(judged(), some.integers(0, 3))
-def test_a_weight_is_so_many_copies(case, times):
+def test_an_integer_weight_equals_that_many_copies(case, times):
     score, truth = case
     weight = np.ones((1, len(score)))
     weight[0, 0] += times

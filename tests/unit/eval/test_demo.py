@@ -1,4 +1,4 @@
-"""`make demo`: what it says before and after its task."""
+"""Tests the output of `make demo` before and after its task."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rich.console import Console
 RESULT = {"seed": 6, "preset": "demo-v1", "instruction": "Find the mug"}
 
 
-def test_a_port_in_use_is_said_first_and_nothing_else(tmp_path: Path) -> None:
+def test_an_occupied_port_is_an_error_before_any_output(tmp_path: Path) -> None:
     said, out = io.StringIO(), tmp_path / "demo"
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -29,7 +29,7 @@ def test_a_port_in_use_is_said_first_and_nothing_else(tmp_path: Path) -> None:
     assert not out.exists()
 
 
-def test_another_robot_that_is_ready_is_not_taken_for_the_one_that_ended(tmp_path: Path) -> None:
+def test_an_ended_stack_is_an_error_even_if_another_stack_answers_as_ready(tmp_path: Path) -> None:
     log = tmp_path / "up.log"
     log.write_text("helios: port 8080 is in use")
     ready = Mock(spec=Helios, **{"ready.return_value": True})
@@ -40,14 +40,14 @@ def test_another_robot_that_is_ready_is_not_taken_for_the_one_that_ended(tmp_pat
     assert said.getvalue() == ""
 
 
-def test_the_end_names_the_commands_that_go_on_in_the_same_home() -> None:
+def test_the_last_output_names_the_commands_for_the_same_home() -> None:
     reported = demo.next_steps(RESULT, 8080)
     assert "helios up --robot sim --seed 6 " in reported
     assert 'helios task "Find the mug" ' in reported
     assert "--port" not in reported
 
 
-def test_another_preset_and_port_stand_in_the_commands_too() -> None:
+def test_the_named_commands_include_a_non_default_preset_and_port() -> None:
     reported = demo.next_steps(RESULT | {"preset": "ovmm-v1"}, 8090)
     assert "--seed 6 --preset ovmm-v1 --port 8090 " in reported
     assert 'helios task "Find the mug" --port 8090 ' in reported

@@ -1,4 +1,4 @@
-"""`helios eval` called wrongly."""
+"""Tests usage errors and help of `helios eval`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from helios_client import cli
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("benchmark", ["ovmm", "objectnav"])
-def test_wrong_use_is_one_sentence_and_status_2(
+def test_a_usage_error_is_one_sentence_with_exit_status_2(
     benchmark: str,
     more: list[str],
     words: str,

@@ -1,4 +1,4 @@
-"""What is kept of a failed episode comes back as it was."""
+"""Tests saving and loading failure snapshots."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KEPT = FailureSnapshot(
 )  # fmt: skip
 
 
-def test_a_failure_snapshot_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_a_loaded_failure_snapshot_equals_the_saved_one(tmp_path: Path) -> None:
     path = failure_snapshot.save(tmp_path, KEPT)
     assert path.parent == tmp_path / "failed"
     assert path.name.startswith("helios-paper-noisy-7-")
@@ -38,8 +38,8 @@ def test_a_failure_snapshot_comes_back_as_it_was(tmp_path: Path) -> None:
     assert replace(back, **same) == KEPT
 
 
-def test_the_failures_of_an_agent_are_those_of_no_other(tmp_path: Path) -> None:
-    """Though its name begins as another's does."""
+def test_failures_are_selected_by_the_exact_agent_name(tmp_path: Path) -> None:
+    """Agent names may be prefixes of each other."""
     mine = failure_snapshot.save(tmp_path, KEPT)
     others = [failure_snapshot.save(tmp_path, replace(KEPT, key=name, agent=name))
               for name in ("helios", "helios-ground")]  # fmt: skip
@@ -48,19 +48,21 @@ def test_the_failures_of_an_agent_are_those_of_no_other(tmp_path: Path) -> None:
     assert failure_snapshot.all_of(tmp_path) == sorted([mine, *others])
 
 
-def test_an_episode_played_under_something_else_is_kept_beside_it(tmp_path: Path) -> None:
+def test_snapshots_of_one_episode_with_different_settings_are_kept_side_by_side(
+    tmp_path: Path,
+) -> None:
     other = replace(KEPT, key=KEPT.key.replace("{}", '{"planner.tau_g": 0.3}'), cause="stuck")
     paths = [failure_snapshot.save(tmp_path, kept) for kept in (KEPT, other)]
     assert [failure_snapshot.load(path).cause for path in paths] == ["object not found", "stuck"]
     assert failure_snapshot.all_of(tmp_path) == sorted(paths)
 
 
-def test_an_agent_that_never_moved_has_an_empty_trajectory(tmp_path: Path) -> None:
+def test_a_snapshot_with_an_empty_trajectory_is_loaded(tmp_path: Path) -> None:
     path = failure_snapshot.save(tmp_path, replace(KEPT, trajectory_m=np.zeros((0, 2))))
     assert failure_snapshot.load(path).trajectory_m.shape == (0, 2)
 
 
-def test_a_file_that_is_none_is_refused_by_name(tmp_path: Path) -> None:
+def test_a_file_that_is_no_snapshot_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     path.write_bytes(b"no zip")
     with pytest.raises(InvalidInput, match=r"x\.npz"):
@@ -69,10 +71,10 @@ def test_a_file_that_is_none_is_refused_by_name(tmp_path: Path) -> None:
 
 @given(data=st.data())
 @settings(max_examples=200, deadline=None)
-def test_a_damaged_file_is_refused_or_whole(
+def test_a_damaged_file_is_refused_or_loaded_intact(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """Cut short, or with a byte changed."""
+    """The damage is a truncation or one changed byte."""
     path = failure_snapshot.save(tmp_path_factory.mktemp("run"), KEPT)
     written = bytearray(path.read_bytes())
     at = data.draw(st.integers(0, len(written) - 1))

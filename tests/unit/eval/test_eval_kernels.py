@@ -1,4 +1,4 @@
-"""What `make install` compiles is all that is ever called."""
+"""Tests that `make install` compiles every kernel."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba.core.registry import CPUDispatcher
 
 
 def kernels_of(package: str) -> dict[str, CPUDispatcher]:
-    """Every kernel of a package by its name."""
+    """Every kernel of a package by name."""
     found = {}
     for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
         if not module.name.endswith("__main__"):
@@ -22,7 +22,7 @@ def kernels_of(package: str) -> dict[str, CPUDispatcher]:
 
 
 @pytest.mark.parametrize("package", ["helios_map2d", "helios_objectmap", "helios_planner"])
-def test_no_kernel_is_left_to_be_compiled_when_it_is_first_called(package: str) -> None:
+def test_no_kernel_is_left_to_compile_at_its_first_call(package: str) -> None:
     warm_up()
     kernels = kernels_of(package)
     within = {name for k in kernels.values() for name in k.py_func.__code__.co_names}

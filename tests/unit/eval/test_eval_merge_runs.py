@@ -1,4 +1,4 @@
-"""Several runs in one report, and the small form of them that is committed."""
+"""Tests merging several runs into one report, and the packed form that is committed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def folder(path: Path, episodes: list[EpisodeRecord], command: str = "helios eva
 
 
 def paper(tmp_path: Path) -> list[Path]:
-    """A folder for each table, as docs/results/README.md has them, in few homes."""
+    """A folder for each table, as in docs/results/README.md, with few homes."""
     homes = range(8)
     both = ("helios-paper", "trusting")
     stops = ("vlfm", "vlfm-helios-stop", "helios-paper")
@@ -51,7 +51,7 @@ def paper(tmp_path: Path) -> list[Path]:
     ]  # fmt: skip
 
 
-def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path) -> None:
+def test_several_folders_together_give_every_table_and_the_pairs(tmp_path: Path) -> None:
     folders = paper(tmp_path)
     arms = arms_of(merge_runs.episodes(folders))
     titles = [b.title for b in paper_comparison.section(arms).blocks if isinstance(b, Table)]
@@ -69,7 +69,7 @@ def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path)
     assert len(merge_runs.run(folders)["commands"]) == 6
 
 
-def test_what_is_committed_is_small_and_is_reported_the_same(tmp_path: Path) -> None:
+def test_a_packed_run_is_small_and_gives_the_same_report(tmp_path: Path) -> None:
     run = folder(tmp_path / "run", [episode(s) for s in range(3)])
     small = tmp_path / "small"
     assert cli.run(["eval", "report", str(run), "--out", str(small)]) == 0
@@ -80,26 +80,28 @@ def test_what_is_committed_is_small_and_is_reported_the_same(tmp_path: Path) -> 
     assert {path.name: path.read_bytes() for path in small.rglob("*.*")} == before
 
 
-def test_the_same_episodes_are_packed_into_the_same_bytes(tmp_path: Path) -> None:
+def test_packing_is_deterministic(tmp_path: Path) -> None:
     for name in ("one", "two"):
         merge_runs.pack(tmp_path / name, [episode(s) for s in range(3)], {})
     assert (tmp_path / "one" / PACKED).read_bytes() == (tmp_path / "two" / PACKED).read_bytes()
 
 
-def test_a_folder_tells_every_command_that_was_given_in_it(
+def test_a_folder_records_every_distinct_command_that_ran_in_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = Run(
         "ovmm", ("helios-paper",), ("unlimited",), "noisy", "demo-v1", 1, 0, tmp_path, 1, None, {}
     )
-    for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
+    for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last run resumes
         monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])
         write_run_description(asked, "0" * 7, 0.0, None)
     reported = [c[-1] for c in commands_of(merge_runs.run([tmp_path]))]
     assert reported == ["alpha_d=0.1", "tau_g=0.3"]
 
 
-def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path) -> None:
+def test_an_episode_with_different_results_in_two_folders_is_refused_by_name(
+    tmp_path: Path,
+) -> None:
     one = folder(tmp_path / "one", [episode(0), episode(1)])
     same = folder(tmp_path / "same", [episode(1, wall_s=9.0, commit="another")])
     assert len(merge_runs.episodes([one, same])) == 2
@@ -108,7 +110,7 @@ def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path
         merge_runs.episodes([one, other])
 
 
-def test_several_folders_need_a_place_and_no_run_is_written_over(
+def test_merging_folders_needs_an_output_folder_that_holds_no_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one, two = (folder(tmp_path / n, [episode(k)]) for k, n in enumerate(("one", "two")))
@@ -118,7 +120,7 @@ def test_several_folders_need_a_place_and_no_run_is_written_over(
     assert "holds a run" in capsys.readouterr().err
 
 
-def test_one_of_several_folders_without_episodes_is_named(
+def test_a_merged_folder_without_episodes_is_refused_by_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     played = folder(tmp_path / "a", [episode(1)])
@@ -128,7 +130,7 @@ def test_one_of_several_folders_without_episodes_is_named(
     assert not (tmp_path / "b" / "report.md").exists()
 
 
-def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+def test_a_damaged_packed_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / PACKED).write_bytes(b"\x1f\x8bnothing")
     with pytest.raises(InvalidInput, match="damaged"):
         episode_record.read(tmp_path)

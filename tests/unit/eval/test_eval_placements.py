@@ -1,4 +1,4 @@
-"""Placing rules against each other: what the report says of given outcomes, and one real one."""
+"""Tests the comparison of placing rules: the report for given outcomes, and one real placement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def outcome(seed: int, rule: PlaceRule, how: str) -> Outcome:
     return Outcome(seed, "table_0", "table", "mug", rule, how == "succeeded", how, "", 9)
 
 
-def test_the_report_pairs_what_both_rules_did() -> None:
+def test_the_report_compares_trials_that_both_rules_played() -> None:
     done = [outcome(s, "paper", "rolled off" if s % 2 else "succeeded") for s in range(20)]
     done += [outcome(s, "flat", "succeeded") for s in range(20)]
     done.append(outcome(99, "flat", "refused"))
@@ -23,12 +23,12 @@ def test_the_report_pairs_what_both_rules_did() -> None:
     assert "flat - paper: +50.0 points" in text
 
 
-def test_without_pairs_there_is_no_report() -> None:
+def test_a_report_without_pairs_is_refused() -> None:
     with pytest.raises(InvalidInput, match="both rules"):
         report([outcome(1, "flat", "succeeded")])
 
 
-def test_a_placement_is_played_to_its_end_and_is_the_same_again() -> None:
+def test_a_placement_gives_the_same_outcome_when_repeated() -> None:
     trial = next(trials("demo-v1", 3, per_home=1))
     first, again = play("demo-v1", trial, "flat"), play("demo-v1", trial, "flat")
     assert first == again

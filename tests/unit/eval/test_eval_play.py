@@ -1,4 +1,4 @@
-"""One episode in one process: the same whatever process plays it, and nothing is left behind."""
+"""Tests playing one episode: the same result in any process, and no leftovers."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ def facts(record: EpisodeRecord) -> dict:
 
 
 @pytest.fixture(scope="module")
-def here() -> PlayedEpisode:
+def played_episode() -> PlayedEpisode:
     return play(spec(), "here")
 
 
-def test_an_episode_is_the_same_in_any_process(here: PlayedEpisode) -> None:
-    """Also as the second one of a process, beside another one."""
+def test_an_episode_is_the_same_in_any_process(played_episode: PlayedEpisode) -> None:
+    """Also as the second episode of a process, and in parallel with another process."""
     again = [came for _, came in play_all([spec()] * 3, 2, "there")]
     assert len(again) == 3
     for came in again:
         assert not isinstance(came, str)
-        assert facts(came.record) == facts(here.record)
+        assert facts(came.record) == facts(played_episode.record)
         assert came.snapshot is not None
-        assert here.snapshot is not None
-        assert (came.snapshot.occupancy == here.snapshot.occupancy).all()
-        assert came.snapshot.beliefs == here.snapshot.beliefs
+        assert played_episode.snapshot is not None
+        assert (came.snapshot.occupancy == played_episode.snapshot.occupancy).all()
+        assert came.snapshot.beliefs == played_episode.snapshot.beliefs
 
 
-def test_the_record_says_what_happened(here: PlayedEpisode) -> None:
-    record = here.record
+def test_the_record_describes_the_episode(played_episode: PlayedEpisode) -> None:
+    record = played_episode.record
     assert (record.steps, record.success, record.state) == (16, False, "failed")
     assert record.cause == "object not found"
     assert record.noise == NOISE
@@ -54,17 +54,19 @@ def test_the_record_says_what_happened(here: PlayedEpisode) -> None:
     assert stages <= set(record.stage_ms)
 
 
-def test_a_failed_episode_is_kept_for_a_picture(here: PlayedEpisode) -> None:
-    kept = here.snapshot
+def test_a_failed_episode_has_a_snapshot_for_the_report(played_episode: PlayedEpisode) -> None:
+    kept = played_episode.snapshot
     assert kept is not None
     assert {-1, 0, 100} == set(kept.occupancy.ravel().tolist())
-    assert len(kept.trajectory_m) == 1 + here.record.steps
+    assert len(kept.trajectory_m) == 1 + played_episode.record.steps
     assert kept.candidates
     assert kept.goals
     assert kept.camera_jpeg.startswith(b"\xff\xd8")
 
 
-def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_episode_leaves_no_files_and_no_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     before = set(threading.enumerate())
     play(spec(steps=2), "here")
@@ -72,21 +74,21 @@ def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert not {t.name for t in set(threading.enumerate()) - before}
 
 
-def test_the_walker_solves_the_task_by_the_truth() -> None:
+def test_the_walker_solves_the_task_with_ground_truth() -> None:
     record = play(EpisodeSpec("ovmm", WALKER, "noisy", "demo-v1", 0, NOISE), "here").record
     assert record.success
     assert record.cause == ""
     assert record.picks == 1
 
 
-def test_the_walker_takes_no_more_steps_than_it_may() -> None:
+def test_the_walker_keeps_its_step_limit() -> None:
     record = play(spec(WALKER, steps=5), "here").record
     assert (record.steps, record.success, record.state) == (5, False, "failed")
     assert record.message == "5 steps are used up"
     assert record.cause == "object not found"
 
 
-def test_object_navigation_knows_the_shortest_way() -> None:
+def test_object_navigation_records_the_shortest_path() -> None:
     asked = EpisodeSpec("objectnav", "helios", "ground-truth", "demo-v1", 0, None, {"max_steps": 4})
     record = play(asked, "here").record
     assert record.instruction == f"Find the {record.object_class}"

@@ -1,4 +1,4 @@
-"""What breaks one process of the pool stays with its episode."""
+"""Tests that a fault in one process of the pool affects only its episode."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def test_every_episode_is_played_once(tmp_path: Path) -> None:
     assert len(set((tmp_path / "pids").read_text().split())) <= 3
 
 
-def test_a_process_that_dies_loses_its_episode_alone(tmp_path: Path) -> None:
-    """It is tried again; what dies twice is told as lost, with the reason."""
+def test_a_process_that_dies_loses_only_its_episode(tmp_path: Path) -> None:
+    """The pool retries the episode once; a second death is reported as lost, with the reason."""
     specs = [spec("fine", 1), spec("dies", 2), spec("dies-once", 3), spec("fine", 4)]
     came = {s.seed: c for s, c in played(specs, tmp_path)}
     assert [seed for seed, c in came.items() if isinstance(c, str)] == [2]
@@ -51,18 +51,18 @@ def test_a_process_that_dies_loses_its_episode_alone(tmp_path: Path) -> None:
     assert set(came) == {1, 2, 3, 4}
 
 
-def test_what_could_not_be_played_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
+def test_an_episode_that_raises_is_reported_and_the_others_are_played(tmp_path: Path) -> None:
     came = {s.seed: c for s, c in played([spec("raises", 1), spec("fine", 2)], tmp_path)}
     assert came[1] == "no such luck"
     assert not isinstance(came[2], str)
 
 
-def test_where_nothing_can_be_played_the_run_ends(tmp_path: Path) -> None:
+def test_a_run_ends_when_no_episode_can_be_played(tmp_path: Path) -> None:
     with pytest.raises(Unavailable, match="OpenGL"):
         list(played([spec("impossible", seed) for seed in range(3)], tmp_path))
 
 
-def test_closing_ends_what_still_runs(tmp_path: Path) -> None:
+def test_closing_the_pool_ends_running_processes(tmp_path: Path) -> None:
     with closing(played([spec("fine"), spec("hangs", 1), spec("hangs", 2)], tmp_path)) as outcomes:
         assert next(outcomes)[0].agent == "fine"
         pids = tmp_path / "pids"
@@ -86,8 +86,8 @@ process.kill()
 @pytest.mark.skipif(
     not Path("/proc/self/status").exists(), reason="reads a process's mask in /proc"
 )
-def test_the_very_first_process_gets_no_interrupt_while_it_starts() -> None:
-    """It would print a fatal error of the interpreter into the terminal."""
+def test_interrupts_are_blocked_while_the_first_process_starts() -> None:
+    """An interrupt then would print a fatal error of the interpreter to the terminal."""
     said = subprocess.run(
         [sys.executable, "-c", FIRST_PROCESS],
         capture_output=True,

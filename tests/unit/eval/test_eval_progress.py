@@ -1,4 +1,4 @@
-"""How a run shows itself."""
+"""Tests the progress output of a run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def shown(terminal: bool) -> str:
     return file.getvalue()
 
 
-def test_without_a_terminal_every_episode_is_a_line() -> None:
+def test_without_a_terminal_every_episode_prints_a_line() -> None:
     lines = shown(terminal=False).splitlines()
     assert lines[0] == "1 of 4 episodes are there already"
     assert lines[1].startswith("2/4 trusting seed 0: collision, 100 steps")
@@ -35,7 +35,7 @@ def test_without_a_terminal_every_episode_is_a_line() -> None:
     assert len(lines) == 3
 
 
-def test_a_terminal_shows_figures_of_each_agent() -> None:
+def test_a_terminal_shows_the_metrics_of_each_agent() -> None:
     text = shown(terminal=True)
     last = text[text.rindex("agent") :]
     assert "2/2" in last  # of helios

@@ -1,4 +1,4 @@
-"""What was recorded is read again, whatever ended the writing."""
+"""Tests reading episode records, also after an interrupted write."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 FIRST, SECOND, THIRD = record(1, (belief(3, True),)), record(2), record(3)
 
 
-def test_records_come_back_as_they_were(tmp_path: Path) -> None:
+def test_read_records_equal_the_written_ones(tmp_path: Path) -> None:
     assert records.read(tmp_path) == []
     for one in (FIRST, SECOND):
         records.append(tmp_path, one)
@@ -22,7 +22,9 @@ def test_records_come_back_as_they_were(tmp_path: Path) -> None:
 
 
 @given(cut=st.integers(1, len(SECOND.model_dump_json())))
-def test_a_torn_last_line_is_lost_alone(cut: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_torn_last_line_loses_only_its_record(
+    cut: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     folder = tmp_path_factory.mktemp("torn")
     records.append(folder, FIRST)
     with (folder / records.EPISODES).open("a") as file:
@@ -42,7 +44,7 @@ def test_the_last_record_of_a_key_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["hello", '{"a": 1}', '{"benchmark": 3}', "[]"])
-def test_a_line_that_is_no_episode_is_refused_with_its_number(tmp_path: Path, line: str) -> None:
+def test_an_invalid_line_is_refused_with_its_number(tmp_path: Path, line: str) -> None:
     records.append(tmp_path, FIRST)
     with (tmp_path / records.EPISODES).open("a") as file:
         file.write(line + "\n")
@@ -50,7 +52,7 @@ def test_a_line_that_is_no_episode_is_refused_with_its_number(tmp_path: Path, li
         records.read(tmp_path)
 
 
-def test_whatever_changes_the_result_changes_the_key() -> None:
+def test_the_key_changes_with_every_condition_of_the_result() -> None:
     others = [
         record(2), record(1, agent="trusting"), record(1, semantics="ground-truth", noise=None),
         record(1, preset="demo-v1"), record(1, settings={"planner.alpha_d": 0.01}),

@@ -1,4 +1,4 @@
-"""`results.json` from constructed records."""
+"""Tests `results.json` of constructed records."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ NAMES = [
 ]  # fmt: skip
 
 
-def of(rows: list[dict], picks: object, name: str) -> dict[str, float]:
+def metric(rows: list[dict], picks: object, name: str) -> dict[str, float]:
     (row,) = [r for r in rows if r["picks"] == picks]
     return row["metrics"][name]
 
 
-def test_one_unlimited_run_gives_the_rows_of_every_limit() -> None:
+def test_one_run_with_unlimited_picks_gives_the_rows_of_every_limit() -> None:
     """An episode that exceeds N picks scores 0 in every score of the row for N picks."""
     tried = [record(k, picks=picks, steps=100) for k, picks in enumerate((1, 2, 5, 6))]
     rows = results.rows(tried, [1, 5, UNLIMITED])
     for name in NAMES[:6]:
-        assert of(rows, 1, name)["mean"] == 0.25
-        assert of(rows, 5, name)["mean"] == 0.75
-        assert of(rows, UNLIMITED, name)["mean"] == 1.0
-    assert of(rows, 1, "steps")["mean"] == 100
+        assert metric(rows, 1, name)["mean"] == 0.25
+        assert metric(rows, 5, name)["mean"] == 0.75
+        assert metric(rows, UNLIMITED, name)["mean"] == 1.0
+    assert metric(rows, 1, "steps")["mean"] == 100
     assert {r["picks"] for r in json.loads(json.dumps(rows))} == {1, 5, "unlimited"}
 
 
-def test_means_have_their_standard_error() -> None:
+def test_means_have_a_standard_error() -> None:
     row = results.rows([record(k, success=k < 3, collisions=k) for k in range(4)], [UNLIMITED])[0]
     assert set(row) >= {"benchmark", "agent", "picks", "semantics", "preset", "metrics"}
     assert list(row["metrics"]) == NAMES
@@ -46,13 +46,13 @@ def test_means_have_their_standard_error() -> None:
     assert row["metrics"]["partial"]["mean"] == pytest.approx((3 * 1.0 + 0.75) / 4)
 
 
-def test_one_episode_has_no_error_of_its_mean() -> None:
+def test_the_mean_of_one_episode_has_no_standard_error() -> None:
     assert results.rows([record(0)], [UNLIMITED])[0]["metrics"]["SR"] == {
         "mean": 1.0, "sem": None, "n": 1,
     }  # fmt: skip
 
 
-def test_object_navigation_has_its_own_metrics_and_no_limit_of_picks() -> None:
+def test_object_navigation_has_its_own_metrics_and_no_pick_limit() -> None:
     ways = [(10.0, 5.0, True), (4.0, 5.0, True), (5.0, 5.0, False)]
     found = [
         record(k, benchmark="objectnav", path_m=path, shortest_path_m=least, success=ok, picks=0)
@@ -64,7 +64,7 @@ def test_object_navigation_has_its_own_metrics_and_no_limit_of_picks() -> None:
     assert {"steps", "seconds_per_step"} <= set(row["metrics"])
 
 
-def test_what_differs_is_not_thrown_together(tmp_path: Path) -> None:
+def test_records_with_different_conditions_get_separate_rows(tmp_path: Path) -> None:
     some = [record(0), record(0, agent="trusting"), record(0, settings={"planner.alpha_d": 0.1}),
             record(1), record(0, semantics="ground-truth", noise=None)]  # fmt: skip
     results.write(tmp_path, some, [UNLIMITED])

@@ -1,4 +1,4 @@
-"""A run plays what is missing, once, and leaves results whatever ends it. Nothing is simulated."""
+"""Tests a run with a fake pool: it plays each missing episode once and always writes results."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def asked(
     return Run("ovmm", agents, (1, "unlimited"), "noisy", "ovmm-v1", episodes, 0, out, 1, NOISE, {})
 
 
-class Stage:
-    """Stands for the pool: notes what was asked for, and may be ended before the n-th episode."""
+class FakePool:
+    """Replaces the process pool: logs the episodes, and may end before the n-th episode."""
 
     def __init__(self) -> None:
         self.played: list[tuple[int, str]] = []
@@ -60,49 +60,56 @@ def recorded(spec: EpisodeSpec) -> EpisodeRecord:
 
 
 @pytest.fixture
-def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
-    stage = Stage()
-    monkeypatch.setattr(runs, "_outcomes", stage.outcomes)
-    return stage
+def fake_pool(monkeypatch: pytest.MonkeyPatch) -> FakePool:
+    fake_pool = FakePool()
+    monkeypatch.setattr(runs, "_outcomes", fake_pool.outcomes)
+    return fake_pool
 
 
 def quiet() -> Console:
     return Console(quiet=True)
 
 
-def test_home_by_home_and_nothing_twice(stage: Stage, tmp_path: Path) -> None:
+def test_episodes_are_played_home_by_home_and_each_once(
+    fake_pool: FakePool, tmp_path: Path
+) -> None:
     everything = [(seed, agent) for seed in range(3) for agent in ("helios-paper", "trusting")]
     assert len(run(asked(tmp_path), quiet())) == 6
-    assert stage.played == everything
+    assert fake_pool.played == everything
     assert len(run(asked(tmp_path), quiet())) == 6
-    assert stage.played == everything
+    assert fake_pool.played == everything
     assert len((tmp_path / records.EPISODES).read_text().splitlines()) == 6
 
 
-def test_what_is_there_in_part_is_completed(stage: Stage, tmp_path: Path) -> None:
+def test_a_partial_run_is_completed(fake_pool: FakePool, tmp_path: Path) -> None:
     run(asked(tmp_path, 2, ("helios-paper",)), quiet())
-    stage.played.clear()
+    fake_pool.played.clear()
     run(asked(tmp_path), quiet())
-    assert stage.played == [(0, "trusting"), (1, "trusting"), (2, "helios-paper"), (2, "trusting")]
+    assert fake_pool.played == [
+        (0, "trusting"),
+        (1, "trusting"),
+        (2, "helios-paper"),
+        (2, "trusting"),
+    ]
 
 
-def test_a_torn_last_line_is_played_again(stage: Stage, tmp_path: Path) -> None:
+def test_a_torn_last_line_is_played_again(fake_pool: FakePool, tmp_path: Path) -> None:
     run(asked(tmp_path), quiet())
-    stage.played.clear()
+    fake_pool.played.clear()
     path = tmp_path / records.EPISODES
     path.write_bytes(path.read_bytes()[:-40])
     assert len(run(asked(tmp_path), quiet())) == 6
-    assert stage.played == [(2, "trusting")]
+    assert fake_pool.played == [(2, "trusting")]
 
 
-def test_other_settings_are_other_episodes(stage: Stage, tmp_path: Path) -> None:
-    """Two benchmarks, presets or settings in one folder stand side by side."""
+def test_other_settings_make_other_episodes(fake_pool: FakePool, tmp_path: Path) -> None:
+    """One folder may hold several benchmarks, presets or settings."""
     run(asked(tmp_path, 1, ("helios-paper",)), quiet())
     other = Run(
         "ovmm", ("helios-paper",), (1,), "noisy", "ovmm-v1", 1, 0, tmp_path, 1, NOISE, {"a": 1}
     )
     run(other, quiet())
-    assert len(stage.played) == 2
+    assert len(fake_pool.played) == 2
     rows = json.loads((tmp_path / results.RESULTS).read_text())
     assert [(row["settings"], row["metrics"]["SR"]["n"]) for row in rows] == [
         ({}, 1),
@@ -110,8 +117,8 @@ def test_other_settings_are_other_episodes(stage: Stage, tmp_path: Path) -> None
     ]
 
 
-def test_a_setting_that_an_agent_runs_with_anyway_leaves_nothing_to_play(
-    stage: Stage, tmp_path: Path
+def test_a_setting_of_the_agents_preset_makes_no_new_episode(
+    fake_pool: FakePool, tmp_path: Path
 ) -> None:
     settings = {"planner.tau_g": 0.5, "objectmap.evidence": "hindsight"}
     agents = ("helios-paper", "helios")
@@ -122,33 +129,33 @@ def test_a_setting_that_an_agent_runs_with_anyway_leaves_nothing_to_play(
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), Unavailable("no OpenGL context")])
-def test_what_was_played_until_it_ended_has_results(
-    end: BaseException, stage: Stage, tmp_path: Path
+def test_an_ended_run_writes_results_of_its_played_episodes(
+    end: BaseException, fake_pool: FakePool, tmp_path: Path
 ) -> None:
-    stage.end_before, stage.end = 2, end
+    fake_pool.end_before, fake_pool.end = 2, end
     with pytest.raises((KeyboardInterrupt, Unavailable)):
         run(asked(tmp_path), quiet())
     assert len(records.read(tmp_path)) == 2
     assert json.loads((tmp_path / results.RESULTS).read_text())
     assert "Not complete: 4 of the 6 episodes" in (tmp_path / "report.md").read_text()
-    stage.end_before = None
+    fake_pool.end_before = None
     run(asked(tmp_path), quiet())
-    assert len(stage.played) == 6
+    assert len(fake_pool.played) == 6
     assert "Not complete" not in (tmp_path / "report.md").read_text()
 
 
-def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Path) -> None:
-    """On another machine, on another day: only what is missing is played, nothing is forgotten."""
+def test_a_run_resumes_from_a_copy_of_a_packed_run(fake_pool: FakePool, tmp_path: Path) -> None:
+    """On another machine, on another day: only missing episodes are played, and none is lost."""
     before, committed, after = (tmp_path / name for name in ("before", "committed", "after"))
     run(asked(before, 2), quiet())
     merge_runs.pack(committed, records.read(before), merge_runs.run([before]))
     shutil.copytree(committed, after)
-    stage.played.clear()
+    fake_pool.played.clear()
     assert len(run(asked(after, 3), quiet())) == 6
-    assert stage.played == [(2, "helios-paper"), (2, "trusting")]
+    assert fake_pool.played == [(2, "helios-paper"), (2, "trusting")]
     there = records.read(after)
     assert len(there) == 6
-    merge_runs.pack(committed, there, merge_runs.run([after]))  # and so on
+    merge_runs.pack(committed, there, merge_runs.run([after]))  # packs again
     assert len(records.read(committed)) == 6
     reported = json.loads((after / runs.RUN).read_text())["asked"]
     assert [order["episodes"] for order in reported] == [2, 3]
@@ -159,20 +166,20 @@ def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Pat
     [({"preset_hash": "another"}, "preset ovmm-v1"),
      ({"noise": NOISE.model_copy(update={"digest": "another"})}, "noise table ovmm-v1")],
 )  # fmt: skip
-def test_a_run_never_goes_on_from_other_homes_or_noise_of_the_same_name(
-    changed: dict, what: str, stage: Stage, tmp_path: Path
+def test_a_run_refuses_to_resume_with_a_changed_preset_or_noise_table(
+    changed: dict, what: str, fake_pool: FakePool, tmp_path: Path
 ) -> None:
     merge_runs.pack(tmp_path, [record(0, noise=NOISE).model_copy(update=changed)], {})
     with pytest.raises(InvalidInput, match=f"another {what}"):
         run(asked(tmp_path), quiet())
-    assert not stage.played
+    assert not fake_pool.played
 
 
-def test_a_run_never_goes_on_from_an_agent_with_other_settings(
-    stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_run_refuses_to_resume_with_changed_settings_of_an_agent(
+    fake_pool: FakePool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(asked(tmp_path, 1), quiet())
-    stage.played.clear()
+    fake_pool.played.clear()
     now = service_settings.default_settings_of("helios-paper")
     assert now["planner.tau_g"] == "0.5"
     assert service_settings.default_settings_of("helios") != now
@@ -182,38 +189,36 @@ def test_a_run_never_goes_on_from_an_agent_with_other_settings(
 
     monkeypatch.setattr(service_settings, "default_settings_of", changed)
     run(asked(tmp_path, 2), quiet())
-    assert len(stage.played) == 2
-    monkeypatch.setattr(
-        service_settings, "default_settings_of", lambda _: now | {"planner.tau_g": "0.4"}
-    )
+    assert len(fake_pool.played) == 2
+    monkeypatch.setattr(service_settings, "default_settings_of", lambda _: now | {"planner.tau_g": "0.4"})
     with pytest.raises(InvalidInput, match=r"played with planner\.tau_g = 0\.5; it is 0\.4 here"):
         run(asked(tmp_path, 3), quiet())
-    assert len(stage.played) == 2
+    assert len(fake_pool.played) == 2
 
 
-def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
-    stage: Stage, tmp_path: Path
+def test_a_run_resumes_from_another_commit_and_the_report_names_both_commits(
+    fake_pool: FakePool, tmp_path: Path
 ) -> None:
     merge_runs.pack(tmp_path, [record(0, noise=NOISE, commit="first")], {})
     run(asked(tmp_path, 2, ("helios-paper",)), quiet())
-    assert stage.played == [(1, "helios-paper")]
+    assert fake_pool.played == [(1, "helios-paper")]
     assert "helios-paper 1 by first, 1 by c" in (tmp_path / "report.md").read_text()
 
 
 # --- the folder -----------------------------------------------------------------------------------
-def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None:
+def test_a_folder_accepts_one_run_at_a_time(fake_pool: FakePool, tmp_path: Path) -> None:
     with (
         run_folder.locked_folder(tmp_path),
         pytest.raises(Conflict, match="another run plays into"),
     ):
         run(asked(tmp_path), quiet())
-    assert not stage.played
-    assert not (tmp_path / runs.RUN).exists()  # what the other one noted stays
+    assert not fake_pool.played
+    assert not (tmp_path / runs.RUN).exists()  # the other run's file is untouched
     run(asked(tmp_path), quiet())
-    assert len(stage.played) == 6
+    assert len(fake_pool.played) == 6
 
 
-def test_a_run_that_is_killed_lets_go_of_its_folder(stage: Stage, tmp_path: Path) -> None:
+def test_a_killed_run_releases_its_folder(fake_pool: FakePool, tmp_path: Path) -> None:
     holds = (
         "import pathlib, sys, time; from helios_eval import run_folder\n"
         "with run_folder.locked_folder(pathlib.Path(sys.argv[1])): print('held', flush=True); "
@@ -229,26 +234,26 @@ def test_a_run_that_is_killed_lets_go_of_its_folder(stage: Stage, tmp_path: Path
     assert len(run(asked(tmp_path), quiet())) == 6
 
 
-def test_a_file_is_no_folder(stage: Stage, tmp_path: Path) -> None:
+def test_a_file_as_output_folder_is_a_usage_error(fake_pool: FakePool, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("mine")
     for out in (file, file / "below"):
         with pytest.raises(UsageError, match="a file is there"):
             run(asked(out), quiet())
     assert file.read_text() == "mine"
-    assert not stage.played
+    assert not fake_pool.played
 
 
 @pytest.mark.parametrize(("file", "played"), [(runs.RUN, 0), (results.RESULTS, 6)])
-def test_a_full_disk_is_reported_in_a_sentence(
-    file: str, played: int, stage: Stage, tmp_path: Path
+def test_a_full_disk_is_reported_in_one_sentence(
+    file: str, played: int, fake_pool: FakePool, tmp_path: Path
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
         stem, ending = file.split(".")
         refuse_writing(patch, f".{stem}.", f".new.{ending}")
         with pytest.raises(Unavailable, match=r"cannot write to .*No space left"):
             run(asked(tmp_path), quiet())
-    assert len(stage.played) == played
+    assert len(fake_pool.played) == played
     assert not (tmp_path / file).exists()
     assert len(run(asked(tmp_path), quiet())) == 6
-    assert len(stage.played) == 6
+    assert len(fake_pool.played) == 6

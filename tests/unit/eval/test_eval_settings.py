@@ -1,4 +1,4 @@
-"""Settings of services by name, agents and presets."""
+"""Tests service settings by name, agents and presets."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
     }  # fmt: skip
 
 
-def test_a_default_is_no_setting() -> None:
-    """So that an episode with it is the same as one without."""
+def test_a_default_value_does_not_count_as_a_setting() -> None:
+    """An episode with the default set explicitly equals one without."""
     found = service_settings.parsed(["alpha_d=0.001", "margins_m=0.08,0.05,0.025", "tau_g=0.6"])
     defaults = Settings()
     found["planner.margins_m"] = ",".join(map(str, defaults.margins_m))
     assert service_settings.differing_settings("helios-paper", found) == {"planner.tau_g": 0.6}
 
 
-def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> None:
+def test_a_value_of_the_agents_preset_is_no_override_but_a_default_is() -> None:
     found = service_settings.parsed(["evidence=hindsight", "tau_b=0.5"])
     assert service_settings.differing_settings("helios", found) == {"planner.tau_b": 0.5}
     assert service_settings.differing_settings("helios-paper", found) == {
@@ -40,19 +40,19 @@ def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> 
     }
 
 
-def test_of_a_run_that_is_over_what_its_house_ran_with_counts() -> None:
+def test_a_finished_run_is_compared_by_the_settings_it_ran_with() -> None:
     ran = {"planner.tau_g": "0.6", "planner.margins_m": str((0.1, 0.2))}
     given = {"planner.tau_g": 0.6, "planner.margins_m": "0.1,0.2", "planner.tau_b": 0.5}
     assert service_settings.differing_settings("helios-paper", given, ran) == {}
     assert service_settings.differing_settings("helios-paper", {"planner.tau_g": 0.5}, ran)
 
 
-def test_a_setting_of_another_version_is_one_that_changes_something() -> None:
+def test_an_unknown_or_invalid_setting_counts_as_an_override() -> None:
     given = {"planner.gone": 1, "gone.tau_g": 0.5, "planner.alpha_d": -1.0}
     assert service_settings.differing_settings("helios-paper", given) == given
 
 
-def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
+def test_every_setting_of_an_agent_belongs_to_a_service() -> None:
     for agent, settings in AGENT_SETTINGS.items():
         assert agent in AGENTS
         named = [f"{name}={value}" for name, value in settings.items()]
@@ -70,12 +70,12 @@ def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
         ("planner.state_dir=/tmp", "no service has"),
     ],
 )  # fmt: skip
-def test_a_wrong_setting_is_wrong_use(text: str, words: str) -> None:
+def test_an_invalid_setting_is_a_usage_error(text: str, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         service_settings.parsed([text])
 
 
-def test_agents_and_presets_are_known_by_name() -> None:
+def test_unknown_agents_and_presets_are_usage_errors() -> None:
     episode_spec.check_agents(["helios-paper", "ground-truth-walker"], "ovmm")
     home_presets.check_kind("demo-v1")
     with pytest.raises(UsageError, match="helios-paper"):
@@ -86,7 +86,7 @@ def test_agents_and_presets_are_known_by_name() -> None:
         home_presets.check_kind("palace")
 
 
-def test_names_are_taken_in_any_case_each_once() -> None:
+def test_names_are_accepted_in_any_case_and_deduplicated() -> None:
     assert episode_spec.check_agents(["HELIOS-Paper", "helios-paper", "Trusting"], "ovmm") == [
         "helios-paper",
         "trusting",
@@ -101,7 +101,7 @@ def test_names_are_taken_in_any_case_each_once() -> None:
     )  # fmt: skip
 
 
-def test_an_agent_of_another_package_is_loaded_before_anything_is_played() -> None:
+def test_an_agent_of_another_package_is_loaded_before_the_run() -> None:
     episode_spec.check_agents(["helios-paper", "helios_examples.left_first:agent"], "ovmm")
     for agent, said in (
         ("helios_examples.left_first:agnet", "did you mean agent"),

@@ -1,4 +1,4 @@
-"""Maps that weigh evidence in their own ways, over the same frames."""
+"""Tests the study that compares evidence rules of the object map on the same frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOW: dict[Role, float] = dict.fromkeys(
 )
 
 
-def thing(name: str, center_m: Sequence[float], size_m: Sequence[float], score: float):
+def object_instance(name: str, center_m: Sequence[float], size_m: Sequence[float], score: float):
     x, y, dx, dy = *center_m[:2], size_m[0] / 2, size_m[1] / 2
     corners = [(x - dx, y - dy), (x + dx, y - dy), (x + dx, y + dy), (x - dx, y + dy)]
     return ObjectInstance(
@@ -38,7 +38,7 @@ def walked() -> Walk:
     return walk("demo-v1", 0, 60, 4, LOW)
 
 
-def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None:
+def test_an_arm_is_an_agent_with_its_settings_and_the_given_overrides() -> None:
     paper, ours, other = (
         arm_of(t) for t in ("helios-paper", "helios", "helios size_agreement=on od_g=0.4")
     )
@@ -56,17 +56,19 @@ def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None
         ("helios voxels=2", "voxels"),
     ],
 )
-def test_what_is_no_arm_is_refused(text: str, says: str) -> None:
+def test_an_invalid_arm_is_refused(text: str, says: str) -> None:
     with pytest.raises(UsageError, match=says):
         arm_of(text)
 
 
 @pytest.mark.parametrize("agent", ["helios-paper", "helios"])
-def test_what_lies_on_a_start_receptacle_is_picked_before_what_is_surer(agent: str) -> None:
+def test_an_object_on_the_start_receptacle_is_picked_before_one_with_a_higher_score(
+    agent: str,
+) -> None:
     arm = arm_of(agent)
-    table = thing("coffee table", (1.0, 1.0, 0.4), (1.0, 0.6, 0.1), score=0.4)
-    there = thing("mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), score=0.3)
-    elsewhere = thing("mug", (4.0, 4.0, 0.5), (0.1, 0.1, 0.1), score=0.6)
+    table = object_instance("coffee table", (1.0, 1.0, 0.4), (1.0, 0.6, 0.1), score=0.4)
+    there = object_instance("mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), score=0.3)
+    elsewhere = object_instance("mug", (4.0, 4.0, 0.5), (0.1, 0.1, 0.1), score=0.6)
     true = TrueObjectState("mug_0", "mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), 0.0, True)
     task = Walk(0, "mug", "coffee table", "counter", (true,), (true,), ())
     assert pick(arm, task, [table, there, elsewhere]) is True
@@ -74,7 +76,7 @@ def test_what_lies_on_a_start_receptacle_is_picked_before_what_is_surer(agent: s
     assert pick(arm, task, [table, replace(there, class_score=0.05)]) is None
 
 
-def test_an_arm_is_told_apart_from_the_first_home_by_home() -> None:
+def test_an_arm_is_compared_with_the_first_home_by_home() -> None:
     first, other = Outcome([True, True, False, None]), Outcome([True, None, True, True])
     first.beliefs = other.beliefs = [[], [], [], []]
     figures = row(other, first)
@@ -82,7 +84,7 @@ def test_an_arm_is_told_apart_from_the_first_home_by_home() -> None:
     assert (figures["wrong"], figures["none"]) == (0, 1)
 
 
-def test_maps_are_reported_the_same_frames_and_the_detector_s_thresholds(walked: Walk) -> None:
+def test_every_map_receives_the_same_frames_with_the_thresholds_of_its_arm(walked: Walk) -> None:
     arm = arm_of("helios-paper")
     known = believed(walked.seen, arm.map, arm.thresholds)
     again = believed(walked.seen, arm.map, arm.thresholds)
@@ -96,7 +98,7 @@ def test_maps_are_reported_the_same_frames_and_the_detector_s_thresholds(walked:
     assert found.beliefs == [judge_instances(known, walked.things, roles, len(walked.seen))]
 
 
-def test_the_walk_picks_nothing_and_knows_what_is_meant(walked: Walk) -> None:
+def test_the_walk_picks_no_object_and_its_targets_are_of_the_task_class(walked: Walk) -> None:
     assert not any(one.held for one in walked.seen)
     assert {t.class_name for t in walked.targets} == {walked.object}
 

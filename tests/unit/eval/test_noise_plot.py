@@ -1,4 +1,4 @@
-"""The picture of a noise table."""
+"""Tests the plot of a noise table."""
 
 import cv2
 import pytest
@@ -6,7 +6,7 @@ from helios_core.errors import InvalidInput
 from helios_eval.studies.noise_plot import alike, draw, view_table
 
 
-def test_a_table_is_drawn(tmp_path):
+def test_a_noise_table_is_drawn(tmp_path):
     out = tmp_path / "noise.png"
     draw(view_table("ovmm-v1").scaled(2.0), out)
     image = cv2.imread(str(out))
@@ -14,11 +14,11 @@ def test_a_table_is_drawn(tmp_path):
     assert image.std() > 10
 
 
-def test_views_are_the_less_alike_the_more_lies_between_them():
+def test_the_similarity_of_views_decreases_with_their_distance():
     curve = alike(view_table("ovmm-v1"))
     assert curve[0] > curve[1] > curve[2] > curve[3] > curve[6]
 
 
-def test_a_table_of_the_other_format_is_refused():
+def test_a_noise_table_in_the_other_format_is_refused():
     with pytest.raises(InvalidInput, match="ovmm-v1"):
         view_table("demo-v1")

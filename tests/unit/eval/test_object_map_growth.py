@@ -1,4 +1,4 @@
-"""How the object map grows: short runs of `helios_eval.studies.object_map_growth`."""
+"""Tests the study of object map growth in short runs: `helios_eval.studies.object_map_growth`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def walk() -> Walk:
     return record("demo-v1", 0, FRAMES, STRIDE_PX)
 
 
-def test_a_strided_frame_makes_the_map_that_the_whole_frame_makes():
+def test_a_strided_frame_gives_the_same_map_as_the_whole_frame():
     whole, strided = (record("demo-v1", 0, 5, stride) for stride in (1, STRIDE_PX))
     maps = []
     for walk, stride in ((whole, STRIDE_PX), (strided, 1)):
@@ -42,31 +42,31 @@ def test_a_strided_frame_makes_the_map_that_the_whole_frame_makes():
     assert np.array_equal(maps[0].concentration, maps[1].concentration)
 
 
-def test_what_an_update_looks_at_does_not_follow_what_is_mapped(walk):
+def test_the_gaussians_in_view_of_an_update_do_not_grow_with_the_map(walk):
     run = update_cost.measure([walk], 3 * FRAMES, say=lambda _: None)
     assert run.in_view.shape == (3, FRAMES)
     assert run.mapped[2, -1] > 2.9 * run.mapped[0, -1]
     assert np.abs(run.in_view[2] - run.in_view[0]).max() <= 0.02 * run.in_view[0].max()
 
 
-def test_objects_only_are_a_small_part_of_the_full_scene():
+def test_an_objects_only_map_is_much_smaller_than_a_full_scene_map():
     maps = full_scene.measure(observation_log.play("demo-v1", 0, 45, STRIDE_PX))
     objects, everything = maps["objects only"], maps["full scene"]
     assert 0 < objects.gaussians[-1] < 0.5 * everything.gaussians[-1]
     assert objects.mb[-1] < 0.5 * everything.mb[-1]
 
 
-def test_hours_of_frames_stay_within_the_limit_of_the_process(walk):
+def test_a_long_run_stays_within_the_gaussian_limit(walk):
     most = 1500
     lived = long_run.measure([walk], 5 * FRAMES, 2.0, most, say=lambda _: None)
     assert lived.samples[-1].frame == 5 * FRAMES
     assert all(s.gaussians <= most for s in lived.samples)
-    assert max(s.gaussians for s in lived.samples) > 0.9 * most  # it was reached
+    assert max(s.gaussians for s in lived.samples) > 0.9 * most  # the limit was reached
     assert lived.growth() < 0.5
 
 
-def test_a_full_map_keeps_nothing_of_the_frames_it_has_seen(walk):
-    """Memory that Python and numpy hold; a frame that is kept would be 0.1 MB."""
+def test_a_full_map_keeps_no_memory_of_its_frames(walk):
+    """Measures the memory of Python and numpy; a kept frame would be 0.1 MB."""
     hub = MemoryHub()
     settings = ObjectMapSettings(stride_px=1, max_gaussians=1500)
     ObjectMapService(MemoryBus(hub), settings, Health())
@@ -79,7 +79,7 @@ def test_a_full_map_keeps_nothing_of_the_frames_it_has_seen(walk):
             for o in walk.again(lap * update_cost.SPACING_M, lap * FRAMES, context.id):
                 bus.publish(OBSERVATION, observation_to_proto(o))
 
-    laps(0, 2)  # so that all is compiled
+    laps(0, 2)  # compiles all kernels
     tracemalloc.start()
     laps(2, 5)
     early = tracemalloc.get_traced_memory()[0]
@@ -90,14 +90,14 @@ def test_a_full_map_keeps_nothing_of_the_frames_it_has_seen(walk):
 
 
 @pytest.mark.parametrize(("slope_mb", "steady"), [(0.0, True), (2.0, False)])
-def test_memory_that_grows_until_the_end_is_not_steady(slope_mb, steady):
+def test_memory_that_grows_to_the_end_is_not_steady(slope_mb, steady):
     samples = tuple(Sample(100 * k, 300 + slope_mb * k, 1000, 10) for k in range(1, 81))
     run = LongRunResult(2.0, samples)
     assert run.is_steady == steady
     assert run.summary()["robot_hours"] == pytest.approx(8000 * 2 / 3600, abs=0.01)
 
 
-def test_the_command_leaves_figures_and_a_picture(tmp_path):
+def test_the_command_writes_figures_and_a_plot(tmp_path):
     status = object_map_growth.main(
         ["--out", str(tmp_path), "--only", "cost", "--preset", "demo-v1", "--seeds", "0",
          "--walk", "4", "--frames", "8"]

@@ -1,4 +1,4 @@
-"""What is believed of real frames: a folder of images with a thing that one map is told of."""
+"""Tests the study of beliefs on real frames, with a folder of images that show one block."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from helios_eval.studies.real_frames_pictures import (
 from helios_replay.rgbd_folder import read_dataset
 
 SHAPE = (48, 64)
-THING = (slice(16, 32), slice(24, 40))  # pixels of a block 1 m before the camera
+THING = (slice(16, 32), slice(24, 40))  # pixels of a block 1 m in front of the camera
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Three views, each 0.1 m farther from the block, which fills the middle of the image."""
+    """Three views, each 0.1 m farther from a block in the middle of the image."""
     out = tmp_path_factory.mktemp("frames")
     (out / "frames").mkdir()
     meta = {"width": 64, "height": 48, "fx": 60, "fy": 60, "cx": 31.5, "cy": 23.5}
@@ -52,7 +52,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 class Painter(DetectorBackend):
-    """Calls the block a cup."""
+    """Detects the block as a cup."""
 
     name = "painter"
 
@@ -74,7 +74,7 @@ class Painter(DetectorBackend):
         return Findings((Detection("cup", 0.9, (24, 16, 40, 32), mask),), ())
 
 
-def test_the_thing_at_a_place_is_reported_by_its_name_in_every_arm(folder):
+def test_the_object_at_a_place_is_reported_under_its_name_in_every_arm(folder):
     places = [place("mine=cup@0,0,1.0")]
     arms = arms_of(["size_agreement=on"])
     found = belief_progress(
@@ -85,18 +85,18 @@ def test_the_thing_at_a_place_is_reported_by_its_name_in_every_arm(folder):
     assert plain.frames == [0, 1, 2]
     assert plain.highest("mine") >= plain.ended("mine") > 0.5
     np.testing.assert_allclose(plain.seen[-1]["mine"].center_m, [0, 0, 1], atol=0.05)
-    assert 0 < by_size.ended("mine") < 0.7 * plain.ended("mine")  # 0.27 m is much for a cup
+    assert 0 < by_size.ended("mine") < 0.7 * plain.ended("mine")  # 0.27 m is large for a cup
     assert plain.gaussians == by_size.gaussians
 
 
-def test_frames_carry_what_the_folder_says(folder):
+def test_frames_have_the_depth_and_poses_of_the_folder(folder):
     first, *_, last = frames_of(read_dataset(folder))
     assert first.depth_m[THING].max() == pytest.approx(1.0)
     assert last.depth_m[THING].max() == pytest.approx(1.2)
     assert last.T_world_cam[2, 3] == pytest.approx(-0.2)
 
 
-def test_a_map_that_is_full_takes_no_more_frames(folder):
+def test_a_full_map_takes_no_more_frames(folder):
     fine = arms_of(["stride_px=1"])["stride_px=1"]
     arms = {"fine": fine, "small": fine.model_copy(update={"max_gaussians": 100})}
     found = belief_progress(read_dataset(folder), Painter(), context_of("cup", "", ""), [], arms)
@@ -125,14 +125,14 @@ FOUND = {
 }
 
 
-def test_a_table_has_the_end_and_the_highest_of_each_name():
+def test_the_table_shows_the_final_and_highest_score_of_each_name():
     text = table(FOUND)
     assert "| | mine | other cup | table |" in text
     assert "| a | 0.50 (0.70) | 0.00 (0.10) | 0.00 (0.00) |" in text
     assert "| b (full at frame 4) | 0.00 (0.00) | 0.00 (0.00) | 0.20 (0.20) |" in text
 
 
-def test_a_thing_has_a_curve_of_psi_and_one_of_each_class_that_claims_it_too():
+def test_an_object_has_a_curve_of_psi_and_one_of_each_rival_class():
     psi, rival, other = belief_curves(FOUND["a"], ["mine", "other cup", "table"])
     assert (psi.label, rival.label) == ("mine as cup: Ψ", "mine as bowl: mean probability")
     assert psi.thing == rival.thing == "mine"
@@ -140,11 +140,11 @@ def test_a_thing_has_a_curve_of_psi_and_one_of_each_class_that_claims_it_too():
     np.testing.assert_array_equal(psi.frames, [0, 4, 8])
     np.testing.assert_array_equal(psi.values, [0.4, 0.7, 0.5])
     np.testing.assert_array_equal(rival.values, [0.1, 0.09, 0.05])
-    assert other.label == "other cup: Ψ"  # nobody named another class there
+    assert other.label == "other cup: Ψ"  # no rival class there
     np.testing.assert_array_equal(other.values, [np.nan, 0.1, np.nan])
 
 
-def test_each_map_has_a_curve_of_its_gaussians_up_to_its_last_frame():
+def test_each_map_has_a_curve_of_its_gaussian_count_up_to_its_last_frame():
     a, b = count_curves(FOUND)
     np.testing.assert_array_equal(a.values, [1, 2, 2.5])
     np.testing.assert_array_equal(b.values, [1, 9])
@@ -152,13 +152,13 @@ def test_each_map_has_a_curve_of_its_gaussians_up_to_its_last_frame():
     assert b.label == "b (full at frame 4)"
 
 
-def test_what_is_drawn_are_the_named_things_or_those_that_were_believed():
+def test_the_plot_shows_the_named_objects_or_else_the_accepted_ones():
     assert drawn(FOUND, ["table", "nowhere", "mine"]) == ["table", "mine"]
     assert drawn(FOUND, []) == ["mine"]
     assert drawn({"b": FOUND["b"]}, []) == ["table"]
 
 
-def test_the_figures_and_both_pictures_are_left_as_files(tmp_path):
+def test_the_figures_and_both_plots_are_written(tmp_path):
     reported = json.loads(json.dumps(figures(FOUND)))
     assert reported["b"]["frames"] == [0, 4]
     assert reported["a"]["psi"][1] == {"mine": 0.7, "other cup": 0.1}
@@ -173,14 +173,14 @@ def test_the_figures_and_both_pictures_are_left_as_files(tmp_path):
         assert (image[0, 0] == 255).all()
 
 
-def test_classes_that_are_receptacles_are_searched_as_such():
+def test_receptacle_classes_get_a_receptacle_role():
     roles = {c.name: c.role for c in context_of("cup,table", "", "table").classes}
     assert roles == {"cup": Role.OBJECT, "table": Role.START_RECEPTACLE}
     with pytest.raises(UsageError, match="desk"):
         context_of("cup,table", "", "desk")
 
 
-def test_what_makes_no_sense_is_said(capsys, tmp_path):
+def test_invalid_arguments_are_refused_with_a_reason(capsys, tmp_path):
     with pytest.raises(argparse.ArgumentTypeError, match="NAME=CLASS@X,Y,Z"):
         place("mug A=1,2,3")
     with pytest.raises(UsageError, match="colour"):

@@ -1,4 +1,4 @@
-"""The command that records a camera's stream with everything else going on."""
+"""Tests the command that records a camera stream while all services run."""
 
 import json
 from pathlib import Path
@@ -11,7 +11,7 @@ KITCHEN = SHARED / "data" / "redkitchen"
 MODEL = SHARED / "models" / "yolox_nano.onnx"
 
 
-def test_wrong_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_data_set_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["/no/such/folder", "--detector", "onnx:x"]) == 2
     assert "there is no data set at" in capsys.readouterr().err
 
@@ -19,10 +19,10 @@ def test_wrong_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.timeout(300)
 @pytest.mark.skipif(not KITCHEN.is_dir(), reason=f"no real frames at {KITCHEN}")
 @pytest.mark.skipif(not MODEL.is_file(), reason=f"no model at {MODEL}")
-def test_every_frame_is_in_the_file_and_the_maps_answered_meanwhile(
+def test_every_frame_is_recorded_while_the_maps_work(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """At a rate that any machine keeps; 30 Hz is for the command on a quiet one."""
+    """Uses a rate that any machine keeps; 30 Hz is for the command on an idle machine."""
     figures = tmp_path / "figures.json"
     argv = [str(KITCHEN), "--detector", f"onnx:{MODEL}", "--hz", "8", "--seconds", "3"]
     assert main([*argv, "--cores", "0", "--json", str(figures)]) == 0, capsys.readouterr()

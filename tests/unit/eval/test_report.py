@@ -1,4 +1,4 @@
-"""The report of a folder: what is in it, and that nothing in an episode can break it."""
+"""Tests the report of a folder: its contents, and that no text of an episode can break it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HOSTILE = (
 
 
 class Page(HTMLParser):
-    """Tags, texts and addresses of a page; complains of tags that are not closed."""
+    """Tags, texts and addresses of a page; fails on unclosed tags."""
 
     def __init__(self, text: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -59,8 +59,9 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def whole(folder):
-    """A folder with several agents, both semantics, pictures and run.json; its two reports."""
+def both_reports(folder):
+    """The HTML and Markdown report of a folder with several agents, both semantics, failure
+    snapshots and run.json."""
     episodes = [episode(s, a) for a in CHANCES for s in range(5)]
     episodes += [episode(s, "helios-paper", semantics="ground-truth", noise=None) for s in range(5)]
     write(folder, episodes)
@@ -72,48 +73,50 @@ def whole(folder):
 
 
 @pytest.fixture(params=["html", "md"])
-def report(request, whole):
-    return whole[request.param == "md"]
+def report(request, both_reports):
+    return both_reports[request.param == "md"]
 
 
-def test_every_section_and_every_agent_is_in_both(report):
+def test_both_reports_contain_every_section_and_every_agent(report):
     assert [s for s in SECTIONS if s not in report] == []
     for agent in CHANCES:
         assert agent in report
 
 
-def test_it_says_what_was_run(report):
+def test_the_report_describes_the_run(report):
     shown = report.replace("&#39;", "'").replace("<span>", "").replace("</span>", "")
     for words in ("helios eval ovmm --out 'a b'", "a desk", "1 h 02 min", "0000000-dirty",
                   "not committed", "0–4", "noise level"):  # fmt: skip
         assert words in shown
 
 
-def test_it_says_that_the_simulator_is_another_one(report):
+def test_the_report_states_that_the_paper_used_another_simulator(report):
     assert "no figure here may be held against one of the paper in absolute terms" in report
     assert report.count("another simulator") >= 3
 
 
-def test_the_papers_figures_stand_beside_ours(report):
+def test_the_report_shows_the_papers_figures_beside_ours(report):
     assert "42.3 ± 1.4" in report
     assert "Table 1" in report
     assert "Table 4" in report
     assert re.search(r"Not run: Table 2, 5, 6, 7 and 8", report)
 
 
-def test_the_page_is_whole_and_asks_nobody_for_anything(whole):
-    page = Page(whole[0])
+def test_the_page_is_valid_and_loads_nothing_from_outside(both_reports):
+    page = Page(both_reports[0])
     assert page.tags.count("script") == 1
     assert "svg" in page.tags
     outside = [a for a in page.addresses if not a.startswith(("#", "data:"))]
     assert outside == []
-    assert "@import" not in whole[0]
-    assert re.findall(r"url\((?!#|&quot;#|data:)", whole[0]) == []
+    assert "@import" not in both_reports[0]
+    assert re.findall(r"url\((?!#|&quot;#|data:)", both_reports[0]) == []
 
 
-def test_the_markdown_shows_every_drawing_of_the_page_from_a_file_that_needs_no_page(whole, folder):
-    shown = re.findall(r"!\[[^]]+\]\((drawings/[a-z0-9-]+\.svg)\)", whole[1])
-    assert len(shown) == len(re.findall(r"<svg", whole[0]))
+def test_the_markdown_shows_every_drawing_of_the_page_from_a_standalone_svg_file(
+    both_reports, folder
+):
+    shown = re.findall(r"!\[[^]]+\]\((drawings/[a-z0-9-]+\.svg)\)", both_reports[1])
+    assert len(shown) == len(re.findall(r"<svg", both_reports[0]))
     assert {folder / name for name in shown} == set((folder / "drawings").iterdir())
     for name in shown:
         svg = (folder / name).read_text()
@@ -126,7 +129,7 @@ def test_the_markdown_shows_every_drawing_of_the_page_from_a_file_that_needs_no_
         assert asked - {"--sans"} <= set(re.findall(r"(--[a-z0-9-]+):", dark))
 
 
-def test_a_drawing_that_a_later_report_does_not_have_goes(tmp_path):
+def test_a_later_report_deletes_drawings_that_it_does_not_have(tmp_path):
     write(tmp_path, [episode(s, a) for s in range(8) for a in ("helios-paper", "trusting")])
     write_report(tmp_path)
     assert (tmp_path / "drawings" / "answers.svg").exists()
@@ -135,30 +138,30 @@ def test_a_drawing_that_a_later_report_does_not_have_goes(tmp_path):
     assert not (tmp_path / "drawings" / "answers.svg").exists()
 
 
-def test_drawings_follow_light_and_dark(whole):
-    drawn = re.findall(r"<svg.*?</svg>", whole[0], flags=re.DOTALL)
+def test_drawings_follow_the_light_and_dark_theme(both_reports):
+    drawn = re.findall(r"<svg.*?</svg>", both_reports[0], flags=re.DOTALL)
     assert len(drawn) >= 5
     assert all("var(--ink)" in svg and "#1c2430" not in svg for svg in drawn)
-    assert "prefers-color-scheme: dark" in whole[0]
-    assert "@media print" in whole[0]
+    assert "prefers-color-scheme: dark" in both_reports[0]
+    assert "@media print" in both_reports[0]
 
 
-def test_pictures_of_failures_come_with_cause_and_command(whole):
+def test_failure_images_show_the_commands_to_replay_and_film_the_episode(both_reports):
     failed = sum(bool(episode(s, "trusting").cause) for s in range(5))
     assert failed > 0
-    assert whole[0].count('alt="Map of the episode') >= failed
-    page = whole[0].replace("<span>", "").replace("</span>", "")
+    assert both_reports[0].count('alt="Map of the episode') >= failed
+    page = both_reports[0].replace("<span>", "").replace("</span>", "")
     again = r"--agents trusting --episodes 1 --seed0 \d --preset synthetic --semantics noisy --out"
     film = r"helios eval video --seed \d --agent trusting --preset synthetic --semantics noisy<"
     assert re.search(again, page)
     assert re.search(film, page)
-    assert "--agent ground-truth-walker" not in page  # it has no maps
-    png = re.search(r"image/png;base64,([^\"]+)", whole[0])
+    assert "--agent ground-truth-walker" not in page  # the walker has no maps
+    png = re.search(r"image/png;base64,([^\"]+)", both_reports[0])
     assert png is not None
     assert base64.b64decode(png[1]).startswith(b"\x89PNG")
 
 
-def test_hostile_words_stay_words(tmp_path):
+def test_markup_in_episode_texts_is_escaped(tmp_path):
     wicked = {"instruction": HOSTILE, "message": HOSTILE, "cause": HOSTILE, "preset": HOSTILE,
               "commit": HOSTILE, "settings": {HOSTILE: HOSTILE}, "stage_ms": {HOSTILE: 1.0},
               "success": False, "noise": NOISE.model_copy(update={"table": HOSTILE}),
@@ -167,7 +170,7 @@ def test_hostile_words_stay_words(tmp_path):
     (tmp_path / "run.json").write_text(json.dumps({"command": HOSTILE, "machine": HOSTILE}))
     write_report(tmp_path)
     page = Page((tmp_path / "report.html").read_text())
-    assert page.tags.count("script") == 1  # ours
+    assert page.tags.count("script") == 1  # the report's own
     assert HOSTILE in "".join(page.texts)
     markdown = (tmp_path / "report.md").read_text()
     outside_code = re.sub(r"(`+) .*? \1(?!`)", "", markdown)
@@ -178,7 +181,7 @@ def test_hostile_words_stay_words(tmp_path):
         assert len(bars) == 1, table
 
 
-def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
+def test_a_report_of_one_agent_without_failures_images_or_run_json_is_written(tmp_path):
     won = {"find_object": True, "pick": True, "find_receptacle": True, "place": True,
            "success": True, "cause": "", "collisions": 0, "stage_ms": {},
            "beliefs": ()}  # fmt: skip
@@ -191,14 +194,14 @@ def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
     assert "hold no beliefs of the object map" in markdown
 
 
-def test_a_single_episode_has_no_error_but_a_report(tmp_path):
+def test_a_single_episode_gives_a_report_without_standard_errors(tmp_path):
     write(tmp_path, [episode(3, "helios-paper")])
     write_report(tmp_path)
     assert "nan" not in (tmp_path / "report.md").read_text().lower()
 
 
 @pytest.mark.parametrize("homes", [1, 3])
-def test_few_homes_give_figures_and_no_verdict(tmp_path, homes):
+def test_few_homes_give_figures_but_no_verdict(tmp_path, homes):
     won = {"find_object": True, "pick": True, "success": True, "cause": ""}
     lost = {"find_object": False, "pick": False, "success": False, "cause": "stuck"}
     arms = (("helios-paper", won), ("trusting", lost))
@@ -212,7 +215,7 @@ def test_few_homes_give_figures_and_no_verdict(tmp_path, homes):
         assert 'class="n bad"' not in report
 
 
-def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
+def test_the_report_of_an_incomplete_run_states_the_missing_episodes(tmp_path):
     there = [episode(s, a) for s in (0, 1) for a in ("helios-paper", "trusting")]
     write(tmp_path, there[:3], pictures=False)
     run = {"benchmark": "ovmm", "agents": ["helios-paper", "trusting"], "semantics": "noisy",
@@ -231,7 +234,7 @@ def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
     assert "not every row is over the same homes" not in markdown
 
 
-def test_causes_that_are_as_frequent_as_one_another_are_not_ranked(tmp_path):
+def test_equally_frequent_causes_are_not_ranked(tmp_path):
     causes = ("stuck", "pick failed")
     write(tmp_path, [episode(s, cause=c, success=False) for s, c in enumerate(causes)],
           pictures=False)  # fmt: skip
@@ -262,7 +265,7 @@ def test_object_navigation_has_its_own_metrics(tmp_path):
     assert "FindRec" not in markdown.partition("All episodes")[0]
 
 
-def test_more_rows_than_colours_are_all_in_the_tables(tmp_path):
+def test_rows_without_a_colour_still_appear_in_the_tables(tmp_path):
     sweep = [{"planner.tau_g": round(0.1 * i, 1)} for i in range(10)]
     write(tmp_path, [
         episode(s, settings=e, beliefs=()) for s in range(2) for e in sweep
@@ -282,7 +285,7 @@ def test_the_same_folder_gives_the_same_report(tmp_path):
     assert (tmp_path / "report.html").read_bytes() == first
 
 
-def test_a_folder_without_episodes_says_what_to_do(tmp_path):
+def test_a_folder_without_episodes_is_refused_with_advice(tmp_path):
     with pytest.raises(InvalidInput, match="helios eval ovmm"):
         write_report(tmp_path)
     (tmp_path / EPISODES).write_text("")
@@ -291,7 +294,7 @@ def test_a_folder_without_episodes_says_what_to_do(tmp_path):
 
 
 @pytest.mark.parametrize("torn", ["{", "[1, 2]"])
-def test_a_torn_run_json_is_named(tmp_path, torn):
+def test_an_invalid_run_json_is_refused_by_name(tmp_path, torn):
     write(tmp_path, [episode(0)])
     (tmp_path / "run.json").write_text(torn)
     with pytest.raises(InvalidInput, match=r"run\.json"):

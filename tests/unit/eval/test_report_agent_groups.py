@@ -1,4 +1,4 @@
-"""How the rows of a report are called."""
+"""Tests the labels of the rows of a report."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ def labels(*settings: dict) -> set[str]:
     return {arm.label for arm in arms_of([episode(1, settings=s) for s in settings])}
 
 
-def test_a_row_names_two_settings_and_says_how_many_more_there_are() -> None:
+def test_a_label_names_two_settings_and_counts_the_others() -> None:
     many = {f"planner.{name}": 1 for name in "abcd"}
     assert labels({}, {"planner.a": 1}, many) == {
         "helios-paper", "helios-paper · a=1", "helios-paper · a=1 · b=1 · 2 more settings"
     }  # fmt: skip
 
 
-def test_one_more_is_named() -> None:
+def test_a_label_names_a_third_setting_instead_of_counting_it() -> None:
     assert labels({}, {"x.a": 1, "x.b": 2, "x.c": 3}) == {
         "helios-paper",
         "helios-paper · a=1 · b=2 · c=3",
     }
 
 
-def test_rows_that_would_be_called_alike_name_all() -> None:
+def test_rows_with_equal_short_labels_name_all_settings() -> None:
     first = {f"planner.{name}": 1 for name in "abcd"}
     assert labels({}, first, first | {"planner.d": 2}) == {
         "helios-paper",

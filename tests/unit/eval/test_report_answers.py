@@ -1,4 +1,4 @@
-"""The questions that the runs were made for, and what the report answers."""
+"""Tests how the report answers the research questions of the runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOST = {"find_object": True, "pick": False, "success": False, "place": False, "c
 
 
 def wins(agent: str, of: int, homes: int = HOMES, **more: object) -> list[EpisodeRecord]:
-    """Success in the first `of` homes, failure in the others."""
+    """Episodes with success in the first `of` homes and failure in the others."""
     return [episode(s, agent, **((WON if s < of else LOST) | more)) for s in range(homes)]
 
 
@@ -32,7 +32,7 @@ def order(agents: Sequence[str], episodes: int, **more: object) -> dict[str, obj
 def answered(
     records: list[EpisodeRecord], *orders: dict[str, object]
 ) -> tuple[dict[str, Table], str]:
-    """Tables by their title, and the words between them."""
+    """The section's tables by title, and its text."""
     section = research_questions.section(arms_of(records, seeds_asked({"asked": list(orders)})))
     assert section is not None
     tables = {b.title: b for b in section.blocks if isinstance(b, Table)}
@@ -44,14 +44,14 @@ def row(table: Table, group: str, name: str) -> Row:
     return found
 
 
-def reported(found: Row) -> list[str]:
+def cell_texts(found: Row) -> list[str]:
     return [c.text for c in found.cells]
 
 
 def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
     tables, words = answered([*wins("helios-paper", 20), *wins("trusting", 8)])
     found = row(tables["Paired differences"], "Primary claim", "SR")
-    name, first, second, difference, interval, ratio, n, so = reported(found)
+    name, first, second, difference, interval, ratio, n, so = cell_texts(found)
     assert (name, first, second, difference) == ("SR", "66.7", "26.7", "+40.0")
     assert interval.startswith("[+")
     assert ratio.startswith("2.50 [")
@@ -61,23 +61,23 @@ def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
     assert "; The global search objective" in words
 
 
-def test_who_is_behind_is_said_as_plainly() -> None:
+def test_an_agent_that_is_worse_is_reported_as_behind() -> None:
     tables, _ = answered([*wins("helios-paper", 8), *wins("no-global-objective", 20)])
-    assert reported(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
-    level = {reported(r)[0]: reported(r)[-1] for r in tables[LEVEL].rows}
+    assert cell_texts(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
+    level = {cell_texts(r)[0]: cell_texts(r)[-1] for r in tables[LEVEL].rows}
     assert level == {"HELIOS with the noise of the preset": "below, not settled"}
 
 
-def test_what_goes_beyond_the_paper_is_a_question_too() -> None:
+def test_the_report_compares_agents_beyond_the_paper() -> None:
     tables, _ = answered([*wins("helios-paper", 8), *wins("helios", 20)])
-    found = reported(row(tables["Paired differences"], "Beyond the paper", "SR"))
+    found = cell_texts(row(tables["Paired differences"], "Beyond the paper", "SR"))
     assert (found[1], found[2], found[-1]) == ("66.7", "26.7", "ahead")
 
 
 LEVEL = "Success rate against what this project wants"
 
 
-def test_a_part_of_the_homes_is_never_told_as_the_whole() -> None:
+def test_an_incomplete_run_is_marked_as_preliminary() -> None:
     tables, _ = answered(
         [*wins("helios-paper", 20), *wins("trusting", 8)], order(["helios-paper", "trusting"], 200)
     )
@@ -86,23 +86,23 @@ def test_a_part_of_the_homes_is_never_told_as_the_whole() -> None:
     assert tables[LEVEL].rows[0].cells[4].note == "of 200"
 
 
-def test_a_short_run_against_a_long_one_is_whole_when_it_is() -> None:
+def test_a_complete_short_run_compared_with_a_long_one_is_not_preliminary() -> None:
     idea = {"planner.new": True}
     tables, _ = answered(
         [*wins("helios-paper", 20, 40), *wins("helios-paper", 29, settings=idea)],
         order(["helios-paper"], 200), order(["helios-paper"], HOMES, settings=idea),
     )  # fmt: skip
     (found,) = tables[IDEAS].rows
-    assert reported(found)[0] == "helios-paper · new=True"
-    assert (reported(found)[-2], found.cells[-2].note) == (str(HOMES), "")
-    assert "SR better" in reported(found)[-1]
-    assert "so far" not in reported(found)[-1]
+    assert cell_texts(found)[0] == "helios-paper · new=True"
+    assert (cell_texts(found)[-2], found.cells[-2].note) == (str(HOMES), "")
+    assert "SR better" in cell_texts(found)[-1]
+    assert "so far" not in cell_texts(found)[-1]
 
 
 IDEAS = "Ideas beyond the paper, against the paper's method"
 
 
-def test_settings_alone_are_neither_helios_nor_beside_it() -> None:
+def test_a_run_with_other_settings_does_not_answer_for_helios() -> None:
     new = {"planner.tau_g": 0.4}
     tables, said = answered([*wins("helios-paper", 20, settings=new), *wins("helios", 22)])
     assert not tables
@@ -110,30 +110,30 @@ def test_settings_alone_are_neither_helios_nor_beside_it() -> None:
     assert "other settings: Beyond the paper" in said
 
 
-def test_ideas_are_what_the_paper_has_not() -> None:
+def test_the_ideas_table_lists_only_variants_that_the_paper_does_not_have() -> None:
     swept, new = {"planner.tau_g": 0.3}, {"planner.tau_g": 0.4}
     tables, _ = answered([
         *wins("helios-paper", 20), *wins("trusting", 8), *wins("helios", 22),
         *wins("helios-paper", 20, settings=swept), *wins("helios-paper", 20, settings=new),
         *wins("helios-paper", 20, settings={"max_steps": 100}),
     ])  # fmt: skip
-    assert [reported(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios-paper · tau_g=0.4"]
+    assert [cell_texts(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios-paper · tau_g=0.4"]
 
 
-def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:
+def test_the_primary_claim_is_also_tested_under_every_other_noise() -> None:
     louder = NOISE.model_copy(update={"level": 2.0})
     tables, _ = answered([
         *wins("helios-paper", 20), *wins("trusting", 8),
         *wins("helios-paper", 12, noise=louder), *wins("trusting", 4, noise=louder),
     ])  # fmt: skip
-    assert reported(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
+    assert cell_texts(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
 
 
 @pytest.mark.parametrize(
     ("report_of", "changed"),
     [("noise ×2", {"level": 2.0}), ("correlation 0", {"correlation": 0.0})],
 )
-def test_a_run_of_another_noise_alone_is_not_told_as_that_of_the_preset(
+def test_a_run_with_only_another_noise_is_labelled_with_that_noise(
     report_of: str, changed: dict[str, float]
 ) -> None:
     other = NOISE.model_copy(update=changed)
@@ -142,10 +142,10 @@ def test_a_run_of_another_noise_alone_is_not_told_as_that_of_the_preset(
     )
     (group,) = {r.group for r in tables["Paired differences"].rows}
     assert group == f"Primary claim: HELIOS above the trusting agent, {report_of}"
-    assert LEVEL not in tables  # what is wanted is wanted under the noise of the preset
+    assert LEVEL not in tables  # the target applies to the noise of the preset
 
 
-def test_one_agent_alone_answers_nothing() -> None:
+def test_one_agent_alone_answers_no_question() -> None:
     assert research_questions.section(arms_of(wins("helios-paper", 3))) is None
 
 

@@ -1,4 +1,4 @@
-"""Pictures of failed episodes in a report."""
+"""Tests the images of failed episodes in a report."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from synthetic_episodes import NOISE, episode, kept, write
 LOST = {"success": False, "place": False, "cause": "stuck"}
 
 
-def test_at_most_twelve_pictures_an_agent(tmp_path):
+def test_a_report_shows_at_most_twelve_images_per_agent(tmp_path):
     write(tmp_path, [episode(s, "helios-paper", **LOST) for s in range(15)])
     write_report(tmp_path)
     assert (tmp_path / "report.html").read_text().count('alt="Map of the episode') == 12
     assert "12 of 15 failures" in (tmp_path / "report.md").read_text()
 
 
-def test_a_picture_stands_with_the_row_that_it_is_of(tmp_path):
+def test_an_image_is_shown_with_the_row_of_its_episode(tmp_path):
     louder = NOISE.model_copy(update={"level": 2.0})
     plain, loud = episode(0, **LOST), episode(0, noise=louder, **LOST)
     for one, jpeg in ((plain, b"plain"), (loud, b"loud")):
@@ -33,7 +33,7 @@ def test_a_picture_stands_with_the_row_that_it_is_of(tmp_path):
 
 
 @pytest.mark.parametrize("left", [0, 40, -40])
-def test_a_damaged_picture_is_left_out_by_name(tmp_path, left):
+def test_a_damaged_snapshot_is_left_out_and_named(tmp_path, left):
     write(tmp_path, [episode(s, **LOST) for s in range(3)])
     damaged = failure_snapshot.all_of(tmp_path)[1]
     damaged.write_bytes(damaged.read_bytes()[:left])

@@ -1,4 +1,4 @@
-"""The published figures, and which runs stand beside them."""
+"""Tests the published figures, and the choice of the runs that are compared with them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TABLES = (
 )
 
 
-def test_published_figures_by_reference():
+def test_published_figures_match_the_paper():
     rows = {(t.number, r.group, r.name): r.figures for t in TABLES for r in t.rows}
     assert str(rows[1, "unlimited picks", "HELIOS"]["SR"]) == "3.2 ± 0.5"
     assert str(rows[1, "1 pick", "Trusting agent"]["FindObj"]) == "13.7 ± 1.0"
@@ -32,7 +32,7 @@ def test_published_figures_by_reference():
     assert [len(t.rows) for t in TABLES] == [14, 3, 6, 6, 11, 11, 11]
 
 
-def test_relations_are_those_of_the_calibration():
+def test_relations_match_the_calibration():
     by_metric = {(r.metric, r.claim): round(r.published, 2) for r in paper_figures.RELATIONS}
     noisy = "trusting agent, noisy over ground-truth semantics"
     assert by_metric["FindObj", noisy] == 0.38
@@ -59,7 +59,7 @@ def tables(episodes) -> dict[str, Table]:
     return {b.title.partition(":")[0]: b for b in blocks if isinstance(b, Table)}
 
 
-def test_agents_that_did_not_run_say_so_and_others_have_no_row_of_ours():
+def test_agents_without_a_run_are_marked_and_other_work_shows_only_the_papers_figures():
     table = tables([episode(s, "helios-paper") for s in range(4)])["Table 4"]
     assert cells(table, "Trusting agent with ground truth")[1] == "not run"
     assert cells(table, "MoManipVLA")[1] == "paper 23.7"
@@ -78,7 +78,7 @@ def test_sweeps_appear_only_when_they_were_run():
     assert "Table 5" in tables([*plain, episode(0, "helios-5050")])
 
 
-def test_one_table_never_mixes_conditions():
+def test_an_arm_with_another_noise_does_not_enter_a_table():
     louder = NOISE.model_copy(update={"level": 2.0})
     arms = arms_of([episode(0, "helios-paper"), episode(1, "helios-paper"),
                     episode(0, "trusting", noise=louder)])  # fmt: skip
@@ -86,7 +86,7 @@ def test_one_table_never_mixes_conditions():
     assert plain_arm(arms, "ovmm", "trusting", "noisy") is None
 
 
-def test_labels_say_what_differs_and_no_more():
+def test_labels_name_only_the_differences():
     louder = NOISE.model_copy(update={"level": 2.0})
     one = arms_of([episode(0, "helios-paper"), episode(0, "trusting")])
     assert [a.label for a in one] == ["helios-paper", "trusting"]
@@ -101,7 +101,7 @@ def test_labels_say_what_differs_and_no_more():
     }
 
 
-def test_a_swept_arm_differs_in_that_setting_alone():
+def test_a_swept_arm_differs_in_only_the_swept_setting():
     far, both = {"planner.alpha_d": 0.01}, {"planner.alpha_d": 0.01, "planner.tau_g": 0.3}
     arms = arms_of([episode(0), episode(0, settings=far), episode(0, settings=both)])
     base = plain_arm(arms, "ovmm", "helios-paper", "noisy")
@@ -112,7 +112,7 @@ def test_a_swept_arm_differs_in_that_setting_alone():
     assert swept_arm(arms, base, "tau_g", 0.3) is None
 
 
-def test_pairs_put_what_is_new_first_and_compare_within_a_condition():
+def test_pairs_put_the_new_agent_first_and_compare_within_a_condition():
     agents = ("helios-paper", "trusting", "helios")
     arms = arms_of([episode(0, a, semantics=s) for a in agents for s in ("noisy", "ground-truth")])
     names = {(a.label, b.label) for a, b in pairs(arms)}
@@ -131,13 +131,13 @@ def test_an_episode_that_never_began_still_counts_against_its_agent():
     assert [r.seed for r in mine] == [r.seed for r in theirs] == [0, 1]
 
 
-def test_pairs_are_of_one_home_whatever_else_was_played():
+def test_pairs_use_only_homes_that_both_agents_played():
     arms = arms_of([*(episode(s) for s in range(4)), *(episode(s, "trusting") for s in (2, 3, 5))])
     mine, theirs = in_common(*arms)
     assert [r.seed for r in mine] == [r.seed for r in theirs] == [2, 3]
 
 
-def test_the_colours_know_the_closed_list():
+def test_every_failure_cause_has_its_own_colour():
     from helios_eval.report import colors
 
     assert set(colors.CAUSES) == {c.value for c in Cause}
@@ -153,7 +153,7 @@ def test_the_colours_know_the_closed_list():
      (1.0, math.inf, "lies in our interval"), (2.0, math.inf, "larger here"),
      (math.nan, math.nan, "")],
 )  # fmt: skip
-def test_verdicts_on_the_papers_ratios(low, high, words):
+def test_the_verdict_on_a_published_ratio_follows_the_interval(low, high, words):
     verdict = verdict_of(Interval(1.0, low, high), published=1.0)
     assert words in verdict
     assert bool(words) == bool(verdict)
@@ -162,8 +162,8 @@ def test_verdicts_on_the_papers_ratios(low, high, words):
 @pytest.mark.parametrize("homes", [1, 3, 5])
 @pytest.mark.parametrize("won", [True, False])
 def test_few_homes_never_give_a_verdict(homes, won):
-    """One home each, both found it: the ratio is 1, the bootstrap's interval [1, 1], and the
-    paper's 1.93 is outside of it."""
+    """With one home each and two successes the ratio is 1 and the bootstrap interval [1, 1], which
+    does not contain the paper's 1.93."""
     met = {"find_object": won, "pick": won, "success": won, "place": won}
     arms = arms_of(
         [episode(s, a, **met) for s in range(homes) for a in ("helios-paper", "trusting")]
@@ -174,7 +174,7 @@ def test_few_homes_never_give_a_verdict(homes, won):
     assert not any("[" in cell.note for row in table.rows for cell in row.cells)
 
 
-def test_homes_that_are_all_alike_give_no_verdict():
+def test_homes_without_any_difference_give_no_verdict():
     arms = arms_of([episode(s, a, find_object=True, pick=True, success=True)
                     for s in range(20) for a in ("helios-paper", "trusting")])  # fmt: skip
     table = relations(arms)

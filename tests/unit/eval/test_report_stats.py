@@ -1,4 +1,4 @@
-"""The statistics of the report, against known values and by simulation."""
+"""Tests the statistics of the report against known values and by simulation."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def test_wilson_interval_has_the_published_bounds(successes, n, low, high):
 
 
 @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-def test_wilson_interval_holds_its_share_and_mirrors(case):
+def test_the_wilson_interval_contains_its_share_and_is_symmetric(case):
     k, n = case
     found, mirrored = wilson(k, n), wilson(n - k, n)
     assert 0 <= found.low <= found.value <= found.high <= 1
     assert found.low == pytest.approx(1 - mirrored.high, abs=1e-12)
 
 
-def test_one_share_has_the_interval_that_it_has_among_many():
-    """To the last bit; where all or none succeeded, the bound is exact."""
+def test_the_scalar_wilson_interval_equals_the_vectorised_one():
+    """Equal to the last bit; if all or none succeeded, the bound is exact."""
     for n in (1, 7, 60, 1199):
         successes = np.arange(n + 1)
         low, high = statistics.wilson(successes, np.full(n + 1, n))
@@ -58,21 +58,21 @@ def test_one_share_has_the_interval_that_it_has_among_many():
         assert [(i.low, i.high) for i in found] == list(zip(low, high, strict=True))
 
 
-def test_mean_and_its_error_as_in_the_textbook():
+def test_mean_and_standard_error_match_the_textbook_formula():
     found = mean_sem(np.array([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]))
     assert found.mean == 5
     assert found.sem == pytest.approx(math.sqrt(32 / 7 / 8))
     assert math.isnan(mean_sem(np.array([1.0])).sem)
 
 
-def test_the_papers_error_of_a_share_is_ours():
+def test_the_standard_error_of_a_share_matches_the_paper():
     share = np.zeros(1199)
     share[:507] = 1  # FindObj of HELIOS, Table 1: 42.3 ± 1.4
     found = mean_sem(share)
     assert (round(100 * found.mean, 1), round(100 * found.sem, 1)) == (42.3, 1.4)
 
 
-def test_exact_mcnemar_has_the_published_p():
+def test_the_sign_test_matches_the_published_exact_mcnemar_p():
     # Fagerland, Lydersen and Laake, BMC Med. Res. Methodol. 13:91 (2013): 1 and 7 discordant
     first = np.array([1.0] * 7 + [0.0] * 1 + [1.0] * 12 + [0.0])
     second = np.array([0.0] * 7 + [1.0] * 1 + [1.0] * 12 + [0.0])
@@ -88,7 +88,7 @@ def test_exact_mcnemar_has_the_published_p():
      (5, 5, "too few homes to tell"), (6, 5, "too few homes differ to tell"), (6, 6, ""),
      (500, 0, "no home differs"), (500, 5, "too few homes differ to tell"), (500, 6, "")],
 )  # fmt: skip
-def test_an_interval_wants_six_homes_that_differ(homes, differ, why):
+def test_an_interval_needs_six_differing_homes(homes, differ, why):
     first = np.ones(homes)
     second = first - (np.arange(homes) < differ)
     assert why_unbounded(first, second) == why
@@ -101,7 +101,7 @@ def test_an_interval_wants_six_homes_that_differ(homes, differ, why):
     assert paired_difference(first, second).value == pytest.approx(differ / homes)
 
 
-def test_the_fewest_are_those_with_which_an_exact_test_can_tell_at_all():
+def test_the_minimum_of_differing_homes_is_the_least_for_a_significant_exact_test():
     def p_of_unanimous(homes: int) -> float:
         return sign_test(np.ones(homes), np.zeros(homes))
 
@@ -109,7 +109,7 @@ def test_the_fewest_are_those_with_which_an_exact_test_can_tell_at_all():
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40))
-def test_what_is_sure_has_bounds_with_width_or_is_unanimous(pairs):
+def test_an_interval_that_excludes_zero_has_enough_differing_pairs(pairs):
     first, second = np.array(pairs, dtype=np.float64).T
     found = paired_difference(first, second, draws=200)
     if found.excludes_zero:
@@ -117,12 +117,12 @@ def test_what_is_sure_has_bounds_with_width_or_is_unanimous(pairs):
         assert found.high > found.low or sign_test(first, second) <= 0.05
 
 
-def test_no_difference_at_all_has_p_1():
+def test_equal_samples_have_p_1():
     assert sign_test(POLITICS, POLITICS) == 1
     assert paired_difference(POLITICS, POLITICS).value == 0
 
 
-def test_paired_bootstrap_covers_the_truth_as_often_as_it_says():
+def test_the_paired_bootstrap_covers_the_truth_at_its_nominal_rate():
     """Correlated binary pairs with a true difference of 0.2 and a true ratio of 1.5, n = 100."""
     rng = np.random.default_rng(7)
     differences = ratios = 0
@@ -135,11 +135,11 @@ def test_paired_bootstrap_covers_the_truth_as_often_as_it_says():
         r = paired_ratio(first.astype(np.float64), second, draws=400, seed=i)
         differences += d.low <= 0.2 <= d.high
         ratios += r.low <= 1.5 <= r.high
-    assert 0.91 <= differences / repeats <= 0.98  # 0.95 within its own error and the bootstrap's
+    assert 0.91 <= differences / repeats <= 0.98  # 0.95 within sampling and bootstrap error
     assert 0.91 <= ratios / repeats <= 0.98
 
 
-def test_pairing_narrows_the_interval_where_homes_differ():
+def test_pairing_narrows_the_interval_when_homes_differ():
     rng = np.random.default_rng(1)
     home = rng.normal(0, 10, 200)
     first, second = home + rng.normal(1, 1, 200), home + rng.normal(0, 1, 200)
@@ -149,7 +149,7 @@ def test_pairing_narrows_the_interval_where_homes_differ():
     assert paired.high - paired.low < (shuffled.high - shuffled.low) / 5
 
 
-def test_same_seed_same_interval():
+def test_the_same_seed_gives_the_same_interval():
     a, b = np.random.default_rng(3).random((2, 50))
     assert paired_ratio(a, b) == paired_ratio(a, b)
     assert paired_ratio(a, b, seed=1) != paired_ratio(a, b, seed=2)
@@ -169,6 +169,6 @@ def test_a_bound_that_divides_by_zero_is_infinite():
                                    lambda: mean_sem(np.array([])),
                                    lambda: sign_test(np.ones(3), np.ones(4)),
                                    lambda: paired_ratio(np.ones(0), np.ones(0))])  # fmt: skip
-def test_what_cannot_be_reckoned_is_refused(wrong):
+def test_invalid_samples_are_refused(wrong):
     with pytest.raises(InvalidInput, match="want"):
         wrong()

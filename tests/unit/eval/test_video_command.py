@@ -1,4 +1,4 @@
-"""`helios eval video` from the command to the file."""
+"""Tests `helios eval video` from the command to the file."""
 
 import io
 
@@ -29,12 +29,12 @@ def test_a_short_episode_is_filmed(tmp_path, capsys):
         frames.append(got[1])
     reader.release()
     assert frames[0].shape == (720, 1280, 3)
-    assert len(frames) >= 8 + 1 + 24  # the first step for a second, the second, the end for three
+    assert len(frames) >= 8 + 1 + 24  # 1 s for the first step, the second step, 3 s for the end
     assert frames[0][110:, :360].std() > 20  # the camera
     assert frames[0][110:, 380:840].std() > 20  # the maps
 
 
-def test_a_film_counts_its_steps_for_a_log_and_for_a_terminal():
+def test_filming_reports_its_steps_to_a_log_or_a_terminal():
     reported = {}
     for terminal in (False, True):
         out = io.StringIO()
@@ -49,8 +49,8 @@ def test_a_film_counts_its_steps_for_a_log_and_for_a_terminal():
 
 
 @pytest.mark.parametrize("agent", ["helios-paper", "helios"])
-def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
-    """The same house: its planner asks the detector for the same classes above the same scores."""
+def test_a_filmed_episode_runs_with_the_settings_of_a_played_one(tmp_path, monkeypatch, agent):
+    """In both cases the planner sends the same classes with the same detector thresholds."""
     asked = []
     run = InProcessStack.run
 
@@ -70,7 +70,7 @@ def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
     assert weak_too == (agent == "helios")
 
 
-def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch):
+def test_the_same_flags_film_and_play_the_same_episode(tmp_path, monkeypatch):
     specs = []
     monkeypatch.setattr(eval_command, "run", lambda asked, _: specs.extend(asked.specs()))
     monkeypatch.setattr(episode_recorder, "film", lambda spec, *_: specs.append(spec) or "success")
@@ -96,7 +96,7 @@ def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch
         ({"agent": "ground-truth-walker"}, "no maps"),
     ],
 )
-def test_wrong_use_is_reported(tmp_path, wrong, reported):
+def test_invalid_arguments_are_usage_errors(tmp_path, wrong, reported):
     with pytest.raises(UsageError, match=reported):
         video(**{"seed": 1, "out": tmp_path / "a.mp4", "preset": "demo-v1", **wrong})
     with pytest.raises(UsageError, match=r"FILE\.mp4"):

@@ -1,4 +1,4 @@
-"""Frames of a video: everything in its place, and on its way through the bus."""
+"""Tests video frames: layout, map panel, frames between keyframes, observer and file."""
 
 import math
 from dataclasses import replace
@@ -61,7 +61,7 @@ SCENES = {"empty": Scene, "usual": constructed_scene, "hostile": hostile_scene}
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_scene_is_a_frame_and_nothing_leaves_its_panel(name):
+def test_every_scene_gives_a_frame_and_no_drawing_leaves_its_panel(name):
     picture = frame_picture(SCENES[name]())
     assert picture.shape == (HEIGHT, WIDTH, 3)
     assert picture.dtype == np.uint8
@@ -75,14 +75,14 @@ def test_every_scene_is_a_frame_and_nothing_leaves_its_panel(name):
 
 
 @pytest.mark.parametrize("shape", [(640, 480), (480, 640), (10, 400), (400, 10), (1, 1)])
-def test_pictures_of_any_shape_fit(shape):
+def test_camera_images_of_any_shape_fit(shape):
     scene = constructed_scene(color=np.full((*shape, 3), 90, np.uint8), detections=())
     picture = frame_picture(scene)
     assert (picture[HEAD + 2 :, CAMERA_X + CAMERA_W + 1 : MAP_X]
             == PAPER).all()  # fmt: skip
 
 
-def test_the_outcome_is_reported_in_its_colour():
+def test_the_outcome_has_its_colour():
     def has(color: tuple[int, int, int], scene: Scene) -> bool:
         return bool((frame_picture(scene)[:HEAD] == color).all(axis=2).any())
 
@@ -94,7 +94,7 @@ def test_the_outcome_is_reported_in_its_colour():
     assert has(RED, constructed_scene(task=won, verdict="the truth: place missed"))
 
 
-def test_the_window_holds_all_that_is_known():
+def test_the_map_window_contains_all_known_cells():
     view = constructed_map()
     for width, height in ((460, 380), (200, 140), (140, 400)):
         window = window_of(view, width, height)
@@ -105,8 +105,8 @@ def test_the_window_holds_all_that_is_known():
         assert (uv <= (width, height)).all()
 
 
-def test_the_map_is_the_right_way_round():
-    """World x points right, y up: the thing at larger y is drawn higher."""
+def test_the_map_is_drawn_with_x_to_the_right_and_y_up():
+    """A point at larger y is drawn higher."""
     view = constructed_map()
     window = window_of(view, 460, 380)
     (u0, v0), (u1, v1) = window.at(np.array([[0.0, 0.0], [1.0, 2.0]]))
@@ -120,7 +120,7 @@ def test_the_map_is_the_right_way_round():
     assert picture[floor[1], floor[0]].min() > 240
 
 
-def test_an_empty_map_is_a_picture():
+def test_an_empty_map_is_drawn():
     view = constructed_map()
     unknown = np.full(view.shape, -1, np.int8)
     blank = replace(view, occupancy=unknown, explored=np.zeros(view.shape, bool), frontiers=())
@@ -131,7 +131,7 @@ def test_an_empty_map_is_a_picture():
 
 
 # --- between frames ------------------------------------------------------------------------------
-def test_a_longer_move_gets_frames_on_its_way():
+def test_a_long_move_gets_intermediate_frames():
     before = constructed_scene(robot=(0.0, 0.0, 0.0), step=4)
     after = constructed_scene(robot=(1.0, 0.0, 0.0), step=5)
     between = glides(before, after)
@@ -143,7 +143,7 @@ def test_a_longer_move_gets_frames_on_its_way():
     assert glides(Scene(), after) == []
 
 
-def test_a_turn_goes_the_short_way_round():
+def test_intermediate_frames_turn_through_the_smaller_angle():
     before = constructed_scene(robot=(0.0, 0.0, math.pi - 0.5))
     (mid,) = glides(before, constructed_scene(robot=(0.0, 0.0, -math.pi + 0.5)))
     assert mid.robot is not None
@@ -151,7 +151,7 @@ def test_a_turn_goes_the_short_way_round():
 
 
 # --- the bus -------------------------------------------------------------------------------------
-def test_the_watcher_tells_once_for_every_keyframe():
+def test_the_watcher_reports_one_scene_per_keyframe():
     hub = MemoryHub()
     services, bus = MemoryBus(hub), MemoryBus(hub)
     seen: list[Scene] = []
@@ -193,14 +193,14 @@ def frames_of(path) -> list[np.ndarray]:
     return frames
 
 
-def test_what_is_written_can_be_read_again(tmp_path):
+def test_a_written_video_can_be_read(tmp_path):
     path = tmp_path / "deep" / "tiny.mp4"
     shades = (30, 120, 220)
     with VideoFile(path, 64, 48, 8) as video:
         for shade in shades:
             video.write(np.full((48, 64, 3), (shade, 60, 60), np.uint8), times=2)
         assert video.frames == 6
-    assert b"vp09" in path.read_bytes()  # what browsers play; MPEG-4 part 2 they do not
+    assert b"vp09" in path.read_bytes()  # browsers play VP9 but not MPEG-4 part 2
     frames = frames_of(path)
     assert len(frames) == 6
     assert frames[0].shape == (48, 64, 3)
@@ -209,7 +209,7 @@ def test_what_is_written_can_be_read_again(tmp_path):
         assert abs(float(frame[..., 2].mean()) - 60) < 12
 
 
-def test_an_error_leaves_a_whole_video(tmp_path):
+def test_an_error_leaves_a_readable_video(tmp_path):
     path = tmp_path / "short.mp4"
 
     def breaks() -> None:
@@ -222,7 +222,7 @@ def test_an_error_leaves_a_whole_video(tmp_path):
     assert len(frames_of(path)) == 3
 
 
-def test_a_full_disk_leaves_the_video_that_was_there(tmp_path):
+def test_a_full_disk_leaves_the_existing_video_unchanged(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
 
     def write(path):

@@ -1,4 +1,4 @@
-"""Text of a video never leaves its place, whatever it holds."""
+"""Tests that any text of a video stays within its area."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_wrapped_text_fits_in_its_lines(text, most_px, lines):
     assert all(width_of(line, 13) <= most_px for line in shown)
 
 
-def test_a_short_text_is_left_as_it_is_and_a_long_one_tells_that_it_goes_on():
+def test_a_short_text_is_unchanged_and_a_cut_text_ends_with_an_ellipsis():
     assert cut("kitchen counter", 500, 14) == "kitchen counter"
     assert cut("kitchen counter", 60, 14).endswith("…")
     assert wrapped("look again at the mug", 500, 13, 3) == ["look again at the mug"]
@@ -48,7 +48,7 @@ def test_a_short_text_is_left_as_it_is_and_a_long_one_tells_that_it_goes_on():
 @settings(deadline=None)
 @given(st.text())
 @example(hostile)
-def test_cleaned_text_is_one_line_without_tricks(text):
+def test_cleaned_text_is_one_line_without_control_characters(text):
     shown = clean(text)
     assert len(shown) <= MOST_LETTERS
     assert shown == " ".join(shown.split())
@@ -58,7 +58,7 @@ def test_cleaned_text_is_one_line_without_tricks(text):
 @settings(max_examples=40, deadline=None)
 @given(st.text(max_size=60), st.sampled_from(["l", "m", "r"]))
 @example(hostile, "l")
-def test_no_pixel_is_drawn_outside(text, align):
+def test_text_draws_no_pixel_outside_its_width(text, align):
     sheet = Sheet.blank(200, 40, WHITE)
     x = {"l": 50, "m": 100, "r": 150}[align]
     sheet.text(x, 20, text, 100, 14, align=align)
@@ -69,7 +69,7 @@ def test_no_pixel_is_drawn_outside(text, align):
 @settings(deadline=None)
 @given(st.text(max_size=100), st.integers(30, 200))
 @example(hostile, 120)
-def test_a_pill_is_no_wider_than_told(text, most_px):
+def test_a_pill_is_at_most_as_wide_as_requested(text, most_px):
     sheet = Sheet.blank(300, 40, WHITE)
     assert sheet.pill(10, 20, text, most_px) <= most_px
     assert pill_size("mug", 12)[0] > width_of("mug", 12)
@@ -80,7 +80,7 @@ def test_a_pill_is_no_wider_than_told(text, most_px):
 @example(-99_994.0)
 @example(1e-300)
 @example(-1e300)
-def test_a_number_is_short(value):
+def test_a_number_has_at_most_six_characters(value):
     assert 1 <= len(number(value)) <= 6
 
 
@@ -91,7 +91,7 @@ def test_a_number_is_short(value):
         (123.4, "123"), (1e9, "1e9"), (float("nan"), "–"), (float("inf"), "∞"), (0.0, "0"),
     ],
 )  # fmt: skip
-def test_numbers_are_reported_as_precisely_as_they_matter(value, text):
+def test_numbers_are_formatted_with_suitable_precision(value, text):
     assert number(value) == text
 
 
@@ -108,7 +108,7 @@ def test_the_chosen_candidate_is_always_shown():
     assert totals == sorted(totals, reverse=True)
 
 
-def test_the_columns_are_those_that_decide():
+def test_columns_show_the_terms_that_differ_and_decide():
     candidates = constructed_decision().candidates
     assert columns_of(candidates)[-1] == "total"
     candidates[0].terms["frontier_scale"] = 1.4
@@ -120,10 +120,10 @@ def test_the_columns_are_those_that_decide():
     assert len(columns_of(candidates)) == 5
     for c in candidates:
         c.terms["score"] = c.terms["total"]
-    assert "total" not in columns_of(candidates)  # Ψ says the same
+    assert "total" not in columns_of(candidates)  # Ψ is the same
 
 
-def test_numbers_that_are_none_do_not_disturb_the_order():
+def test_rows_are_ordered_despite_a_nan_total():
     decision = constructed_decision(6)
     decision.candidates[0].terms["total"] = float("nan")
     assert len(rows_of(decision.candidates, 10)) == 6

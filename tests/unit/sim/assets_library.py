@@ -1,4 +1,4 @@
-"""A furniture library of four hand-written models, in the form that Sweet Home 3D uses."""
+"""Writes a furniture library of four hand-written models in the format of Sweet Home 3D."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Box = tuple[
 
 
 def obj_of(boxes: dict[str, list[Box]], scale: float = 1.0) -> str:
-    """An OBJ of boxes by material, outward faces, each with the whole texture."""
+    """An OBJ of boxes by material, with outward faces, each with the whole texture."""
     lines = ["mtllib model.mtl", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
     count = 0
     for material, parts in boxes.items():
@@ -76,7 +76,7 @@ _ENTRIES = {
 
 
 def write_library(folder: Path, licence: str = LICENCE, name: str = "Tiny") -> Path:
-    """`Tiny.sh3f` in a folder."""
+    """Write the library, by default `Tiny.sh3f`, into a folder; its path."""
     folder.mkdir(parents=True, exist_ok=True)
     picture = np.zeros((400, 300, 3), np.uint8)
     picture[:, :150] = (40, 90, 150)
@@ -105,7 +105,7 @@ def write_library(folder: Path, licence: str = LICENCE, name: str = "Tiny") -> P
 
 
 def write_package(library: Path, package: Path) -> Path:
-    """A Debian package that holds a library."""
+    """Write a Debian package that contains the library; its path."""
     data = io.BytesIO()
     with tarfile.open(fileobj=data, mode="w:xz") as tar:
         tar.add(library, f"./usr/share/sweethome3d/furniture/{library.name}")

@@ -1,4 +1,4 @@
-"""Homes and worlds that several tests look at."""
+"""Fixtures: a home and worlds for several tests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sim_home() -> Home:
 
 @pytest.fixture
 def make_world(sim_home: Home) -> Iterator[Callable[[], World]]:
-    """Fresh worlds in that home."""
+    """Makes new worlds in the home of seed 0."""
     made: list[World] = []
 
     def make() -> World:
@@ -32,5 +32,5 @@ def make_world(sim_home: Home) -> Iterator[Callable[[], World]]:
 
 @pytest.fixture
 def world(make_world: Callable[[], World]) -> World:
-    """A fresh world."""
+    """A new world in the home of seed 0."""
     return make_world()

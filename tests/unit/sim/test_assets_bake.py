@@ -1,4 +1,4 @@
-"""Claims about baking furniture: reading, thinning out, boxes, surfaces, the cache."""
+"""Tests baking furniture: reading, mesh simplification, boxes, surfaces, the cache."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_package_and_its_folder_hold_the_same_models(tmp_path: Path) -> None:
         assert a[0].entries["Tiny/chair"].licence == "CC-BY-3.0"
 
 
-def test_what_is_no_source_is_refused_with_what_to_do(tmp_path: Path) -> None:
+def test_an_invalid_source_is_refused_with_advice(tmp_path: Path) -> None:
     package = write_package(write_library(tmp_path / "a"), tmp_path / "furniture.deb")
     cut = tmp_path / "cut.deb"
     cut.write_bytes(package.read_bytes()[:-200])
@@ -76,7 +76,7 @@ def test_a_library_under_an_unknown_licence_is_refused(tmp_path: Path) -> None:
         bake(tmp_path / "a", tmp_path / "cache", CHOICES)
 
 
-def test_without_the_package_the_command_says_how_to_get_it(
+def test_without_the_package_the_command_shows_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(libraries, "INSTALLED", tmp_path / "missing")
@@ -87,7 +87,7 @@ def test_without_the_package_the_command_says_how_to_get_it(
 # ---- the models
 
 
-def test_a_chair_stands_in_our_frame_with_its_back_behind(tmp_path: Path) -> None:
+def test_a_chair_is_converted_to_our_axes_with_its_back_at_positive_y(tmp_path: Path) -> None:
     write_library(tmp_path)
     with libraries.open_libraries(tmp_path) as (library,):
         entry = library.entries["Tiny/chair"]
@@ -96,7 +96,7 @@ def test_a_chair_stands_in_our_frame_with_its_back_behind(tmp_path: Path) -> Non
     assert vertices.min(axis=0) == pytest.approx([-0.22, -0.23, 0.0])
     assert vertices.max(axis=0) == pytest.approx([0.22, 0.23, 0.9])
     assert vertices[vertices[:, 2] > 0.6][:, 1].min() > 0.19
-    for part in parts:  # outward: away from the middle of each box
+    for part in parts:  # normals point outward from the middle of each box
         normals, _ = face_normals(part.vertices, part.faces)
         middle = part.vertices[part.faces].mean(axis=1)
         for start in range(0, len(part.faces), 12):
@@ -126,7 +126,7 @@ def test_a_broken_model_is_refused_by_name(tmp_path: Path) -> None:
                 load_parts(files, entry)
 
 
-def test_a_thinned_sphere_keeps_its_shape_texture_and_roundness() -> None:
+def test_a_simplified_sphere_keeps_its_shape_normals_and_texture() -> None:
     (thin,) = refined([sphere()], 600)
     assert len(thin.faces) < 900
     part, normals = with_normals(thin)
@@ -139,12 +139,12 @@ def test_a_thinned_sphere_keeps_its_shape_texture_and_roundness() -> None:
     assert np.percentile(np.abs(part.uv[:, 1] - polar), 95) < 0.03
 
 
-def test_edges_of_a_box_stay_sharp(baked: Baked) -> None:
+def test_the_edges_of_a_box_stay_sharp(baked: Baked) -> None:
     (look,) = model(baked, "Tiny/chest+Tiny/chest").looks
     assert np.abs(look.normals).max(axis=1) == pytest.approx(1.0, abs=0.01)
 
 
-def test_modules_stand_in_a_row(baked: Baked) -> None:
+def test_modules_of_one_model_stand_in_a_row(baked: Baked) -> None:
     assert model(baked, "Tiny/chest+Tiny/chest").size_m == pytest.approx((1.0, 0.42, 0.55))
 
 
@@ -164,7 +164,7 @@ def test_boxes_cover_the_surface_and_stay_within_its_bounds(baked: Baked) -> Non
             assert np.any(np.all(inside, axis=2), axis=1).all(), baked_model.key
 
 
-def test_between_the_legs_of_a_table_there_is_nothing(baked: Baked) -> None:
+def test_the_space_between_the_legs_of_a_table_is_empty(baked: Baked) -> None:
     boxes = np.array(model(baked, "Tiny/table").boxes)
     under = np.array([0.0, 0.0, 0.3])
     assert not (np.abs(under - boxes[:, :3]) <= boxes[:, 3:]).all(axis=1).any()
@@ -175,7 +175,7 @@ def test_a_closed_model_is_solid(baked: Baked) -> None:
     assert (np.abs([0.0, 0.0, 0.3] - boxes[:, :3]) <= boxes[:, 3:]).all(axis=1).any()
 
 
-def test_surfaces_are_the_table_top_and_the_seat(baked: Baked) -> None:
+def test_the_surfaces_are_the_table_top_and_the_chair_seat(baked: Baked) -> None:
     ((x, y, half_x, half_y, height),) = model(baked, "Tiny/table").surfaces
     assert (x, y, height) == pytest.approx((0.0, 0.0, 0.74), abs=0.005)
     assert (half_x, half_y) == pytest.approx((0.6, 0.4), abs=0.03)
@@ -189,7 +189,7 @@ def test_surfaces_are_the_table_top_and_the_seat(baked: Baked) -> None:
     boxes=hnp.arrays(float, (3, 6), elements=st.floats(0.05, 1.0)),
     surface=hnp.arrays(float, (1, 5), elements=st.floats(0.1, 0.8)),
 )
-def test_nothing_is_above_a_levelled_surface_and_nothing_else_is_lost(
+def test_levelling_removes_only_the_volume_above_a_surface(
     boxes: np.ndarray, surface: np.ndarray
 ) -> None:
     cut = levelled(boxes, surface)
@@ -212,7 +212,7 @@ def _within(points: np.ndarray, boxes: np.ndarray) -> np.ndarray:
 
 
 @given(hnp.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))))
-def test_the_largest_rectangle_is_the_best_of_all(mask: np.ndarray) -> None:
+def test_the_largest_rectangle_equals_a_brute_force_search(mask: np.ndarray) -> None:
     rows, columns = mask.shape
     best = max(
         (r1 - r0) * (c1 - c0)
@@ -227,7 +227,7 @@ def test_the_largest_rectangle_is_the_best_of_all(mask: np.ndarray) -> None:
     assert mask[r0:r1, c0:c1].all()
 
 
-def test_few_boxes_are_enough_for_a_ball() -> None:
+def test_a_sphere_is_covered_by_at_most_the_given_number_of_boxes() -> None:
     ball = sphere()
     assert len(merged_boxes(ball.vertices, ball.faces, 0.05, 20)) <= 20
 
@@ -235,7 +235,7 @@ def test_few_boxes_are_enough_for_a_ball() -> None:
 # ---- the cache
 
 
-def test_what_cannot_be_baked_is_named(baked: Baked) -> None:
+def test_a_model_that_cannot_be_baked_is_named(baked: Baked) -> None:
     assert baked.left_out == {"Tiny/lost": "Tiny/lost is not in the source"}
 
 
@@ -264,7 +264,7 @@ def test_two_bakes_of_one_source_are_equal(baked: Baked, tmp_path: Path) -> None
             assert np.array_equal(x.uv, y.uv)
 
 
-def test_a_damaged_foreign_or_missing_pack_is_refused_with_what_to_do(tmp_path: Path) -> None:
+def test_a_damaged_foreign_or_missing_pack_is_refused_with_advice(tmp_path: Path) -> None:
     with pytest.raises(Unavailable, match="helios assets bake"):
         packs.read(tmp_path / "cache")
     write_library(tmp_path / "a")
@@ -290,9 +290,7 @@ def test_a_damaged_foreign_or_missing_pack_is_refused_with_what_to_do(tmp_path: 
     assert packs.read(tmp_path / "cache").models == mended.pack.models
 
 
-def test_a_bake_that_breaks_off_leaves_the_old_pack(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_bake_leaves_the_old_pack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_library(tmp_path / "a")
     first = bake(tmp_path / "a", tmp_path / "cache", CHOICES)
 
@@ -306,7 +304,7 @@ def test_a_bake_that_breaks_off_leaves_the_old_pack(
     assert len(list((tmp_path / "cache").iterdir())) == 2
 
 
-def test_show_and_attributions_name_author_and_licence(
+def test_the_show_command_and_the_attributions_name_author_and_licence(
     baked: Baked, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = (baked.folder / packs.ATTRIBUTIONS).read_text()

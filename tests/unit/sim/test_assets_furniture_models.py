@@ -1,4 +1,4 @@
-"""Claims about homes with baked furniture."""
+"""Tests homes with baked furniture."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def baked_furniture(home: Home) -> list[Receptacle]:
     ]
 
 
-def test_a_home_with_furniture_models_names_them(homes: list[Home]) -> None:
+def test_a_home_with_furniture_models_names_the_pack_in_its_preset(homes: list[Home]) -> None:
     for home in homes:
         assert home.preset.name == "demo-v1+sweethome3d"
         assert {item.class_name for item in baked_furniture(home)} & {"dining table", "nightstand"}
@@ -75,7 +75,7 @@ def test_a_home_without_furniture_models_has_no_baked_furniture(
     assert generate_home(0, DEMO, None).structure_hash() == sim_home.structure_hash()
 
 
-def test_what_stands_on_baked_furniture_stays_there(homes: list[Home]) -> None:
+def test_objects_on_baked_furniture_stay_in_place(homes: list[Home]) -> None:
     for home in homes:
         model = home.spec(visuals=False).compile()
         data = mujoco.MjData(model)
@@ -86,7 +86,7 @@ def test_what_stands_on_baked_furniture_stays_there(homes: list[Home]) -> None:
             assert drift < 0.05, thing.name
 
 
-def test_it_is_drawn_with_its_own_picture(homes: list[Home]) -> None:
+def test_baked_furniture_is_rendered_with_its_own_texture(homes: list[Home]) -> None:
     home = homes[0]
     model = home.spec().compile()
     names = [model.tex(k).name for k in range(model.ntex)]
@@ -124,18 +124,18 @@ def test_furniture_is_scaled_on_each_axis_to_the_drawn_size_and_surface_height()
     [(2.0, 0.8, 0.75), (1.2, 1.4, 0.75), (0.9, 1.1, 0.75)],
     ids=["too wide", "too deep", "too stretched"],
 )
-def test_furniture_that_would_not_fit_is_not_taken(size: tuple[float, float, float]) -> None:
+def test_furniture_that_does_not_fit_is_not_used(size: tuple[float, float, float]) -> None:
     drawn = shape((1.2, 0.7, 0.75), Surface((0, 0), (0.6, 0.4), 0, 0.75))
     assert furniture_scale(table(size, 0.75), drawn) is None
 
 
-def test_a_receptacle_needs_a_surface_in_reach() -> None:
+def test_a_model_for_a_receptacle_needs_a_surface_in_reach() -> None:
     drawn = shape((1.2, 0.8, 2.0), Surface((0, 0), (0.6, 0.4), 0, 1.9))
     assert furniture_scale(table((1.2, 0.8, 1.9), 1.9), drawn) is None
     assert furniture_scale(table((1.2, 0.8, 1.9), 1.9), shape((1.2, 0.8, 2.0))) is not None
 
 
-def test_things_keep_their_proportions_and_balls_take_the_drawn_size() -> None:
+def test_objects_keep_their_proportions_and_balls_take_the_drawn_size() -> None:
     mug = table((0.1, 0.08, 0.12), 0.1)
     assert thing_scale(mug, shape((0.09, 0.09, 0.06))) == pytest.approx([0.75] * 3)
     assert thing_scale(mug, shape((0.01, 0.01, 0.01))) is None
@@ -170,7 +170,7 @@ def test_other_kinds_of_furniture_are_refused() -> None:
         Settings.model_validate({"furniture": "golden"})
 
 
-def test_the_stack_passes_the_furniture_on_and_refuses_other_kinds() -> None:
+def test_the_stack_passes_the_furniture_option_to_the_world_and_refuses_other_kinds() -> None:
     assert run(["up", "--furniture", "golden"]) == 2
     stack = StackOptions("sim", 7447, Path("state"), furniture="realistic")
     (world,) = (spec for spec in stack.processes() if spec.name == "world")

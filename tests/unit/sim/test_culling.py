@@ -1,4 +1,4 @@
-"""What the camera cannot see is not drawn, and what it can see is."""
+"""Tests frustum culling: only geometry outside the camera's view is left out."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MODEL = """
 """
 
 
-def test_only_what_lies_wholly_outside_is_left_out():
+def test_only_geometry_completely_outside_the_frustum_is_culled():
     model = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -38,7 +38,7 @@ def test_only_what_lies_wholly_outside_is_left_out():
     assert found == {"left outside", "above outside", "behind"}
 
 
-def test_pictures_are_the_same_as_with_everything_drawn(world: World):
+def test_images_with_culling_equal_images_without_culling(world: World):
     model, data = world._model, world._data
     painter = world._sensors._painter
     for k in range(8):

@@ -1,4 +1,4 @@
-"""The causes of failures, case by case."""
+"""Tests the causes of failures case by case."""
 
 from __future__ import annotations
 
@@ -44,21 +44,21 @@ BUMP = Collided(5, ("walls",))
         (PLACED, [GRASP], DONE, ""),
         (PLACED, [GRASP], BROKEN, ""),
         (PLACED, [GRASP], STUCK, ""),
-        # A collision is to blame where all else went well, whatever the agent says.
+        # A collision is the cause if everything else succeeded, whatever the agent reports.
         (BUMPED, [BUMP, GRASP], DONE, failure_causes.COLLISION),
         (BUMPED, [BUMP, GRASP], BROKEN, failure_causes.COLLISION),
         (replace(FOUND, collisions=3), [BUMP], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
-        # Broken: it says so, or never came to an end.
+        # System error: the agent reports it, or never ends.
         (NOTHING, [], BROKEN, failure_causes.SYSTEM_ERROR),
         (AT_GOAL, [GRASP, ROLLED], BROKEN, failure_causes.SYSTEM_ERROR),
         (PICKED, [GRASP], GONE, failure_causes.SYSTEM_ERROR),
         (replace(NOTHING, steps=MAX), [], GONE, failure_causes.OBJECT_NOT_FOUND),
-        # The wrong thing, held, brought or put down.
+        # The wrong object, held, carried or placed.
         (NOTHING, [WRONG], DONE, failure_causes.WRONG_OBJECT),
         (FOUND, [WRONG, replace(ROLLED, candidate=False)], DONE, failure_causes.WRONG_OBJECT),
         (FOUND, [WRONG], STUCK, failure_causes.WRONG_OBJECT),
         (PICKED, [GRASP, BESIDE, replace(WRONG, step=75)], DONE, failure_causes.WRONG_OBJECT),
-        # The right thing, let go.
+        # The right object, released.
         (AT_GOAL, [GRASP, ROLLED], DONE, failure_causes.ROLLED_OFF),
         (PICKED, [GRASP, ROLLED], DONE, failure_causes.ROLLED_OFF),
         (AT_GOAL, [WRONG, replace(GRASP, step=60), BESIDE], DONE, failure_causes.PLACE_MISSED),
@@ -66,7 +66,7 @@ BUMP = Collided(5, ("walls",))
         (PICKED, [GRASP, BESIDE], DONE, failure_causes.RECEPTACLE_NOT_FOUND),
         (AT_GOAL, [GRASP, ROLLED, replace(VAIN, step=75)], GAVE_UP, failure_causes.ROLLED_OFF),
         (AT_GOAL, [GRASP, ROLLED, replace(REFUSED, step=75)], GAVE_UP, failure_causes.ROLLED_OFF),
-        # What was let go and grasped again is held: what came before counts no more.
+        # An object that was released and grasped again is held: earlier events no longer count.
         (AT_GOAL, [GRASP, ROLLED, replace(GRASP, step=75)], SPENT, failure_causes.STEP_BUDGET),
         # Nothing was grasped.
         (FOUND, [VAIN], GAVE_UP, failure_causes.PICK_FAILED),
@@ -75,7 +75,7 @@ BUMP = Collided(5, ("walls",))
         (NOTHING, [VAIN_AT_NOTHING], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
         (NOTHING, [], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
         (FOUND, [], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
-        # Stuck and spent.
+        # Stuck, or out of steps.
         (NOTHING, [], STUCK, failure_causes.STUCK),
         (PICKED, [GRASP], STUCK, failure_causes.STUCK),
         (NOTHING, [], SPENT, failure_causes.OBJECT_NOT_FOUND),
@@ -86,7 +86,9 @@ BUMP = Collided(5, ("walls",))
         (AT_GOAL, [GRASP], GAVE_UP, failure_causes.RECEPTACLE_NOT_FOUND),
     ],
 )
-def test_the_cause_is(progress: Progress, events: list[Event], said: AgentReport, cause: str):
+def test_the_failure_cause_matches_the_case(
+    progress: Progress, events: list[Event], said: AgentReport, cause: str
+):
     assert failure_cause(progress, events, said, MAX) == cause
 
 
@@ -98,7 +100,7 @@ EVENTS = st.lists(st.sampled_from([GRASP, WRONG, VAIN, VAIN_AT_THE_END, ROLLED, 
     EVENTS,
     st.sampled_from([GAVE_UP, DONE, STUCK, SPENT, BROKEN, GONE, AgentReport("", "", "")]),
 )
-def test_every_failure_has_one_cause_of_the_list(
+def test_every_failure_has_one_cause_from_the_closed_list(
     progress: Progress, events: list[Event], said: AgentReport
 ):
     cause = failure_cause(progress, events, said, MAX)
@@ -106,7 +108,7 @@ def test_every_failure_has_one_cause_of_the_list(
 
 
 @given(st.sampled_from([NOTHING, FOUND, PICKED, AT_GOAL, BUMPED]), EVENTS, st.text())
-def test_words_of_the_agent_about_the_rest_change_nothing(
+def test_other_causes_reported_by_the_agent_do_not_change_the_cause(
     progress: Progress, events: list[Event], word: str
 ):
     others = [
@@ -131,7 +133,7 @@ def test_words_of_the_agent_about_the_rest_change_nothing(
         (False, 100, BROKEN, failure_causes.SYSTEM_ERROR),
     ],
 )
-def test_the_cause_of_a_failed_object_navigation(
+def test_the_cause_of_a_failed_object_navigation_matches_the_case(
     success: bool, steps: int, said: AgentReport, cause: str
 ):
     assert objectnav_cause(success, steps, said, 500) == cause

@@ -1,4 +1,4 @@
-"""Claims about the pictures of a home; they need a graphics library, as the simulator does."""
+"""Tests the images of a home; they need a graphics library, as the simulator does."""
 
 import os
 
@@ -9,7 +9,7 @@ from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.home_pictures import Pictures, room_views
 
 
-def test_a_home_is_drawn_in_many_colours_from_above_and_within() -> None:
+def test_a_home_is_rendered_from_above_and_at_eye_level() -> None:
     home = generate_home(0, PRESETS["demo-v1"])
     try:
         pictures = Pictures(home, 160, 120)

@@ -1,4 +1,4 @@
-"""Claims about whole homes of the preset that the demo uses."""
+"""Tests complete homes of the demo's preset."""
 
 import os
 import subprocess
@@ -24,7 +24,7 @@ def homes() -> dict[int, Home]:
 
 
 def reachable_cells(home: Home, radius_m: float) -> tuple[NDArray[np.bool_], NDArray, NDArray]:
-    """Cells joined with the start for a disc of that radius, and their x and y [n]."""
+    """Cells connected with the start for a disc of that radius, and their x and y [n]."""
     free, origin = home.free_space(radius_m, CELL_M)
     region = fs.largest_region(free)
     column = int((home.start_pose[0] - origin[0]) / CELL_M)
@@ -106,7 +106,7 @@ def first_body(model: mujoco.MjModel, data: mujoco.MjData, eye: tuple, target: t
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_room_and_doorway_is_reached_with_10_cm_to_spare(
+def test_every_room_and_doorway_is_reachable_with_10_cm_to_spare(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -119,7 +119,7 @@ def test_every_room_and_doorway_is_reached_with_10_cm_to_spare(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_receptacle_has_room_for_one_more_thing_in_reach(
+def test_every_receptacle_has_room_for_one_more_object_in_reach(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -152,7 +152,7 @@ def test_seeds_give_different_homes(homes: dict[int, Home]) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_an_episode_names_an_object_that_stands_where_it_says(
+def test_the_object_of_an_episode_stands_on_the_named_start_receptacle(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]

@@ -1,6 +1,6 @@
-"""Published presets never change: their fields and the homes of a few seeds are written down here.
+"""Tests that published presets never change: their fields and a few homes are recorded here.
 
-A failure means that a home of a published preset is not what it was: give the new one a new name.
+A failure means that a home of a published preset has changed: give the new preset a new name.
 """
 
 import dataclasses
@@ -10,7 +10,7 @@ from helios_sim.home import PRESETS, generate_home
 
 DIGESTS = {"demo-v1": "ecdc94da560d8621", "ovmm-v1": "30d659f76a9417c5"}
 
-# Everything, with the poses in which things came to rest.
+# The complete home, with the poses in which objects come to rest.
 DEMO_STRUCTURE = {
     0: "9fa3c9dbc801ca72fbbcc5683b8a9a94f57f0ec99b44b32dce277a5b9b117ff5",
     1: "46410b50984b6ee6ea1bd080c2a6ce32bca1b4866d82f5177802f9ee25d19b79",
@@ -18,7 +18,7 @@ DEMO_STRUCTURE = {
     7: "b3e878adb3e0aa7f796c513f1322bf97ee9a3eb6cfaf2a4f04a27c8bc8161ead",
 }
 
-# Rooms, doorways and furniture; and with the things, as MuJoCo 3.17.0 lets them rest.
+# Rooms, doorways and furniture; then also the objects, as they rest in MuJoCo 3.17.0.
 OVMM_DRAWN = {
     0: (
         "7c89d4e94ed4c3899eb43bad5b22e021bb0886911d4aa29da6bfe234b752b97a",
@@ -43,22 +43,22 @@ OVMM_DRAWN = {
 }
 
 
-def test_the_fields_of_published_presets_stay_as_they_are() -> None:
+def test_the_fields_of_published_presets_do_not_change() -> None:
     assert {name: preset.digest() for name, preset in PRESETS.items()} == DIGESTS
 
 
-def test_a_digest_tells_presets_apart() -> None:
+def test_different_presets_have_different_digests() -> None:
     demo = PRESETS["demo-v1"]
     assert dataclasses.replace(demo, objects=(16, 21)).digest() != demo.digest()
     assert len(demo.digest()) == 16
 
 
 @pytest.mark.parametrize("seed", DEMO_STRUCTURE)
-def test_the_demos_homes_stay_as_they_are(seed: int) -> None:
+def test_the_homes_of_the_demo_do_not_change(seed: int) -> None:
     assert generate_home(seed, PRESETS["demo-v1"]).structure_hash() == DEMO_STRUCTURE[seed]
 
 
 @pytest.mark.parametrize("seed", OVMM_DRAWN)
-def test_the_benchmarks_homes_stay_as_they_are(seed: int) -> None:
+def test_the_homes_of_the_benchmark_do_not_change(seed: int) -> None:
     home = generate_home(seed, PRESETS["ovmm-v1"])
     assert (home.drawn_hash(), home.structure_hash()) == OVMM_DRAWN[seed]

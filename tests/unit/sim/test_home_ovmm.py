@@ -1,4 +1,4 @@
-"""Claims about the homes of the benchmark's preset, over a few seeds."""
+"""Tests the homes of the benchmark's preset, over a few seeds."""
 
 import os
 import subprocess
@@ -29,14 +29,16 @@ def homes() -> dict[int, Home]:
 
 
 def places_to_stand(home: Home, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """x and y [n] of the cells joined with the start for a disc of that radius."""
+    """x and y [n] of the cells connected with the start for a disc of that radius."""
     free, origin = home.free_space(radius_m, CELL_M)
     rows, columns = np.nonzero(fs.largest_region(free))
     return origin[0] + (columns + 0.5) * CELL_M, origin[1] + (rows + 0.5) * CELL_M
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_benchmark_home_has_what_its_preset_says(homes: dict[int, Home], seed: int) -> None:
+def test_a_benchmark_home_has_the_rooms_receptacles_and_objects_of_its_preset(
+    homes: dict[int, Home], seed: int
+) -> None:
     home = homes[seed]
     assert 4 <= len(home.rooms) <= 8
     assert len(home.doorways) == len(home.rooms)  # a tree and one loop
@@ -51,7 +53,7 @@ def test_a_benchmark_home_has_what_its_preset_says(homes: dict[int, Home], seed:
     assert max(heights) > 0.8
 
 
-def test_every_receptacle_class_is_one_of_the_benchmarks() -> None:
+def test_every_receptacle_class_maps_to_a_class_of_the_benchmark() -> None:
     assert set(OVMM_CLASS) == set(OVMM.receptacles)
     names = {name.strip() for name in OVMM_CLASSES.replace("\n", " ").split(",")}
     assert len(names) == 21
@@ -59,7 +61,7 @@ def test_every_receptacle_class_is_one_of_the_benchmarks() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_things_rest_on_their_receptacles_in_reach_of_the_gripper(
+def test_objects_rest_on_their_receptacles_in_reach_of_the_gripper(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -76,7 +78,7 @@ def test_things_rest_on_their_receptacles_in_reach_of_the_gripper(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_everything_still_stands_after_2_s(homes: dict[int, Home], seed: int) -> None:
+def test_every_object_is_still_in_place_after_2_s(homes: dict[int, Home], seed: int) -> None:
     home = homes[seed]
     model = home.spec(visuals=False).compile()
     data = mujoco.MjData(model)
@@ -88,7 +90,7 @@ def test_everything_still_stands_after_2_s(homes: dict[int, Home], seed: int) ->
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_receptacle_has_viewpoints_and_room_for_one_more_thing(
+def test_every_receptacle_has_room_for_one_more_object_in_reach(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -109,7 +111,7 @@ def test_every_receptacle_has_viewpoints_and_room_for_one_more_thing(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_rooms_and_doorways_are_joined_with_10_cm_to_spare_and_narrower_gaps_exist(
+def test_rooms_are_connected_with_10_cm_to_spare_and_narrower_gaps_exist(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -123,7 +125,7 @@ def test_rooms_and_doorways_are_joined_with_10_cm_to_spare_and_narrower_gaps_exi
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_look_alikes_stand_side_by_side_and_some_things_are_hidden(
+def test_look_alikes_stand_side_by_side_and_some_objects_are_hidden(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -153,7 +155,7 @@ def test_the_same_seed_gives_the_same_benchmark_home_in_another_process(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_benchmark_task_has_a_candidate_a_goal_and_places_to_see_them(
+def test_a_benchmark_task_has_a_target_and_a_goal_with_viewpoints(
     homes: dict[int, Home], seed: int
 ) -> None:
     home = homes[seed]
@@ -173,7 +175,7 @@ def test_a_benchmark_task_has_a_candidate_a_goal_and_places_to_see_them(
         )
 
 
-def test_tasks_vary_and_sometimes_there_are_wrong_instances(homes: dict[int, Home]) -> None:
+def test_tasks_vary_and_some_homes_have_wrong_instances(homes: dict[int, Home]) -> None:
     tasks = [
         (home, home.sample_episode(np.random.default_rng(k)))
         for home in homes.values()

@@ -1,4 +1,4 @@
-"""Claims about floor plans and free space."""
+"""Tests floor plans and free space."""
 
 import math
 
@@ -14,7 +14,7 @@ DEMO = PRESETS["demo-v1"]
 
 @given(st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
-def test_rooms_tile_the_home_and_doorways_join_them(seed: int) -> None:
+def test_rooms_tile_the_home_and_doorways_connect_them(seed: int) -> None:
     drawn = floor_plans.draw_plan(np.random.default_rng(seed), DEMO)
     if drawn is None:
         return
@@ -46,7 +46,7 @@ def test_a_doorway_leaves_its_width_open_and_a_header_above() -> None:
 
 
 def distance_by_hand(x: float, y: float, rect: Obstacle) -> float:
-    """Readable twin of `freespace.distance_m` for one point."""
+    """Readable reference of `freespace.distance_m` for one point."""
     dx, dy = x - rect.x, y - rect.y
     along = math.cos(rect.yaw_rad) * dx + math.sin(rect.yaw_rad) * dy
     across = -math.sin(rect.yaw_rad) * dx + math.cos(rect.yaw_rad) * dy
@@ -71,6 +71,6 @@ def test_clearance_is_the_distance_to_the_nearest_rectangle(
             assert math.isclose(clearance[row, column], wanted, abs_tol=1e-9)
 
 
-def test_the_largest_region_does_not_leak_through_corners() -> None:
+def test_the_largest_region_does_not_connect_through_corners() -> None:
     free = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 1]], dtype=bool)
     assert freespace.largest_region(free).sum() == 4

@@ -1,4 +1,4 @@
-"""Claims about furniture, things and meshes."""
+"""Tests furniture, objects and meshes."""
 
 import itertools
 
@@ -19,7 +19,7 @@ MAKERS = {
     **FIXTURES,
     **{name: make for name, (make, _) in OBJECTS.items()},
 }
-# The benchmark's makers, under names of their own.
+# The benchmark's makers, under their own names.
 OVMM_THINGS = {f"ovmm {name}": make for name, (make, _) in OVMM.objects.items()}
 OVMM_FURNITURE = {f"ovmm {name}": make for name, (_, make) in OVMM.receptacles.items()}
 MAKERS |= OVMM_THINGS | OVMM_FURNITURE
@@ -32,7 +32,7 @@ def make_shape(name: str, seed: int) -> Shape:
     return MAKERS[name](rng, draw_palette(rng))
 
 
-def faces_look_outwards(mesh: Mesh) -> bool:
+def faces_point_outwards(mesh: Mesh) -> bool:
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
     face = np.cross(b - a, c - a)
     mean = mesh.normals[mesh.faces].astype(np.float64).mean(axis=1)
@@ -40,7 +40,7 @@ def faces_look_outwards(mesh: Mesh) -> bool:
 
 
 def volume(mesh: Mesh) -> float:
-    """By the divergence theorem; that of a closed surface."""
+    """Volume of a closed mesh by the divergence theorem."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
     return float((a * np.cross(b, c)).sum() / 6)
 
@@ -55,34 +55,34 @@ def test_a_rounded_box_fills_its_size(
     np.testing.assert_allclose(extent, [x, y, z], rtol=1e-5)
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
     assert 0 < volume(mesh) <= x * y * z * 1.0001
-    assert faces_look_outwards(mesh)
+    assert faces_point_outwards(mesh)
 
 
 def test_a_lathed_rectangle_is_a_cylinder() -> None:
     mesh = mesh_primitives.lathe([(0, 0), (0.5, 0), (0.5, 2), (0, 2)], sides=128)
     # A prism of 128 sides lacks 0.04 % of the cylinder.
     assert volume(mesh) == pytest.approx(np.pi * 0.25 * 2, rel=1e-3)
-    assert faces_look_outwards(mesh)
+    assert faces_point_outwards(mesh)
 
 
-def test_an_ellipsoid_has_its_volume() -> None:
+def test_an_ellipsoid_has_the_exact_volume() -> None:
     mesh = mesh_primitives.ellipsoid((0.3, 0.2, 0.1), sides=64, rings=32)
     assert volume(mesh) == pytest.approx(4 / 3 * np.pi * 0.006, rel=1e-2)
 
 
-def test_a_tube_looks_outwards() -> None:
-    assert faces_look_outwards(
+def test_the_faces_of_a_tube_point_outwards() -> None:
+    assert faces_point_outwards(
         mesh_primitives.tube(mesh_primitives.arc((0, 0, 0), 0.1, 0, np.pi), 0.01)
     )
 
 
 @pytest.mark.parametrize("name", sorted(MAKERS))
-def test_a_shape_fits_its_size_and_is_drawn_from_outside(name: str) -> None:
+def test_a_shape_fits_its_size_and_its_faces_point_outwards(name: str) -> None:
     for seed in range(4):
         shape = make_shape(name, seed)
         points = np.concatenate([visual.mesh.vertices for visual in shape.visuals])
         half = np.array([shape.size_m[0] / 2, shape.size_m[1] / 2])
-        # Handles, feet and rug borders may stand out by a few centimetres.
+        # Handles, feet and rug borders may protrude by a few centimetres.
         plain = name.removeprefix("ovmm ")
         hangs = plain in ("rug", "window", "picture", "plant", "door", "towel rail", "coat rack")
         wide = 0.09 if hangs else 0.04
@@ -91,11 +91,11 @@ def test_a_shape_fits_its_size_and_is_drawn_from_outside(name: str) -> None:
         assert triangles < 7000
         for visual in shape.visuals:
             assert np.isfinite(visual.mesh.vertices).all()
-            assert faces_look_outwards(visual.mesh)
+            assert faces_point_outwards(visual.mesh)
 
 
 @pytest.mark.parametrize("name", [*sorted(OBJECTS), *sorted(OVMM_THINGS)])
-def test_a_thing_can_be_grasped_and_its_origin_is_its_middle(name: str) -> None:
+def test_an_object_is_graspable_and_its_origin_is_its_middle(name: str) -> None:
     for seed in range(4):
         shape = make_shape(name, seed)
         assert 0.04 <= max(shape.size_m) <= (0.32 if name in OVMM_THINGS else 0.25)
@@ -106,7 +106,7 @@ def test_a_thing_can_be_grasped_and_its_origin_is_its_middle(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*sorted(RECEPTACLES), *sorted(OVMM_FURNITURE)])
-def test_a_surface_is_the_top_of_a_solid(name: str) -> None:
+def test_a_surface_is_the_top_of_a_collision_primitive(name: str) -> None:
     for seed in range(4):
         shape = make_shape(name, seed)
         assert shape.surfaces
@@ -120,7 +120,7 @@ def test_a_surface_is_the_top_of_a_solid(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(OVMM_FURNITURE))
-def test_there_is_as_much_room_above_a_surface_as_it_says(name: str) -> None:
+def test_the_space_above_a_surface_is_clear_as_specified(name: str) -> None:
     for seed in range(4):
         shape = make_shape(name, seed)
         builder = ModelBuilder(visuals=False)
@@ -136,7 +136,7 @@ def test_there_is_as_much_room_above_a_surface_as_it_says(name: str) -> None:
             assert up_m < 0 or up_m >= min(surface.clear_m, 0.5) - 0.01
 
 
-def test_legs_of_chairs_and_stools_collide_and_the_space_between_them_is_empty() -> None:
+def test_the_legs_of_chairs_and_stools_collide_and_the_space_between_is_empty() -> None:
     for make in (other_furniture_shapes.chair, other_furniture_shapes.stool):
         rng = np.random.default_rng(1)
         shape = make(rng, draw_palette(rng))
@@ -162,7 +162,7 @@ def ray(model: mujoco.MjModel, data: mujoco.MjData, start: np.ndarray, to: tuple
     return float(mujoco.mj_ray(model, data, start, np.array(to, float), None, 1, -1, geom))
 
 
-def test_every_pattern_is_a_picture_that_a_material_may_name() -> None:
+def test_every_texture_of_a_material_is_a_known_image() -> None:
     for name in textures.PATTERNS:
         image = textures.pattern(name)
         assert image.dtype == np.uint8

@@ -1,4 +1,4 @@
-"""Which actions a robot refuses to begin."""
+"""Tests which actions the robot refuses to begin."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ NOWHERE = (math.nan, math.inf, -math.inf)
         Pick((99.0, 0.0, 0.5), "mug"), Place((0.0, -99.0, 0.5)),
     ],
 )  # fmt: skip
-def test_what_lies_within_the_limits_may_begin(action: Action) -> None:
-    """A point too far away too: reaching for it is a try that counts."""
+def test_an_action_within_the_limits_is_accepted(action: Action) -> None:
+    """Also a pick or place too far away: it counts as an attempt."""
     assert limit_violation(action, ROBOT) == ""
 
 
@@ -38,17 +38,17 @@ def test_what_lies_within_the_limits_may_begin(action: Action) -> None:
         Tilt(LOW_TILT - 1e-3), Tilt(HIGH_TILT + 1e-3),
     ],
 )  # fmt: skip
-def test_what_lies_beyond_is_refused(action: Action) -> None:
+def test_an_action_beyond_the_limits_is_refused(action: Action) -> None:
     assert "outside" in limit_violation(action, ROBOT)
 
 
-def test_a_robot_that_cannot_move_back_is_not_asked_to() -> None:
+def test_moving_back_is_refused_for_a_robot_that_cannot_move_back() -> None:
     assert "back 0.1 m" in limit_violation(Forward(-0.1), replace(ROBOT, max_back_m=0.0))
 
 
 @pytest.mark.parametrize("x", NOWHERE)
-def test_what_is_no_number_is_refused(x: float) -> None:
-    """NaN is above no limit: a pick there would take whatever comes first."""
+def test_a_value_that_is_not_finite_is_refused(x: float) -> None:
+    """NaN exceeds no limit: a pick at NaN would take an arbitrary object."""
     for action in (Forward(x), Turn(x), Tilt(x)):
         assert limit_violation(action, ROBOT)
     for point in ((x, 0.0, 0.0), (0.0, x, 0.0), (0.0, 0.0, x)):

@@ -1,4 +1,4 @@
-"""The phases of a move task on constructed cases."""
+"""Tests the phases of a move task on constructed cases."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def holding(step: Step, name: str = "mug_0") -> Step:
     return replace(step, held=name)
 
 
-def test_the_whole_task_in_order_succeeds():
+def test_a_task_with_all_phases_in_order_succeeds():
     done = run(AT_MUG, holding(AT_MUG), holding(AT_SOFA), replace(AT_SOFA, released=ON_SOFA))
     assert (done.find_object, done.pick, done.find_receptacle, done.place) == (True,) * 4
     assert done.success
@@ -48,18 +48,18 @@ def test_the_whole_task_in_order_succeeds():
     assert done.steps == 4
 
 
-def test_finding_is_latched():
+def test_find_object_stays_set_after_the_robot_leaves():
     assert run(AT_MUG, Step((9.0, 9.0))).find_object
 
 
-def test_seen_from_afar_is_not_found():
+def test_an_object_counts_as_found_only_within_10_cm_of_a_viewpoint():
     assert not run(replace(AT_MUG, base_xy_m=(1.2, 1.0))).find_object
     assert run(replace(AT_MUG, base_xy_m=(1.099, 1.0))).find_object
     assert not run(replace(AT_MUG, base_xy_m=(1.101, 1.0))).find_object
 
 
-def test_a_viewpoint_behind_a_wall_is_not_near():
-    """7 cm away as the crow flies, which is near without the wall."""
+def test_a_viewpoint_behind_a_wall_does_not_count_as_near():
+    """The viewpoint is 7 cm away in a straight line, which is near without the wall."""
     free = GROUND.free.copy()
     free[:, 21] = False  # from 1.05 to 1.10 m
     here = replace(TARGETS, objects={"mug_0": np.array([[1.04, 1.0]])})
@@ -71,28 +71,28 @@ def test_a_viewpoint_behind_a_wall_is_not_near():
     assert advance(Progress(), this_side, walled).find_object
 
 
-def test_exactly_a_thousandth_of_the_image_is_enough():
+def test_an_object_that_covers_one_thousandth_of_the_image_is_found():
     assert run(replace(AT_MUG, coverage={"mug_0": 1e-3})).find_object
 
 
-def test_too_few_pixels_are_not_found():
+def test_an_object_with_too_few_pixels_is_not_found():
     assert not run(replace(AT_MUG, coverage={"mug_0": 0.9e-3})).find_object
 
 
-def test_at_one_candidate_and_looking_at_another_is_not_found():
+def test_an_object_seen_from_the_viewpoint_of_another_is_not_found():
     assert not run(replace(AT_MUG, coverage={"mug_1": 0.2})).find_object
 
 
-def test_holding_something_else_is_no_pick():
+def test_holding_another_object_is_no_pick():
     assert not run(AT_MUG, holding(AT_MUG, "vase_0")).pick
 
 
-def test_a_pick_without_finding_does_not_count():
+def test_a_pick_without_find_object_does_not_count():
     assert not run(holding(Step((9.0, 9.0)))).pick
 
 
-def test_one_step_may_pass_several_phases():
-    """It grasps what it first sees then, and the goal stands beside it."""
+def test_one_step_may_complete_several_phases():
+    """The robot grasps the object in the step that first sees it, beside the goal receptacle."""
     both = Step((3.0, 1.0), {"mug_2": 2e-3, "sofa_0": 0.3}, held="mug_2")
     here = replace(TARGETS, objects={"mug_2": np.array([[3.0, 1.05]])})
     done = advance(Progress(), both, here)
@@ -104,7 +104,7 @@ def test_the_receptacle_counts_only_after_the_pick():
     assert run(AT_MUG, holding(AT_MUG), holding(AT_SOFA)).find_receptacle
 
 
-def test_place_needs_the_receptacle_found_but_success_does_not():
+def test_place_needs_find_receptacle_but_success_does_not():
     from_afar = Step((3.0, 1.9), {"sofa_0": 0.3}, released=ON_SOFA)
     done = run(AT_MUG, holding(AT_MUG), from_afar)
     assert (done.pick, done.find_receptacle, done.place) == (True, False, False)
@@ -112,25 +112,25 @@ def test_place_needs_the_receptacle_found_but_success_does_not():
     assert done.partial_success == 0.75
 
 
-def test_what_was_found_after_the_release_completes_the_chain():
+def test_find_receptacle_after_the_release_completes_place():
     from_afar = Step((3.0, 1.9), {"sofa_0": 0.3}, released=ON_SOFA)
     assert run(AT_MUG, holding(AT_MUG), from_afar, AT_SOFA).place
 
 
-def test_who_takes_it_away_again_has_not_placed_it():
+def test_picking_the_placed_object_again_revokes_success():
     done = run(AT_MUG, holding(AT_MUG), replace(AT_SOFA, released=ON_SOFA), holding(AT_SOFA))
     assert done.place
     assert not done.success
 
 
-def test_leaving_the_navigable_area_is_counted_but_spoils_nothing():
+def test_leaving_the_navigable_area_is_counted_but_does_not_prevent_success():
     out = Step((2.0, 1.0), left_navigable=True, held="mug_0")
     done = run(AT_MUG, holding(AT_MUG), out, out, replace(AT_SOFA, released=ON_SOFA))
     assert (done.left_navigable, done.collisions) == (2, 0)
     assert done.success
 
 
-def test_a_collision_spoils_success_but_not_the_place():
+def test_a_collision_prevents_success_but_not_place():
     bump = Step((2.0, 1.0), collided_with=frozenset({"walls"}), held="mug_0")
     done = run(AT_MUG, holding(AT_MUG), bump, bump, replace(AT_SOFA, released=ON_SOFA))
     assert done.place
@@ -146,7 +146,7 @@ def test_many_contacts_in_a_step_are_one_collision():
     assert set(run(both).collided_with) == {"walls", "bed_0"}
 
 
-def test_what_counts_as_placed():
+def test_an_object_is_placed_if_it_rests_on_the_goal():
     assert placed(ON_SOFA, TARGETS)
     assert not placed(None, TARGETS)
     assert not placed(replace(ON_SOFA, at_rest=False), TARGETS)
@@ -156,17 +156,17 @@ def test_what_counts_as_placed():
     assert not placed(replace(ON_SOFA, name="vase_0"), TARGETS)
 
 
-def test_a_place_without_a_pick_is_no_link_of_the_chain():
+def test_a_place_without_a_pick_does_not_count():
     assert not run(replace(AT_SOFA, released=ON_SOFA)).place
 
 
-def test_steps_and_the_way_add_up():
+def test_steps_and_path_length_add_up():
     done = run(*[Step((2.0, 2.0), moved_m=0.25)] * 4)
     assert (done.steps, done.path_m) == (4, 1.0)
 
 
 @given(st.lists(st.sampled_from([AT_MUG, holding(AT_MUG), holding(AT_SOFA), Step((2.0, 2.0))])))
-def test_phases_never_go_back_and_each_needs_the_one_before(steps: list[Step]):
+def test_phases_never_go_back_and_each_needs_the_previous_one(steps: list[Step]):
     progress = Progress()
     for step in steps:
         new = advance(progress, step, TARGETS)
@@ -188,7 +188,7 @@ def test_viewpoints_lie_on_the_grid_within_a_metre_of_the_box():
     assert (np.hypot(*(points - [2.2, 1.0]).T) < 0.01).any()
 
 
-def test_viewpoints_stand_where_the_robot_fits():
+def test_viewpoints_lie_where_the_robot_fits():
     free = np.zeros((100, 100), bool)
     free[:, :50] = True
     points = viewpoints_of((2.4, 2.0), (2.6, 2.3), NavigableArea(free, (0.0, 0.0), 0.05))
@@ -196,5 +196,5 @@ def test_viewpoints_stand_where_the_robot_fits():
     assert points[:, 0].max() < 2.5
 
 
-def test_nothing_is_near_no_viewpoints():
+def test_no_position_is_near_an_empty_set_of_viewpoints():
     assert not GROUND.within((1.0, 1.0), np.zeros((0, 2)), 0.1)

@@ -1,4 +1,4 @@
-"""When something that was let go lies still: 50 control steps of 1/30 s without a break."""
+"""Tests when a released object is at rest: 50 consecutive control steps of 1/30 s."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ SOFA, FLOOR = 7, 8
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A step of the physics: speeds of the thing, and what it touches at which height."""
+class PhysicsStep:
+    """One physics step: the object's speeds, and the bodies that it touches with heights."""
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
     on: tuple[tuple[int, float], ...] = ((SOFA, 0.4),)
 
 
-STILL = Moment()
-MOVES = Moment(linear_m_s=0.0051)
-TURNS = Moment(angular_rad_s=0.051)
-FALLS = Moment(on=())
+STILL = PhysicsStep()
+MOVES = PhysicsStep(linear_m_s=0.0051)
+TURNS = PhysicsStep(angular_rad_s=0.051)
+FALLS = PhysicsStep(on=())
 
 
-def settled(moments: Sequence[Moment]) -> RestState:
-    """What the gripper says of such a course; the last moment lasts for ever."""
+def settled(moments: Sequence[PhysicsStep]) -> RestState:
+    """The gripper's result for a sequence of steps; the last step repeats forever."""
     data = SimpleNamespace(qvel=np.zeros(6), body_awake=[True], xpos=np.zeros((1, 3)))
     count = 0
 
@@ -53,7 +53,9 @@ def settled(moments: Sequence[Moment]) -> RestState:
 
 
 @pytest.mark.parametrize("restless", [MOVES, TURNS, FALLS])
-def test_fifty_control_steps_without_a_break(restless: Moment) -> None:
+def test_an_object_is_at_rest_after_fifty_consecutive_still_control_steps(
+    restless: PhysicsStep,
+) -> None:
     assert settled([STILL] * ENOUGH + [restless]).at_rest
     assert not settled([STILL] * (ENOUGH - 1) + [restless]).at_rest
     assert not settled(([STILL] * (ENOUGH - 1) + [restless]) * 4).at_rest
@@ -61,12 +63,12 @@ def test_fifty_control_steps_without_a_break(restless: Moment) -> None:
     assert not settled([restless] * (LONGEST - ENOUGH + 1) + [STILL]).at_rest
 
 
-def test_slower_than_the_limits_is_at_rest() -> None:
-    assert settled([Moment(linear_m_s=0.0049, angular_rad_s=0.049)]).at_rest
+def test_an_object_slower_than_the_limits_is_at_rest() -> None:
+    assert settled([PhysicsStep(linear_m_s=0.0049, angular_rad_s=0.049)]).at_rest
 
 
-def test_only_what_it_touches_all_the_while_holds_it() -> None:
-    """What it only brushed counts as met."""
+def test_only_a_body_in_contact_throughout_supports_the_object() -> None:
+    """A body in brief contact counts only as touched."""
     both = replace(STILL, on=((SOFA, 0.4), (FLOOR, 0.0)))
     rest = settled([both, *[STILL] * (ENOUGH - 1)])
     assert (rest.at_rest, rest.on, rest.touched_any_time) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
@@ -74,6 +76,6 @@ def test_only_what_it_touches_all_the_while_holds_it() -> None:
     assert (late.at_rest, late.on, late.touched_any_time) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
 
 
-def test_the_height_is_that_of_the_end() -> None:
+def test_the_contact_height_is_that_of_the_last_step() -> None:
     sinking = [replace(STILL, on=((SOFA, 0.5),)), STILL]
     assert settled(sinking).on == {SOFA: 0.4}

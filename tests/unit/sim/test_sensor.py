@@ -1,4 +1,4 @@
-"""Noise of the sensors does what it says, and the same each time."""
+"""Tests sensor noise and odometry drift: their size, and that they are reproducible."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def flat(z_m: float) -> np.ndarray:
     return np.full((480, 640), z_m, np.float32)
 
 
-def test_none_leaves_all_as_it_is():
+def test_the_sensor_model_none_changes_nothing():
     depth = flat(3.0)
     assert sensed_depth(depth, CAMERA, NONE, 1, 2) is depth
     color = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
@@ -40,13 +40,13 @@ def test_noise_grows_with_the_square_of_depth(z_m: float):
     assert abs(errors.mean()) < 0.1 * 1.425e-3 * z_m**2
 
 
-def test_neighbours_share_part_of_their_error_and_distant_pixels_none():
+def test_depth_errors_correlate_between_neighbours_and_not_at_a_distance():
     error = (sensed_depth(flat(2.0), CAMERA, NOISE, 0, 5) - 2.0) / (1.425e-3 * 4)
     assert 0.3 < np.mean(error[:, 1:] * error[:, :-1]) < 0.6
     assert abs(np.mean(error[:, 40:] * error[:, :-40])) < 0.05
 
 
-def test_the_same_seed_and_stamp_give_the_same_picture_and_others_do_not():
+def test_the_same_seed_and_stamp_give_the_same_image_and_others_do_not():
     one = sensed_depth(flat(2.0), CAMERA, REALISTIC, 7, 11)
     assert np.array_equal(one, sensed_depth(flat(2.0), CAMERA, REALISTIC, 7, 11))
     for seed, stamp_ns in ((7, 12), (8, 11)):
@@ -57,21 +57,21 @@ def test_the_same_seed_and_stamp_give_the_same_picture_and_others_do_not():
     assert not np.array_equal(blurred[0], blurred[2])
 
 
-def test_depth_comes_in_steps_that_grow_with_its_square():
+def test_depth_steps_grow_with_the_square_of_depth():
     steps = SensorErrorModel("steps", inverse_depth_step_per_m=2.85e-3)
     ramp = np.repeat(np.linspace(3.9, 4.1, 640, dtype=np.float32)[None], 480, 0)
     found = np.unique(sensed_depth(ramp, CAMERA, steps, 0, 0))
     assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 2.85e-3 * 16), rel=0.1)
 
 
-def test_nothing_is_measured_outside_the_range_or_where_nothing_is():
+def test_depth_outside_the_range_is_not_measured():
     depth = np.concatenate([flat(z)[:120] for z in (0.2, 2.0, 7.0, 0.0)])
     exact = SensorErrorModel("range", min_depth_m=0.3, max_depth_m=6.0)
     sensed = sensed_depth(depth, CAMERA, exact, 0, 0)
     assert [sensed[row, 0] for row in (60, 180, 300, 420)] == [0.0, pytest.approx(2.0), 0.0, 0.0]
 
 
-def test_an_edge_throws_a_shadow_on_what_lies_behind():
+def test_an_edge_hides_pixels_of_the_surface_behind():
     depth = flat(3.0)
     depth[:, :320] = 1.5
     edges = SensorErrorModel("edges", edge_per_m=0.03, edge_px=2)
@@ -79,20 +79,20 @@ def test_an_edge_throws_a_shadow_on_what_lies_behind():
     assert np.flatnonzero(lost[240]).tolist() == [320, 321]
 
 
-def test_a_slanted_surface_is_no_edge():
+def test_a_slanted_surface_does_not_count_as_an_edge():
     floor = _floor_depth()
     edges = SensorErrorModel("edges", edge_per_m=0.03, edge_px=2)
     assert not (sensed_depth(floor, CAMERA, edges, 0, 0)[floor > 0] == 0).any()
 
 
 def _floor_depth() -> np.ndarray:
-    """Seen level from 1.3 m; 0 at and above the horizon."""
+    """Depth of the floor for a level camera at 1.3 m; 0 at and above the horizon."""
     down = (np.arange(480) - CAMERA.cy) / CAMERA.fy
     z = np.divide(1.3, down, out=np.zeros(480), where=down > 0.15)
     return np.repeat(z.astype(np.float32)[:, None], 640, 1)
 
 
-def test_the_angle_of_incidence_is_that_of_the_plane():
+def test_the_angle_of_incidence_matches_the_plane():
     floor = _floor_depth()
     seen = np.zeros_like(floor)
     seen[floor > 0] = 1 / floor[floor > 0]
@@ -116,7 +116,7 @@ def test_a_grazing_surface_is_not_measured():
     assert (sensed[low] == 0).mean() > 0.9
 
 
-def test_a_smear_keeps_brightness():
+def test_motion_blur_keeps_brightness():
     for length_px, angle_rad in ((1.5, 0.0), (5.0, 0.4), (3.0, 1.6)):
         assert smear_kernel(length_px, angle_rad).sum() == pytest.approx(1.0)
     color = np.full((480, 640, 3), 77, np.uint8)
@@ -124,7 +124,7 @@ def test_a_smear_keeps_brightness():
 
 
 def drive(drift: DriftingOdometry, rounds: int) -> None:
-    """Squares of 1 m, with whole turns."""
+    """Drive `rounds` squares of 1 m with full turns."""
     for k in range(4 * rounds):
         corner = (0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)
         (x, y), yaw = corner[k % 4], math.pi / 2 * (k % 4) + 2 * math.pi * (k // 4)
@@ -132,14 +132,14 @@ def drive(drift: DriftingOdometry, rounds: int) -> None:
     drift.follow((0.0, 0.0, 2 * math.pi * rounds))
 
 
-def test_without_drift_the_robot_knows_where_it_is():
+def test_without_drift_the_estimated_pose_is_the_true_pose():
     drift = DriftingOdometry(NONE, 0, (0.0, 0.0, 0.0))
     drift.follow((1.0, 2.0, 0.5))
     assert drift.estimated_pose == (1.0, 2.0, 0.5)
     assert np.array_equal(drift.T_estimated_true, np.eye(4))
 
 
-def test_drift_is_a_random_walk_by_the_way():
+def test_position_drift_is_a_random_walk_over_path_length():
     sensor = SensorErrorModel("drift", drift_m=0.01)
     ends = []
     for seed in range(200):
@@ -150,7 +150,7 @@ def test_drift_is_a_random_walk_by_the_way():
     assert np.abs(np.mean(ends, axis=0)).max() < 0.01
 
 
-def test_turning_drifts_the_heading():
+def test_heading_drift_is_a_random_walk_over_turning():
     sensor = SensorErrorModel("drift", turn_drift_rad=0.01)
     yaws = []
     for seed in range(200):
@@ -161,8 +161,8 @@ def test_turning_drifts_the_heading():
     assert np.std(yaws) == pytest.approx(0.01 * math.sqrt(10), rel=0.2)
 
 
-def test_points_go_from_belief_to_truth_as_the_robot_stands():
-    """What lies half a metre before the believed base lies half a metre before the true one."""
+def test_a_point_relative_to_the_estimated_base_maps_to_the_true_base():
+    """A point 0.5 m ahead of the estimated base maps to 0.5 m ahead of the true base."""
     drift = DriftingOdometry(REALISTIC, 3, (0.0, 0.0, 0.0))
     drive(drift, 10)
     drift.follow((0.3, 0.2, 1.0))
@@ -175,5 +175,5 @@ def test_points_go_from_belief_to_truth_as_the_robot_stands():
     assert np.allclose(invert(drift.T_estimated_true) @ drift.T_estimated_true, np.eye(4))
 
 
-def test_motion_between_poses():
+def test_moved_gives_distance_and_turn_between_two_poses():
     assert moved((0.0, 0.0, 3.0), (3.0, 4.0, -3.0)) == pytest.approx((5.0, 2 * math.pi - 6.0))

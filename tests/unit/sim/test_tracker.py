@@ -1,4 +1,4 @@
-"""What the judge writes down of a release, wherever the thing comes to rest."""
+"""Tests the episode tracker's event of a release, for each place where the object may rest."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def released_on(tracker: EpisodeTracker, body: str) -> PlaceTried:
     return event
 
 
-def test_a_thing_that_falls_onto_the_robot_is_neither_placed_nor_on_the_floor(
+def test_an_object_that_falls_onto_the_robot_is_neither_placed_nor_on_the_floor(
     tracker: EpisodeTracker,
 ) -> None:
     event = released_on(tracker, BASE_BODY)
@@ -31,6 +31,8 @@ def test_a_thing_that_falls_onto_the_robot_is_neither_placed_nor_on_the_floor(
     assert not any((event.met_goal, event.placed, event.on_floor))
 
 
-def test_a_thing_on_the_floor_is_said_to_be_there(tracker: EpisodeTracker, sim_home: Home) -> None:
+def test_an_object_on_the_floor_is_recorded_as_on_the_floor(
+    tracker: EpisodeTracker, sim_home: Home
+) -> None:
     floor = next(n for n in sim_home.body_names() if sim_home.class_of(n) == "floor")
     assert released_on(tracker, floor).on_floor

@@ -1,4 +1,4 @@
-"""Driving, grasping and releasing in a home."""
+"""Tests driving, grasping and releasing in a home."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def position(world: World) -> np.ndarray:
 
 
 def fetch_the_object(world: World) -> str:
-    """Let the oracle pick the task's object; its name."""
+    """Let the ground-truth solver pick the task's object; the object's name."""
     name = next(iter(world.tracker.targets.objects))
     assert GroundTruthSolver(world).fetch(name)
     return name
 
 
-def test_forward_moves_that_far_straight_ahead(world: World):
+def test_forward_moves_the_given_distance_straight_ahead(world: World):
     before, yaw = position(world), yaw_of(world.state().T_world_base)
     done = world.act(Forward(0.25), "go")
     assert done.succeeded
@@ -36,7 +36,7 @@ def test_forward_moves_that_far_straight_ahead(world: World):
     assert not done.collided
 
 
-def test_turn_turns_on_the_spot(world: World):
+def test_turn_rotates_the_robot_on_the_spot(world: World):
     before = position(world)
     for angle_rad in (math.radians(5), -math.radians(30), 0.4):
         yaw = yaw_of(world.state().T_world_base)
@@ -48,7 +48,7 @@ def test_turn_turns_on_the_spot(world: World):
     assert np.allclose(position(world), before, atol=0.005)
 
 
-def test_outside_the_limits_nothing_happens(world: World):
+def test_actions_outside_the_limits_do_nothing(world: World):
     before = world.state().T_world_base
     wrong = (Forward(0.05), Forward(1.2), Forward(-0.4), Turn(0.01), Turn(-0.6))
     for action in (*wrong, Tilt(2.0), Tilt(-1.0)):
@@ -59,7 +59,7 @@ def test_outside_the_limits_nothing_happens(world: World):
     assert np.array_equal(world.state().T_world_base, before)
 
 
-def test_a_wall_or_table_blocks_and_counts_once_a_step(world: World):
+def test_an_obstacle_blocks_the_robot_and_counts_one_collision_per_step(world: World):
     done = world.act(Forward(1.0), "go")
     for k in range(15):
         if not done.succeeded:
@@ -71,13 +71,13 @@ def test_a_wall_or_table_blocks_and_counts_once_a_step(world: World):
     assert world.progress.collisions == 1
     assert world.progress.collided_with
     assert not world.progress.success
-    # Away from it again: the robot is not stuck to what it touched.
+    # The robot can drive away from the obstacle again.
     for k in range(6):
         assert world.act(Turn(math.pi / 6), f"away-{k}").succeeded
     assert world.act(Forward(0.3), "back").succeeded
 
 
-def test_the_same_id_is_done_once(world: World):
+def test_an_action_id_runs_once(world: World):
     first = world.act(Forward(0.2), "one")
     at = position(world)
     assert world.act(Forward(0.2), "one") == first
@@ -101,7 +101,7 @@ def test_stop_latches_until_cleared(world: World):
     assert world.act(Forward(0.2), "go").succeeded
 
 
-def test_a_pick_where_nothing_is_fails(world: World):
+def test_a_pick_at_an_empty_point_fails(world: World):
     x, y = (float(v) for v in position(world))
     done = world.act(Pick((x, y, 2.2), "mug"), "pick")
     assert not done.succeeded
@@ -117,7 +117,7 @@ def test_a_pick_from_across_the_home_is_out_of_reach(world: World, sim_home: Hom
     assert "out of reach" in done.reason
 
 
-def test_what_is_not_in_view_is_not_picked(world: World):
+def test_an_object_outside_the_view_is_not_picked(world: World):
     name = next(iter(world.tracker.targets.objects))
     oracle = GroundTruthSolver(world)
     assert oracle.approach(name)
@@ -128,7 +128,7 @@ def test_what_is_not_in_view_is_not_picked(world: World):
     assert "not in view" in done.reason
 
 
-def test_a_held_thing_is_carried_unseen_and_dropped_by_physics(world: World):
+def test_a_held_object_is_invisible_to_the_camera_and_falls_by_physics_when_released(world: World):
     name = fetch_the_object(world)
     asked_as = world.state().held
     assert asked_as == world.episode.object_class
@@ -153,7 +153,7 @@ def test_a_held_thing_is_carried_unseen_and_dropped_by_physics(world: World):
     assert not world.progress.place
 
 
-def test_pushing_a_movable_thing_is_no_collision(world: World):
+def test_pushing_a_movable_object_is_no_collision(world: World):
     name = fetch_the_object(world)
     oracle = GroundTruthSolver(world)
     assert oracle.go_to_most_room()
@@ -175,7 +175,7 @@ def test_a_place_with_an_empty_gripper_or_out_of_reach_fails(world: World):
     assert world.held_name == name
 
 
-def test_nothing_is_placed_through_a_wall(world: World, sim_home: Home):
+def test_a_place_through_a_wall_fails(world: World, sim_home: Home):
     fetch_the_object(world)
     oracle = GroundTruthSolver(world)
     free, origin_m = reachable(sim_home, 0.35)

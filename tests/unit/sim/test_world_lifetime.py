@@ -1,4 +1,4 @@
-"""Worlds come and go in one process and leave nothing behind."""
+"""Tests that a closed world leaves no memory, files or threads in its process."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from helios_sim.world import World
 from tests.support import ENDS_WITHIN_S
 
 
-def test_a_closed_world_is_forgotten_at_once(sim_home: Home):
-    """Without waiting for the collector of cycles: a world is tens of megabytes."""
+def test_a_closed_world_is_freed_at_once(sim_home: Home):
+    """Without the cycle collector: a world takes tens of megabytes."""
     gc.collect()
     gc.disable()
     try:
@@ -36,7 +36,7 @@ def test_a_closed_world_is_forgotten_at_once(sim_home: Home):
         gc.enable()
 
 
-def test_a_closed_world_still_tells_how_it_went_but_shows_nothing(sim_home: Home):
+def test_a_closed_world_still_gives_progress_and_objects_but_no_images(sim_home: Home):
     world = World(sim_home)
     world.act(Observe(), "a")
     world.close()
@@ -47,8 +47,8 @@ def test_a_closed_world_still_tells_how_it_went_but_shows_nothing(sim_home: Home
         world.capture()
 
 
-def test_a_call_that_races_with_the_end_is_answered(sim_home: Home):
-    """The world is closed when the call has been let in and is not in the queue yet."""
+def test_a_call_that_races_with_close_is_answered(sim_home: Home):
+    """The world closes after the call was admitted and before it is in the queue."""
     thread = WorldThread(lambda: World(sim_home))
     calls, closer = thread._calls, threading.Thread(target=thread.close)
     ended = threading.Event()
@@ -60,7 +60,7 @@ def test_a_call_that_races_with_the_end_is_answered(sim_home: Home):
                 ended.set()
             else:
                 closer.start()
-                ended.wait(0.5)  # in vain where the end waits for the call
+                ended.wait(0.5)  # times out if close waits for the call
                 calls.put(item)
 
     thread._calls = Slow()
@@ -91,7 +91,7 @@ def test_many_worlds_keep_no_files_and_no_threads(sim_home: Home):
         thread.capture()
         thread.close()
 
-    once()  # libraries start threads of their own
+    once()  # libraries start their own threads
     before = opened()
     for _ in range(2):
         once()

@@ -1,4 +1,4 @@
-"""Tasks of the demo can be solved, and the metrics notice."""
+"""Tests that the demo's tasks can be solved and that the metrics show success."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from helios_sim.world import World
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_who_knows_the_truth_succeeds_without_a_collision(seed: int):
+def test_the_ground_truth_solver_succeeds_without_a_collision(seed: int):
     home = generate_home(seed, PRESETS["demo-v1"])
     world = World(home, episode_of(home, seed))
     done = GroundTruthSolver(world).run()

@@ -1,4 +1,4 @@
-"""What the robot's camera sees agrees with where things are."""
+"""Tests that the robot's camera images agree with the true poses of objects."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 
 @given(st.floats(0.05, 29.0))
-def test_metric_depth_undoes_the_projection(z: float):
+def test_metric_depth_inverts_the_projection(z: float):
     near, far = 0.03, 30.0
     buffer = np.full((1, 1), (far * near / z - near) / (far - near), np.float32)
     depth = float(metric_depth(buffer, near, far, 10.0)[0, 0])
@@ -43,7 +43,7 @@ def look_around(world: World) -> list[tuple[np.ndarray, np.ndarray, dict[int, st
     return views
 
 
-def test_lifted_floor_and_walls_lie_where_they_are(world: World, sim_home: Home):
+def test_lifted_points_of_floor_and_walls_lie_on_their_planes(world: World, sim_home: Home):
     floor, wall = [], []
     for points, ids, classes in look_around(world):
         for id, name in classes.items():
@@ -65,11 +65,11 @@ def test_lifted_floor_and_walls_lie_where_they_are(world: World, sim_home: Home)
     ]
     off = np.min([np.abs(points[:, axis] - at) for axis, at in planes], axis=0)
     assert len(points) > 50_000
-    # The skirting stands out a little from the wall, and door reveals cross it.
+    # The skirting board protrudes slightly from the wall, and door reveals cross it.
     assert np.quantile(off, 0.9) < 0.01
 
 
-def test_things_are_seen_where_the_truth_says(world: World, sim_home: Home):
+def test_objects_appear_at_their_true_positions(world: World, sim_home: Home):
     oracle = GroundTruthSolver(world)
     for thing in sim_home.objects[:4]:
         assert oracle.approach(thing.name)
@@ -88,7 +88,7 @@ def test_things_are_seen_where_the_truth_says(world: World, sim_home: Home):
         assert away_px < shot.camera.fx * radius_m / z[0]
 
 
-def test_the_camera_stands_on_the_base_and_tilts_down(world: World):
+def test_the_camera_pose_follows_base_and_tilt(world: World):
     world.act(Tilt(0.7), "tilt")
     shot = world.capture()
     expected = camera_on_base(shot.T_world_base, CAMERA_HEIGHT_M, 0.7)
@@ -96,7 +96,7 @@ def test_the_camera_stands_on_the_base_and_tilts_down(world: World):
     assert world.state().tilt_rad == pytest.approx(0.7)
 
 
-def test_depth_is_metric_or_nothing(world: World):
+def test_depth_is_in_metres_between_zero_and_the_maximum(world: World):
     world.act(Tilt(0.0), "level")
     depth_m = world.capture().depth_m
     assert depth_m.dtype == np.float32
@@ -111,7 +111,7 @@ def test_stamps_rise_even_at_rest(world: World):
     assert stamps == sorted(set(stamps))
 
 
-def test_the_truth_of_an_old_capture_is_that_of_its_moment(world: World):
+def test_the_segmentation_of_an_old_capture_does_not_change(world: World):
     shot = world.capture()
     before = world.segmentation(shot.stamp_ns).ids
     world.act(Turn(0.5), "turn")
@@ -119,7 +119,7 @@ def test_the_truth_of_an_old_capture_is_that_of_its_moment(world: World):
     assert not np.array_equal(world.segmentation(world.capture().stamp_ns).ids, before)
 
 
-def test_a_stamp_that_is_not_remembered_is_refused(world: World):
+def test_a_stamp_without_a_stored_capture_is_refused(world: World):
     first = world.capture().stamp_ns
     with pytest.raises(InvalidInput, match="no capture with stamp 5"):
         world.segmentation(5)
@@ -129,7 +129,7 @@ def test_a_stamp_that_is_not_remembered_is_refused(world: World):
         world.segmentation(first)
 
 
-def test_the_same_seed_gives_the_same_pictures(make_world: Callable[[], World]):
+def test_the_same_seed_gives_the_same_images(make_world: Callable[[], World]):
     a, b = make_world(), make_world()
     for world in (a, b):
         world.act(Turn(0.4), "turn")

@@ -1,4 +1,4 @@
-"""A world seen by a real robot's senses."""
+"""Tests a world with realistic sensor noise and drift."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def realistic(sim_home: Home) -> Iterator[World]:
     world.close()
 
 
-def test_poses_drift_together_and_the_truth_does_not(realistic: World, world: World):
+def test_reported_poses_drift_together_and_the_truth_does_not(realistic: World, world: World):
     for k in range(24):
         for each in (realistic, world):
             assert each.act(Turn(math.pi / 6), f"turn-{k}").succeeded
@@ -44,7 +44,7 @@ def test_poses_drift_together_and_the_truth_does_not(realistic: World, world: Wo
     assert np.array_equal(truth, world.segmentation(world.capture().stamp_ns).ids)
 
 
-def test_the_robot_says_how_far_it_sees(realistic: World, world: World):
+def test_the_description_gives_the_depth_range_of_the_sensor(realistic: World, world: World):
     assert realistic.describe().max_depth_m == SENSORS["realistic"].max_depth_m
     depth_m, exact_m = realistic.capture().depth_m, world.capture().depth_m
     assert depth_m.max() <= realistic.describe().max_depth_m
@@ -53,13 +53,13 @@ def test_the_robot_says_how_far_it_sees(realistic: World, world: World):
     assert 0 < np.median(np.abs(depth_m - exact_m)[both] / exact_m[both] ** 2) < 3e-3
 
 
-def test_a_pick_is_meant_where_the_robot_believes_itself(sim_home: Home):
+def test_a_pick_point_is_relative_to_the_estimated_pose(sim_home: Home):
     sensor = SensorErrorModel("lost", drift_m=0.02)
     world = World(sim_home, episode_of(sim_home, 0), sensor=sensor)
     try:
         name = next(iter(world.tracker.targets.objects))
         assert GroundTruthSolver(world).approach(name)
-        # The heading does not drift here: belief and truth are a shift apart.
+        # The heading does not drift here: estimated and true pose differ only by a shift.
         dx, dy = world.state().T_world_base[:2, 3] - world.trajectory_m[-1]
         assert math.hypot(dx, dy) > 0.01
         x, y, z = (float(v) for v in world.position_m(name))

@@ -1,4 +1,4 @@
-"""The world behind a bus."""
+"""Tests the world service behind a bus."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def hub(sim_home: Home) -> Iterator[MemoryHub]:
     service.close()
 
 
-def test_the_driver_sees_what_the_world_shows(hub: MemoryHub):
+def test_captures_of_the_driver_match_the_segmentation_of_the_world(hub: MemoryHub):
     bus = MemoryBus(hub)
     driver = SimDriver(bus)
     assert driver.describe().simulated
@@ -53,7 +53,7 @@ def test_the_driver_sees_what_the_world_shows(hub: MemoryHub):
     assert shot.depth_m.max() <= driver.describe().max_depth_m
 
 
-def test_a_driver_may_come_and_go_and_the_world_stays(hub: MemoryHub):
+def test_the_world_keeps_its_state_when_the_driver_is_replaced(hub: MemoryHub):
     first = SimDriver(MemoryBus(hub))
     done = first.act(Turn(0.4), "a")
     boot, pose = first.state().robot_boot_id, first.state().T_world_base
@@ -65,7 +65,7 @@ def test_a_driver_may_come_and_go_and_the_world_stays(hub: MemoryHub):
     assert np.array_equal(second.state().T_world_base, pose)
 
 
-def test_steps_and_the_task_are_told_to_the_judges(hub: MemoryHub):
+def test_truth_methods_report_steps_and_the_task(hub: MemoryHub):
     bus = MemoryBus(hub)
     SimDriver(bus).act(Observe(), "a")
     assert bus.call(TRUTH_METRICS, pb.Empty(), 5.0).steps == 1
@@ -74,7 +74,7 @@ def test_steps_and_the_task_are_told_to_the_judges(hub: MemoryHub):
     assert episode.preset == "demo-v1"
 
 
-def test_a_drive_is_stopped_from_another_thread(sim_home: Home):
+def test_a_stop_from_another_thread_ends_driving(sim_home: Home):
     thread = WorldThread(lambda: World(sim_home))
     results = []
 
@@ -93,7 +93,7 @@ def test_a_drive_is_stopped_from_another_thread(sim_home: Home):
         thread.capture()
 
 
-def test_without_a_world_the_driver_says_so():
+def test_a_driver_without_a_world_raises_unavailable():
     with pytest.raises(Unavailable):
         SimDriver(MemoryBus(MemoryHub())).describe()
 
@@ -105,8 +105,8 @@ def test_a_capture_of_the_wrong_size_is_refused(hub: MemoryHub):
         capture_from_proto(message)
 
 
-def test_the_driver_knows_nothing_of_the_world():
-    """In the bridge's process neither MuJoCo nor the truth is loaded."""
+def test_the_driver_imports_neither_mujoco_nor_the_world():
+    """The bridge's process loads neither MuJoCo nor the truth."""
     code = (
         "import sys, helios_sim.driver; "
         "print([m for m in sys.modules if m == 'mujoco' or m.startswith('helios_sim.')])"
@@ -115,7 +115,7 @@ def test_the_driver_knows_nothing_of_the_world():
     assert said.stdout.strip() == "['helios_sim.capture_messages', 'helios_sim.driver']"
 
 
-def test_the_process_serves_and_ends_on_sigterm():
+def test_the_world_process_serves_and_ends_on_sigterm():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     router = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
     world = subprocess.Popen(

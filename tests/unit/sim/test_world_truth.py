@@ -1,4 +1,4 @@
-"""What the world tells the evaluation: things, track and events."""
+"""Tests the truth that the world gives the evaluation: objects, trajectory and events."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from helios_sim.objectnav_metrics import MIN_SHORTEST_M
 from helios_sim.world import World
 
 
-def test_all_things_are_listed_where_they_stand(world: World, sim_home: Home):
+def test_object_states_list_every_object_at_its_true_position(world: World, sim_home: Home):
     things = {thing.name: thing for thing in world.object_states()}
     assert len(things) == len(sim_home.receptacles) + len(sim_home.fixtures) + len(sim_home.objects)
     for item in sim_home.receptacles:
@@ -33,7 +33,7 @@ def test_all_things_are_listed_where_they_stand(world: World, sim_home: Home):
         assert np.allclose(there.size_m, thing.size_m, atol=0.02)
 
 
-def test_a_carried_and_dropped_thing_is_listed_where_it_is(world: World):
+def test_a_carried_and_dropped_object_is_listed_at_its_true_position(world: World):
     name = next(iter(world.tracker.targets.objects))
     oracle = GroundTruthSolver(world)
     assert oracle.fetch(name)
@@ -58,7 +58,7 @@ def test_a_carried_and_dropped_thing_is_listed_where_it_is(world: World):
     assert picked.step < placed.step == world.progress.steps
 
 
-def test_a_pick_at_nothing_is_an_event(world: World):
+def test_a_pick_at_an_empty_point_is_an_event(world: World):
     world.act(Observe(), "look")
     world.act(Pick((0.0, 0.0, 5.0), "mug"), "pick")
     (tried,) = world.events
@@ -67,7 +67,7 @@ def test_a_pick_at_nothing_is_an_event(world: World):
     assert "nothing to grasp" in tried.reason
 
 
-def test_the_track_has_a_point_for_the_start_and_each_action(world: World, sim_home: Home):
+def test_the_trajectory_has_a_point_for_the_start_and_each_action(world: World, sim_home: Home):
     assert np.allclose(world.trajectory_m, [sim_home.start_pose[:2]], atol=1e-3)
     for k, action in enumerate((Turn(0.3), Forward(0.2), Observe())):
         world.act(action, f"a{k}")
@@ -78,7 +78,7 @@ def test_the_track_has_a_point_for_the_start_and_each_action(world: World, sim_h
     assert np.allclose(track[-1], world.state().T_world_base[:2, 3], atol=1e-6)
 
 
-def test_the_box_of_an_upright_thing_is_its_own():
+def test_the_upright_box_of_an_upright_object_has_its_own_size_and_yaw():
     c, s = math.cos(0.7), math.sin(0.7)
     R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     size, yaw = upright_box(R, (0.3, 0.2, 0.1))
@@ -86,7 +86,7 @@ def test_the_box_of_an_upright_thing_is_its_own():
     assert yaw == pytest.approx(0.7)
 
 
-def test_the_box_of_a_thing_that_fell_over_lies():
+def test_the_upright_box_of_a_fallen_object_has_its_rotated_size():
     R = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # about y, by 90 degrees
     size, _ = upright_box(R, (0.1, 0.2, 0.4))
     assert size[2] == pytest.approx(0.1)
@@ -124,7 +124,9 @@ def test_grazing_a_wall_is_counted_as_leaving_the_navigable_area(world: World):
     assert world.progress.left_navigable == 1
 
 
-def test_what_falls_from_the_edge_of_the_goal_rolled_off(world: World, sim_home: Home):
+def test_an_object_that_falls_from_the_edge_of_the_goal_counts_as_rolled_off(
+    world: World, sim_home: Home
+):
     name = next(iter(world.tracker.targets.objects))
     goal = next(iter(world.tracker.targets.goals))
     oracle = GroundTruthSolver(world)

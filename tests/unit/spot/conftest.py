@@ -1,4 +1,4 @@
-"""A fake Spot for each test."""
+"""Fixtures: a fake Spot for each test."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Staging = Callable[..., "Stage"]
 
 @pytest.fixture
 def staging(tmp_path: Path) -> Iterator[Staging]:
-    """Makes stages and ends them."""
+    """Makes stages and closes them at the end of the test."""
     from tests.unit.spot.spot_stage import Stage
 
     made: list[Stage] = []
@@ -36,5 +36,5 @@ def staging(tmp_path: Path) -> Iterator[Staging]:
 
 @pytest.fixture
 def stage(staging: Staging) -> Stage:
-    """One with everything as it should be; it walks eight times as fast as it is told."""
+    """A stage without faults; the robot walks eight times as fast as commanded."""
     return staging()

@@ -1,4 +1,4 @@
-"""A robot that is a name, no server: who has its lease, and whether its motors are on."""
+"""A robot model without a server: the holder of its lease, and whether its motors are on."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ US = "helios"
 
 
 def not_ours(owner: str) -> Exception:
-    """What using a lease raises that is not the robot's newest."""
+    """The exception for the use of a lease that is not the robot's newest."""
     reply = pb.lease.RetainLeaseResponse()
     reply.lease_use_result.owner.client_name = owner
     return bosdyn_api.exceptions.LeaseUseError(reply, reply.lease_use_result)
 
 
 def claimed(owner: str) -> Exception:
-    """What asking for a lease raises that somebody has."""
+    """The exception for acquiring a lease that another client holds."""
     reply = pb.lease.AcquireLeaseResponse()
     reply.lease_owner.client_name = owner
     return bosdyn_api.lease.ResourceAlreadyClaimedError(reply)
 
 
 class Robot:
-    """Who may move it, as the SDK's client and our link show it. `number`: of the newest lease."""
+    """Lease and motors as the SDK's client and our link show them. `number`: the newest lease."""
 
     host = "spot"
 
@@ -43,8 +43,8 @@ class Robot:
         self.owner, self.number = "", 0
         self.estops: tuple[str, ...] = ()
         self.motors_on = False
-        self.switched_on = 0  # how often
-        self.epoch = ""  # as it was told when we connected
+        self.switched_on = 0  # number of power-on calls
+        self.epoch = ""  # as reported at connection
         self.settings: Any = SimpleNamespace(
             estop="none", lease="acquire", power="on", power_timeout_s=1.0, rpc_timeout_s=1.0
         )
@@ -58,12 +58,12 @@ class Robot:
         return self.number
 
     def refused(self, number: int) -> Exception | None:
-        """What using a lease comes to."""
+        """The exception that the use of lease `number` raises, or None."""
         if (self.owner, number) == (US, self.number):
             return None
         return not_ours(self.owner)
 
-    # --- as the link and the lease's client ---------------------------------------------------
+    # --- the link and the lease client --------------------------------------------------------
     def client(self, _: str) -> Robot:
         return self
 
@@ -84,8 +84,8 @@ class Robot:
 
 
 class KeepAlive:
-    """The SDK's thread and its lease. A test plays each step of it; its end waits for what is under
-    way."""
+    """The SDK's keep-alive thread and its lease. A test runs each step; shutdown waits for checks
+    in progress."""
 
     lease_proto = SimpleNamespace(epoch="boot-1")
 
@@ -100,7 +100,7 @@ class KeepAlive:
         robot.keep_alives.append(self)
 
     def ask(self) -> None:
-        """The robot answers a check of the lease; nobody has heard the answer yet."""
+        """The robot answers a check of the lease; the answer has not arrived yet."""
         if not self.ended:
             self._under_way.append(self._robot.refused(self.number))
 
@@ -118,7 +118,7 @@ class KeepAlive:
 
 
 class Scene:
-    """The driver's right to move, at that robot."""
+    """The driver's `Control` with the robot model."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.halt = robot, Halt()
@@ -127,7 +127,7 @@ class Scene:
         self.pressed_while_it_gets_up = False
 
     def act(self) -> None:
-        """One action, as the driver does it. Raises Conflict and CannotDo."""
+        """Run one action as the driver does. Raises Conflict and CannotDo."""
         self.halt.begin()
         try:
             self.control.take(self.robot.read())

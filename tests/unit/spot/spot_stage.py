@@ -1,4 +1,4 @@
-"""A fake Spot with a driver at it, as tests want them."""
+"""A fake Spot with a driver for the tests."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from tests.fake_spot.server import PASSWORD, USER, FakeSpot
 from tests.fake_spot.world import World
 from tests.support import wait_until
 
-PATIENT_S = 10.0  # for answers that come; a busy machine may take seconds for them
-HASTY_S = 1.0  # for answers that do not come, so that no test waits for them long
+PATIENT_S = 10.0  # for answers that arrive; they may take seconds on a busy machine
+HASTY_S = 1.0  # for answers that never arrive, so that no test waits long
 
 
 class Stage:
-    """Ends all that it made. `hurry`: how many times as fast as told the robot walks."""
+    """A fake Spot and its drivers, closed together. `hurry` multiplies the walking speed."""
 
     def __init__(self, folder: Path, hurry: float = 8.0, skew_s: float = 0.0, **fake: Any) -> None:
         self.fake = FakeSpot(folder, World(*tea_room(), hurry=hurry, skew_s=skew_s), **fake)
@@ -47,10 +47,10 @@ class Stage:
         return out
 
     def cut(self, driver: SpotDriver) -> None:
-        """No answer comes any more. The driver gives up soon, so that no test waits long for it."""
+        """Drop all answers. The driver times out soon, so that no test waits long."""
         asked = self.fake.commands.asked
         self._wait_for_answers(driver, HASTY_S)
-        # A walk may be waiting patiently for an answer that it asked for before: it gets that one.
+        # A walk may still wait with the long timeout for an earlier request; let it get the answer.
         wait_until(
             lambda: self.fake.commands.asked >= asked + 2 or not self.world.moving,
             10, "the walk asks anew",
@@ -58,23 +58,23 @@ class Stage:
         self.fake.wire.cut()
 
     def mend(self, driver: SpotDriver) -> None:
-        """Answers come again, as slowly as the machine is busy."""
+        """Let answers arrive again, with the timeout for a busy machine."""
         self.fake.wire.mend()
         self._wait_for_answers(driver, PATIENT_S)
 
     def _wait_for_answers(self, driver: SpotDriver, seconds: float) -> None:
         bosdyn_api.channel_common.DEFAULT_RPC_TIMEOUT = seconds
-        object.__setattr__(driver._s, "rpc_timeout_s", seconds)  # frozen for everybody else
+        object.__setattr__(driver._s, "rpc_timeout_s", seconds)  # bypasses the frozen settings
         if driver._control._estop is not None:
             driver._control._estop._rpc_timeout = seconds
 
     def act(self, driver: SpotDriver, action: Action) -> ActionResult:
-        """Under an id of its own."""
+        """Run an action under a new id."""
         self._number += 1
         return driver.act(action, f"action-{self._number}")
 
     def during(self, driver: SpotDriver, action: Action, do: Callable[[], object]) -> Outcome:
-        """Begin an action in a thread, do something once the robot moves, wait for its end."""
+        """Begin an action in a thread and call `do` once the robot moves; the pending outcome."""
         out = Outcome(self, driver, action)
         wait_until(lambda: self.world.moving, 10, "the robot moves")
         do()
@@ -92,7 +92,7 @@ class Stage:
 
 
 class Outcome:
-    """What an action in a thread comes to."""
+    """The result or error of an action in a thread."""
 
     def __init__(self, stage: Stage, driver: SpotDriver, action: Action) -> None:
         self.result: ActionResult | None = None

@@ -1,4 +1,4 @@
-"""Lenses, upright images, registration, estimated depth, and the robot's own pixels."""
+"""Tests lenses, upright images, depth registration, depth estimates and the robot's own pixels."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def about_axis(angle_rad: float) -> np.ndarray:
 
 
 def pixel_in(lens: Lens, point_cam: np.ndarray) -> np.ndarray:
-    """Where a lens sees a point of its camera."""
+    """The pixel of a point in the camera frame, seen through a lens."""
     D = np.array(lens.distortion or (0.0,) * 4)
     see = cv2.fisheye.projectPoints if lens.fisheye else cv2.projectPoints
     uv, _ = see(point_cam.reshape(1, 1, 3), np.zeros(3), np.zeros(3), lens.camera.matrix, D)
@@ -43,7 +43,7 @@ def pixel_in(lens: Lens, point_cam: np.ndarray) -> np.ndarray:
 
 # --- upright pinholes -----------------------------------------------------------------------------
 @given(st.floats(-3.0, 3.0), st.floats(-1.2, 1.2))
-def test_turning_by_the_roll_makes_a_camera_upright(roll_rad: float, tilt_rad: float) -> None:
+def test_rotating_by_the_roll_makes_a_camera_upright(roll_rad: float, tilt_rad: float) -> None:
     T_world_cam = camera_on_base(np.eye(4), 1.0, tilt_rad) @ about_axis(roll_rad)
     upright = T_world_cam @ about_axis(roll_to_upright(T_world_cam))
     assert upright[2, 0] == pytest.approx(0.0, abs=1e-9)  # its x axis is level
@@ -51,7 +51,7 @@ def test_turning_by_the_roll_makes_a_camera_upright(roll_rad: float, tilt_rad: f
     assert math.cos(roll_to_upright(T_world_cam) + roll_rad) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_pinhole_that_stands_upright_is_left_alone() -> None:
+def test_images_of_an_upright_pinhole_are_unchanged() -> None:
     mount = mounted(Lens(CAMERA), 0.0)
     depth = np.ones((120, 160), np.float32)
     assert straight_color(mount, BLANK) is BLANK
@@ -69,9 +69,7 @@ def test_a_pinhole_that_stands_upright_is_left_alone() -> None:
     ids=["pinhole", "brown-conrady", "kannala-brandt"],
 )
 @pytest.mark.parametrize("roll_deg", [-102, -78, 0, 90, 180])
-def test_a_point_is_found_in_the_upright_image_where_its_camera_says(
-    lens: Lens, roll_deg: int
-) -> None:
+def test_a_point_appears_in_the_upright_image_at_its_projection(lens: Lens, roll_deg: int) -> None:
     mount = mounted(lens, math.radians(roll_deg))
     sideways = roll_deg in (-102, -78, 90)
     assert (mount.camera.width > mount.camera.height) is not sideways
@@ -88,7 +86,7 @@ def test_a_point_is_found_in_the_upright_image_where_its_camera_says(
 
 
 # --- registration ---------------------------------------------------------------------------------
-def test_depth_of_another_camera_falls_on_the_same_points_of_the_world() -> None:
+def test_registered_depth_lies_on_the_same_world_points() -> None:
     coarse = Pinhole(60.0, 60.0, 39.5, 29.5, 80, 60)
     T_color_depth = np.eye(4)
     T_color_depth[:3, 3] = [0.06, 0.0, 0.01]
@@ -110,7 +108,7 @@ def test_the_nearer_of_two_depths_on_a_pixel_wins() -> None:
     np.testing.assert_allclose(registered(depth, CAMERA, np.eye(4), CAMERA), depth)
 
 
-def test_what_lies_behind_the_camera_or_has_no_depth_gives_none() -> None:
+def test_points_behind_the_camera_or_without_depth_give_no_depth() -> None:
     T = np.eye(4)
     T[2, 3] = -5.0
     assert not registered(np.ones((120, 160), np.float32), CAMERA, T, CAMERA).any()
@@ -120,7 +118,7 @@ def test_what_lies_behind_the_camera_or_has_no_depth_gives_none() -> None:
 # --- estimated depth ------------------------------------------------------------------------------
 @given(st.floats(0.6, 1.8), st.floats(0.05, 0.8))
 @settings(max_examples=20)
-def test_holes_are_filled_at_the_sensors_scale(scale: float, missing: float) -> None:
+def test_depth_holes_are_filled_at_the_scale_of_the_sensor(scale: float, missing: float) -> None:
     truth = np.linspace(0.5, 3.0, 120 * 160, dtype=np.float32).reshape(120, 160)
     sensor = truth.copy()
     sensor[: int(120 * missing)] = 0
@@ -128,7 +126,7 @@ def test_holes_are_filled_at_the_sensors_scale(scale: float, missing: float) -> 
     np.testing.assert_allclose(depth, truth, rtol=1e-4)
 
 
-def test_an_estimate_of_something_else_is_not_used() -> None:
+def test_an_estimate_that_does_not_fit_the_sensor_depth_is_not_used() -> None:
     sensor = np.full((120, 160), 1.0, np.float32)
     sensor[:40] = 0
     np.testing.assert_array_equal(filled(sensor, sensor * 0 + 5.0), sensor)
@@ -145,7 +143,7 @@ def test_estimators_are_loaded_by_name_and_refused_with_a_reason() -> None:
             load_estimator(wrong, None, 1.0)
 
 
-def test_a_faulty_estimator_is_a_typed_error() -> None:
+def test_a_faulty_estimator_raises_a_typed_error() -> None:
     with pytest.raises(Unavailable, match="one depth a pixel"):
         estimated(lambda *_: np.ones((3, 3), np.float32), BLANK, CAMERA)
 
@@ -168,7 +166,7 @@ def points_of(capsule: Capsule) -> np.ndarray:
 
 
 @pytest.mark.parametrize("ahead_m", [0.6, 1.0, 2.0])
-def test_every_point_of_the_arm_falls_on_masked_pixels_and_far_ones_do_not(ahead_m: float) -> None:
+def test_every_point_of_the_arm_is_masked_and_distant_points_are_not(ahead_m: float) -> None:
     arm = Capsule(np.array([ahead_m, -0.1, 0.1]), np.array([ahead_m + 0.2, 0.15, 0.0]), 0.08)
     T_body_cam = camera_on_base(np.eye(4), 0.1, 0.0)
     mask = robot_pixels([arm], T_body_cam, CAMERA)
@@ -183,14 +181,14 @@ def test_every_point_of_the_arm_falls_on_masked_pixels_and_far_ones_do_not(ahead
         assert not mask[row, column]
 
 
-def test_the_camera_looks_out_of_the_hand_that_holds_it() -> None:
+def test_a_capsule_around_the_camera_masks_nothing() -> None:
     hand = Capsule(np.array([0.4, 0, 0.6]), np.array([0.6, 0, 0.6]), 0.1)
     T_body_cam = camera_on_base(np.eye(4), 0.62, 0.3, 0.55)
     assert not robot_pixels([hand], T_body_cam, CAMERA).any()
     assert not robot_pixels([], T_body_cam, CAMERA).any()
 
 
-def test_a_robot_without_an_arm_is_its_body_and_holding_adds_the_thing() -> None:
+def test_an_arm_adds_capsules_to_the_body_and_a_held_object_adds_one_more() -> None:
     body = robot_capsules({}, None, None, False)
     T_hand = np.eye(4)
     T_hand[:3, 3] = [0.6, 0, 0.5]
@@ -199,4 +197,5 @@ def test_a_robot_without_an_arm_is_its_body_and_holding_adds_the_thing() -> None
     joints = {"arm0.sh0": 0.0, "arm0.sh1": -1.2}
     arm = robot_capsules(joints, T_wrist, T_hand, False)
     assert len(body) < len(arm) < len(robot_capsules(joints, T_wrist, T_hand, True))
-    assert len(robot_capsules({}, T_wrist, T_hand, False)) < len(arm)  # no joints: one straight arm
+    # Without joints the arm is one straight capsule.
+    assert len(robot_capsules({}, T_wrist, T_hand, False)) < len(arm)

@@ -1,4 +1,4 @@
-"""The driver at the fake robot when all is well: poses, units, images, actions."""
+"""Tests Spot's driver with a fake Spot without faults: poses, units, images, actions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MUG_M = (2.16, 0.6, 0.76)
 
 
 def off_surfaces_m(capture: Capture, shapes: dict[str, Shape]) -> NDArray[np.float64]:
-    """How far each point that the image shows lies from the nearest box or cylinder's bounds."""
+    """Distance of each point in the image to the bounds of the nearest box or cylinder."""
     points = lift_pixels(capture.depth_m, capture.camera, capture.T_world_cam)
     points = points[capture.depth_m > 0]
     best = np.full(len(points), np.inf)
@@ -37,12 +37,12 @@ def off_surfaces_m(capture: Capture, shapes: dict[str, Shape]) -> NDArray[np.flo
     return best
 
 
-# --- what it is -----------------------------------------------------------------------------------
-def test_it_tells_what_it_is_before_anything_moves(stage: Stage) -> None:
+# --- description ----------------------------------------------------------------------------------
+def test_the_description_is_available_before_anything_moves(stage: Stage) -> None:
     driver = stage.driver()
     reported = driver.describe()
     assert reported.name == "Spot"
-    assert reported.camera.width == 320  # as the robot's source says, not as somebody wrote down
+    assert reported.camera.width == 320  # from the robot's image source, not a constant
     assert reported.camera_forward_m == 0.5
     assert reported.can_move
     assert not stage.world.motors
@@ -50,7 +50,7 @@ def test_it_tells_what_it_is_before_anything_moves(stage: Stage) -> None:
     assert driver.state().robot_boot_id == "fake-BD-00000001-fake-boot-1"
 
 
-def test_the_base_stands_on_the_floor_where_the_robot_stands(stage: Stage) -> None:
+def test_the_base_pose_lies_on_the_floor_below_the_robot(stage: Stage) -> None:
     driver = stage.driver()
     stage.world.x, stage.world.y, stage.world.yaw = 0.7, -0.4, 1.1
     base = driver.state().T_world_base
@@ -59,7 +59,7 @@ def test_the_base_stands_on_the_floor_where_the_robot_stands(stage: Stage) -> No
     assert yaw_of(base) == pytest.approx(1.1, abs=1e-6)
 
 
-def test_it_picks_only_with_an_arm_and_a_hand_whose_lens_the_grasp_service_takes(
+def test_picking_needs_an_arm_and_a_hand_camera_that_the_grasp_service_accepts(
     staging: Staging,
 ) -> None:
     reported = staging().driver().describe()
@@ -87,7 +87,7 @@ def test_every_pixel_of_the_hand_lies_on_a_surface_of_the_room(stage: Stage) -> 
     assert np.nanmin(floor) == pytest.approx(0.0, abs=0.01)
 
 
-def test_an_image_is_posed_where_the_robot_was_when_it_was_taken(stage: Stage) -> None:
+def test_an_image_has_the_pose_of_its_capture_time(stage: Stage) -> None:
     driver = stage.driver()
     before = driver._link.read()
     stage.world.x, stage.world.yaw = 0.4, 0.3
@@ -96,9 +96,7 @@ def test_an_image_is_posed_where_the_robot_was_when_it_was_taken(stage: Stage) -
     assert yaw_of(capture.T_world_base) == pytest.approx(0.3, abs=1e-6)
 
 
-def test_a_fisheye_on_its_side_gives_an_upright_pinhole_image_on_the_same_surfaces(
-    stage: Stage,
-) -> None:
+def test_a_rotated_fisheye_gives_an_upright_pinhole_image_with_correct_depth(stage: Stage) -> None:
     driver = stage.driver(camera="frontleft")
     capture = driver.capture()
     reported = driver.describe()
@@ -108,21 +106,21 @@ def test_a_fisheye_on_its_side_gives_an_upright_pinhole_image_on_the_same_surfac
     assert reported.tilt_range_rad == pytest.approx((0.5, 0.5), abs=0.02)
     assert (capture.depth_m > 0).mean() > 0.2
     off_m = off_surfaces_m(capture, stage.world.shapes)
-    assert np.quantile(off_m, 0.95) < 0.03  # registered from a coarser camera beside it
+    assert np.quantile(off_m, 0.95) < 0.03  # depth is registered from a coarser camera beside it
     assert (capture.color[..., 0] == capture.color[..., 2]).all()  # grey
 
 
-def test_the_arm_in_front_of_a_body_camera_is_not_on_the_map(stage: Stage) -> None:
+def test_the_arm_in_front_of_a_body_camera_is_masked(stage: Stage) -> None:
     driver = stage.driver(camera="frontleft", depth="sensor", min_depth_m=0.05)
     stage.world.T_flat_hand[:3, 3] = [0.75, 0.0, -0.1]  # low, across the view
     capture = driver.capture()
-    assert off_surfaces_m(capture, stage.world.shapes).max() < 0.15  # nothing floats in the room
+    assert off_surfaces_m(capture, stage.world.shapes).max() < 0.15  # no points float in the room
     raw = unmasked_points(stage, "frontleft_depth")
-    assert raw.min() < 0.4  # and yet the camera does see the arm
+    assert raw.min() < 0.4  # the camera does see the arm
 
 
 def unmasked_points(stage: Stage, name: str) -> NDArray[np.float32]:
-    """Depth of a source as the robot sends it, where there is any."""
+    """The valid depth values of a source as the robot sends them."""
     images: Images = stage.fake.images
     source = images.sources[name]
     from tests.fake_spot.body import Arm
@@ -139,7 +137,7 @@ def flat_estimate(color: NDArray[np.uint8], camera: Pinhole) -> NDArray[np.float
     return np.full((camera.height, camera.width), 2.0, np.float32)
 
 
-def test_depth_comes_from_an_estimator_where_it_is_asked_for(stage: Stage) -> None:
+def test_depth_comes_from_an_estimator_when_configured(stage: Stage) -> None:
     del stage.fake.images.sources["hand_depth_in_hand_color_frame"]
     with pytest.raises(InvalidInput, match="hand_depth_in_hand_color_frame"):
         stage.driver()
@@ -149,12 +147,12 @@ def test_depth_comes_from_an_estimator_where_it_is_asked_for(stage: Stage) -> No
     assert (depth_m > 0).any()
 
 
-def test_an_estimator_that_is_wanted_and_not_named_is_a_wrong_setting(stage: Stage) -> None:
+def test_a_missing_estimator_name_is_an_invalid_setting(stage: Stage) -> None:
     with pytest.raises(InvalidInput, match="HELIOS_SPOT_DEPTH_ESTIMATOR"):
         stage.driver(depth="fill", depth_estimator="")
 
 
-def test_the_detector_is_asked_for_depth_and_the_arm_stays_masked(stage: Stage) -> None:
+def test_the_detector_estimates_depth_and_the_arm_stays_masked(stage: Stage) -> None:
     hub = MemoryHub()
     asked: list[pb.DepthRequest] = []
 
@@ -186,7 +184,7 @@ def test_the_detector_is_asked_for_depth_and_the_arm_stays_masked(stage: Stage) 
         (300.0, 3, r"depth of \(3, 5\) for an image of \(4, 5\)"),
     ],
 )
-def test_depth_of_the_detector_is_not_believed_without_its_focal_length_and_size(
+def test_depth_of_the_detector_needs_a_valid_focal_length_and_size(
     focal_px: float, rows: int, reported: str
 ) -> None:
     hub = MemoryHub()
@@ -205,7 +203,7 @@ def test_depth_of_the_detector_is_not_believed_without_its_focal_length_and_size
 
 
 # --- actions --------------------------------------------------------------------------------------
-def test_the_first_action_makes_it_stand_with_the_hand_raised(stage: Stage) -> None:
+def test_the_first_action_makes_the_robot_stand_with_a_raised_hand(stage: Stage) -> None:
     driver = stage.driver()
     assert stage.act(driver, Observe()).succeeded
     assert stage.world.standing
@@ -214,7 +212,9 @@ def test_the_first_action_makes_it_stand_with_the_hand_raised(stage: Stage) -> N
     assert capture.T_world_cam[2, 3] == pytest.approx(1.15, abs=0.05)
 
 
-def test_walks_and_turns_are_as_long_as_asked_and_as_slow_as_allowed(staging: Staging) -> None:
+def test_walks_and_turns_have_the_requested_length_and_keep_the_speed_limit(
+    staging: Staging,
+) -> None:
     stage = staging(hurry=4.0)
     driver = stage.driver(speed_m_s=0.4, turn_rad_s=0.7)
     forward = stage.act(driver, Forward(0.6))
@@ -229,7 +229,7 @@ def test_walks_and_turns_are_as_long_as_asked_and_as_slow_as_allowed(staging: St
     assert stage.act(driver, Observe()).steps == 4
 
 
-def test_the_same_action_id_is_done_once(stage: Stage) -> None:
+def test_an_action_id_runs_once(stage: Stage) -> None:
     driver = stage.driver()
     first = driver.act(Forward(0.5), "one")
     assert driver.act(Forward(0.5), "one") == first
@@ -237,7 +237,7 @@ def test_the_same_action_id_is_done_once(stage: Stage) -> None:
 
 
 @pytest.mark.parametrize("tilt_rad", [-0.3, 0.0, 0.9])
-def test_tilt_is_absolute_and_positive_looks_down(stage: Stage, tilt_rad: float) -> None:
+def test_tilt_is_absolute_and_positive_is_down(stage: Stage, tilt_rad: float) -> None:
     driver = stage.driver()
     assert stage.act(driver, Tilt(tilt_rad)).succeeded
     assert tilt_of(driver.capture().T_world_cam) == pytest.approx(tilt_rad, abs=1e-3)
@@ -246,29 +246,29 @@ def test_tilt_is_absolute_and_positive_looks_down(stage: Stage, tilt_rad: float)
     assert tilt_of(driver.capture().T_world_cam) == pytest.approx(tilt_rad, abs=1e-3)
 
 
-def test_pick_and_place_carry_the_mug_to_a_height(stage: Stage) -> None:
+def test_pick_and_place_move_the_mug_to_the_given_height(stage: Stage) -> None:
     driver = stage.driver(arm_m_s=0.4, arm_rad_s=1.2)
     stage.world.x, stage.world.y = 1.3, 0.6
     assert stage.act(driver, Pick(MUG_M, "mug")).succeeded
     assert driver.state().held == "mug"
     stage.world.x, stage.world.y, stage.world.yaw = 0.6, -1.0, -math.pi / 2
     held = driver.capture()
-    assert off_surfaces_m(held, stage.world.shapes).max() < 0.01  # the mug in the hand is no thing
+    assert off_surfaces_m(held, stage.world.shapes).max() < 0.01  # the held mug is masked
     placed = stage.act(driver, Place((0.6, -1.8, 0.51)))
     assert placed.succeeded, placed.reason
     assert driver.state().held == ""
-    stage.world.held = "mug"  # somebody put it in
+    stage.world.held = "mug"  # placed into the gripper by a person
     assert driver.state().held == "thing"
     stage.world.held = ""
     assert stage.world.things["mug"].center == pytest.approx((0.6, -1.8, 0.56), abs=0.02)
-    assert stage.world.fastest_hand == pytest.approx(0.4)  # looking, gazing, reaching, lifting
+    assert stage.world.fastest_hand == pytest.approx(0.4)  # for look, gaze, reach and lift
     assert stage.world.fastest_wrist == pytest.approx(1.2)
 
 
-def test_a_mug_is_grasped_from_a_body_camera_too(stage: Stage) -> None:
+def test_a_mug_is_also_grasped_with_a_body_camera(stage: Stage) -> None:
     driver = stage.driver(camera="frontleft")
     stage.world.x, stage.world.y = 1.3, 0.6
     assert stage.act(driver, Pick(MUG_M, "mug")).succeeded
-    assert not stage.world.stowed  # it carries it
+    assert not stage.world.stowed  # the arm carries the mug
     stage.act(driver, Place((2.2, 0.5, 0.71)))
-    assert stage.world.stowed  # out of the camera's way again
+    assert stage.world.stowed  # out of the camera's view again

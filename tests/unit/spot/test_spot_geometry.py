@@ -1,4 +1,4 @@
-"""Waypoints, frames and hand poses, without any robot."""
+"""Tests waypoints, frames and hand poses without a robot."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def tree(edges: dict[str, tuple[str, np.ndarray]]) -> object:
 
 
 @given(PLACES, st.floats(0.1, 1.0))
-def test_forward_ends_its_length_ahead_with_the_same_heading(
+def test_forward_ends_at_its_distance_ahead_with_the_same_heading(
     start: Waypoint, distance_m: float
 ) -> None:
     goal = goal_of(Forward(distance_m), start)
@@ -71,7 +71,7 @@ def test_forward_ends_its_length_ahead_with_the_same_heading(
 
 
 @given(PLACES, st.floats(-0.52, 0.52))
-def test_turn_stays_and_turns_by_its_angle(start: Waypoint, angle_rad: float) -> None:
+def test_turn_keeps_the_position_and_turns_by_its_angle(start: Waypoint, angle_rad: float) -> None:
     goal = goal_of(Turn(angle_rad), start)
     moved_m, turned_rad = between(start, goal)
     assert moved_m == 0.0
@@ -88,25 +88,25 @@ def test_turn_stays_and_turns_by_its_angle(start: Waypoint, angle_rad: float) ->
         (Waypoint(0.0, 0.0, -0.06), False),
     ],
 )
-def test_a_goal_is_reached_in_place_and_in_heading(off: Waypoint, is_there: bool) -> None:
+def test_a_goal_is_reached_in_position_and_heading(off: Waypoint, is_there: bool) -> None:
     assert reached(Waypoint(0.0, 0.0, 0.0), off) is is_there
 
 
 @given(PLACES)
-def test_a_waypoint_is_what_its_transform_says(place: Waypoint) -> None:
+def test_a_waypoint_survives_conversion_to_a_transform(place: Waypoint) -> None:
     again = Waypoint.of(se2_to_se3(place.x_m, place.y_m, place.yaw_rad))
     assert between(place, again) == pytest.approx((0, 0), abs=1e-9)
     assert reached(place, again)
 
 
 @given(PLACES, PLACES)
-def test_the_time_allowed_is_more_than_the_way_takes(a: Waypoint, b: Waypoint) -> None:
+def test_the_allowed_time_exceeds_the_travel_time(a: Waypoint, b: Waypoint) -> None:
     far_m, far_rad = between(a, b)
     assert time_allowed_s(a, b, 0.5, 0.8) > far_m / 0.5 + abs(far_rad) / 0.8
 
 
 @given(COORDINATE, COORDINATE, ANGLE, st.floats(-0.3, 0.3), st.floats(-1, 1))
-def test_the_base_is_the_bodys_place_on_the_floor(
+def test_the_base_is_the_projection_of_the_body_onto_the_floor(
     x_m: float, y_m: float, yaw_rad: float, pitch_rad: float, ground_m: float
 ) -> None:
     c, s = math.cos(pitch_rad), math.sin(pitch_rad)
@@ -119,7 +119,7 @@ def test_the_base_is_the_bodys_place_on_the_floor(
     assert math.cos(yaw_of(base) - yaw_rad) == pytest.approx(1.0)
 
 
-def test_the_ground_is_read_from_the_ground_plane_and_else_from_the_standing_body() -> None:
+def test_the_ground_height_comes_from_the_ground_plane_or_else_the_standing_body() -> None:
     T_body_vision = invert(se2_to_se3(1.0, 2.0, 0.5))
     T_body_vision[2, 3] = -0.3  # the body is 0.3 above vision's origin
     ground = np.eye(4)
@@ -141,14 +141,14 @@ def test_poses_are_chained_through_the_tree_and_a_missing_frame_is_named() -> No
         pose(snapshot, "vision", "camera")
 
 
-def test_a_point_of_the_world_and_of_vision_differ_by_the_ground() -> None:
+def test_world_and_vision_points_differ_by_the_ground_height() -> None:
     point = to_vision((1.0, 2.0, 0.7), ground_m=-0.2)
     np.testing.assert_allclose(point, [1.0, 2.0, 0.5])
     np.testing.assert_allclose(world_from_vision(-0.2) @ [*point, 1.0], [1.0, 2.0, 0.7, 1.0])
 
 
 @given(st.floats(-0.4, 1.4))
-def test_the_hand_looks_down_by_its_tilt(tilt_rad: float) -> None:
+def test_the_hand_camera_is_tilted_down_by_the_tilt_angle(tilt_rad: float) -> None:
     T = looking_pose(0.5, 0.6, tilt_rad)
     assert is_rigid(T)
     optical = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
@@ -156,7 +156,7 @@ def test_the_hand_looks_down_by_its_tilt(tilt_rad: float) -> None:
 
 
 @given(st.floats(0.3, 0.7), st.floats(-0.4, 0.4), st.floats(-0.4, 0.2))
-def test_what_the_hand_holds_ends_on_the_point_and_the_way_down_is_straight(
+def test_placing_lowers_the_held_object_straight_down_to_the_point(
     x_m: float, y_m: float, z_m: float
 ) -> None:
     point = np.array([x_m, y_m, z_m])
@@ -166,10 +166,10 @@ def test_what_the_hand_holds_ends_on_the_point_and_the_way_down_is_straight(
     tips = release[:3, 3] + FINGERTIPS_M * release[:3, 0]
     np.testing.assert_allclose(tips - [0, 0, HELD_BELOW_M], point, atol=1e-9)
     np.testing.assert_allclose((above - release)[:3, 3], [0, 0, 0.12], atol=1e-9)
-    assert release[2, 0] < 0  # it points down
+    assert release[2, 0] < 0  # the hand points down
 
 
-def test_the_hand_comes_as_steeply_as_the_arm_is_long_for() -> None:
+def test_the_hand_approaches_as_steeply_as_the_arm_length_allows() -> None:
     near, far = np.array([0.5, 0.0, 0.0]), np.array([0.78, 0.0, 0.0])
     for point in (near, far):
         for T in placing_poses(point, np.zeros(3), 0.12):
@@ -179,7 +179,7 @@ def test_the_hand_comes_as_steeply_as_the_arm_is_long_for() -> None:
     assert steep < flat < 0
 
 
-def test_the_planner_looks_from_where_the_camera_stands() -> None:
+def test_the_planner_computes_the_tilt_from_the_camera_position() -> None:
     camera = Pinhole(100.0, 100.0, 79.5, 59.5, 160, 120)
     robot = RobotDescription(
         "Spot", 0.55, 1.25, camera, 1.15, 1.0, 4.0, camera_forward_m=0.5, tilt_range_rad=(-0.4, 1.4)

@@ -1,4 +1,4 @@
-"""Whatever goes wrong while Spot gets ready to move: it is stopped, or does not begin."""
+"""Tests faults while Spot gets ready to move: the robot is stopped, or does not begin."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support import wait_until
 from tests.unit.spot.spot_stage import Outcome, Stage
 
 
-def test_an_e_stop_while_it_gets_up_keeps_the_motors_off_until_a_person_clears_it(
+def test_an_e_stop_during_standing_up_keeps_the_motors_off_until_the_stop_is_cleared(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_spot.motion.STAND_S", 0.5)
@@ -33,7 +33,7 @@ def test_an_e_stop_while_it_gets_up_keeps_the_motors_off_until_a_person_clears_i
 
 
 @pytest.mark.parametrize("kind", ["stand_request", "arm_cartesian_command"])
-def test_what_does_not_come_to_an_end_while_it_gets_ready_is_stopped(
+def test_a_preparation_command_that_does_not_end_is_stopped(
     stage: Stage, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_spot.motion.STAND_S", 0.2)
@@ -48,9 +48,7 @@ def test_what_does_not_come_to_an_end_while_it_gets_ready_is_stopped(
     assert stage.act(driver, Forward(0.5)).succeeded
 
 
-def test_a_lease_lost_while_the_hand_is_raised_is_latched_and_the_action_not_begun_again(
-    stage: Stage,
-) -> None:
+def test_a_lease_lost_while_the_hand_is_raised_is_latched_and_ends_the_action(stage: Stage) -> None:
     driver = stage.driver()
     stage.world.endless.add("arm_cartesian_command")
     outcome = Outcome(stage, driver, Forward(0.5))
@@ -67,7 +65,7 @@ def test_a_lease_lost_while_the_hand_is_raised_is_latched_and_the_action_not_beg
     assert stage.world.x == 0.0
 
 
-def test_a_link_that_fails_while_the_hand_is_raised_stops_it(
+def test_a_link_failure_while_the_hand_is_raised_stops_the_robot(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver = stage.driver()
@@ -86,7 +84,7 @@ def test_a_link_that_fails_while_the_hand_is_raised_stops_it(
     assert driver.act(Forward(0.5), "raised").reason == "no answer from the robot"
 
 
-def test_a_robot_that_rebooted_is_not_driven_on_in_the_old_maps(stage: Stage) -> None:
+def test_a_rebooted_robot_does_not_move_until_the_bridge_restarts(stage: Stage) -> None:
     driver = stage.driver()
     stage.act(driver, Observe())
     stage.fake.leases.reboot()

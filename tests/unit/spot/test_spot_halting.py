@@ -1,4 +1,4 @@
-"""Whatever goes away or steps in while Spot walks: it stands still, and says why."""
+"""Tests faults and interventions while Spot walks: the robot stands still and gives the reason."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def test_a_hijacked_lease_ends_the_walk_and_names_the_new_owner(staging: Staging
     assert stage.world.lease_owner == "the tablet"
     stage.fake.leases.free()
     stage.world.hurry = 8.0
-    with pytest.raises(Conflict, match="clear the stop"):  # a person stepped in
+    with pytest.raises(Conflict, match="clear the stop"):  # after an intervention
         stage.act(driver, Turn(0.3))
     driver.clear_stop()
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
-def test_an_e_stop_in_the_middle_of_a_walk_keeps_the_motors_off_until_a_person_clears_it(
+def test_an_e_stop_during_a_walk_keeps_the_motors_off_until_the_stop_is_cleared(
     staging: Staging,
 ) -> None:
     stage = staging(hurry=0.5)
@@ -63,7 +63,9 @@ def test_an_e_stop_in_the_middle_of_a_walk_keeps_the_motors_off_until_a_person_c
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
-def test_motors_switched_off_between_actions_do_not_come_back_by_themselves(stage: Stage) -> None:
+def test_motors_switched_off_between_actions_stay_off_until_the_stop_is_cleared(
+    stage: Stage,
+) -> None:
     driver = stage.driver()
     stage.act(driver, Observe())
     with stage.world.lock:
@@ -76,7 +78,7 @@ def test_motors_switched_off_between_actions_do_not_come_back_by_themselves(stag
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
-def test_the_link_cut_in_the_middle_of_a_walk_stops_the_robot_within_the_leash(
+def test_a_link_failure_during_a_walk_stops_the_robot_within_the_command_time(
     staging: Staging,
 ) -> None:
     stage = staging(hurry=1.0)
@@ -106,7 +108,7 @@ def connected(stage: Stage, driver: SpotDriver) -> bool:
         return False
 
 
-def test_an_action_that_the_link_cut_short_is_not_begun_again(staging: Staging) -> None:
+def test_an_action_interrupted_by_a_link_failure_does_not_run_again(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
     cut = stage.during(driver, Forward(1.0), lambda: stage.cut(driver)).wait(30)
@@ -119,7 +121,7 @@ def test_an_action_that_the_link_cut_short_is_not_begun_again(staging: Staging) 
     assert (stage.world.x, stage.world.y) == before
 
 
-def test_the_planner_going_away_ends_the_walk_and_says_so(staging: Staging) -> None:
+def test_a_walk_ends_with_a_reason_when_the_planner_disappears(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     hub = MemoryHub()
     planner = MemoryBus(hub).announce("planner", "one")
@@ -134,7 +136,7 @@ def test_the_planner_going_away_ends_the_walk_and_says_so(staging: Staging) -> N
 
 
 @pytest.mark.parametrize("first", ["one", "two"])
-def test_of_two_planners_the_last_to_go_ends_the_walk(staging: Staging, first: str) -> None:
+def test_a_walk_ends_when_the_last_of_two_planners_disappears(staging: Staging, first: str) -> None:
     stage = staging(hurry=0.5)
     hub = MemoryHub()
     planners = {name: MemoryBus(hub).announce("planner", name) for name in ("one", "two")}
@@ -152,7 +154,7 @@ def test_of_two_planners_the_last_to_go_ends_the_walk(staging: Staging, first: s
     standing(stage)
 
 
-def test_stop_now_from_another_thread_ends_the_walk_at_once_and_stays(staging: Staging) -> None:
+def test_stop_now_from_another_thread_ends_the_walk_and_latches(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
     stage.act(driver, Observe())
@@ -169,7 +171,7 @@ def test_stop_now_from_another_thread_ends_the_walk_at_once_and_stays(staging: S
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
-def test_stop_now_holds_however_often_it_comes_and_from_wherever(staging: Staging) -> None:
+def test_concurrent_stop_now_calls_end_the_walk_and_latch(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
     stage.act(driver, Observe())
@@ -192,7 +194,7 @@ def test_stop_now_holds_however_often_it_comes_and_from_wherever(staging: Stagin
         assert "walk" not in stage.world.log[last_stop:]
 
 
-def test_a_stop_that_is_cleared_before_it_was_noticed_counts_for_what_runs_and_no_more() -> None:
+def test_a_stop_cleared_before_the_check_ends_only_the_running_action() -> None:
     halt = Halt()
     halt.begin()
     halt.stop("a child in the way")
@@ -204,7 +206,7 @@ def test_a_stop_that_is_cleared_before_it_was_noticed_counts_for_what_runs_and_n
     halt.check()
 
 
-def test_a_stop_that_is_cleared_at_once_still_ends_the_walk(staging: Staging) -> None:
+def test_a_stop_cleared_at_once_still_ends_the_walk(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
     stage.act(driver, Observe())
@@ -222,7 +224,7 @@ def test_a_stop_that_is_cleared_at_once_still_ends_the_walk(staging: Staging) ->
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
-def test_a_stop_that_overtakes_a_command_on_its_way_holds(
+def test_a_stop_that_overtakes_a_command_stays_in_force(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver = stage.driver()
@@ -231,7 +233,7 @@ def test_a_stop_that_overtakes_a_command_on_its_way_holds(
 
     def overtaken(command: Any, what: str, end_s: float | None = None) -> int:
         if what == "walk":
-            driver.stop("a person")  # the robot hears it first
+            driver.stop("a person")  # the stop reaches the robot first
         return send(command, what, end_s)
 
     monkeypatch.setattr(driver._link, "command", overtaken)
@@ -241,7 +243,7 @@ def test_a_stop_that_overtakes_a_command_on_its_way_holds(
     assert result.moved_m < 0.3
 
 
-def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
+def test_stop_now_without_a_link_raises_unavailable_and_latches(staging: Staging) -> None:
     stage = staging(hurry=1.0)
     driver = stage.driver(command_s=0.6)
     stage.act(driver, Observe())
@@ -263,7 +265,7 @@ def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
         stage.act(driver, Turn(0.3))
 
 
-def test_stop_now_before_the_robot_was_ever_asked_to_move_is_kept(stage: Stage) -> None:
+def test_stop_now_before_the_first_action_latches(stage: Stage) -> None:
     driver = stage.driver()
     driver.stop("not yet")
     with pytest.raises(Conflict, match="not yet"):
@@ -271,10 +273,10 @@ def test_stop_now_before_the_robot_was_ever_asked_to_move_is_kept(stage: Stage) 
     assert not stage.world.motors
 
 
-def test_a_walk_into_something_is_given_up_with_what_was_walked(stage: Stage) -> None:
+def test_a_blocked_walk_is_aborted_and_reports_the_distance_walked(stage: Stage) -> None:
     driver = stage.driver(blocked_s=0.5, speed_m_s=0.05)  # the walk itself may take a minute
     stage.world.x, stage.world.y = 1.4, 0.6
-    result = Outcome(stage, driver, Forward(1.0)).wait(40).result  # the table stands in the way
+    result = Outcome(stage, driver, Forward(1.0)).wait(40).result  # the table blocks the path
     assert result is not None
     assert not result.succeeded
     assert "blocked" in result.reason
@@ -282,7 +284,7 @@ def test_a_walk_into_something_is_given_up_with_what_was_walked(stage: Stage) ->
     standing(stage)
 
 
-def test_a_clock_that_jumps_in_the_middle_of_a_walk_ends_it(staging: Staging) -> None:
+def test_a_clock_jump_during_a_walk_ends_the_walk(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
     stage.act(driver, Observe())
@@ -297,7 +299,7 @@ def test_a_clock_that_jumps_in_the_middle_of_a_walk_ends_it(staging: Staging) ->
 
 
 # --- the end --------------------------------------------------------------------------------------
-def test_closing_stops_the_robot_and_gives_the_lease_back(staging: Staging) -> None:
+def test_closing_the_driver_stops_the_robot_and_returns_the_lease(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
     stage.act(driver, Observe())
@@ -309,7 +311,7 @@ def test_closing_stops_the_robot_and_gives_the_lease_back(staging: Staging) -> N
     assert stage.world.lease_owner == ""
 
 
-def test_closing_without_a_link_does_not_hang(stage: Stage) -> None:
+def test_closing_the_driver_without_a_link_does_not_hang(stage: Stage) -> None:
     driver = stage.driver(estop="endpoint")
     stage.act(driver, Tilt(0.7))
     stage.cut(driver)

@@ -1,7 +1,7 @@
-"""The lease among three: us, a person at the tablet, and the SDK's thread, which hears late.
+"""Tests the lease between the driver, an operator at the tablet, and the SDK's late thread.
 
-The robot is a name here, no server, and nothing takes time: a check of the lease is asked for and
-heard of when a test says so, so that every order of what happens can be played.
+There is no robot server and no time: the test decides when a lease check is sent and when its
+answer arrives, so that every order of events can occur.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def scene() -> Scene:
     return Scene(Robot())
 
 
-def taken(scene: Scene) -> KeepAlive:
-    """A person took the robot while it acted, and the action told of it; a check of the lease that
-    failed likewise is still under way."""
+def lose_lease_to_tablet(scene: Scene) -> KeepAlive:
+    """An operator takes the lease and an action reports the loss. A failed check of the lease is
+    still in progress; returns its keep-alive."""
     scene.act()
     check = scene.robot.keep_alives[-1]
     scene.take_by_hand()
@@ -44,11 +44,11 @@ def taken(scene: Scene) -> KeepAlive:
 
 
 @pytest.mark.parametrize("heard", ["before the next action", "in it", "after it"])
-def test_a_check_that_failed_before_the_stop_was_cleared_never_stops_the_robot_after(
+def test_a_lease_check_that_failed_before_the_clear_does_not_stop_the_robot_afterwards(
     scene: Scene, heard: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    check = taken(scene)
-    if heard != "in it":  # where its thread is not waited for
+    check = lose_lease_to_tablet(scene)
+    if heard != "in it":  # shutdown does not wait for the thread
         monkeypatch.setattr(KeepAlive, "shutdown", lambda _: None)
     scene.release_by_hand()
     scene.control.clear()
@@ -60,10 +60,10 @@ def test_a_check_that_failed_before_the_stop_was_cleared_never_stops_the_robot_a
     assert not scene.halt.stopped
 
 
-def test_a_stop_is_not_cleared_while_the_tablet_has_the_robot_and_the_answer_says_so(
+def test_clearing_a_stop_is_refused_with_a_reason_while_the_tablet_holds_the_lease(
     scene: Scene,
 ) -> None:
-    taken(scene)
+    lose_lease_to_tablet(scene)
     reported = scene.halt.stopped
     for _ in range(2):
         with pytest.raises(Conflict, match="cannot clear the stop: the tablet holds") as refused:
@@ -75,8 +75,8 @@ def test_a_stop_is_not_cleared_while_the_tablet_has_the_robot_and_the_answer_say
     scene.act()
 
 
-def test_a_stop_is_not_cleared_while_an_e_stop_is_pressed(scene: Scene) -> None:
-    taken(scene)
+def test_clearing_a_stop_is_refused_while_an_e_stop_is_pressed(scene: Scene) -> None:
+    lose_lease_to_tablet(scene)
     scene.release_by_hand()
     scene.robot.estops = ("hardware button",)
     with pytest.raises(Conflict, match="cannot clear the stop: hardware button is pressed"):
@@ -87,7 +87,7 @@ def test_a_stop_is_not_cleared_while_an_e_stop_is_pressed(scene: Scene) -> None:
     scene.act()
 
 
-def test_motors_that_a_person_must_switch_on_keep_the_stop(scene: Scene) -> None:
+def test_the_stop_stays_until_a_person_switches_the_motors_on(scene: Scene) -> None:
     scene.robot.settings.power, scene.robot.motors_on = "expect", True
     scene.act()
     scene.robot.motors_on = False
@@ -101,10 +101,8 @@ def test_motors_that_a_person_must_switch_on_keep_the_stop(scene: Scene) -> None
     scene.act()
 
 
-def test_a_robot_that_was_taken_unnoticed_is_got_back_by_clearing_another_stop(
-    scene: Scene,
-) -> None:
-    """Nobody has heard of the loss when stop-now is cleared; the check that tells comes after."""
+def test_clearing_another_stop_also_recovers_a_lease_lost_unnoticed(scene: Scene) -> None:
+    """The driver does not know of the loss when stop-now is cleared; the check arrives later."""
     scene.act()
     check = scene.robot.keep_alives[-1]
     scene.halt.stop("stop now")
@@ -119,8 +117,8 @@ def test_a_robot_that_was_taken_unnoticed_is_got_back_by_clearing_another_stop(
     scene.act()
 
 
-def test_a_robot_that_is_taken_again_is_stopped_again(scene: Scene) -> None:
-    taken(scene)
+def test_a_lease_that_is_taken_again_stops_the_robot_again(scene: Scene) -> None:
+    lose_lease_to_tablet(scene)
     scene.release_by_hand()
     scene.control.clear()
     scene.take_by_hand()
@@ -130,10 +128,10 @@ def test_a_robot_that_is_taken_again_is_stopped_again(scene: Scene) -> None:
     assert "the tablet has taken the robot's lease" in scene.halt.stopped
     with pytest.raises(Conflict, match="clear the stop"):
         scene.act()
-    assert [k.ended for k in scene.robot.keep_alives] == [True, False]  # one thread for one lease
+    assert [k.ended for k in scene.robot.keep_alives] == [True, False]  # one thread per lease
 
 
-def test_a_lease_that_is_lost_in_an_action_ends_it_before_it_moves_on(scene: Scene) -> None:
+def test_a_lease_lost_during_an_action_ends_the_action_before_it_moves(scene: Scene) -> None:
     scene.act()
     scene.halt.begin()
     scene.take_by_hand()
@@ -145,7 +143,7 @@ def test_a_lease_that_is_lost_in_an_action_ends_it_before_it_moves_on(scene: Sce
     assert isinstance(ended.value.error, Conflict)
 
 
-def test_an_e_stop_pressed_while_it_gets_up_keeps_the_motors_off_until_a_person_clears_it(
+def test_an_e_stop_during_standing_up_keeps_the_motors_off_until_the_stop_is_cleared(
     scene: Scene,
 ) -> None:
     scene.pressed_while_it_gets_up = True
@@ -161,7 +159,7 @@ def test_an_e_stop_pressed_while_it_gets_up_keeps_the_motors_off_until_a_person_
     assert scene.robot.switched_on == 2
 
 
-def test_a_stop_that_comes_while_the_lease_is_got_keeps_the_motors_off(
+def test_a_stop_while_the_lease_is_acquired_keeps_the_motors_off(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     get_lease = KeepAlive.__init__
@@ -177,20 +175,20 @@ def test_a_stop_that_comes_while_the_lease_is_got_keeps_the_motors_off(
 
 
 @pytest.mark.parametrize("reported_at_connecting", ["", "boot-1"])
-def test_a_robot_that_has_rebooted_is_not_driven_on(
+def test_clearing_a_stop_is_refused_after_a_reboot(
     scene: Scene, reported_at_connecting: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene.robot.epoch = reported_at_connecting
-    taken(scene)
+    lose_lease_to_tablet(scene)
     scene.release_by_hand()
     monkeypatch.setattr(KeepAlive, "lease_proto", SimpleNamespace(epoch="boot-2"))
     with pytest.raises(Conflict, match="cannot clear the stop: the robot has rebooted; restart"):
         scene.control.clear()
     assert scene.halt.stopped
-    assert not scene.robot.owner  # given back at once
+    assert not scene.robot.owner  # the lease is returned at once
 
 
-def test_a_robot_that_has_rebooted_before_the_first_action_is_not_driven(scene: Scene) -> None:
+def test_a_robot_that_rebooted_before_the_first_action_does_not_move(scene: Scene) -> None:
     scene.robot.epoch = "boot-0"
     with pytest.raises(Conflict, match="has rebooted; restart the bridge"):
         scene.act()
@@ -199,14 +197,14 @@ def test_a_robot_that_has_rebooted_before_the_first_action_is_not_driven(scene: 
 
 
 class AnyOrder(RuleBasedStateMachine):
-    """Every order of a person's hands, the SDK's checks, actions and clears."""
+    """Any order of an operator's interventions, the SDK's checks, actions and clears."""
 
     def __init__(self) -> None:
         super().__init__()
         self.scene = Scene(Robot())
         self.stepped_in_since_clear = False
-        self.switched_on_before = 0  # the motors, until the last clear
-        self.on_under = 0  # which lease they were last on for an action
+        self.switched_on_before = 0  # power-on calls until the last clear
+        self.on_under = 0  # the lease under which the motors were last on for an action
 
     @rule()
     def somebody_takes_it(self) -> None:
@@ -270,7 +268,7 @@ class AnyOrder(RuleBasedStateMachine):
             self.on_under = len(self.scene.robot.keep_alives)
         except Conflict:
             assert stopped or pressed or cut or not ours
-            # What was lost in an action is latched; a pressed e-stop is told before any begins.
+            # A loss during an action is latched; a pressed e-stop is reported before an action.
             assert self.scene.halt.stopped or pressed or not held
         else:
             assert not any((stopped, pressed, cut))
@@ -278,7 +276,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @property
     def motors_were_cut(self) -> bool:
-        """Under the lease that we have, as far as we know."""
+        """Whether the motors were cut under the lease that the driver assumes to hold."""
         ours = self.scene.control.held and self.on_under == len(self.scene.robot.keep_alives)
         return ours and not self.scene.robot.motors_on
 

@@ -1,4 +1,4 @@
-"""Settings of Spot: where they come from, and that a password is never shown."""
+"""Tests Spot's settings: their sources, and that a password is never shown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def no_settings(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(f"HELIOS_SPOT_{name}", raising=False)
 
 
-def test_login_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_login_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HELIOS_SPOT_USERNAME", "user")
     monkeypatch.setenv("HELIOS_SPOT_PASSWORD", "hunter2")
     settings = SpotSettings.read("192.168.80.3")
@@ -27,7 +27,7 @@ def test_login_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> No
     assert "hunter2" not in f"{settings!r} {settings}"
 
 
-def test_login_comes_from_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_login_comes_from_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     file = tmp_path / "login"
     file.write_text("user\na pass word\n")
     monkeypatch.setenv("HELIOS_SPOT_CREDENTIALS_FILE", str(file))
@@ -40,7 +40,7 @@ def test_login_comes_from_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
         SpotSettings.read("spot").login()
 
 
-def test_settings_come_from_the_table_of_the_file(
+def test_settings_come_from_the_spot_table_of_the_configuration_file(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file = tmp_path / "helios.toml"
@@ -50,7 +50,7 @@ def test_settings_come_from_the_table_of_the_file(
     assert SpotSettings.read("another").host == "another"
 
 
-def test_a_wrong_setting_is_named_and_its_value_kept_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_setting_is_named_without_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HELIOS_SPOT_SPEED_M_S", "9.5")
     with pytest.raises(InvalidInput, match="speed_m_s") as wrong:
         SpotSettings.read("spot")
@@ -60,13 +60,13 @@ def test_a_wrong_setting_is_named_and_its_value_kept_back(monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("host", "why"), [("", "--spot-host"), ("127.0.0.1", "HELIOS_SPOT_USERNAME")]
 )
-def test_without_host_or_login_the_bridge_says_what_is_missing(host: str, why: str) -> None:
+def test_the_bridge_names_a_missing_host_or_login(host: str, why: str) -> None:
     settings = BridgeSettings(driver="spot", address=host)
     with pytest.raises(InvalidInput, match=why):
         load_driver(settings, MemoryBus(MemoryHub()))
 
 
-def test_the_bridge_knows_spot_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bridge_loads_the_spot_driver_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     from helios_spot.driver import SpotDriver
 
     monkeypatch.setenv("HELIOS_SPOT_USERNAME", "user")

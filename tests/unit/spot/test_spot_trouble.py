@@ -1,4 +1,4 @@
-"""Whatever goes wrong ends in a typed error that says what to do, with the robot standing still."""
+"""Tests that every fault gives a typed error with advice while the robot stands still."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def standing(stage: Stage, within_s: float = 5.0) -> None:
 
 
 # --- before anything moves ------------------------------------------------------------------------
-def test_a_wrong_password_is_said_once_and_needs_a_person(stage: Stage) -> None:
+def test_a_wrong_password_is_invalid_input_and_is_not_shown(stage: Stage) -> None:
     driver = stage.driver(connect=False, password=SecretStr("guess"))
     with pytest.raises(InvalidInput, match="HELIOS_SPOT_PASSWORD") as refused:
         driver.describe()
@@ -38,7 +38,7 @@ def test_a_wrong_password_is_said_once_and_needs_a_person(stage: Stage) -> None:
     assert not stage.world.motors
 
 
-def test_a_robot_that_is_away_is_waited_for(stage: Stage) -> None:
+def test_an_unreachable_robot_is_unavailable_until_it_answers(stage: Stage) -> None:
     driver = stage.driver(connect=False)
     stage.cut(driver)
     with pytest.raises(Unavailable, match="check that it is on"):
@@ -47,10 +47,10 @@ def test_a_robot_that_is_away_is_waited_for(stage: Stage) -> None:
     assert driver.describe().name == "Spot"
 
 
-def test_every_line_to_a_robot_that_was_away_is_opened_again_within_a_second(
+def test_every_grpc_channel_reconnects_within_a_second(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """gRPC alone would wait longer after each failure, up to two minutes."""
+    """By default gRPC waits longer after each failure, up to two minutes."""
     opened: list[dict[str, int]] = []
     secure_channel = grpc.secure_channel
 
@@ -67,20 +67,20 @@ def test_every_line_to_a_robot_that_was_away_is_opened_again_within_a_second(
         assert options["grpc.max_receive_message_length"] > 10_000_000  # an image fits
 
 
-def test_clocks_that_cannot_be_compared_are_said(stage: Stage) -> None:
+def test_failed_time_synchronisation_is_reported(stage: Stage) -> None:
     stage.fake.clock.ready = False
     driver = stage.driver(connect=False, time_sync_s=0.5)
     with pytest.raises(Unavailable, match="time-sync"):
         driver.describe()
 
 
-def test_a_camera_that_the_robot_lacks_is_named_with_those_it_has(stage: Stage) -> None:
+def test_a_missing_camera_is_refused_with_the_list_of_available_cameras(stage: Stage) -> None:
     driver = stage.driver(connect=False, camera="back")
     with pytest.raises(InvalidInput, match=r"back_fisheye_image.*hand_color_image"):
         driver.describe()
 
 
-def test_a_camera_that_breaks_is_said(stage: Stage) -> None:
+def test_a_broken_camera_is_reported(stage: Stage) -> None:
     driver = stage.driver()
     driver.capture()
     del stage.fake.images.sources["hand_color_image"]
@@ -99,7 +99,7 @@ def test_a_camera_that_breaks_is_said(stage: Stage) -> None:
         ("STATUS_OVERRIDDEN", "power menu"),
     ],
 )
-def test_without_power_nothing_moves_and_the_cause_is_reported(
+def test_a_power_refusal_is_reported_with_its_cause_and_nothing_moves(
     stage: Stage, refusal: str, mend: str
 ) -> None:
     stage.world.power_refusal = refusal
@@ -108,7 +108,7 @@ def test_without_power_nothing_moves_and_the_cause_is_reported(
         stage.act(driver, Forward(0.5))
     assert not stage.world.standing
     stage.world.power_refusal = ""
-    assert stage.act(driver, Forward(0.5)).succeeded  # mended: it goes on
+    assert stage.act(driver, Forward(0.5)).succeeded  # works after the repair
 
 
 def test_motors_that_must_be_on_already_are_not_switched_on(stage: Stage) -> None:
@@ -118,7 +118,7 @@ def test_motors_that_must_be_on_already_are_not_switched_on(stage: Stage) -> Non
     assert not stage.world.motors
 
 
-def test_a_pressed_e_stop_is_named(stage: Stage) -> None:
+def test_a_pressed_e_stop_is_reported_by_name(stage: Stage) -> None:
     stage.world.estops.add("hardware button")
     driver = stage.driver()
     with pytest.raises(Conflict, match="hardware button is pressed; release it"):
@@ -126,15 +126,13 @@ def test_a_pressed_e_stop_is_named(stage: Stage) -> None:
     assert not stage.world.motors
 
 
-def test_our_own_e_stop_endpoint_lets_the_robot_go(stage: Stage) -> None:
+def test_our_own_e_stop_endpoint_allows_motion(stage: Stage) -> None:
     driver = stage.driver(estop="endpoint")
     assert stage.act(driver, Turn(0.4)).succeeded
     assert not stage.world.estops
 
 
-def test_an_e_stop_endpoint_that_somebody_replaced_is_said_before_anything_moves(
-    stage: Stage,
-) -> None:
+def test_a_replaced_e_stop_endpoint_is_reported_before_anything_moves(stage: Stage) -> None:
     driver = stage.driver(estop="endpoint", estop_timeout_s=3.0)
     stage.act(driver, Observe())
     stage.fake.estop.replace("the tablet")
@@ -144,7 +142,7 @@ def test_an_e_stop_endpoint_that_somebody_replaced_is_said_before_anything_moves
     assert stage.world.x == 0.0
 
 
-def test_our_e_stop_endpoint_trips_some_seconds_after_the_driver_has_ended(stage: Stage) -> None:
+def test_our_e_stop_endpoint_trips_after_the_driver_has_closed(stage: Stage) -> None:
     driver = stage.driver(estop="endpoint", estop_timeout_s=3.0)
     stage.act(driver, Observe())
     driver.close()
@@ -158,7 +156,7 @@ def test_our_e_stop_endpoint_trips_some_seconds_after_the_driver_has_ended(stage
     assert stage.world.estops == {"software"}
 
 
-def test_a_lease_that_somebody_holds_is_not_taken_unless_asked(stage: Stage) -> None:
+def test_a_lease_of_another_client_is_taken_only_with_the_setting_take(stage: Stage) -> None:
     stage.fake.leases.give_to("the tablet")
     with pytest.raises(Conflict, match=r"the tablet holds.*HELIOS_SPOT_LEASE=take"):
         stage.act(stage.driver(), Turn(0.4))
@@ -166,7 +164,7 @@ def test_a_lease_that_somebody_holds_is_not_taken_unless_asked(stage: Stage) -> 
     assert stage.act(stage.driver(lease="take"), Turn(0.4)).succeeded
 
 
-def test_a_robot_without_an_arm_says_which_service_is_missing(staging: Staging) -> None:
+def test_a_pick_without_the_manipulation_service_is_unavailable(staging: Staging) -> None:
     stage = staging(without=frozenset({"manipulation"}))
     driver = stage.driver()
     stage.act(driver, Forward(0.7))
@@ -187,9 +185,7 @@ def test_a_clock_40_s_off_changes_nothing(staging: Staging, skew_s: float) -> No
 
 
 @pytest.mark.parametrize("jump_s", [40.0, -40.0])
-def test_a_clock_that_jumps_while_it_runs_is_noticed_before_anything_moves(
-    stage: Stage, jump_s: float
-) -> None:
+def test_a_clock_jump_is_detected_before_anything_moves(stage: Stage, jump_s: float) -> None:
     driver = stage.driver()
     stage.act(driver, Observe())
     stage.world.skew_s += jump_s
@@ -199,7 +195,7 @@ def test_a_clock_that_jumps_while_it_runs_is_noticed_before_anything_moves(
     assert stage.act(driver, Forward(0.5)).succeeded
 
 
-def test_an_answer_that_takes_long_is_no_clock_that_jumps(
+def test_a_slow_answer_does_not_count_as_a_clock_jump(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver = stage.driver()
@@ -211,7 +207,7 @@ def test_an_answer_that_takes_long_is_no_clock_that_jumps(
 
 
 @pytest.mark.parametrize("broken", ["empty", "loose", "a ring"])
-def test_a_broken_tree_of_frames_is_said_and_the_next_may_be_whole(
+def test_a_broken_frame_tree_is_reported_and_the_next_valid_one_works(
     stage: Stage, broken: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver = stage.driver()
@@ -233,7 +229,7 @@ def test_a_broken_tree_of_frames_is_said_and_the_next_may_be_whole(
     assert driver.capture().color.size
 
 
-def test_a_command_that_comes_after_its_end_is_a_typed_error_and_done_never(stage: Stage) -> None:
+def test_a_command_that_arrives_after_its_end_time_is_an_error_and_never_runs(stage: Stage) -> None:
     driver = stage.driver()
     stage.act(driver, Observe())
     stage.fake.commands.late_s = 2.0
@@ -243,7 +239,7 @@ def test_a_command_that_comes_after_its_end_is_a_typed_error_and_done_never(stag
     assert "expired" in stage.world.log
     stage.fake.commands.late_s = 0.0
     again = driver.act(Forward(0.5), "late")
-    assert not again.succeeded  # it was begun: never twice under one id
+    assert not again.succeeded  # the action has begun: an id never runs twice
     assert "after its end" in again.reason
     assert stage.world.x == 0.0
     assert stage.act(driver, Forward(0.5)).succeeded
@@ -273,7 +269,7 @@ def test_a_grasp_that_fails_is_a_result_and_the_next_one_may_succeed(
     assert driver.state().held == "mug"
 
 
-def test_a_grasp_without_end_is_given_up(stage: Stage) -> None:
+def test_a_grasp_that_does_not_end_times_out(stage: Stage) -> None:
     driver = stage.driver(grasp_timeout_s=0.5)
     stage.world.x, stage.world.y = 1.3, 0.6
     stage.world.grasp_outcome = "MANIP_STATE_SEARCHING_FOR_GRASP"
@@ -282,7 +278,7 @@ def test_a_grasp_without_end_is_given_up(stage: Stage) -> None:
     assert "longer than 0.5 s" in result.reason
 
 
-def test_what_is_out_of_reach_or_not_held_is_a_failed_action(stage: Stage) -> None:
+def test_a_pick_or_place_that_is_impossible_is_a_failed_action(stage: Stage) -> None:
     driver = stage.driver()
     stage.world.x, stage.world.y = -1.0, 0.6
     assert "no way to grasp" in stage.act(driver, Pick(MUG_M, "mug")).reason
@@ -294,10 +290,8 @@ def test_what_is_out_of_reach_or_not_held_is_a_failed_action(stage: Stage) -> No
     assert driver.state().held == "mug"
 
 
-def test_an_arm_that_stalls_is_a_failed_action_and_the_hand_is_raised_by_the_next(
-    stage: Stage,
-) -> None:
-    driver = stage.driver(hand_height_m=1.9)  # higher than the arm is long
+def test_a_stalled_arm_fails_every_action_before_the_robot_walks(stage: Stage) -> None:
+    driver = stage.driver(hand_height_m=1.9)  # higher than the arm reaches
     assert "stalled" in stage.act(driver, Observe()).reason
     assert "stalled" in stage.act(driver, Forward(0.5)).reason
-    assert stage.world.x == 0.0  # blind, it does not walk
+    assert stage.world.x == 0.0  # the robot does not walk without its camera raised

@@ -1,4 +1,4 @@
-"""The cable to the fake robot."""
+"""Tests the relay to the fake Spot."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from tests.fake_spot.wire import Wire
 from tests.support import free_port
 
 
-def test_a_connection_that_fails_leaves_the_wire_for_the_next() -> None:
+def test_a_failed_connection_leaves_the_relay_usable() -> None:
     target = free_port()
     with closing(Wire(target)) as wire:
         with socket.create_connection(("127.0.0.1", wire.port), timeout=10) as early:
-            assert early.recv(1) == b""  # nobody is at the other end yet
+            assert early.recv(1) == b""  # no server yet
         with (
             socket.create_server(("127.0.0.1", target)) as server,
             socket.create_connection(("127.0.0.1", wire.port), timeout=10) as near,
