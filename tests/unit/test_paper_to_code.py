@@ -125,7 +125,7 @@ def equations_in(text: str) -> set[int]:
 def default_of(path: Path, name: str) -> float | None:
     """The value of a setting for the paper's agent, or the default of another field."""
     node = node_of(path, name)
-    if not isinstance(node, ast.AnnAssign) or node.value is None:
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
         return None
     value = node.value
     if isinstance(value, ast.Call) and ast.unparse(value.func) == "Field":
@@ -211,7 +211,7 @@ def test_the_page_has_no_faults() -> None:
     ("old", "new", "fault"),
     [
         ("`frontier_scale`", "`frontier_scales`", "have frontier_scales"),
-        ("`Looking.best_view`", "`Looking.worst_view`", "have Looking.worst_view"),
+        ("`ViewPlanner.best_view`", "`ViewPlanner.worst_view`", "have ViewPlanner.worst_view"),
         ("fusion/semantics.py", "fusion/semantic.py", "fusion/semantic.py"),
         ("*the frontier scale is the", "*the scale is the", "have test_the_scale_is"),
         ("test_planner_decisions.py", "test_planner_decides.py", "/test_planner_decides.py"),

@@ -170,7 +170,9 @@ class ScoredSearch(Search):
         things = self.candidates()
         self._remembered.note(things)
         self._decision_threshold = self._standard
-        known_once = None if things or not self.accepted_any_candidate else self._remembered.best(self.open)
+        known_once = (
+            None if things or not self.accepted_any_candidate else self._remembered.best(self.open)
+        )
         self._from_memory = known_once is not None
         for thing in [known_once] if known_once else things:
             in_place = self.in_place(thing)

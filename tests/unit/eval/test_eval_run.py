@@ -190,7 +190,9 @@ def test_a_run_refuses_to_resume_with_changed_settings_of_an_agent(
     monkeypatch.setattr(service_settings, "default_settings_of", changed)
     run(asked(tmp_path, 2), quiet())
     assert len(fake_pool.played) == 2
-    monkeypatch.setattr(service_settings, "default_settings_of", lambda _: now | {"planner.tau_g": "0.4"})
+    monkeypatch.setattr(
+        service_settings, "default_settings_of", lambda _: now | {"planner.tau_g": "0.4"}
+    )
     with pytest.raises(InvalidInput, match=r"played with planner\.tau_g = 0\.5; it is 0\.4 here"):
         run(asked(tmp_path, 3), quiet())
     assert len(fake_pool.played) == 2
