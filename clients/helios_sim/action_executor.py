@@ -40,7 +40,7 @@ class Outcome:
 class ActionExecutor:
     """Executes actions with the robot's base, head and gripper.
 
-    `on` maps each movable object to the body that it was put on.
+    `support_of` maps each movable object to the body that it was put on.
     """
 
     def __init__(

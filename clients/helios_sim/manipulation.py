@@ -40,7 +40,8 @@ class Manipulation:
         self._bodies_seen = bodies_seen
 
     def pick(self, point_world_m: Point, spot: str) -> Graspable:
-        """Grasp the object at the point. spot: text for the point in messages. Raises CannotDo."""
+        """Grasp the object at the point. spot: text for the point in messages. Raises
+        ManipulationFailed."""
         if self._gripper.held:
             raise ManipulationFailed("the gripper already holds something; place it first")
         nearest = min(
@@ -71,7 +72,8 @@ class Manipulation:
         )
 
     def place(self, point_world_m: Point, spot: str) -> tuple[Graspable, RestState]:
-        """Release the held object above the point and wait until it rests. Raises CannotDo."""
+        """Release the held object above the point and wait until it rests. Raises
+        ManipulationFailed."""
         thing = self._gripper.held
         if thing is None:
             raise ManipulationFailed("the gripper is empty; pick something first")

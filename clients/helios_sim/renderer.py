@@ -1,6 +1,6 @@
 """Rendering: colour and depth in one pass, body ids in a second pass on request.
 
-A `Painter` holds a GL context; only the thread that created it may use it.
+A `CameraRenderer` holds a GL context; only the thread that created it may use it.
 """
 
 from __future__ import annotations

@@ -65,7 +65,8 @@ class FramePublisher:
         return id
 
     def capture_and_publish(self, keyframe: bool) -> FrameId:
-        """Capture and publish. Raises like `look`, and InvalidInput for a bad image or pose."""
+        """Capture and publish. Raises like `capture_and_wait`, and InvalidInput for a bad image or
+        pose."""
         began = time.monotonic()
         try:
             capture = self._driver.capture()

@@ -42,7 +42,8 @@ class Judgement:
 
 @dataclass(frozen=True)
 class TextEmbeddings:
-    """A scorer's embeddings of prompts; `helios_core.embedding_similarity.fit` compares them."""
+    """A scorer's embeddings of prompts; `helios_core.embedding_similarity.image_text_score`
+    compares them."""
 
     texts: tuple[Embedding, ...]
     scale: float

@@ -220,7 +220,7 @@ class RobotSlot:
 
 
 class Fleet:
-    """Detector process for several robots (see the module). `bus` is the bus of `HOME`."""
+    """Detector process for several robots (see the module). `bus` is the bus of `FLEET_BUS`."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
         """Raises InvalidInput for a simulator detector, which knows only one world."""

@@ -26,7 +26,8 @@ class NearestName:
         self._vectors = TextVectors("by_similarity", threads)
 
     def __call__(self, asked: str) -> str | None:
-        """The most similar name; None if no cosine reaches `ALIKE`. Raises like `HfModel.use`."""
+        """The most similar name; None if no cosine reaches `MIN_COSINE`. Raises like
+        `HfModel.use`."""
         cosines = self._known @ self._vectors([AS.format(normalised(asked))])[0]
         best = int(np.argmax(cosines))
         return self._names[best] if cosines[best] >= MIN_COSINE else None

@@ -100,7 +100,7 @@ class AssignmentTable:
             entry.answered, entry.message = True, None
 
     def next(self, there: frozenset[str]) -> pb.Frame | None:
-        """The oldest unanswered keyframe that no detector of `there` has claimed."""
+        """The oldest unanswered keyframe that no detector of `live` has claimed."""
         for entry in self._entries.values():
             if entry.message is not None and entry.taken_by not in there:
                 return entry.message

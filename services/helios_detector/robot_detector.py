@@ -37,7 +37,7 @@ class RobotDetector:
         not_yet.open()
         models = load_models(s, truth, self._health, self._ending)
         if models is None:
-            return  # `NotYet` and `health` keep reporting the reason
+            return  # `LoadingQueryMethods` and `health` keep reporting the reason
         not_yet.close()
         self._service = DetectorService(
             self._bus, models.detector, models.scorer, self._health, models.depth

@@ -4,8 +4,8 @@ The service answers each keyframe with an Observation or counts the failure. It 
 the keyframe (`DETECTOR_ACK`), with the reason of a failure. Stream frames become previews; one that
 arrives while another frame is in work is skipped. Before the first search context the service holds
 the newest keyframe and answers it when the context arrives. It keeps a context that the back end
-cannot take and retries it (`seek_again`); the old context stays active meanwhile. No lock is held
-while a back end works or the bus is used.
+cannot take and retries it (`retry_context`); the old context stays active meanwhile. No lock is
+held while a back end works or the bus is used.
 """
 
 from __future__ import annotations
@@ -115,7 +115,8 @@ class DetectorService:
             self._health.count("contexts_refused")
 
     def retry_context(self) -> None:
-        """Retry the context that the back end could not take, at most once per `AGAIN_S`."""
+        """Retry the context that the back end could not take, at most once per
+        `CONTEXT_RETRY_S`."""
         with self._lock:
             asked = self._asked if time.monotonic() >= self._again_s else None
         if asked is not None:

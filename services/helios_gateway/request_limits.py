@@ -61,7 +61,7 @@ class LimitSettings:
 
 
 class RequestLimits:
-    """ASGI middleware that enforces `Bounds` and checks host and origin.
+    """ASGI middleware that enforces `LimitSettings` and checks host and origin.
 
     A body above the limit is never kept in memory, and a large one only with a sufficient key. A
     page of another site (its `Origin` is neither this host nor in the list) may change nothing and

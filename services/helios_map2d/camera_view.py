@@ -133,7 +133,7 @@ def view_of(
     max_depth_m: float,
     rays_per_cell: float = RAYS_PER_CELL,
 ) -> View:
-    """View of an image after checks of image and pose; see `laid`.
+    """View of an image after checks of image and pose; see `view_on_grid`.
 
     Raises InvalidInput if sizes disagree or the pose is not rigid.
     """

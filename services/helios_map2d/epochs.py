@@ -18,7 +18,7 @@ class EpochMaps:
     A frame of a new world (after a reboot of the robot or a jump of its localisation) parks the
     present map and starts an empty one with the same search context. A robot that restarts with the
     same origin stays in the same world, and its map continues. Frames of a parked or earlier world
-    are refused, except for the world that the robot itself reports (`robot_key`): then another
+    are refused, except for the world that the robot itself reports (`robot_world`): then another
     robot's frame had parked that map, and the map is restored. At most `most_parked` maps are
     stored.
     """

@@ -11,9 +11,9 @@ OLDER_FRAMES_UNTIL_RESET = 3  # number of consecutive older frames that discredi
 class FrameOrder:
     """Tracker of the frame numbers of one epoch.
 
-    The frame with the highest number is the newest. If `STRANGER_AFTER` consecutive frames have
-    lower but rising numbers, that frame was not from this robot, and the last of them becomes the
-    newest.
+    The frame with the highest number is the newest. If `OLDER_FRAMES_UNTIL_RESET` consecutive
+    frames have lower but rising numbers, that frame was not from this robot, and the last of them
+    becomes the newest.
     """
 
     def __init__(self, newest: int | None = None) -> None:

@@ -192,7 +192,7 @@ class LayerStack:
     ) -> list[tuple[Tile, bool, bool]]:
         """Update known box and frontiers after a change within `box` (whole tiles of the grid).
 
-        Returns the changed tiles with their flags, as `fold` does.
+        Returns the changed tiles with their flags, as `fuse` does.
         """
         changed = np.zeros((box.rows // TILE, box.columns // TILE), np.uint8)
         border = np.zeros((box.rows // TILE + 2, box.columns // TILE + 2), np.uint8)

@@ -72,7 +72,8 @@ class GatewayAddress:
 
     @property
     def _port_on_this_machine(self) -> int | None:
-        """`port_here`, or the port of a URL of this machine (0: no port in it); None elsewhere."""
+        """`local_port_of_url`, or the port of a URL of this machine (0: no port in it); None
+        elsewhere."""
         from helios_client.http.address import split_url
 
         port, url = chosen_address(self.port, self.url)

@@ -26,7 +26,7 @@ TROUBLE_S = 3.0  # a service degraded this long without progress ends the replay
 
 
 class ReplayMonitor:
-    """Monitor of a running replay; see `look`."""
+    """Monitor of a running replay; see `check_progress`."""
 
     def __init__(
         self, job: ReplayJob, known: CheckedInput, board: ServiceTable, console: Console

@@ -22,7 +22,7 @@ RETRY_S = 0.2
 
 class BusLink:
     """Bus connection in a thread of its own. It connects as soon as there is a router, and
-    publishes the process table every `TELL_PERIOD_S`."""
+    publishes the process table every `PUBLISH_PERIOD_S`."""
 
     def __init__(self, router: str, robot: str, board: ServiceTable, names: Sequence[str]) -> None:
         self._router, self._robot, self._board, self._names = router, robot, board, names

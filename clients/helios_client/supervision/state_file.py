@@ -47,8 +47,8 @@ class StateDirLocked(Exception):
 
 
 def lock(directory: Path) -> ExitStack:
-    """Lock the directory until the result is closed or this process ends. Raises InUse, and
-    OSError."""
+    """Lock the directory until the result is closed or this process ends. Raises StateDirLocked,
+    and OSError."""
     directory.mkdir(parents=True, exist_ok=True)
     held = ExitStack()
     file = held.enter_context((directory / LOCK_NAME).open("a"))

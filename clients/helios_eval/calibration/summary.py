@@ -57,7 +57,7 @@ class Row:
 
 
 def rows_of(groups: Mapping[str, Samples]) -> list[Row]:
-    """Rows of all settings; groups with fewer than `FEWEST` samples are left out."""
+    """Rows of all settings; groups with fewer than `MIN_SAMPLES` samples are left out."""
     out = []
     for setting, samples in groups.items():
         for role in ROLES:

@@ -58,7 +58,8 @@ def differing_settings(
 ) -> dict[str, Setting]:
     """Given settings that differ from the values of the agent's stack; they identify an episode.
 
-    ran: result of `ran_with` when the episodes were played; the current value for a missing name.
+    ran: result of `default_settings_of` when the episodes were played; the current value for a
+    missing name.
     """
     ran = ran or {}
     return {n: value for n, value in settings.items() if not _holds_anyway(agent, n, value, ran)}

@@ -64,7 +64,8 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
 
     folder: for temporary files; the parent process deletes it.
 
-    Each reply is `Played`, the reason why the episode could not be played, or an `Unavailable`.
+    Each reply is `PlayedEpisode`, the reason why the episode could not be played, or an
+    `Unavailable`.
     """
     threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
     prepare()

@@ -2,10 +2,10 @@
 
 Pairs are the same seeds run by two agents, so that easy and hard homes cancel out.
 
-No interval, and so no verdict, is drawn from fewer than `FEWEST` pairs that differ. A bootstrap
-only resamples its input: from one home, or from homes that are all alike, it gives an interval of
-zero width. An exact two-sided test of n pairs that differ can be significant at 5 % only if 2 / 2^n
-<= 0.05, so n >= 6.
+No interval, and so no verdict, is drawn from fewer than `MIN_DIFFERING_PAIRS` pairs that differ. A
+bootstrap only resamples its input: from one home, or from homes that are all alike, it gives an
+interval of zero width. An exact two-sided test of n pairs that differ can be significant at 5 %
+only if 2 / 2^n <= 0.05, so n >= 6.
 """
 
 from __future__ import annotations

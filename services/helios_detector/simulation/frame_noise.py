@@ -131,7 +131,7 @@ def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
 
 
 def load_noise(name_or_path: str) -> NoiseTable | ViewNoiseTable:
-    """A table by name or from a file; a `ViewTable` if it contains `format = "views"`.
+    """A table by name or from a file; a `ViewNoiseTable` if it contains `format = "views"`.
 
     Raises InvalidInput for a missing or invalid table.
     """

@@ -1,4 +1,5 @@
-"""Simulated detector with errors correlated by object and view: ground truth and a `ViewTable`.
+"""Simulated detector with errors correlated by object and view: ground truth and a
+`ViewNoiseTable`.
 
 Every draw is keyed by the seed and the *name* of the object, which is the same in every process.
 Names repeat across homes ("mug_3"), so each home needs its own seed.

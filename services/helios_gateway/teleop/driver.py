@@ -38,7 +38,8 @@ def require_drivable(at: RobotEndpoint) -> RobotDescription:
 def check_may_drive(at: RobotEndpoint, timeout_s: float) -> RobotDescription:
     """Description of the robot, if a person may drive it now.
 
-    Raises the errors of `described`, and Conflict if the robot is stopped or a task holds it.
+    Raises the errors of `require_drivable`, and Conflict if the robot is stopped or a task holds
+    it.
     """
     robot = require_drivable(at)
     if at.monitor.stopped:

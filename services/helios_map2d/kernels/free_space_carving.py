@@ -123,8 +123,8 @@ def on_surface(flat, line, at, width, nearest, farthest):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def test_obstacle(flat, line, depths, pixels, widths, tolerance, low, high, hit):
-    """Test a mapped obstacle from `low` to `high` (m) at its points from `aim`: `depths`, `pixels`,
-    `widths` [samples + 1].
+    """Test a mapped obstacle from `low` to `high` (m) at its points from `project_obstacles`:
+    `depths`, `pixels`, `widths` [samples + 1].
 
     Returns (gone, low, high). gone: the view sees through most points and finds no surface at any
     (never for an obstacle that this frame hit). low, high: ends of the part not seen through. Of

@@ -45,7 +45,7 @@ def hit_of(count, row, column, weak, strong, tail_ratio):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fold_floor(
-    pose,  # float32 [3, 4], as in `aim`
+    pose,  # float32 [3, 4], as in `project_obstacles`
     heading,  # float32 [2]
     azimuths,  # int32 [2]: first bin of `floor`, and number of bins around the camera
     floor,  # uint8 [ranges + 1, bins], from floor_along_azimuths; the last row is zeros
@@ -110,7 +110,7 @@ def fold_floor(
 def fold_obstacles(
     depth,  # float32 [h, w]
     lens,  # float32 [4]: fx, fy, cx, cy
-    pose,  # float32 [3, 4], as in `aim`
+    pose,  # float32 [3, 4], as in `project_obstacles`
     cell_m,  # float32
     tolerance,  # float32 [2]: m, ratio of depth
     far,  # float32: largest depth at which a cell is tested

@@ -35,10 +35,10 @@ class ReachedCells:
 class ReachableFloor:
     """Open ground and its connected components.
 
-    `crowd` uint16 [rows, columns]: number of obstacles within the robot's radius of a cell;
-    `labels` uint16: component of open ground within the cell's tile, 0 where not open; `counts`
-    int32 [tile rows, tile columns]: number of components of a tile; `edges` uint16 [tile rows, tile
-    columns, 4, TILE]: labels along the sides of a tile.
+    `obstacle_count` uint16 [rows, columns]: number of obstacles within the robot's radius of a
+    cell; `labels` uint16: component of open ground within the cell's tile, 0 where not open;
+    `counts` int32 [tile rows, tile columns]: number of components of a tile; `edges` uint16 [tile
+    rows, tile columns, 4, TILE]: labels along the sides of a tile.
     """
 
     def __init__(self, grid: GridSpec, radius_cells: float) -> None:

@@ -2,8 +2,8 @@
 
 A single view gives a direction but no distance. Ground that high-scoring views share, and that
 others did not see, is more likely to hold the object. So each cell gets the mean score of the views
-that saw it, weighted by their confidence there, plus DOUBT virtual views with the median score:
-ground that only one view saw cannot beat ground on which several agree.
+that saw it, weighted by their confidence there, plus VIRTUAL_VIEWS virtual views with the median
+score: ground that only one view saw cannot beat ground on which several agree.
 """
 
 from __future__ import annotations

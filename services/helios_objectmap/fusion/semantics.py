@@ -1,10 +1,10 @@
 """Dirichlet semantics of a Gaussian (section 3.1.3, eq. 2-5).
 
 theta ~ Dir(concentration), density prod theta_c^(concentration_c - 1) / B(concentration)  (eq. 2).
-Evidence is kept per class name: `positive` is the evidence for the class, and `asked` is all
-evidence of the views that searched for the class. The marginal of a Dirichlet is a Beta
-distribution, so within one search context this gives exactly eq. 4. Across contexts, a class keeps
-its evidence, and a new class starts from the prior.
+Evidence is kept per class name: `class_evidence` is the evidence for the class, and
+`total_evidence` is all evidence of the views that searched for the class. The marginal of a
+Dirichlet is a Beta distribution, so within one search context this gives exactly eq. 4. Across
+contexts, a class keeps its evidence, and a new class starts from the prior.
 
 The prior decides how many views a belief takes. With three classes and alpha_cpa = 3, Psi passes
 0.5 after this many full views of an object that is detected always, or in 65 % of its views:

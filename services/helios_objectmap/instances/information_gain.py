@@ -73,7 +73,8 @@ def expected(
 ) -> list[Expected]:
     """Outcome for each weight kappa [n] if such views show column `wanted` of the context.
 
-    With votes, the weight of a view is its addition in sectors: see `viewing_sectors.new_share`.
+    With votes, the weight of a view is its addition in sectors: see
+    `viewing_sectors.expected_new_votes`.
     """
     base = member.positive.astype(np.float64)
     base[:, wanted] *= rates.trust

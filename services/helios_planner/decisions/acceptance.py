@@ -42,9 +42,9 @@ class AcceptanceThreshold:
 class AcceptanceThresholds:
     """Acceptance thresholds of one search, from the highest to the lowest.
 
-    firm: number of thresholds that apply until everything was searched twice. patience: share of
-    the steps left at the start of the search after which the lowest applies, the others at equal
-    intervals before; None: steps do not count. by_place: True if scores are multiplied by the
+    strict_count: number of thresholds that apply until everything was searched twice. patience:
+    share of the steps left at the start of the search after which the lowest applies, the others at
+    equal intervals before; None: steps do not count. by_place: True if scores are multiplied by the
     relative probability that the candidate lies where the instruction says. at_last: share of the
     task's steps after which the last threshold applies; patience does not reach it.
     """
