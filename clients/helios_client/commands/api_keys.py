@@ -53,7 +53,7 @@ def _add(file: Path, name: str, entry: str) -> None:
         tomllib.loads(text + added)  # fails for `key = []`, which takes no more entries
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InvalidInput(
-            f"{file} is no file of keys: {error}; mend it, or name another with --file"
+            f"{file} is no file of keys: {error}; correct it, or name another with --file"
         ) from error
     if name in names:
         raise Conflict(f"{file} has a key {name!r}; take that entry out, or choose another name")

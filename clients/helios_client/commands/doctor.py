@@ -85,13 +85,13 @@ def examine(
     said = "something listens there (HELIOS itself?)"
     if trouble is not None and trouble.errno != errno.EADDRINUSE:
         said = f"nothing can listen there: {trouble.strerror}"
-    mend = f"{said}; or: helios up --port {8080 if port < 1024 else port + 1}"
-    out.append(Finding(f"port {port} free", trouble is None, mend, optional=True))
+    remedy = f"{said}; or: helios up --port {8080 if port < 1024 else port + 1}"
+    out.append(Finding(f"port {port} free", trouble is None, remedy, optional=True))
     out.append(_state_dir(state_file.default_state_dir(port)))
     for package, (extra, purpose) in FURTHER.items():
         what = f"package {package}, for {purpose}"
-        mend = f"pip install 'helios-ovmm[{extra}]'"
-        out.append(Finding(what, has_package(package), mend, optional=True))
+        remedy = f"pip install 'helios-ovmm[{extra}]'"
+        out.append(Finding(what, has_package(package), remedy, optional=True))
     return out + _plugins()
 
 
@@ -100,12 +100,12 @@ def _plugins() -> list[Finding]:
     out = []
     for kind in plugins.KINDS:
         for name in kind.entry_names():
-            what, mend = f"plug-in {name}, a {kind.name}", ""
+            what, remedy = f"plug-in {name}, a {kind.name}", ""
             try:
                 plugins.check_there(kind, name)
             except InvalidInput as error:
-                mend = error.message
-            out.append(Finding(what, not mend, mend, optional=True))
+                remedy = error.message
+            out.append(Finding(what, not remedy, remedy, optional=True))
     return out
 
 

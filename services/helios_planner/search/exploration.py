@@ -31,7 +31,7 @@ class Exploration:
     """Exploration of one task. `given_up`: middles of borders that remained after a look."""
 
     def __init__(self, base: BaseController, settings: Settings) -> None:
-        self._base, self._body, self._settings = base, base.robot, settings
+        self._base, self._robot, self._settings = base, base.robot, settings
         self.given_up: list[XY] = []
         self._ids: list[XY] = []  # middles of all borders so far; the index + 1 is a border's id
         self._before_m2: float | None = None  # known floor at the start
@@ -87,7 +87,7 @@ class Exploration:
 
     # --- one border ----------------------------------------------------------------------------
     def _note(self) -> None:
-        ground = self._body.ground()
+        ground = self._robot.ground()
         self._now_m2 = floor_m2(ground)
         if self._before_m2 is None:
             self._before_m2 = self._now_m2
@@ -95,7 +95,7 @@ class Exploration:
 
     def _step(self) -> bool:
         decision = nearest_by_way(self._options())
-        self._body.listener.on_decision(decision)
+        self._robot.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return self._clear_way()
         self._tell(decision)
@@ -104,10 +104,10 @@ class Exploration:
 
     def _tell(self, decision: Decision) -> None:
         message = f"{decision.why}; {self.said()}"
-        self._body.listener.on_phase(Phase.EXPLORE, "unknown floor", message)
+        self._robot.listener.on_phase(Phase.EXPLORE, "unknown floor", message)
 
     def _borders(self) -> list[Border]:
-        ground = self._body.ground()
+        ground = self._robot.ground()
         if self._cached[0] != ground.version:
             self._cached = ground.version, borders_of(ground, MIN_BORDER_M, SPECK_M2)
         return self._cached[1]
@@ -133,7 +133,7 @@ class Exploration:
         if place is None:
             return None
         way_m = _way_m(reached, place) + math.dist(place, border.xy_m)
-        distance_m = self._body.pose().distance_m(border.xy_m)
+        distance_m = self._robot.pose().distance_m(border.xy_m)
         return ExplorationOption(
             self._id(border.xy_m), border.xy_m, border.size_m, way_m, distance_m
         )
@@ -158,7 +158,7 @@ class Exploration:
             if outcome is Outcome.INTERRUPTED:
                 return
             if self._there(xy_m):
-                pose = self._body.pose()
+                pose = self._robot.pose()
                 base.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
             if self._there(xy_m):
                 base.look_down_around()
@@ -174,7 +174,7 @@ class Exploration:
     def _clear_way(self) -> bool:
         """Look at unknown ground that blocks the path to a border, when none is in reach; False if
         there is none."""
-        pose = self._body.pose()
+        pose = self._robot.pose()
         targets: Sequence[XY] = sorted((b.xy_m for b in self._open()), key=pose.distance_m)
         return any(self._base.clear_way(xy_m, FRONTIER_REACH_M) for xy_m in targets)
 

@@ -58,7 +58,7 @@ class TaskExecutor:
             check_able(self._task.instruction, self._robot)
             context = search_context(self._task.context_id, self._task.instruction, self._settings)
             self._bus.publish(CONTEXT, context_to_proto(context))
-            robot = self._body(context.id)
+            robot = self._client(context.id)
             mission = self._mission(robot)
             if self._again:
                 self._take_up(mission)
@@ -114,7 +114,7 @@ class TaskExecutor:
     def _line(self) -> RobotConnection:
         return RobotConnection(self._calls, self._settings, self._cancelled, self._reporter.on_wait)
 
-    def _body(self, context_id: str) -> RobotClient:
+    def _client(self, context_id: str) -> RobotClient:
         """The task's robot client. Each life has its own action ids, so that none repeats
         an earlier one."""
         life = self._journal.entry.life

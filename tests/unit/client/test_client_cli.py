@@ -257,4 +257,4 @@ def test_an_invalid_url_is_a_usage_error(
 
 def test_the_doctor_prints_its_findings_as_json(helios: Helios) -> None:
     done = helios("doctor", "--json", "--port", str(free_port()))
-    assert {"what", "ok", "mend", "optional"} == set(json.loads(done.out)["findings"][0])
+    assert {"what", "ok", "remedy", "optional"} == set(json.loads(done.out)["findings"][0])

@@ -251,9 +251,9 @@ def test_a_process_ends_when_its_supervisor_is_killed_right_after_the_start(benc
     program = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
-        "from helios_client.supervision.child_process import Child, ProcessSpec\n"
+        "from helios_client.supervision.child_process import ChildProcess, ProcessSpec\n"
         f"spec = ProcessSpec('p', (sys.executable, '-c', {STAY!r}))\n"
-        "print(Child(spec, Path(sys.argv[1])).pid, flush=True)\n"
+        "print(ChildProcess(spec, Path(sys.argv[1])).pid, flush=True)\n"
         "os.kill(os.getpid(), 9)"
     )
     done = subprocess.run(
