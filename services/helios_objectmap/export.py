@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import InstanceGaussians
-from helios_objectmap.rendering.renderer import Projection
+from helios_objectmap.rendering.renderer_interface import Projection
 
 SH_C0 = 0.28209479177387814  # Y_00: colour = 0.5 + SH_C0 * f_dc
 _PROPERTIES = (

@@ -39,7 +39,7 @@ from helios_objectmap.instances.summary import (
 )
 from helios_objectmap.persistence import MapContent
 from helios_objectmap.rendering.back_ends import back_end
-from helios_objectmap.rendering.renderer import FAR_M, Projection, Rendering
+from helios_objectmap.rendering.renderer_interface import FAR_M, Projection, Rendering
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.viewpoint_weights import NEVER, ViewpointMatch, Viewpoints
 

@@ -22,7 +22,13 @@ import numba
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 
-from helios_eval.studies.map_growth import full_scene, long_run, observation_log, plots, update_cost
+from helios_eval.studies.map_growth import (
+    full_scene_comparison,
+    long_run,
+    observation_log,
+    plots,
+    update_cost,
+)
 from helios_eval.studies.map_growth.simulated_walk import Walk, record
 
 PARTS = ("cost", "scene", "hours")
@@ -75,7 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found["cost"] = costs.summary()
         if "scene" in given.only:
             seen = observation_log.play(given.preset, given.episode, given.max_steps, given.stride)
-            maps = full_scene.measure(seen)
+            maps = full_scene_comparison.measure(seen)
             plots.scene(maps, given.out / "scene.png")
             found["scene"] = {"frames": len(seen)} | {n: m.summary() for n, m in maps.items()}
         if "hours" in given.only:

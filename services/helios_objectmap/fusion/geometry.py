@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.rendering.renderer import Projection, Rendering
+from helios_objectmap.rendering.renderer_interface import Projection, Rendering
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]

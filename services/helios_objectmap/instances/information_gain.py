@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import viewing_sectors
 from helios_objectmap.fusion.semantics import concentration_of, entropy, marginal, score
-from helios_objectmap.rendering.renderer import Project
+from helios_objectmap.rendering.renderer_interface import Project
 
 Float32 = NDArray[np.float32]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from helios_objectmap.rendering import cpu
-from helios_objectmap.rendering.renderer import Project
+from helios_objectmap.rendering.renderer_interface import Project
 
 BackEnd = Literal["cpu", "cuda"]
 

@@ -21,7 +21,13 @@ from helios_objectmap.rendering.kernels import (
     project_kernel,
 )
 from helios_objectmap.rendering.rasterizer import kappa_sums_kernel, raster_kernel, scatter_kernel
-from helios_objectmap.rendering.renderer import FAR_M, LOW_PASS_PX2, NEAR_M, Float32, Rendering
+from helios_objectmap.rendering.renderer_interface import (
+    FAR_M,
+    LOW_PASS_PX2,
+    NEAR_M,
+    Float32,
+    Rendering,
+)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from helios_objectmap.camera import View
 from helios_objectmap.rendering.kernels import ALPHA_MIN, COVERAGE_MIN, OPACITY_MAX, TILE
-from helios_objectmap.rendering.renderer import FAR_M, LOW_PASS_PX2, NEAR_M, Float32, Rendering
+from helios_objectmap.rendering.renderer_interface import (
+    FAR_M,
+    LOW_PASS_PX2,
+    NEAR_M,
+    Float32,
+    Rendering,
+)
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -24,7 +24,7 @@ from helios_objectmap.rendering.kernels import (
     U,
     V,
 )
-from helios_objectmap.rendering.simd import (
+from helios_objectmap.rendering.simd_intrinsics import (
     LANES,
     at_most,
     exp2_above,

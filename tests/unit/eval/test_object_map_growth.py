@@ -12,7 +12,12 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
 from helios_eval.studies import object_map_growth
-from helios_eval.studies.map_growth import full_scene, long_run, observation_log, update_cost
+from helios_eval.studies.map_growth import (
+    full_scene_comparison,
+    long_run,
+    observation_log,
+    update_cost,
+)
 from helios_eval.studies.map_growth.long_run import LongRunResult, Sample
 from helios_eval.studies.map_growth.simulated_walk import Walk, context_of, record
 from helios_objectmap.object_map import ObjectMap
@@ -50,7 +55,7 @@ def test_the_gaussians_in_view_of_an_update_do_not_grow_with_the_map(walk):
 
 
 def test_an_objects_only_map_is_much_smaller_than_a_full_scene_map():
-    maps = full_scene.measure(observation_log.play("demo-v1", 0, 45, STRIDE_PX))
+    maps = full_scene_comparison.measure(observation_log.play("demo-v1", 0, 45, STRIDE_PX))
     objects, everything = maps["objects only"], maps["full scene"]
     assert 0 < objects.gaussians[-1] < 0.5 * everything.gaussians[-1]
     assert objects.mb[-1] < 0.5 * everything.mb[-1]

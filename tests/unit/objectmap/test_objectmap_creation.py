@@ -7,7 +7,7 @@ from helios_objectmap.camera import View
 from helios_objectmap.fusion import geometry
 from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.rendering import cpu
-from helios_objectmap.rendering.renderer import Projection, Rendering
+from helios_objectmap.rendering.renderer_interface import Projection, Rendering
 
 SHAPE = (24, 32)
 VIEW = View(30.0, 30.0, 15.5, 11.5, 32, 24, np.eye(4))

@@ -11,7 +11,7 @@ from helios_objectmap.camera import View
 from helios_objectmap.rendering import cpu, cuda
 from helios_objectmap.rendering.back_ends import back_end
 from helios_objectmap.rendering.kernels import QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV
-from helios_objectmap.rendering.renderer import LOW_PASS_PX2, NEAR_M, Project
+from helios_objectmap.rendering.renderer_interface import LOW_PASS_PX2, NEAR_M, Project
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_objectmap.rendering import simd
+from helios_objectmap.rendering import simd_intrinsics as simd
 from helios_objectmap.rendering.kernels import COLUMNS, DEPTH, U, V, depth_order_kernel
 from hypothesis import given, settings
 from hypothesis import strategies as st

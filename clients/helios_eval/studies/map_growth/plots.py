@@ -10,7 +10,7 @@ import numpy as np
 from helios_core.atomic_file import replacing
 from matplotlib.axes import Axes
 
-from helios_eval.studies.map_growth.full_scene import Growth
+from helios_eval.studies.map_growth.full_scene_comparison import Growth
 from helios_eval.studies.map_growth.long_run import LongRunResult
 from helios_eval.studies.map_growth.update_cost import Cost
 
