@@ -14,6 +14,8 @@ html_title = "HELIOS"
 html_theme_options = {"source_directory": "docs/"}
 html_copy_source = False
 html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]

@@ -39,10 +39,12 @@ def code(text: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """Text with a capital first letter, unless it starts with a name, and a final full stop."""
+    """Text with a capital first letter, unless it starts with a name or a list of values, and a
+    final full stop."""
     text = " ".join(text.split())
     first = text.split(" ")[0].rstrip(":,;")
-    if first.isalpha() and first.islower():
+    listed = text.split(" ")[0].endswith((",", ":", ";"))
+    if first.isalpha() and first.islower() and not listed:
         text = text[0].upper() + text[1:]
     return text if not text or text[-1] in ".!?…" else f"{text}."
 

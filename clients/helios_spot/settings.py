@@ -31,26 +31,24 @@ class SpotSettings(ServiceSettings):
     )
 
     rpc_timeout_s: float = Field(
-        default=3.0, gt=0, le=30, description="longest wait for a response of the robot, s"
+        default=3.0, gt=0, le=30, description="longest wait for a response of the robot"
     )
     command_s: float = Field(
         default=1.0, ge=0.3, le=3.0,
-        description="a walk ends by itself after this, s, unless renewed (four times as often)",
+        description="a walk ends by itself after this unless renewed (four times as often)",
     )  # fmt: skip
-    speed_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest walk, m/s")
-    turn_rad_s: float = Field(default=0.8, gt=0, le=1.5, description="fastest turn, rad/s")
-    arm_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest motion of the hand, m/s")
-    arm_rad_s: float = Field(
-        default=1.5, gt=0, le=3.0, description="fastest rotation of the hand, rad/s"
-    )
+    speed_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest walk")
+    turn_rad_s: float = Field(default=0.8, gt=0, le=1.5, description="fastest turn")
+    arm_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest motion of the hand")
+    arm_rad_s: float = Field(default=1.5, gt=0, le=3.0, description="fastest rotation of the hand")
     blocked_s: float = Field(
-        default=4.0, gt=0, description="a walk without progress for this long is blocked, s"
+        default=4.0, gt=0, description="a walk without progress for this long is blocked"
     )
     obstacle_padding_m: float = Field(
         default=0.1,
         ge=0,
         le=0.5,
-        description="distance that the robot's own avoidance keeps from obstacles, m",
+        description="distance that the robot's own avoidance keeps from obstacles",
     )
 
     lease: Literal["acquire", "take"] = Field(
@@ -61,23 +59,23 @@ class SpotSettings(ServiceSettings):
         description="none, or endpoint: replace the robot's e-stop configuration by ours",
     )
     estop_timeout_s: float = Field(
-        default=9.0, ge=3, description="silence after which our e-stop endpoint trips, s"
+        default=9.0, ge=3, description="silence after which our e-stop endpoint trips"
     )
     power: Literal["on", "expect"] = Field(
         default="on", description="on: power the motors; expect: they must be on already"
     )
-    power_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for the motors, s")
+    power_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for the motors")
     time_sync_s: float = Field(
-        default=5.0, gt=0, description="longest wait for time synchronisation with the robot, s"
+        default=5.0, gt=0, description="longest wait for time synchronisation with the robot"
     )
 
     camera: Literal["hand", "frontleft", "frontright", "left", "right", "back"] = Field(
         default="hand", description="camera whose images build the maps"
     )
     min_depth_m: float = Field(
-        default=0.25, ge=0, description="nearer depth is ignored, m: the gripper, or noise"
+        default=0.25, ge=0, description="nearer depth is ignored: the gripper, or noise"
     )
-    max_depth_m: float = Field(default=4.0, gt=0, description="farther depth is ignored, m")
+    max_depth_m: float = Field(default=4.0, gt=0, description="farther depth is ignored")
     depth: Literal["sensor", "fill", "estimate"] = Field(
         default="sensor",
         description="sensor; fill: estimate where the sensor has none; estimate: estimate "
@@ -89,36 +87,30 @@ class SpotSettings(ServiceSettings):
         "in m",
     )
     depth_timeout_s: float = Field(
-        default=15.0, gt=0, description="longest wait for estimated depth, s"
+        default=15.0, gt=0, description="longest wait for estimated depth"
     )
 
     hand_forward_m: float = Field(
-        default=0.5, description="position of the hand while looking, m ahead of the body's centre"
+        default=0.5, description="distance of the hand ahead of the body's centre while looking"
     )
     hand_height_m: float = Field(
-        default=1.15, gt=0, description="height of the hand while looking, m above the floor"
+        default=1.15, gt=0, description="height of the hand above the floor while looking"
     )
-    tilt_rad: float = Field(
-        default=0.52, description="initial downward tilt of the hand camera, rad"
-    )
+    tilt_rad: float = Field(default=0.52, description="initial downward tilt of the hand camera")
     footprint_radius_m: float = Field(
         default=0.55,
         gt=0,
-        description="radius of the disc around the body's centre that the maps use, m",
+        description="radius of the disc around the body's centre that the maps use",
     )
     length_m: float = Field(
-        default=1.1, gt=0, description="length of the walking body with its legs, m"
+        default=1.1, gt=0, description="length of the walking body with its legs"
     )
-    width_m: float = Field(
-        default=0.5, gt=0, description="width of the walking body with its legs, m"
-    )
-    reach_m: float = Field(
-        default=1.0, gt=0, description="horizontal reach from the body's centre, m"
-    )
+    width_m: float = Field(default=0.5, gt=0, description="width of the walking body with its legs")
+    reach_m: float = Field(default=1.0, gt=0, description="horizontal reach from the body's centre")
     walk_to_grasp: bool = Field(default=False, description="let the robot walk by itself to grasp")
-    grasp_timeout_s: float = Field(default=30.0, gt=0, description="longest duration of a grasp, s")
+    grasp_timeout_s: float = Field(default=30.0, gt=0, description="longest duration of a grasp")
     place_clearance_m: float = Field(
-        default=0.12, gt=0, description="height above the surface from which the hand moves down, m"
+        default=0.12, gt=0, description="height above the surface from which the hand moves down"
     )
 
     @classmethod

@@ -27,10 +27,10 @@ class Settings(ServiceSettings):
     )
     limit: int = Field(default=0, ge=0, description="most frames of a replay; 0: all")
     from_s: float = Field(
-        default=0.0, ge=0, description="start of a replay, s after the recording's first frame"
+        default=0.0, ge=0, description="start of a replay after the recording's first frame"
     )
     to_s: float = Field(
-        default=math.inf, gt=0, description="end of a replay, s after the recording's first frame"
+        default=math.inf, gt=0, description="end of a replay after the recording's first frame"
     )
     rate: float = Field(
         default=0.0,
@@ -56,7 +56,7 @@ class Settings(ServiceSettings):
         "setting depth), for robots without usable depth",
     )
     depth_timeout_s: float = Field(
-        default=30.0, gt=0, description="longest wait for estimated depth, s"
+        default=30.0, gt=0, description="longest wait for estimated depth"
     )
     stream_hz: float = Field(
         default=2.0, ge=0, le=60, description="frames per second while the robot stands; 0: none"
@@ -67,16 +67,16 @@ class Settings(ServiceSettings):
         "exact replays",
     )
     ack_timeout_s: float = Field(
-        default=30.0, gt=0, description="longest wait for a map to integrate a keyframe, s"
+        default=30.0, gt=0, description="longest wait for a map to integrate a keyframe"
     )
     lease_s: float = Field(
-        default=10.0, gt=0, description="a lease expires after this long without an action, s"
+        default=10.0, gt=0, description="a lease expires after this long without an action"
     )
     stop_timeout_s: float = Field(
         default=0.8,
         gt=0,
         le=60,
-        description="longest wait for the driver's stop, s; then the bridge reports that the "
+        description="longest wait for the driver's stop; then the bridge reports that the "
         "robot may still move",
     )
     autoplay: bool = Field(

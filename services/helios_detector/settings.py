@@ -32,7 +32,7 @@ class Settings(ServiceSettings):
         "estimate)",
     )
     unload_after_s: float = Field(
-        default=0.0, ge=0, description="unload idle models after this long, s; 0: never"
+        default=0.0, ge=0, description="unload idle models after this long; 0: never"
     )
     by_similarity: bool = Field(
         default=False,
@@ -88,5 +88,5 @@ class Settings(ServiceSettings):
     retry_s: float = Field(
         default=2.0,
         gt=0,
-        description="pause before a model that cannot load is tried again, s; doubles up to 60 s",
+        description="pause before a model that cannot load is tried again; doubles up to 60 s",
     )

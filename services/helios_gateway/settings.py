@@ -36,21 +36,21 @@ class Settings(ServiceSettings):
         description="origins of other sites that may use the API (CORS), separated by commas",
     )
     call_timeout_s: float = Field(
-        default=5.0, gt=0, description="longest wait for a service's response, s"
+        default=5.0, gt=0, description="longest wait for a service's response"
     )
-    stop_timeout_s: float = Field(default=1.0, gt=0, description="the same for a stop, s")
+    stop_timeout_s: float = Field(
+        default=1.0, gt=0, description="longest wait for a response to a stop"
+    )
     tick_s: float = Field(
         default=0.5,
         gt=0,
-        description="shortest time between two events about the robot or the maps, s",
+        description="shortest time between two events about the robot or the maps",
     )
-    keepalive_s: float = Field(
-        default=10.0, gt=0, description="longest silence on an event stream, s"
-    )
+    keepalive_s: float = Field(default=10.0, gt=0, description="longest silence on an event stream")
     silent_after_s: float = Field(
         default=5.0,
         gt=0,
-        description="a service is degraded when it has not reported for this long, s",
+        description="a service is degraded when it has not reported for this long",
     )
     max_viewers: int = Field(
         default=256, ge=1, description="most event streams open at the same time"
@@ -69,40 +69,36 @@ class Settings(ServiceSettings):
         description="most requests per second of one client (API key or address); stops are not "
         "counted",
     )
-    body_limit_bytes: int = Field(default=65536, ge=1, description="largest request body, bytes")
+    body_limit_bytes: int = Field(default=65536, ge=1, description="largest request body")
     frame_limit_bytes: int = Field(
         default=16_000_000,
         ge=1,
-        description="largest uploaded frame, metadata and images together, bytes",
+        description="largest uploaded frame, metadata and images together",
     )
     frame_idle_s: float = Field(
         default=30.0,
         gt=0,
-        description="a WebSocket for frames closes after this long without a message, s",
+        description="a WebSocket for frames closes after this long without a message",
     )
-    map_limit_bytes: int = Field(
-        default=500_000_000, ge=1, description="largest uploaded map file, bytes"
-    )
-    body_timeout_s: float = Field(
-        default=10.0, gt=0, description="longest time to receive a body, s"
-    )
+    map_limit_bytes: int = Field(default=500_000_000, ge=1, description="largest uploaded map file")
+    body_timeout_s: float = Field(default=10.0, gt=0, description="longest time to receive a body")
 
     teleop_speed_m_s: float = Field(
-        default=0.3, gt=0, le=2, description="fastest mean speed of teleoperation, m/s"
+        default=0.3, gt=0, le=2, description="fastest mean speed of teleoperation"
     )
     teleop_turn_rad_s: float = Field(
-        default=0.6, gt=0, le=3, description="fastest mean turn of teleoperation, rad/s"
+        default=0.6, gt=0, le=3, description="fastest mean turn of teleoperation"
     )
     teleop_hold_s: float = Field(
         default=0.3,
         gt=0,
         le=2,
-        description="validity of a teleoperation command, s; the robot stops without a newer one",
+        description="validity of a teleoperation command; the robot stops without a newer one",
     )
     teleop_idle_s: float = Field(
         default=30.0,
         gt=0,
-        description="a WebSocket for teleoperation closes after this long without a message, s",
+        description="a WebSocket for teleoperation closes after this long without a message",
     )
 
     @property

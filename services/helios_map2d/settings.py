@@ -25,14 +25,14 @@ class Settings(ServiceSettings):
         description="default, or vlfm-compatible: every pixel in the height band is an obstacle "
         "for good, and the whole field of view counts as explored",
     )
-    cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell, m")
+    cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell")
     size_cells: int = Field(2000, ge=64, le=16000, description="cells along each side of a new map")
     most_cells: int = Field(
         16000, ge=64, le=100_000, description="cells along each side to which a map may grow"
     )
-    min_depth_m: float = Field(0.10, ge=0, description="nearer depth is ignored, m")
+    min_depth_m: float = Field(0.10, ge=0, description="nearer depth is ignored")
     max_depth_m: float = Field(
-        5.0, gt=0, description="farther depth is ignored, m; the robot's own limit if that is less"
+        5.0, gt=0, description="farther depth is ignored; the robot's own limit if that is less"
     )
     rays_per_cell: float = Field(
         1.0,
@@ -40,15 +40,15 @@ class Settings(ServiceSettings):
         description="density of depth pixels, as rays per cell at the largest depth; 0: all pixels",
     )
     band_lo_m: float = Field(
-        0.10, gt=0, description="lower edge of the obstacle band, m above the floor"
+        0.10, gt=0, description="lower edge of the obstacle band: height above the floor"
     )
     band_hi_m: float = Field(
-        1.50, gt=0, description="upper edge of the obstacle band, m above the floor"
+        1.50, gt=0, description="upper edge of the obstacle band: height above the floor"
     )
     blind_radius_m: float = Field(
         1.00,
         ge=0,
-        description="radius around the robot, m, within which unknown floor counts as seen: the "
+        description="radius around the robot within which unknown floor counts as seen: the "
         "camera cannot see it",
     )
     value_fusion: str = Field(
@@ -63,9 +63,7 @@ class Settings(ServiceSettings):
     state_dir: Path | None = Field(
         default=None, description="folder in which the map survives a crash; none: it does not"
     )
-    keep_period_s: float = Field(
-        3.0, gt=0, description="time between two saves of a changed map, s"
-    )
+    keep_period_s: float = Field(3.0, gt=0, description="time between two saves of a changed map")
     integrate_stream: bool = Field(
         False, description="integrate stream frames into the occupancy map too, not only keyframes"
     )

@@ -52,7 +52,7 @@ class ObjectMapSettings(ServiceSettings):
     )
     floor_m: float | None = Field(
         default=0.0,
-        description="height of the floor in the world frame, m, for the sizes of objects that "
+        description="height of the floor in the world frame, for the sizes of objects that "
         "stand on it; none: unknown",
     )
     alpha_cpa: float = Field(
@@ -109,12 +109,12 @@ class ObjectMapSettings(ServiceSettings):
     object_voxel_m: float = Field(
         default=0.07,
         gt=0,
-        description="edge of the voxels that join Gaussians of objects into instances, m",
+        description="edge of the voxels that join Gaussians of objects into instances",
     )
     receptacle_voxel_m: float = Field(
         default=0.5,
         gt=0,
-        description="edge of the voxels that join Gaussians of receptacles into instances, m",
+        description="edge of the voxels that join Gaussians of receptacles into instances",
     )
 
     max_gaussians: int = Field(
@@ -133,7 +133,7 @@ class ObjectMapSettings(ServiceSettings):
         default=None, description="folder in which the map survives a restart; none: it does not"
     )
     save_every_s: float = Field(
-        default=3.0, gt=0, description="time between two saves of a changed map, s"
+        default=3.0, gt=0, description="time between two saves of a changed map"
     )
 
     @property

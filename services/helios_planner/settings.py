@@ -33,7 +33,7 @@ class Settings(ServiceSettings):
     time_limit_s: float = Field(
         default=0.0,
         ge=0,
-        description="longest duration of a task that sets none itself, s; 0: no limit",
+        description="longest duration of a task that sets none itself; 0: no limit",
     )
     resume_within_s: float = Field(
         default=120.0,
@@ -44,7 +44,7 @@ class Settings(ServiceSettings):
     keep_within_s: float = Field(
         default=60.0,
         ge=0,
-        description="a task waits this long, s, while its state cannot be saved, for example on a "
+        description="a task waits this long while its state cannot be saved, for example on a "
         "full disk; then it fails",
     )
     keep_tasks: int = Field(
@@ -84,7 +84,7 @@ class Settings(ServiceSettings):
         default=3.0,
         gt=0,
         le=30,
-        description="longest wait for the model when a task is submitted, s",
+        description="longest wait for the model when a task is submitted",
     )
 
     # --- Table 3 of the paper; agents may have other values (helios_core.agent_presets) ---
@@ -157,22 +157,22 @@ class Settings(ServiceSettings):
     rounds_held: int = Field(
         default=6,
         ge=1,
-        description="the same while it holds the object and searches for the goal receptacle",
+        description="how often it searches for the goal receptacle while it holds the object",
     )
 
     # --- moving ---
     margins_m: tuple[float, ...] = Field(
         default=(0.08, 0.05, 0.025),
-        description="clearance between footprint and obstacles, m: tried in this order",
+        description="clearance between footprint and obstacles: tried in this order",
     )
     blind_m: float = Field(
         default=1.5,
         ge=0,
         description="longest drive over floor beyond the image's lower edge that the camera "
-        "cannot see, m; 0: never",
+        "cannot see; 0: never",
     )
     travel_tilt_rad: float = Field(
-        default=0.5236, description="downward tilt of the head while driving, rad"
+        default=0.5236, description="downward tilt of the head while driving"
     )
 
     # --- in the end ---
@@ -202,18 +202,18 @@ class Settings(ServiceSettings):
     ack_timeout_s: float = Field(
         default=20.0,
         gt=0,
-        description="longest wait for a map to integrate the keyframe of an action, s",
+        description="longest wait for a map to integrate the keyframe of an action",
     )
     action_timeout_s: float = Field(
-        default=60.0, gt=0, description="longest duration of one action, s"
+        default=60.0, gt=0, description="longest duration of one action"
     )
     call_timeout_s: float = Field(
-        default=5.0, gt=0, description="longest wait for one response of another service, s"
+        default=5.0, gt=0, description="longest wait for one response of another service"
     )
     away_s: float = Field(
         default=15.0,
         gt=0,
-        description="how long another service may be down before the task fails, s",
+        description="how long another service may be down before the task fails",
     )
 
 

@@ -17,12 +17,8 @@ class Settings(ServiceSettings):
     model_config = service_config("recorder")
 
     out: Path = Field(default=Path("recordings"), description="folder of the recordings")
-    rotate_mb: float = Field(
-        default=2000, gt=0, description="size at which the next file begins, MB"
-    )
-    rotate_min: float = Field(
-        default=30, gt=0, description="age at which the next file begins, minutes"
-    )
+    rotate_mb: float = Field(default=2000, gt=0, description="size at which the next file begins")
+    rotate_min: float = Field(default=30, gt=0, description="age at which the next file begins")
     compression: Literal["zstd", "lz4", "none"] = Field(
         default="zstd",
         description="compression of chunks: zstd is smaller, lz4 and none cost less time",
@@ -33,26 +29,21 @@ class Settings(ServiceSettings):
         le=100,
         description="JPEG quality of stream frames, percent; keyframes are lossless",
     )
-    chunk_mb: float = Field(
-        default=4, gt=0, le=64, description="size at which a chunk is written, MB"
-    )
+    chunk_mb: float = Field(default=4, gt=0, le=64, description="size at which a chunk is written")
     flush_s: float = Field(
         default=1.0,
         gt=0,
-        description="age at which a chunk is written, s; a SIGKILL loses this much at most",
+        description="age at which a chunk is written; a SIGKILL loses this much at most",
     )
     map_period_s: float = Field(
         default=1.0,
         ge=0,
-        description="least time between two recordings of a changed map, s; 0: maps are not "
-        "recorded",
+        description="least time between two recordings of a changed map; 0: maps are not recorded",
     )
     queue_mb: float = Field(
         default=256,
         gt=0,
-        description="size of the queue, MB; messages beyond it are dropped and counted",
+        description="size of the queue; messages beyond it are dropped and counted",
     )
-    min_free_mb: float = Field(default=500, ge=0, description="disk space to leave free, MB")
-    retry_s: float = Field(
-        default=5.0, gt=0, description="time until a full disk is tried again, s"
-    )
+    min_free_mb: float = Field(default=500, ge=0, description="disk space to leave free")
+    retry_s: float = Field(default=5.0, gt=0, description="time until a full disk is tried again")
