@@ -101,7 +101,7 @@ def test_a_killed_run_resumes_and_plays_only_the_missing_episodes(
     finally:
         os.killpg(first.pid, signal.SIGKILL)
         first.communicate()
-    wait_until(lambda: not members(first.pid), 10, "all processes are gone")
+    wait_until(lambda: not members(first.pid), 60, "all processes are gone")
     there = len(episode_record.read(tmp_path))
     assert 1 <= there < 4
     with episodes.open("a") as file:
