@@ -244,6 +244,7 @@ class ObjectMap:
                 s.side_views,
             ),
             s.max_depth_m,
+            s.expected_label == "rendered",
         )
 
     def gaussians(self, instance_id: int | None = None) -> InstanceGaussians:

@@ -96,6 +96,11 @@ class ObjectMapSettings(ServiceSettings):
         "(half the class, half another)",
     )
 
+    expected_label: Literal["one-hot", "rendered"] = Field(
+        default="one-hot",
+        description="predicted label Y* of a pixel (eq. 12): one-hot (the class, in full), or "
+        "rendered (the class in proportion to the rendered coverage, as in the paper)",
+    )
     full_scene: bool = Field(
         default=False,
         description="map every pixel, not only detections: the comparison of Figure 4",

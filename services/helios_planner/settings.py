@@ -17,7 +17,7 @@ OWN = (
     "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
     "rounds", "rounds_held", "pick_at_last", "place_at_last", "agent_seed", "place_rule",
-    "vlfm_confidence",
+    "vlfm_confidence", "start_receptacle_first", "confirm_from_near", "gaze_aim", "view_contours",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
 
@@ -158,6 +158,28 @@ class Settings(ServiceSettings):
         default=6,
         ge=1,
         description="how often it searches for the goal receptacle while it holds the object",
+    )
+
+    # --- rules that the paper does not have; docs/explanation/planner.md lists them by agent ---
+    start_receptacle_first: bool = Field(
+        default=True,
+        description="pick an object elsewhere than on a named start receptacle only when nothing "
+        "is left to search; false: wherever its score suffices, as in the paper",
+    )
+    confirm_from_near: bool = Field(
+        default=True,
+        description="in front of a candidate, act only if its score is still τ − τ_inc; false: "
+        "act without a second check, as in the paper",
+    )
+    gaze_aim: Literal["between", "top"] = Field(
+        default="between",
+        description="aim of the head at gaze points: between the candidate's top and centre, or "
+        "its top, as in the paper",
+    )
+    view_contours: Literal["wide", "paper"] = Field(
+        default="wide",
+        description="contours of extra views: 0.6 to 1.8 m around the object (wide), or those of "
+        "the local search, 0.6 and 0.9 m (paper)",
     )
 
     # --- moving ---

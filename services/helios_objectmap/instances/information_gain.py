@@ -22,6 +22,9 @@ from helios_objectmap.rendering.renderer_interface import Project
 Float32 = NDArray[np.float32]
 
 
+COVERAGE_STEPS = 64  # resolution of a rendered label
+
+
 @dataclass(frozen=True)
 class Expected:
     """Expected score and information gain of an instance after a set of views."""
@@ -55,14 +58,27 @@ class EvidenceParameters:
     side_views: float = 1.0  # with votes: views of a sector until it counts in full
 
 
-def kappa_at(project: Project, member: InstanceEvidence, view: View, max_depth_m: float) -> Float32:
-    """Weight [n] that a view gives each Gaussian, summed over the pixels that see it.
+def kappa_at(
+    project: Project,
+    member: InstanceEvidence,
+    view: View,
+    max_depth_m: float,
+    rendered: bool = False,
+) -> Float32:
+    """Weight [n] that a view gives each Gaussian, summed over the pixels that see it (eq. 12).
 
-    This is the content of Y* in eq. 12.
+    rendered: each pixel p counts by its rendered label Y*(p), the coverage sum_n kappa(p, n);
+    else in full.
     """
     projection = project(member.means, member.radius_m, member.opacity, view)
-    everywhere = np.zeros((view.height, view.width), np.int32)
-    kappa = projection.kappa_sums(everywhere, 1)[:, 0]
+    if rendered:
+        coverage = projection.render().coverage
+        steps = np.rint(coverage * COVERAGE_STEPS).astype(np.int32)
+        labels = np.arange(COVERAGE_STEPS + 1, dtype=np.float32) / COVERAGE_STEPS
+        kappa = projection.kappa_sums(steps, COVERAGE_STEPS + 1) @ labels
+    else:
+        everywhere = np.zeros((view.height, view.width), np.int32)
+        kappa = projection.kappa_sums(everywhere, 1)[:, 0]
     out = np.zeros(len(member.means), np.float32)
     out[projection.rows] = np.where(projection.depth_m <= max_depth_m, kappa, 0)
     return out
@@ -105,9 +121,10 @@ def what_if(
     views: Sequence[View],
     rates: EvidenceParameters,
     max_depth_m: float,
+    rendered: bool = False,
 ) -> tuple[list[Expected], Expected]:
-    """Outcome of each view alone, and of all views together."""
-    kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
+    """Outcome of each view alone, and of all views together. rendered: see `kappa_at`."""
+    kappas = [kappa_at(project, member, view, max_depth_m, rendered) for view in views]
     if member.votes_so_far is not None:
         eyes_m = [view.T_world_cam[:3, 3] for view in views]
         kappas, together = viewing_sectors.expected_new_votes(

@@ -37,6 +37,7 @@ class GazeRules:
     spacing_m: float
     block_height_m: float = 1.25
     near_m: float = 0.15
+    aim_at_top: bool = False  # else between the candidate's top and centre
 
 
 @dataclass(frozen=True)
@@ -141,9 +142,11 @@ def gaze_points(
             if not seen or not reached.fits(pose):
                 continue
             distance_m = pose.distance_m(middle)
-            aim = (tilt_towards(distance_m, top_m, robot)
-                   + tilt_towards(distance_m, float(candidate.center_m[2]), robot)) / 2  # fmt: skip
-            chosen.append(GazePoint(pose, aim, float(arrival[row, column])))
+            tilt_rad = tilt_towards(distance_m, top_m, robot)
+            if not rules.aim_at_top:
+                tilt_rad += tilt_towards(distance_m, float(candidate.center_m[2]), robot)
+                tilt_rad /= 2
+            chosen.append(GazePoint(pose, tilt_rad, float(arrival[row, column])))
     return sorted(chosen, key=lambda g: g.arrival)
 
 

@@ -57,7 +57,8 @@ class ObjectSearch(ScoredSearch):
     def __init__(
         self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
     ) -> None:
-        within = standards(tools.settings.tau_g, start is not None)
+        place_counts = start is not None and tools.settings.start_receptacle_first
+        within = standards(tools.settings.tau_g, place_counts)
         super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
@@ -90,7 +91,9 @@ class ObjectSearch(ScoredSearch):
         ]  # fmt: skip
 
     def in_place(self, candidate: ObjectInstance) -> bool:
-        return self.start is None or is_on_any(candidate, self.robot.objects(self.start))
+        if self.start is None or not self.settings.start_receptacle_first:
+            return True
+        return is_on_any(candidate, self.robot.objects(self.start))
 
     def place_probability(self, candidate: ObjectInstance) -> float:
         return (

@@ -102,6 +102,8 @@ class ScoredSearch(Search):
         score by tau_inc, which one more view could bring back: from near, large objects are seen
         in parts. A candidate accepted above τ must only keep τ - tau_inc. A remembered candidate
         needs no score."""
+        if not self.settings.confirm_from_near:
+            return True
         if self._from_memory or near is None:
             return self._from_memory
         least = replace(self._decision_threshold, score=self._least_near)

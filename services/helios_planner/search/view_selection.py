@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,8 @@ class ViewPlanner:
 
     def views_of(self, thing: ObjectInstance) -> list[GazePoint]:
         """Gaze points for an extra view that are left, nearest first."""
-        return self._left(thing, VIEW_RULES, 0.6 * VIEW_RULES.spacing_m)
+        rules = RECEPTACLE_RULES if self.settings.view_contours == "paper" else VIEW_RULES
+        return self._left(thing, rules, 0.6 * rules.spacing_m)
 
     def stops_at(self, thing: ObjectInstance) -> list[GazePoint]:
         """Poses at which to stop in front of a found object, nearest first; used before or not."""
@@ -105,6 +106,7 @@ class ViewPlanner:
 
     def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
         """Gaze points with the widest margin that reaches any."""
+        rules = replace(rules, aim_at_top=self.settings.gaze_aim == "top")
         for level in self.base.levels:
             points = gaze_points(candidate, self.base.reach(level), self.robot.description, rules)
             if points:

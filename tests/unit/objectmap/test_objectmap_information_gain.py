@@ -17,8 +17,15 @@ from scipy import stats
 from test_objectmap_renderer import VIEW, reference_kappa, scenes
 
 
-def reference(member: InstanceEvidence, wanted: int, views: list[View], rates: EvidenceParameters):
-    """(Psi', information gain) after some views, in plain float64; "other" is class 0."""
+def reference(
+    member: InstanceEvidence,
+    wanted: int,
+    views: list[View],
+    rates: EvidenceParameters,
+    rendered: bool = False,
+):
+    """(Psi', information gain) after some views, in plain float64; "other" is class 0. rendered:
+    Y* is the rendered coverage of a pixel."""
     hits = member.positive.astype(float)
     other = np.maximum(member.asked - hits.sum(axis=1), 0)[:, None]
     gamma = rates.prior + np.concatenate([other, hits], axis=1)
@@ -26,6 +33,8 @@ def reference(member: InstanceEvidence, wanted: int, views: list[View], rates: E
     after = gamma.copy()
     for view in views:
         kappa = reference_kappa(member.means, member.radius_m, member.opacity, view)
+        if rendered:
+            kappa = kappa * kappa.sum(axis=2, keepdims=True)
         after[:, 1 + wanted] += rates.alpha_cpa * (1 - rates.other) * kappa.sum(axis=(0, 1))
         after[:, 0] += rates.alpha_cpa * rates.other * kappa.sum(axis=(0, 1))
     beliefs = [(stats.dirichlet(g), stats.dirichlet(a)) for g, a in zip(gamma, after, strict=True)]
@@ -36,9 +45,12 @@ def reference(member: InstanceEvidence, wanted: int, views: list[View], rates: E
 
 
 @settings(max_examples=20, deadline=None)
-@given(scenes(most=25), st.integers(1, 4), st.sampled_from([0.0, 0.5]), st.integers(0, 2**32 - 1))
+@given(
+    scenes(most=25), st.integers(1, 4), st.sampled_from([0.0, 0.5]), st.integers(0, 2**32 - 1),
+    st.booleans(),
+)  # fmt: skip
 def test_expected_scores_and_information_gains_equal_the_papers_formulas(
-    scene, classes, other, seed
+    scene, classes, other, seed, rendered
 ):
     rng = np.random.default_rng(seed)
     means, radius_m, opacity = scene
@@ -50,9 +62,9 @@ def test_expected_scores_and_information_gains_equal_the_papers_formulas(
     shifted[:3, 3] = rng.uniform(-0.2, 0.2, 3)
     views = [VIEW, View(60.0, 60.0, 23.5, 17.5, 48, 36, shifted)]
     rates = EvidenceParameters(1.0, 3.0, 1.0, other, int(rng.choice([0, 4])))
-    alone, together = what_if(cpu.project, member, wanted, views, rates, 100.0)
+    alone, together = what_if(cpu.project, member, wanted, views, rates, 100.0, rendered)
     for got, seen in [(alone[0], views[:1]), (alone[1], views[1:]), (together, views)]:
-        psi, gain = reference(member, wanted, seen, rates)
+        psi, gain = reference(member, wanted, seen, rates, rendered)
         # kappa may differ by an alpha of 1/255 in each pixel of an edge; see the renderer's test.
         assert got.psi == pytest.approx(psi, abs=0.01)
         assert got.information_gain == pytest.approx(gain, rel=0.02, abs=0.05 * len(means))

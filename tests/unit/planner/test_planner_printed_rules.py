@@ -1,0 +1,90 @@
+"""Switches of the rules that the paper does not have: off, the printed rule holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_planner.decisions.decision import Do
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.base_placement import tilt_towards
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.search.view_selection import RECEPTACLE_RULES, VIEW_RULES
+from helios_planner.settings import Settings
+from helios_planner.tasks.mission import Mission
+from planner_flat import coffee_table, counter, flat
+from planner_rig import TABLE_XY, Rig, instance
+from planner_things import Thing
+
+MUG_SIZE = np.array([0.1, 0.1, 0.1])
+
+
+def mug_at(x_m: float, y_m: float, score: float) -> Thing:
+    thing = Thing(4, "mug", np.array([x_m, y_m, 0.5]), MUG_SIZE)
+    return instance(thing, score=score)
+
+
+@pytest.mark.parametrize(
+    ("first", "do"), [(True, Do.SEARCH_ON), (False, Do.ACT)], ids=["ours", "printed"]
+)
+def test_an_object_elsewhere_is_picked_at_once_only_by_the_printed_rule(
+    first: bool, do: Do
+) -> None:
+    rig = Rig(start_receptacle_first=first)
+    rig.known = [instance(coffee_table()), mug_at(1.0, 1.0, score=0.9)]
+    assert rig.search.decide().do is do
+
+
+def test_the_printed_rule_picks_the_candidate_with_the_highest_score() -> None:
+    rig = Rig(start_receptacle_first=False)
+    on_table = replace(mug_at(*TABLE_XY, score=0.6), id=3)
+    rig.known = [instance(coffee_table()), on_table, mug_at(1.0, 1.0, score=0.9)]
+    assert rig.search.decide().chosen.id == 4
+
+
+@pytest.mark.parametrize("score", [0.0, 0.9])
+def test_without_confirmation_every_chosen_candidate_is_acted_on(score: float) -> None:
+    rig = Rig(confirm_from_near=False)
+    rig.known = [instance(coffee_table()), mug_at(*TABLE_XY, score=0.9)]
+    rig.search.decide()
+    assert rig.search.confirmed(replace(rig.known[1], score=score))
+    assert rig.search.confirmed(None)
+
+
+def looking(**settings: str) -> tuple[Mission, Thing]:
+    world = flat([counter()], Pose2(2.2, 5.0, 1.57))
+    mission = Mission(world, parse("find the counter"), Settings.model_validate(settings))
+    mission.tools.base.look_around()
+    (thing,) = world.objects("counter")
+    return mission, thing
+
+
+def test_the_printed_aim_is_the_highest_point_and_never_below_ours() -> None:
+    ours, thing = looking()
+    printed, _ = looking(gaze_aim="top")
+    points = printed.tools.looking.remaining_gaze_points(thing)
+    assert points
+    robot, middle = printed.robot.description, thing.center_m
+    outline = np.asarray(thing.outline_m)
+    middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
+    top_m = max(thing.top_m, float(thing.center_m[2]))
+    for mine, theirs in zip(ours.tools.looking.remaining_gaze_points(thing), points, strict=True):
+        assert mine.pose == theirs.pose
+        aim = tilt_towards(theirs.pose.distance_m(middle), top_m, robot)
+        assert theirs.tilt_rad == pytest.approx(aim)
+        assert mine.tilt_rad >= theirs.tilt_rad  # positive looks down
+
+
+def test_the_printed_extra_views_lie_on_the_contours_of_the_local_search() -> None:
+    ours, thing = looking()
+    printed, _ = looking(view_contours="paper")
+    outline = np.asarray(thing.outline_m)
+    low, high = outline.min(axis=0), outline.max(axis=0)
+
+    def farthest_m(mission: Mission) -> float:
+        xy = np.array([g.pose.xy for g in mission.tools.looking.views_of(thing)])
+        return float(np.linalg.norm(xy - np.clip(xy, low, high), axis=1).max())
+
+    assert farthest_m(printed) <= max(RECEPTACLE_RULES.distances_m) + 0.1
+    assert farthest_m(printed) < farthest_m(ours) <= max(VIEW_RULES.distances_m) + 0.1
