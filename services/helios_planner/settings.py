@@ -18,6 +18,7 @@ OWN = (
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
     "rounds", "rounds_held", "pick_at_last", "place_at_last", "agent_seed", "place_rule",
     "vlfm_confidence", "start_receptacle_first", "confirm_from_near", "gaze_aim", "view_contours",
+    "goal_seen_before_pick",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
 
@@ -180,6 +181,12 @@ class Settings(ServiceSettings):
         default="wide",
         description="contours of extra views: 0.6 to 1.8 m around the object (wide), or those of "
         "the local search, 0.6 and 0.9 m (paper)",
+    )
+
+    goal_seen_before_pick: bool = Field(
+        default=True,
+        description="of `trusting` and its kin: a goal receptacle detected before the pick counts; "
+        "false: only one detected after it, as in the paper",
     )
 
     # --- moving ---

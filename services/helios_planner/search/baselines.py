@@ -39,7 +39,7 @@ TENTATIVE = 1.0  # uncertainty of a tentative object, so that its score is 0
 
 class TrustingSearch(Search):
     """Search that acts on the nearest reported object that has not failed yet. Goal receptacles
-    reported during the object search count too."""
+    reported during the object search count too, unless `goal_seen_before_pick` is off."""
 
     def __init__(
         self,
@@ -54,11 +54,15 @@ class TrustingSearch(Search):
         self._not_at = not_at
         layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
         self._explorer = explorer(self, layer)
+        counts = phase is Phase.FIND_OBJECT or tools.settings.goal_seen_before_pick
+        known = () if counts else self.belief.known(name)
+        self._outdated = {t.id: t.views for t in known}  # views at the start; more make it count
 
     def reported(self) -> list[ObjectInstance]:
         return [
             thing for thing in self.belief.known(self.name)
             if self.open(thing)
+            and self._outdated.get(thing.id) != thing.views
             and (self._not_at is None or not near_outline(thing, self._not_at, PICKED_PLACE_M))
         ]  # fmt: skip
 
@@ -83,11 +87,14 @@ class TrustingSearch(Search):
         return self._explorer.step(lambda: bool(self.reported()))
 
     def checkpoint(self) -> dict[str, Any]:
-        return super().checkpoint() | {"explorer": self._explorer.checkpoint()}
+        return super().checkpoint() | {
+            "explorer": self._explorer.checkpoint(), "outdated": list(self._outdated.items()),
+        }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
         self._explorer.restore(checkpoint["explorer"])
+        self._outdated = {int(id): int(n) for id, n in checkpoint.get("outdated", [])}
 
 
 class StopSearch(ScoredSearch):

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from helios_planner.agents import AGENTS
 from helios_planner.decisions.decision import Do
 from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.robot.detections import Sighting, sighting_of
 from helios_planner.search.view_selection import RECEPTACLE_RULES, VIEW_RULES
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
-from planner_flat import coffee_table, counter, flat
+from planner_flat import MOVE, coffee_table, counter, flat
 from planner_rig import TABLE_XY, Rig, instance
 from planner_things import Thing
 
@@ -88,3 +91,23 @@ def test_the_printed_extra_views_lie_on_the_contours_of_the_local_search() -> No
 
     assert farthest_m(printed) <= max(RECEPTACLE_RULES.distances_m) + 0.1
     assert farthest_m(printed) < farthest_m(ours) <= max(VIEW_RULES.distances_m) + 0.1
+
+
+@pytest.mark.parametrize("counts", [True, False], ids=["ours", "printed"])
+def test_a_goal_reported_before_the_pick_counts_only_by_our_rule(counts: bool) -> None:
+    world = flat()
+    reported: list[Sighting] = []
+    world.sightings = lambda: list(reported)
+    settings = Settings(goal_seen_before_pick=counts)
+    tools = Mission(world, parse(MOVE), settings, "trusting").tools
+    points = np.array([4.0, 1.0, 0.9]) + 0.02 * np.eye(3)
+    counter_seen = sighting_of("counter", 0.5, points, np.array([2.0, 1.0, 0.9]), False)
+    reported.append(counter_seen)
+    tools.belief.known("counter")  # while the object was sought
+    search = AGENTS["trusting"].seek_receptacle(tools, "counter", None)
+    assert (search.decide().do is Do.ACT) is counts
+    again = AGENTS["trusting"].seek_receptacle(tools, "counter", None)
+    again.restore(json.loads(json.dumps(search.checkpoint())))
+    assert (again.decide().do is Do.ACT) is counts
+    reported.append(counter_seen)
+    assert search.decide().do is Do.ACT
