@@ -1,5 +1,5 @@
-"""Typed responses of the HTTP interface. `raw` holds the whole object; unknown fields are only
-there."""
+"""Typed responses of the HTTP interface. `raw` holds the whole JSON object, including the fields
+that a class does not declare."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class Task(_FromJson):
     state: str = ""  # queued, running, paused, succeeded, failed, cancelled
     phase: str = ""  # find_object, pick, find_receptacle, place, go, explore
     message: str = ""  # current activity, or the reason for the end
-    cause: str = ""
-    seeking: str = ""
-    agent: str = ""  # helios, trusting …
-    priority: int = 0  # queued tasks with a higher one start first
+    cause: str = ""  # cause of a failure, from a closed list
+    seeking: str = ""  # name of the object or place that the task looks for now
+    agent: str = ""  # agent that runs the task: helios, trusting …
+    priority: int = 0  # tasks with a higher value start first
     settings: dict[str, str] = field(default_factory=dict)  # planner settings for this task alone
     kind: str = ""  # move, find, go_to, go_to_point, explore, go_home
     object: str = ""
@@ -45,13 +45,13 @@ class Task(_FromJson):
     time_limit_s: float | None = None  # from the start of the task; None: no limit
     picks: int = 0
     progress: float = 0.0  # 0 to 1, approximate; never falls
-    # Remaining time: at least, at most. None: unknown.
+    # Remaining seconds, as minimum and maximum. None: unknown.
     eta_s: list[float] | None = None
     created_s: float = 0.0
     started_s: float = 0.0
     ended_s: float = 0.0
-    on_hold: bool = False  # paused on request, and not resumed yet
-    unused: list[str] = field(default_factory=list)  # parts of the instruction without effect
+    on_hold: bool = False  # paused by a client, and not resumed yet
+    unused: list[str] = field(default_factory=list)  # words of the instruction without effect
     seen_at_goal: bool | None = None  # seen after placing; None: not placed, or unknown
 
     point: GoalPoint | None = None  # for kind go_to_point
@@ -78,7 +78,7 @@ class Decision(_FromJson):
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: dict[str, float] = field(default_factory=dict)
     made_s: float = 0.0
-    recomputed: dict[str, Any] | None = None  # the decision under other settings, if requested
+    recomputed: dict[str, Any] | None = None  # decision under other settings, if requested
 
 
 @dataclass(frozen=True)
@@ -106,11 +106,12 @@ class FoundObject(_FromJson):
 
 @dataclass(frozen=True)
 class SeenView(_FromJson):
-    """Past view that fits a prompt."""
+    """Past view that matches a prompt."""
 
-    score: float = 0.0  # fit to the prompt, 0 to 1
-    class_name: str = ""  # class detected in it, which fits; empty: the image-text scorer judged
-    center_m: list[float] = field(default_factory=list)  # x, y of detection, or of viewed area
+    score: float = 0.0  # score for the prompt, 0 to 1
+    class_name: str = ""  # detected class that matches; empty: the scorer's model rated it
+    # x, y of the detection, else most likely position of the object in the view
+    center_m: list[float] = field(default_factory=list)
     camera: Pose | None = None  # position and viewing direction
     stamp_s: float = 0.0  # on the robot's clock
     jpeg: bytes = field(default=b"", repr=False)  # small image
@@ -129,8 +130,8 @@ class Seen(_FromJson):
 
     prompt: str = ""
     objects: tuple[FoundObject, ...] = ()  # of a class that the prompt names, highest score first
-    views: tuple[SeenView, ...] = ()  # past views that fit the prompt, best first
-    views_asked: int = 0
+    views: tuple[SeenView, ...] = ()  # past views that match the prompt, best first
+    views_asked: int = 0  # number of stored views that were searched
     views_note: str = ""  # why past views were not searched, or only by class names
 
     @classmethod
@@ -178,7 +179,7 @@ class Status(TypedDict):
     """Health of all services, and readiness for a new task."""
 
     ready: bool
-    stopped: bool | None  # until clear-stop; None: unknown, as the gateway is down
+    stopped: bool | None  # True until clear-stop; None: unknown, as the gateway is down
     stop_reason: str  # reason given with the stop; empty while not stopped
     services: list[ServiceAnswer]
 
@@ -187,7 +188,7 @@ class DriveAnswer(TypedDict):
     """Result of one short move, as the robot measured it."""
 
     succeeded: bool
-    reason: str  # one sentence when it failed
+    reason: str  # reason for a failure, in one sentence
     moved_m: float | None
     turned_rad: float | None
     collided: bool
@@ -232,7 +233,7 @@ class RobotState(TypedDict):
     pose: Pose | None
     held: str  # class of the held object; empty: none
     moving: bool
-    stopped: bool  # until clear-stop
+    stopped: bool  # True until clear-stop
     message: str
 
 
@@ -251,7 +252,7 @@ class Frontier(TypedDict):
     center_m: list[float]
     size_m: float
     reachable: bool
-    values: dict[str, float]  # by value layer
+    values: dict[str, float]  # value near the frontier, by value layer
 
 
 class LoadedMaps(TypedDict):

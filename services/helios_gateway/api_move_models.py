@@ -17,17 +17,24 @@ class GoRequest(BaseModel):
     )
 
     x_m: float = Field(
-        description="metres in the world frame", ge=-MOST_M, le=MOST_M, allow_inf_nan=False
+        description="x coordinate in the world frame, metres",
+        ge=-MOST_M,
+        le=MOST_M,
+        allow_inf_nan=False,
     )
     y_m: float = Field(
-        description="metres in the world frame", ge=-MOST_M, le=MOST_M, allow_inf_nan=False
+        description="y coordinate in the world frame, metres",
+        ge=-MOST_M,
+        le=MOST_M,
+        allow_inf_nan=False,
     )
     yaw_rad: float | None = Field(
         default=None,
         ge=-MOST_RAD,
         le=MOST_RAD,
         allow_inf_nan=False,
-        description="counter-clockwise from the world's x axis; null: whichever way it comes",
+        description="heading at the goal, counter-clockwise from the world's x axis; null: "
+        "any heading",
     )
 
 
@@ -41,6 +48,6 @@ class ExploreRequest(BaseModel):
         gt=0,
         le=DAY_S,
         allow_inf_nan=False,
-        description="seconds from its start; it then ends with success. null: until nothing that "
-        "can be reached is unknown",
+        description="time limit in seconds from the start, after which the task succeeds; "
+        "null: the task runs until no unknown floor is reachable",
     )

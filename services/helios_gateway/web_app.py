@@ -63,10 +63,11 @@ def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None =
         redoc_url=None,
         title="HELIOS",
         version=_version(),
-        description="Language tasks for a robot: submit, watch, understand, stop. "
-        "Lengths are metres, angles radians, times seconds; the world is z up. "
-        "Errors are `application/problem+json`. Every address below `/v1` is also there below "
-        "`/v1/robots/NAME`, for one robot of several.",
+        description="Control of a robot by tasks in natural language: submit and follow "
+        "tasks, read the reasons for decisions, stop the robot. Lengths are in metres, angles "
+        "in radians, times in seconds; the world's z axis points up. Errors are "
+        "`application/problem+json`. Every address below `/v1`, except `/v1/session` and "
+        "`/v1/robots` itself, also exists below `/v1/robots/NAME`, for one of several robots.",
         swagger_ui_parameters={"validatorUrl": None},
     )
     state = _state(robots, settings, keys or ApiKeys(settings.keys))

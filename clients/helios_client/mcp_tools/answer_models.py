@@ -18,7 +18,9 @@ class Answer(BaseModel):
 
 Text = Annotated[str | None, Field(default=None)]
 Number = Annotated[float | None, Field(default=None)]
-Metres = Annotated[list[float | None] | None, Field(default=None, description="metres")]
+Metres = Annotated[
+    list[float | None] | None, Field(default=None, description="world frame, metres")
+]
 
 
 class Task(Answer):
@@ -26,17 +28,20 @@ class Task(Answer):
 
     id: str
     instruction: str
-    state: str = Field(description="queued, running, paused, succeeded, failed or cancelled")
-    phase: Text
-    message: str | None = Field(default=None, description="what it does now, or why it ended")
-    seeking: Text
-    cause: str | None = Field(default=None, description="of a failure: one of a closed list")
-    progress: float | None = Field(default=None, description="0 to 1")
-    eta_s: list[float] | None = Field(
-        default=None, description="seconds left, at least and at most; null: not known"
+    state: str = Field(
+        description="current state: queued, running, paused, succeeded, failed or cancelled"
     )
-    steps: int | None = Field(default=None, description="steps of the robot so far")
-    on_hold: bool | None = Field(default=None, description="paused by somebody")
+    phase: Text
+    message: str | None = Field(default=None, description="current activity, or reason for the end")
+    seeking: Text
+    cause: str | None = Field(default=None, description="cause of a failure, from a closed list")
+    progress: float | None = Field(default=None, description="estimated progress, 0 to 1")
+    eta_s: list[float] | None = Field(
+        default=None,
+        description="estimated remaining seconds, as minimum and maximum; null: unknown",
+    )
+    steps: int | None = Field(default=None, description="number of robot steps so far")
+    on_hold: bool | None = Field(default=None, description="true if a client has paused the task")
 
 
 class Decision(Answer):
@@ -45,9 +50,9 @@ class Decision(Answer):
     index: int | None = None
     phase: Text
     rule: Text
-    why: str | None = Field(default=None, description="one sentence")
+    why: str | None = Field(default=None, description="reason, in one sentence")
     candidates: list[dict[str, Any]] | None = Field(
-        default=None, description="what it chose from, each with its terms"
+        default=None, description="candidates of the decision, each with its terms"
     )
 
 
@@ -58,23 +63,29 @@ class FoundObject(Answer):
     class_name: str | None = Field(default=None, alias="class")
     center_m: Metres
     size_m: Metres
-    score: float | None = Field(default=None, description="Ψ: class score less uncertainty")
-    views: int | None = Field(default=None, description="distinct viewpoints")
+    score: float | None = Field(
+        default=None, description="score Ψ: class score minus weighted uncertainty"
+    )
+    views: int | None = Field(default=None, description="number of distinct viewpoints")
 
 
 class Seen(Answer):
     """Places where something was seen. The images of the views follow, in the same order."""
 
     prompt: Text
-    objects: list[FoundObject] = Field(description="believed, of that name, the surest first")
-    views: list[dict[str, Any]] = Field(description="past views that fit, the best first")
+    objects: list[FoundObject] = Field(
+        description="matching objects of the object map, highest score first"
+    )
+    views: list[dict[str, Any]] = Field(description="matching past views, best first")
     views_note: Text
 
 
 class Vocabulary(Answer):
     """Names that a task may use."""
 
-    open: bool = Field(description="any name; else those in `names` alone")
+    open: bool = Field(
+        description="true if any name is allowed; false if only those in `names` are"
+    )
     names: list[str]
     detector: Text
 
@@ -82,9 +93,10 @@ class Vocabulary(Answer):
 class Suggestions(Answer):
     """Names seen in this home, and tasks to try."""
 
-    tasks: list[str] = Field(description="instructions that this robot can do")
+    tasks: list[str] = Field(description="suggested instructions that this robot can carry out")
     seen: list[dict[str, Any]] | None = Field(
-        default=None, description="names with score and number of objects, the surest first"
+        default=None,
+        description="names with their score and number of objects, highest score first",
     )
 
 
@@ -96,8 +108,12 @@ class Map(Answer):
     width_cells: int | None = None
     height_cells: int | None = None
     explored_m2: Number
-    robot: dict[str, Any] | None = Field(default=None, description="x_m, y_m, yaw_rad")
-    frontiers: list[dict[str, Any]] = Field(description="borders of what was seen, with values")
+    robot: dict[str, Any] | None = Field(
+        default=None, description="pose of the robot: x_m, y_m, yaw_rad"
+    )
+    frontiers: list[dict[str, Any]] = Field(
+        description="frontiers (borders of the explored floor) with their values"
+    )
 
 
 class Robot(Answer):
@@ -105,16 +121,18 @@ class Robot(Answer):
 
     connected: bool
     state: dict[str, Any] | None = Field(
-        default=None, description="pose, held, moving, stopped, message; null: not heard yet"
+        default=None, description="pose, held, moving, stopped and message; null: not received yet"
     )
-    description: dict[str, Any] | None = Field(default=None, description="what it can do")
+    description: dict[str, Any] | None = Field(
+        default=None, description="dimensions and abilities of the robot"
+    )
 
 
 class Moved(Answer):
     """Result of one short move, as the robot measured it."""
 
     succeeded: bool
-    reason: str | None = Field(default=None, description="one sentence when it failed")
+    reason: str | None = Field(default=None, description="reason for a failure, in one sentence")
     moved_m: Number
     turned_rad: Number
     collided: bool | None = None
@@ -124,7 +142,9 @@ class Service(Answer):
     """Health of one service."""
 
     name: str
-    state: str = Field(description="starting, waiting, ready, degraded, stopping or down")
+    state: str = Field(
+        description="health of the service: starting, waiting, ready, degraded, stopping or down"
+    )
     reason: Text
     restarts: int | None = None
 
@@ -133,6 +153,8 @@ class Status(Answer):
     """Readiness for a new task, and the health of every service."""
 
     ready: bool
-    stopped: bool | None = Field(default=None, description="the robot is stopped until clear_stop")
-    stop_reason: str | None = Field(default=None, description="as whoever stopped it said it")
+    stopped: bool | None = Field(
+        default=None, description="true if the robot is stopped until clear_stop"
+    )
+    stop_reason: str | None = Field(default=None, description="reason given with the stop")
     services: list[Service]

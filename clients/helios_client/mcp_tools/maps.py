@@ -25,10 +25,10 @@ class MapTools(Tools):
         found = await self.helios.objects(class_name, min_score)
         return [FoundObject(**one.raw) for one in found]
 
-    @tool("Where something was seen", READS)
+    @tool("Find where something was seen", READS)
     async def where_seen(self, prompt: str, limit: int = 3) -> Annotated[CallToolResult, Seen]:
-        """Find where something was seen; describe it in any words. Returns objects of that name,
-        and at most limit past views that fit, best first, each with its image."""
+        """Find where something was seen; describe it in any words. Returns objects of that name
+        and at most limit matching past views, best first, each with its image."""
         found = await self.helios.seen(prompt, limit)
         views = [{k: v for k, v in one.raw.items() if k != "jpeg_base64"} for one in found.views]
         answer = found.raw | {"views": views}
@@ -36,20 +36,20 @@ class MapTools(Tools):
         content += [_picture(view.jpeg) for view in found.views if view.jpeg]
         return CallToolResult(content=content, structured_content=answer)
 
-    @tool("The 2D map", READS)
+    @tool("Get the 2D map", READS)
     async def map_info(self) -> Map:
         """Get the size and explored area of the 2D map, the robot's pose and trajectory, and the
         frontiers (borders between explored and unexplored floor) with their values."""
         info = dict(await self.helios.map_info())
         return Map.model_validate(info | {"frontiers": await self.helios.frontiers()})
 
-    @tool("Picture of the map", READS)
+    @tool("Get an image of the map", READS)
     async def map_picture(self, layer: str = "occupancy") -> Image:
         """Get an image of the map: occupancy, or a value layer such as pick or place."""
         what = layer if layer == "occupancy" else f"value/{layer}"
         return Image(data=await self.helios.picture(what), format="png")
 
-    @tool("Camera", READS)
+    @tool("Get the camera image", READS)
     async def camera(self) -> Image:
         """Get the current camera image, with boxes around the detections."""
         return Image(data=await self.helios.camera(), format="jpeg")

@@ -26,7 +26,7 @@ class TaskTools(Tools):
         task = await self.helios.submit(instruction, time_limit_s=time_limit_s, priority=priority)
         return Task(**task.raw)
 
-    @tool("Go to a point", ACTS)
+    @tool("Drive to a point", ACTS)
     async def go_to_point(self, x_m: float, y_m: float, yaw_deg: float | None = None) -> Task:
         """Send the robot to a point on the floor, in metres in the world frame, which robot,
         objects and map_info also use. yaw_deg: final heading, in degrees counter-clockwise from the
@@ -34,15 +34,15 @@ class TaskTools(Tools):
         yaw_rad = None if yaw_deg is None else math.radians(yaw_deg)
         return Task(**(await self.helios.go(x_m, y_m, yaw_rad)).raw)
 
-    @tool("Explore", ACTS)
+    @tool("Explore the home", ACTS)
     async def explore(self, time_limit_s: float | None = None) -> Task:
         """Let the robot explore until all reachable floor is known, or for time_limit_s seconds.
         The task is queued; watch it with wait_for_task."""
         return Task(**(await self.helios.explore(time_limit_s)).raw)
 
-    @tool("Go home", ACTS)
+    @tool("Drive back to the start position", ACTS)
     async def go_home(self) -> Task:
-        """Send the robot back to where it started. The task is queued; watch it with
+        """Send the robot back to its start position. The task is queued; watch it with
         wait_for_task."""
         return Task(**(await self.helios.home()).raw)
 
@@ -63,8 +63,7 @@ class TaskTools(Tools):
 
     @tool("Cancel a task", ENDS)
     async def cancel_task(self, id: str) -> Task:
-        """Request the end of a task; the robot comes to rest. A cancelled task cannot be
-        resumed."""
+        """Cancel a task; the robot comes to rest. A cancelled task cannot be resumed."""
         return Task(**(await self.helios.cancel(id)).raw)
 
     @tool("Pause a task", CHANGES_STATE)
@@ -80,12 +79,12 @@ class TaskTools(Tools):
 
     @tool("Explain a task", READS)
     async def why(self, id: str, newest: int = 3) -> list[Decision]:
-        """Explain a task by its newest decisions, each with its candidates, their terms, the rule
-        and one sentence."""
+        """Explain a task by its newest decisions, each with its candidates and their terms, its
+        rule and its reason."""
         decisions = await self.helios.decisions(id)
         return [Decision(**decision.raw) for decision in decisions[-max(newest, 1) :]]
 
-    @tool("Names that can be asked for", READS)
+    @tool("List the known names", READS)
     async def vocabulary(self) -> Vocabulary:
         """List the object and furniture names that a task may use: those that the detector knows,
         or any name (open)."""

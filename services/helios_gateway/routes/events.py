@@ -33,17 +33,22 @@ from helios_gateway.settings import Settings
 TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
 
 Types = Annotated[
-    str, Query(max_length=200, description="only these types, commas between; empty: all")
+    str,
+    Query(max_length=200, description="event types to receive, separated by commas; empty: all"),
 ]
 TaskId = Annotated[
-    str, Query(max_length=100, description="only of this task, until it has ended; empty: all")
+    str,
+    Query(
+        max_length=100,
+        description="id of the task whose events to receive, until it has ended; empty: all",
+    ),
 ]
 router = APIRouter(tags=["events"])
 
 
 @router.get(
     "/events",
-    summary="Everything that happens, as server-sent events",
+    summary="Receive events as server-sent events",
     response_class=StreamingResponse,
     responses={200: {"content": {"text/event-stream": {}}}, **problems(404)},
     dependencies=secured(Scope.READ),
@@ -55,7 +60,7 @@ async def events(
     types: Types = "",
     task_id: TaskId = "",
     last_event_id: Annotated[
-        str | None, Header(description="go on after the event with this id")
+        str | None, Header(description="id of the last received event; the stream resumes after it")
     ] = None,
 ) -> StreamingResponse:
     """Stream all events as server-sent events.
@@ -83,7 +88,10 @@ async def socket(
     types: Types = "",
     task_id: TaskId = "",
     last_event_id: Annotated[
-        str | None, Query(max_length=100, description="go on after the event with this id")
+        str | None,
+        Query(
+            max_length=100, description="id of the last received event; the stream resumes after it"
+        ),
     ] = None,
 ) -> None:
     try:

@@ -29,17 +29,18 @@ router = APIRouter(tags=["frames"])
 
 @router.post(
     "/frames",
-    summary="Give a frame to the maps",
+    summary="Send a frame to the maps",
     responses=problems(409, body=True),
     dependencies=secured(Scope.OPERATE),
 )
 async def post_frame(
     robot: AddressedRobot,
     state: State,
-    meta: Annotated[str, Form(description="JSON: K, T_world_cam, and what else is known")],
-    color: Annotated[bytes, File(description="a JPEG or PNG")],
+    meta: Annotated[str, Form(description="JSON object with K, T_world_cam and optional fields")],
+    color: Annotated[bytes, File(description="colour image, JPEG or PNG")],
     depth: Annotated[
-        bytes | None, File(description="a PNG, one channel of 16 bit, registered to color")
+        bytes | None,
+        File(description="depth image, PNG with one 16-bit channel, registered to color"),
     ] = None,
 ) -> FrameTaken:
     """Send a frame to the maps as a keyframe.

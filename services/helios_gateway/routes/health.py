@@ -20,23 +20,33 @@ from helios_gateway.error_responses import NotFound, problems
 
 ROUTER = "router"
 ServiceName = Annotated[
-    str, Path(max_length=50, pattern="^[a-z][a-z0-9_-]*$", description="as /v1/status lists it")
+    str,
+    Path(
+        max_length=50,
+        pattern="^[a-z][a-z0-9_-]*$",
+        description="name of the service, as listed by `/v1/status`",
+    ),
 ]
 router = APIRouter(tags=["health"])
 service_router = APIRouter(tags=["health"], responses=problems())
 robots_router = APIRouter(prefix="/v1/robots", tags=["robot"], responses=problems())
 
 
-@router.get("/healthz", summary="Is the gateway itself well?", responses=problems())
+@router.get("/healthz", summary="Liveness check of the gateway", responses=problems())
 async def healthz() -> api_models.HealthAnswer:
     return api_models.HealthAnswer()
 
 
 @router.get(
     "/readyz",
-    summary="Would a task start now?",
+    summary="Readiness check",
     responses=problems()
-    | {503: {"model": api_models.Readiness, "description": "no, for these reasons"}},
+    | {
+        503: {
+            "model": api_models.Readiness,
+            "description": "a task would not start now, with the reasons",
+        }
+    },
 )
 async def readyz(state: State, response: Response) -> api_models.Readiness:
     """Report if a task would start now, and the reasons if not.
@@ -55,7 +65,7 @@ async def readyz(state: State, response: Response) -> api_models.Readiness:
 
 @router.get(
     "/metrics",
-    summary="Figures in Prometheus' text form",
+    summary="Metrics in Prometheus text format",
     response_class=Response,
     responses={200: {"content": {"text/plain": {}}}} | problems(),
     dependencies=secured(Scope.READ),
@@ -65,14 +75,18 @@ async def prometheus(state: State) -> Response:
     return Response(text, headers={"content-type": media_type})
 
 
-@service_router.get("/status", summary="Every service", dependencies=secured(Scope.READ))
+@service_router.get(
+    "/status",
+    summary="Get the readiness and the health of every service",
+    dependencies=secured(Scope.READ),
+)
 async def status(robot: AddressedRobot) -> api_models.Status:
     return robot.monitor.status()
 
 
 @service_router.get(
     "/services/{name}/settings",
-    summary="The settings of a running service",
+    summary="Get the settings of a running service",
     responses=problems(404),
     dependencies=secured(Scope.ADMIN),
 )
@@ -98,7 +112,7 @@ def service_settings(
     return api_models.ServiceSettings(service=name, settings=values)
 
 
-@robots_router.get("", summary="The robots served here", dependencies=secured(Scope.READ))
+@robots_router.get("", summary="List the robots", dependencies=secured(Scope.READ))
 async def robots(state: State) -> api_models.RobotList:
     """List the robots of this gateway.
 

@@ -19,8 +19,10 @@ from helios_gateway.cached_responses import (
 from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
 
-LayerName = Annotated[str, Path(description="as `/v1/map` lists it")]
-SizePx = Annotated[int, Query(ge=128, le=4096, description="side of the square picture, pixels")]
+LayerName = Annotated[str, Path(description="name of the value layer, as listed by `/v1/map`")]
+SizePx = Annotated[
+    int, Query(ge=128, le=4096, description="side length of the square image, pixels")
+]
 router = APIRouter(
     tags=["maps and camera"],
     responses=problems(),
@@ -30,7 +32,7 @@ router = APIRouter(
 
 @router.get(
     "/map",
-    summary="The 2D map's size, place and layers",
+    summary="Get the size, origin and value layers of the 2D map",
     response_model=api_map_models.MapInfo,
     responses=UNCHANGED,
 )
@@ -40,7 +42,7 @@ def info(maps: Maps, request: Request) -> Response:
 
 @router.get(
     "/map/frontiers",
-    summary="Borders of what was seen, with their values",
+    summary="List the frontiers with their values",
     response_model=api_map_models.FrontierList,
     responses=UNCHANGED,
 )
@@ -50,9 +52,9 @@ def frontiers(maps: Maps, request: Request) -> Response:
 
 @router.get(
     "/map/occupancy.png",
-    summary="Picture of the occupancy, with the path and the objects",
+    summary="Draw the occupancy grid with the path and the objects",
     response_class=Response,
-    responses=content_docs(PNG, "a picture for people"),
+    responses=content_docs(PNG, "image for display"),
 )
 def occupancy_png(maps: Maps, request: Request, size_px: SizePx = 900) -> Response:
     return conditional_response(request, maps.picture("occupancy", size_px))
@@ -60,12 +62,13 @@ def occupancy_png(maps: Maps, request: Request, size_px: SizePx = 900) -> Respon
 
 @router.get(
     "/map/occupancy.npz",
-    summary="Arrays of the occupancy",
+    summary="Get the occupancy grid as NumPy arrays",
     response_class=Response,
     responses=content_docs(
         NPZ,
-        "occupancy, explored, top_m, trajectory_m, frontier_id, frontier_center_m, "
-        "frontier_size_m, frontier_reachable, origin_m, cell_m, robot_pose",
+        "NumPy archive with occupancy, explored, top_m, trajectory_m, "
+        "frontier_id, frontier_center_m, frontier_size_m, frontier_reachable, origin_m, "
+        "cell_m and robot_pose",
     ),
 )
 def occupancy_npz(maps: Maps, request: Request) -> Response:
@@ -78,9 +81,9 @@ def occupancy_npz(maps: Maps, request: Request) -> Response:
 
 @router.get(
     "/map/value/{layer}.png",
-    summary="Picture of a value layer",
+    summary="Draw a value layer",
     response_class=Response,
-    responses=content_docs(PNG, "a picture for people") | problems(404),
+    responses=content_docs(PNG, "image for display") | problems(404),
 )
 def value_png(maps: Maps, request: Request, layer: LayerName, size_px: SizePx = 900) -> Response:
     return conditional_response(request, maps.picture(layer, size_px))
@@ -88,9 +91,10 @@ def value_png(maps: Maps, request: Request, layer: LayerName, size_px: SizePx = 
 
 @router.get(
     "/map/value/{layer}.npz",
-    summary="Array of a value layer",
+    summary="Get a value layer as NumPy arrays",
     response_class=Response,
-    responses=content_docs(NPZ, "value, explored, origin_m, cell_m") | problems(404),
+    responses=content_docs(NPZ, "NumPy archive with value, explored, origin_m and cell_m")
+    | problems(404),
 )
 def value_npz(maps: Maps, request: Request, layer: LayerName) -> Response:
     return conditional_response(request, maps.npz(layer))
@@ -98,14 +102,16 @@ def value_npz(maps: Maps, request: Request, layer: LayerName) -> Response:
 
 @router.get(
     "/map/cells.png",
-    summary="The map for programs that colour it themselves",
+    summary="Get the 2D map as an image with one pixel per cell",
     response_class=Response,
-    responses=content_docs(PNG, "one pixel a cell, north up") | problems(404),
+    responses=content_docs(PNG, "image with one pixel per cell, north up") | problems(404),
 )
 def cells(
     maps: Maps,
     request: Request,
-    layer: Annotated[str | None, Query(description="a value layer for the blue channel")] = None,
+    layer: Annotated[
+        str | None, Query(description="value layer for the blue channel; none: the channel is 0")
+    ] = None,
 ) -> Response:
     """Return the map as an image for programs that colour it themselves.
 
@@ -117,7 +123,7 @@ def cells(
 
 @router.get(
     "/objects",
-    summary="What is believed to be where",
+    summary="List the mapped objects",
     response_model=api_map_models.ObjectList,
     responses=UNCHANGED | problems(404),
 )
@@ -125,32 +131,36 @@ def objects(
     maps: Maps,
     request: Request,
     class_name: Annotated[
-        str | None, Query(alias="class", description="only those of this class, in any case")
+        str | None,
+        Query(alias="class", description="class of the objects to list; case-insensitive"),
     ] = None,
     min_score: Annotated[
         float | None,
-        Query(allow_inf_nan=False, description="only those with a score Ψ from this on"),
+        Query(allow_inf_nan=False, description="lowest score Ψ of the objects to list"),
     ] = None,
 ) -> Response:
     return conditional_response(request, maps.objects_json(class_name, min_score))
 
 
-@router.get("/objects/{id}", summary="One object", responses=problems(404))
+@router.get("/objects/{id}", summary="Get a mapped object", responses=problems(404))
 def one_object(
-    maps: Maps, id: Annotated[int, Path(ge=0, lt=2**64, description="as /v1/objects gives it")]
+    maps: Maps,
+    id: Annotated[
+        int, Path(ge=0, lt=2**64, description="id of the object, as returned by `/v1/objects`")
+    ],
 ) -> api_map_models.ObjectInstance:
     return maps.object(id)
 
 
 @router.get(
     "/camera.jpg",
-    summary="The newest camera picture",
+    summary="Get the newest camera image",
     response_class=Response,
-    responses=content_docs(JPEG, "colour, with the detector's boxes"),
+    responses=content_docs(JPEG, "colour image, with the detector's boxes unless raw is true"),
 )
 def camera(
     robot: AddressedRobot,
     request: Request,
-    raw: Annotated[bool, Query(description="without boxes")] = False,
+    raw: Annotated[bool, Query(description="true to omit the detector's boxes")] = False,
 ) -> Response:
     return conditional_response(request, robot.monitor.camera.jpeg(raw))

@@ -39,7 +39,7 @@ router = APIRouter(tags=["maps and camera"])
 
 @router.get(
     "/map.zip",
-    summary="Save both maps in one file",
+    summary="Save both maps to a file",
     response_class=Response,
     responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
     | problems(),
@@ -59,7 +59,7 @@ def save(robot: AddressedRobot) -> Response:
 
 @router.get(
     "/map/ros.zip",
-    summary="The occupancy for ROS",
+    summary="Get the occupancy grid as a ROS map",
     response_class=Response,
     responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
     | problems(),
@@ -93,7 +93,7 @@ def load(
         bytes,
         Body(
             media_type=ZIP,
-            description="a map file, as GET /v1/map.zip and `helios map save` give it",
+            description="a map file from GET /v1/map.zip or `helios map save`",
         ),
     ],
 ) -> api_map_models.LoadedMaps:

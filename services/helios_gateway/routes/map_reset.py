@@ -26,7 +26,7 @@ router = APIRouter(tags=["maps and camera"])
 
 @router.post(
     "/map/reset",
-    summary="Forget both maps, or one",
+    summary="Empty both maps or one of them",
     responses=problems(409),
     dependencies=secured(Scope.ADMIN),
 )
@@ -36,7 +36,10 @@ def reset(
     timeout_s: CallTimeout,
     only: Annotated[
         Part | None,
-        Query(description="objects, or occupancy with values and past views; default: both"),
+        Query(
+            description="map to empty: objects, or occupancy with value layers and past views; "
+            "default: both"
+        ),
     ] = None,
 ) -> api_map_models.ResetMaps:
     """Empty both maps, or one of them, including their data on disk.

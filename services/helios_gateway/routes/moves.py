@@ -23,7 +23,7 @@ router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.O
 REFUSALS = problems(409, body=True)
 
 
-@router.post("/go", status_code=202, summary="Go to a point", responses=REFUSALS)
+@router.post("/go", status_code=202, summary="Drive to a point", responses=REFUSALS)
 def go(robot: AddressedRobot, request: GoRequest, timeout_s: CallTimeout) -> api_models.Task:
     """Queue a task that drives to a point, also across unknown floor.
 
@@ -48,7 +48,9 @@ def explore(
     return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
-@router.post("/home", status_code=202, summary="Go back to the start", responses=REFUSALS)
+@router.post(
+    "/home", status_code=202, summary="Drive back to the start position", responses=REFUSALS
+)
 def home(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Task:
     """Queue a task that drives to the robot's start position in this world.
 

@@ -25,17 +25,24 @@ PLY = "application/octet-stream"
 Layer = Literal["color", "depth", "probability", "uncertainty"]
 Metres = Annotated[
     float,
-    Query(allow_inf_nan=False, ge=-1e6, le=1e6, description="of the camera, in the world frame"),
+    Query(
+        allow_inf_nan=False,
+        ge=-1e6,
+        le=1e6,
+        description="coordinate of the camera in the world frame, metres",
+    ),
 ]
-ObjectId = Annotated[int, Path(ge=1, lt=2**64, description="as /v1/objects gives it")]
+ObjectId = Annotated[
+    int, Path(ge=1, lt=2**64, description="id of the object, as returned by `/v1/objects`")
+]
 router = APIRouter(tags=["objects"], dependencies=secured(Scope.READ))
 
 
 @router.get(
     "/objects.ply",
-    summary="All Gaussians, as 3D Gaussian splatting tools read them",
+    summary="Export all Gaussians as PLY for 3D Gaussian splatting tools",
     response_class=Response,
-    responses=content_docs(PLY, "PLY") | problems(404),
+    responses=content_docs(PLY, "PLY file") | problems(404),
 )
 def all_ply(robot: AddressedRobot, request: Request, timeout_s: CallTimeout) -> Response:
     return _exported(robot, request, timeout_s, "ply")
@@ -43,7 +50,7 @@ def all_ply(robot: AddressedRobot, request: Request, timeout_s: CallTimeout) -> 
 
 @router.get(
     "/objects.npz",
-    summary="All Gaussians as arrays",
+    summary="Export all Gaussians as NumPy arrays",
     response_class=Response,
     responses=content_docs(NPZ, "NumPy archive") | problems(404),
 )
@@ -53,9 +60,9 @@ def all_npz(robot: AddressedRobot, request: Request, timeout_s: CallTimeout) -> 
 
 @router.get(
     "/objects/{id}/gaussians.ply",
-    summary="The Gaussians of one object",
+    summary="Export the Gaussians of one object as PLY",
     response_class=Response,
-    responses=content_docs(PLY, "PLY") | problems(404),
+    responses=content_docs(PLY, "PLY file") | problems(404),
 )
 def one_ply(
     robot: AddressedRobot, request: Request, id: ObjectId, timeout_s: CallTimeout
@@ -65,7 +72,7 @@ def one_ply(
 
 @router.get(
     "/objects/{id}/gaussians.npz",
-    summary="The Gaussians of one object as arrays",
+    summary="Export the Gaussians of one object as NumPy arrays",
     response_class=Response,
     responses=content_docs(NPZ, "NumPy archive") | problems(404),
 )
@@ -77,9 +84,13 @@ def one_npz(
 
 @router.get(
     "/objects/{id}/points.npz",
-    summary="What a gripper wants of one object: points on its surface, and its upright box",
+    summary="Get the surface points and the grasp box of one object",
     response_class=Response,
-    responses=content_docs(NPZ, "points_m [n, 3], world; box_center_m, box_size_m [3]; box_yaw_rad")
+    responses=content_docs(
+        NPZ,
+        "NumPy archive with points_m [n, 3] in the world frame, box_center_m [3], "
+        "box_size_m [3] and box_yaw_rad",
+    )
     | problems(404),
 )
 def points(
@@ -97,7 +108,11 @@ def points(
     return conditional_response(request, Encoded.of(stream.getvalue(), NPZ))
 
 
-@router.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
+@router.get(
+    "/objects/{id}/detail",
+    summary="Get an object with its score history and upright box",
+    responses=problems(404),
+)
 def detail(
     robot: AddressedRobot, id: ObjectId, timeout_s: CallTimeout
 ) -> api_map_models.ObjectDetail:
@@ -107,9 +122,12 @@ def detail(
 
 @router.get(
     "/objects/{id}/view.png",
-    summary="What is modelled of one object, as a camera beside it would see it",
+    summary="Render one object as a camera beside it would see it",
     response_class=Response,
-    responses=content_docs(PNG, "colour, or the layer as grey") | problems(404),
+    responses=content_docs(
+        PNG, "colour; depth as 16-bit millimetres; probability or uncertainty from dark to yellow"
+    )
+    | problems(404),
 )
 def view(
     robot: AddressedRobot,
@@ -117,16 +135,21 @@ def view(
     request: Request,
     id: ObjectId,
     layer: Annotated[
-        Layer, Query(description="of its class, for the last two")
+        Layer,
+        Query(description="rendered layer; probability and uncertainty refer to the object's "
+                          "class"),
     ] = "color",
     azimuth_rad: Annotated[
         float | None,
         Query(
             allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
-            description="where the camera stands, about world z; none: on the robot's side",
+            description="direction from the object to the camera, about world z; none: towards the "
+            "robot",
         ),
     ] = None,
-    size_px: Annotated[int, Query(ge=64, le=1024, description="side of the picture")] = 320,
+    size_px: Annotated[
+        int, Query(ge=64, le=1024, description="side length of the square image")
+    ] = 320,
 ) -> Response:  # fmt: skip
     found = _detail(robot, id, timeout_s).object
     center_m, size_m = (np.array([v.x, v.y, v.z]) for v in (found.center_m, found.size_m))
@@ -141,9 +164,11 @@ def view(
 
 @router.get(
     "/map/view.png",
-    summary="The object map, as a camera anywhere would see it",
+    summary="Render the object map from any camera pose",
     response_class=Response,
-    responses=content_docs(PNG, "colour; depth as 16 bit millimetres; or a belief, dark to yellow")
+    responses=content_docs(
+        PNG, "colour; depth as 16-bit millimetres; probability or uncertainty from dark to yellow"
+    )
     | problems(404),
 )
 def view_from(
@@ -153,24 +178,29 @@ def view_from(
     x_m: Metres,
     y_m: Metres,
     z_m: Annotated[
-        float, Query(allow_inf_nan=False, ge=-1e3, le=1e3, description="height of the camera")
+        float, Query(allow_inf_nan=False, ge=-1e3, le=1e3,
+                     description="height of the camera in the world frame, metres"),
     ] = 1.3,
     yaw_rad: Annotated[
         float, Query(allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
-                     description="where it looks, about world z from x"),
+                     description="heading of the camera, counter-clockwise from the world's "
+                     "x axis"),
     ] = 0.0,
     down_rad: Annotated[
         float, Query(allow_inf_nan=False, ge=-math.pi / 2, le=math.pi / 2,
-                     description="how far below the horizon it looks"),
+                     description="angle of the viewing direction below the horizon"),
     ] = 0.4,
-    layer: Annotated[Layer, Query(description="the last two are of a class")] = "color",
+    layer: Annotated[
+        Layer, Query(description="rendered layer; probability and uncertainty need a class")
+    ] = "color",
     class_name: Annotated[
-        str, Query(alias="class", max_length=100, description="for the last two layers")
+        str, Query(alias="class", max_length=100,
+                   description="class that probability and uncertainty refer to"),
     ] = "",
-    width_px: Annotated[int, Query(ge=16, le=1280, description="of the picture")] = 640,
-    height_px: Annotated[int, Query(ge=16, le=1280, description="of the picture")] = 480,
+    width_px: Annotated[int, Query(ge=16, le=1280, description="width of the image")] = 640,
+    height_px: Annotated[int, Query(ge=16, le=1280, description="height of the image")] = 480,
     fov_rad: Annotated[
-        float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="across the picture"),
+        float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="horizontal field of view"),
     ] = 1.2,
 ) -> Response:  # fmt: skip
     """Render the object map from any camera pose, for example the pose of a frame."""

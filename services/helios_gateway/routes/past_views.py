@@ -26,15 +26,20 @@ NEAR_M = 0.4  # margin beyond an object's half diagonal
 router = APIRouter(tags=["maps and camera"], dependencies=secured(Scope.READ))
 
 
-@router.get("/seen", summary="Where was something seen?", responses=problems())
+@router.get("/seen", summary="Find where something was seen", responses=problems())
 def seen(
     robot: AddressedRobot,
     maps: Maps,
     prompt: Annotated[
         str,
-        Query(min_length=1, max_length=500, description="in words", examples=["a red mug"]),
+        Query(
+            min_length=1,
+            max_length=500,
+            description="search text in natural language",
+            examples=["a red mug"],
+        ),
     ],
-    limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
+    limit: Annotated[int, Query(ge=1, le=50, description="maximum number of views")] = 5,
 ) -> api_map_models.SeenAnswer:
     """Find where something was seen: objects and past views that match a text.
 
@@ -57,12 +62,12 @@ def seen(
     )
 
 
-@router.get("/objects/{id}/views", summary="Pictures that an object is in", responses=problems(404))
+@router.get("/objects/{id}/views", summary="List past views of an object", responses=problems(404))
 def object_views(
     robot: AddressedRobot,
     maps: Maps,
     id: ObjectId,
-    limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
+    limit: Annotated[int, Query(ge=1, le=50, description="maximum number of views")] = 5,
 ) -> api_map_models.ViewList:
     """List past views of an object, from different sides, best first.
 

@@ -29,14 +29,16 @@ STOP_BODY = {
 router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.READ))
 
 
-@router.get("", name="robot", summary="How the robot is, and what it is", responses=problems())
+@router.get(
+    "", name="robot", summary="Get the state and the description of the robot", responses=problems()
+)
 async def get_robot(robot: AddressedRobot) -> api_models.Robot:
     return robot.monitor.robot()
 
 
 @router.post(
     "/stop",
-    summary="Stop now",
+    summary="Stop the robot (emergency stop)",
     responses=problems(409),
     openapi_extra={"requestBody": STOP_BODY},
 )
@@ -57,12 +59,12 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
 
 @router.post(
     "/clear-stop",
-    summary="Lift stop-now",
+    summary="Clear the emergency stop",
     responses=problems(409, body=True),
     dependencies=secured(Scope.OPERATE),
 )
 def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robot:
-    """Lift the emergency stop.
+    """Allow the robot to move again after an emergency stop.
 
     If a person or a program has taken over the robot, it must be free again: the error names
     the holder.

@@ -12,12 +12,14 @@ from helios_gateway.error_responses import Unauthorized, problems
 router = APIRouter(prefix="/v1/session", tags=["access"])
 
 
-@router.get("", summary="Is a key asked for, and what may this one?", responses=problems())
+@router.get(
+    "", summary="Get the key requirement and the scope of the request's key", responses=problems()
+)
 async def session(request: Request, state: State) -> api_models.Session:
     return _session(state.keys, key_of(request.scope, state.keys))
 
 
-@router.post("", summary="Keep a key in a cookie", responses=problems(401))
+@router.post("", summary="Open a browser session with an API key", responses=problems(401))
 async def open_session(
     request: Request, response: Response, state: State, body: api_models.SessionRequest
 ) -> api_models.Session:
@@ -35,7 +37,7 @@ async def open_session(
     return _session(state.keys, key)
 
 
-@router.delete("", summary="Forget the cookie", responses=problems())
+@router.delete("", summary="Close the browser session (delete the cookie)", responses=problems())
 async def close_session(response: Response, state: State) -> api_models.Session:
     response.delete_cookie(COOKIE, httponly=True, samesite="strict")
     return _session(state.keys, None)

@@ -29,7 +29,7 @@ from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.task_suggestions import suggestions as suggested
 
 router = APIRouter(tags=["tasks"], dependencies=secured(Scope.READ))
-TaskId = Annotated[str, Path(description="as `POST /v1/tasks` gave it")]
+TaskId = Annotated[str, Path(description="id of the task, as returned by `POST /v1/tasks`")]
 
 
 @router.post(
@@ -61,12 +61,12 @@ def submit(
     return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
-@router.get("/tasks", summary="Tasks, newest first", responses=problems())
+@router.get("/tasks", summary="List the tasks", responses=problems())
 def list_tasks(
     robot: AddressedRobot,
     timeout_s: CallTimeout,
-    state: Annotated[TaskState | None, Query(description="only those in this state")] = None,
-    limit: Annotated[int, Query(ge=1, le=1000, description="at most so many")] = 1000,
+    state: Annotated[TaskState | None, Query(description="state of the tasks to list")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="maximum number of tasks")] = 1000,
 ) -> api_models.TaskList:
     """List the tasks, newest first.
 
@@ -78,7 +78,7 @@ def list_tasks(
     return api_models.TaskList(tasks=[message_conversion.task(t) for t in newest_first[:limit]])
 
 
-@router.get("/tasks/{id}", summary="One task", responses=problems(404))
+@router.get("/tasks/{id}", summary="Get a task", responses=problems(404))
 def get_task(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     return message_conversion.task(_of_task(robot, GET_TASK, id, timeout_s))
 
@@ -113,7 +113,7 @@ def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mode
 
 @router.post(
     "/tasks/{id}/resume",
-    summary="Go on with a paused task",
+    summary="Resume a paused task",
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.OPERATE),
 )
@@ -121,14 +121,21 @@ def resume(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mod
     return message_conversion.task(_of_task(robot, RESUME, id, timeout_s))
 
 
-@router.get("/tasks/{id}/decisions", summary="Why it did what it did", responses=problems(404))
+@router.get(
+    "/tasks/{id}/decisions",
+    summary="List a task's decisions with their reasons",
+    responses=problems(404),
+)
 def decisions(
     robot: AddressedRobot,
     timeout_s: CallTimeout,
     id: TaskId,
     set: Annotated[
         list[str] | None,
-        Query(description="take them again under this setting, `alpha_d=0.01`; repeatable"),
+        Query(
+            description="setting under which to recompute the decisions, such as `alpha_d=0.01`; "
+            "repeatable"
+        ),
     ] = None,
 ) -> api_models.DecisionList:
     """List the decisions of a task, oldest first.
@@ -147,7 +154,9 @@ def decisions(
     )
 
 
-@router.get("/vocabulary", summary="What can be looked for", responses=problems())
+@router.get(
+    "/vocabulary", summary="List the class names that the detector knows", responses=problems()
+)
 def vocabulary(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Vocabulary:
     reply = robot.bus.call(VOCABULARY, pb.Empty(), timeout_s)
     return api_models.Vocabulary(
@@ -158,12 +167,12 @@ def vocabulary(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Voca
     )
 
 
-@router.get("/suggestions", summary="Tasks to try in this home", responses=problems())
+@router.get("/suggestions", summary="Suggest tasks for this home", responses=problems())
 def suggestions(
     robot: AddressedRobot,
     maps: Maps,
     timeout_s: CallTimeout,
-    limit: Annotated[int, Query(ge=1, le=20, description="tasks at most")] = 3,
+    limit: Annotated[int, Query(ge=1, le=20, description="maximum number of tasks")] = 3,
 ) -> api_models.Suggestions:
     """Suggest tasks with objects of this home, those with the highest score and nearest first.
 

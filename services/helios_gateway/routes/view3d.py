@@ -26,9 +26,9 @@ router = APIRouter(tags=["objects"], responses=problems(), dependencies=secured(
 
 @router.get(
     "/view3d",
-    summary="The page that shows a scene in 3D",
+    summary="Get the page of the 3D viewer",
     response_class=Response,
-    responses=content_docs(HTML, "viser's page"),
+    responses=content_docs(HTML, "HTML page of viser"),
 )
 def view3d(request: Request) -> Response:
     """Return viser's page, which shows a scene in 3D.
@@ -43,9 +43,9 @@ def view3d(request: Request) -> Response:
 
 @router.get(
     "/objects.viser",
-    summary="The Gaussians as a 3D scene",
+    summary="Export the Gaussians as a 3D scene for viser",
     response_class=Response,
-    responses=content_docs(viewer_scene.MEDIA_TYPE, "a scene file of viser"),
+    responses=content_docs(viewer_scene.MEDIA_TYPE, "scene file for viser"),
 )
 def scene(
     maps: Maps,
@@ -53,8 +53,9 @@ def scene(
     color: Annotated[
         ColorBy,
         Query(
-            description="as seen, by the class believed, by its share in the Gaussian, or by "
-            "how little that share is known"
+            description="colour of each Gaussian: color (as observed), class (its most likely "
+            "class), probability (of that class) or uncertainty (standard deviation of that "
+            "probability)"
         ),
     ] = "color",
 ) -> Response:

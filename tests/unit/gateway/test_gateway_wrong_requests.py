@@ -33,7 +33,7 @@ JSON = {"content-type": "application/json"}
          'the body is no JSON (Expecting property name enclosed in double quotes at character 1); '
          'send a JSON object such as {"instruction": "Move the mug'),
         ("POST", "/tasks", b"{}",
-         "instruction is missing; send it: what to do, in words; at most 10000 characters; for "
+         "instruction is missing; send it: task in natural language; at most 10000 characters; for "
          'example {"instruction": "Move the mug'),
         ("POST", "/tasks", b"", "the body is empty; send a JSON object such as"),
         ("POST", "/tasks", b"[]", "the body is no JSON object; send a JSON object such as"),
@@ -44,7 +44,7 @@ JSON = {"content-type": "application/json"}
          "speed is not known here; leave it out"),
         ("POST", "/tasks", b'{"instruction": " "}', "the instruction is empty; say what to move"),
         ("PUT", "/map.zip", b"",
-         "the body is empty; send a map file, as GET /v1/map.zip and `helios map save` give it"),
+         "the body is empty; send a map file from GET /v1/map.zip or `helios map save`"),
         ("GET", "/seen", b"", "prompt is missing; send it"),
         ("GET", "/seen?prompt=cup&limit=many", b"", "limit is 'many'; wanted a valid integer"),
         ("GET", "/tasks?state=asleep", b"", "state is 'asleep'; wanted 'queued', 'running'"),
