@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helios_core.types import ObjectInstance
 from helios_planner.agents import AGENTS
 from helios_planner.decisions.decision import Do
 from helios_planner.instruction.parser import parse
@@ -23,7 +24,7 @@ from planner_things import Thing
 MUG_SIZE = np.array([0.1, 0.1, 0.1])
 
 
-def mug_at(x_m: float, y_m: float, score: float) -> Thing:
+def mug_at(x_m: float, y_m: float, score: float) -> ObjectInstance:
     thing = Thing(4, "mug", np.array([x_m, y_m, 0.5]), MUG_SIZE)
     return instance(thing, score=score)
 
@@ -55,7 +56,7 @@ def test_without_confirmation_every_chosen_candidate_is_acted_on(score: float) -
     assert rig.search.confirmed(None)
 
 
-def looking(**settings: str) -> tuple[Mission, Thing]:
+def looking(**settings: str) -> tuple[Mission, ObjectInstance]:
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
     mission = Mission(world, parse("find the counter"), Settings.model_validate(settings))
     mission.tools.base.look_around()
