@@ -133,10 +133,11 @@ def next_steps(result: dict, port: int) -> str:
         up += f" --preset {preset}"
     if port != 8080:
         up, task = f"{up} --port {port}", f"{task} --port {port}"
+    names = "helios names --here" + ("" if port == 8080 else f" --port {port}")
     return (
         "this HELIOS has ended; the same home for tasks of your own:\n"
         f"  source .venv/bin/activate\n  {up}    # until Ctrl-C; then in another terminal:\n"
-        f"  {task}    # what else can be asked for: helios names"
+        f"  {task}    # for more tasks: {names}"
     )
 
 

@@ -9,6 +9,7 @@ class. Every other agent runs with the defaults, which are the paper's values.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator
@@ -38,8 +39,11 @@ def _agent(name: str) -> str:
     """
     if name in AGENT_NAMES or find(AGENTS, name) is not None:
         return name
-    known = ", ".join((*AGENT_NAMES, *AGENTS.entry_names()))
-    raise ValueError(f"there is no such agent; choose one of {known}, or package:agent")
+    known = (*AGENT_NAMES, *AGENTS.entry_names())
+    near = "".join(f" (did you mean {n}?)" for n in get_close_matches(name, known, 1))
+    raise ValueError(
+        f"there is no such agent{near}; choose one of {', '.join(known)}, or package:agent"
+    )
 
 
 AgentSetting = Annotated[str, AfterValidator(_agent)]  # built-in, entry point or package:agent

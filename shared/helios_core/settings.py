@@ -168,13 +168,18 @@ class _File(InitSettingsSource):
 
 
 def _toml(path: str) -> dict[str, Any]:
-    """Content of a TOML file. Raises OSError, and InvalidInput that names file and line."""
+    """Content of a TOML file. Raises InvalidInput that names the file, and the line of a fault."""
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise InvalidInput(f"{path} is no TOML: {error}") from error
     except UnicodeDecodeError as error:
         raise InvalidInput(f"{path} is no UTF-8 text: {error.reason}") from error
+    except OSError as error:
+        raise InvalidInput(
+            f"cannot read the settings file {path}: {error.strerror}; --config or HELIOS_CONFIG "
+            "names it"
+        ) from error
 
 
 def _table(cls: type[ServiceSettings], path: str) -> dict[str, Any]:
@@ -187,4 +192,8 @@ def _table(cls: type[ServiceSettings], path: str) -> dict[str, Any]:
             f"table [{OF_ALL}] of {path} has {', '.join(unknown)}; it may hold what every service "
             f"has: {', '.join(sorted(common))}"
         )
-    return of_all | tables.get(cls.service_name(), {})
+    own = tables.get(cls.service_name(), {})
+    if unknown := sorted(set(own) - set(cls.model_fields)):
+        wrong = "; ".join(no_setting(cls.service_name(), cls.model_fields, n) for n in unknown)
+        raise InvalidInput(f"{path}: {wrong}")
+    return of_all | own

@@ -54,13 +54,10 @@ def no_setting(service: str, settings: Collection[str], name: str) -> str:
     """Error text for a variable, or a key of a table, that is no setting."""
     prefix = variable(service, "")
     near = nearest(name.removeprefix(prefix), settings)
-    known = sorted(settings) if near is None else [near]
-    if name.startswith(prefix):
-        known = [variable(service, setting) for setting in known]
     if near is None:
-        meant = f"leave it out, or name one of {', '.join(known)}"
+        meant = "leave it out; docs/reference/settings.md shows how to list them"
     else:
-        meant = f"did you mean {known[0]}?"
+        meant = f"did you mean {variable(service, near) if name.startswith(prefix) else near}?"
     return f"no setting of {service} is called {name}; {meant}"
 
 

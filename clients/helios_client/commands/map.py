@@ -148,7 +148,7 @@ def reset(
 @flatten_options
 def export(
     at: GatewayAddress,
-    out: Annotated[Path, typer.Option(help="folder for the files")] = Path("map"),
+    out: Annotated[Path, typer.Option(help="folder for the files")] = Path("runs/map"),
     only: Annotated[
         str | None, typer.Option(help="occupancy, or a value layer such as pick  [default: all]")
     ] = None,

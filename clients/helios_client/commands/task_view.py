@@ -184,8 +184,9 @@ def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console)
         if not said or said[-1] != line:
             said.append(line)
             left = f" ({time_left(t)})" if time_left(t) else ""
+            phase = f" {t.phase.replace('_', ' ')}" if t.phase else ""
             console.print(
-                f"{t.state} {t.progress:4.0%} {t.phase.replace('_', ' ')}: {t.message}{left}",
+                f"{t.state} {t.progress:4.0%}{phase}: {t.message}{left}",
                 highlight=False, markup=False, soft_wrap=True,
             )  # fmt: skip
 
