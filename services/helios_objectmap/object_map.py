@@ -309,9 +309,8 @@ class ObjectMap:
     def load_content(self, memory: MapContent) -> None:
         """Replace the content of the map with that of a file.
 
-        All evidence stays as it is, however it was counted. If this map counts views, the votes by
-        viewing sector are dropped; if it counts sectors and the file has no votes, all sectors
-        start empty.
+        The evidence stays as the file has it. A map that counts views drops votes by viewing
+        sector. A map that counts sectors starts with empty ones if the file has no votes.
         """
         self.reset()
         self._store, self._registry = memory.store, memory.registry
@@ -385,7 +384,8 @@ class ObjectMap:
         return len(means)
 
     def _hindsight_weights(self, look: ViewpointMatch) -> NDArray[np.float32] | None:
-        """Weight of a view [names] for Gaussians older than every view; None without hindsight."""
+        """Weight of a view [names] for Gaussians that it sees later, by hindsight; None without
+        it."""
         if self._settings.evidence != "hindsight":
             return None
         return self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]

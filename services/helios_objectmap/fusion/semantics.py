@@ -7,14 +7,15 @@ Dirichlet is a Beta distribution, so within one search context this gives exactl
 contexts, a class keeps its evidence, and a new class starts from the prior.
 
 The prior decides how many views a belief takes. With three classes and alpha_cpa = 3, Psi passes
-0.5 after this many full views of an object that is detected always, or in 65 % of its views:
+0.5 after this many views with weight 1. The first number is for an object that is detected in each
+view, the second for one that is detected in 65 % of them:
 
     prior 0.3: 1, 5      prior 1 (default): 2, 8      prior 3: 4, 15      prior 10: 10, 36
 
 Classes of a Dirichlet distribution may be merged into one by adding their concentrations. So a
 search for few classes can use the prior of a search for more, whose other classes are part of
-"other". Its beliefs then equal those of the larger search if it had never seen them (setting
-`prior_classes`).
+"other". Its beliefs then equal those of the larger search before any of these was detected
+(setting `prior_classes`).
 """
 
 from __future__ import annotations
@@ -73,8 +74,9 @@ def marginal(
 def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:
     """Concentration [n, 1 + C] of eq. 2, "other" first.
 
-    positive: [n, C]; asked: [n], for the wanted class. "other" gets the evidence that the views of
-    the wanted class gave to no class, and the prior of those of the n_classes that are not listed.
+    positive: [n, C] evidence for each class; asked: [n] all evidence of the views that searched for
+    the wanted class. "other" gets the evidence that is for no listed class, and the prior of the
+    classes, n_classes in all, that are not listed.
     """
     other = np.maximum(asked - positive.sum(axis=-1), 0)
     concentration = np.concatenate([other[..., None], positive], axis=-1) + prior
@@ -119,9 +121,10 @@ def most_likely_columns(
 
     positive, asked: [n, classes in the store]; n_classes: classes of the prior with "other". The
     classes of the current context compete with each other, where the first of equal ones wins, and
-    with "other", the evidence that the views of a class gave to no class. The winner must have more
-    than the share `named_from` of its own evidence plus that of "other". If no class of the context
-    wins, a class of an earlier context wins while its probability is above `named_from`.
+    with "other", the evidence that the views of a class gave to no class. The winner's evidence
+    must exceed the share `named_from` of the sum of its evidence and that of "other". If no class
+    of the context wins, a class of an earlier context wins while its probability is above
+    `named_from`.
     """
     parked = [c for c in range(positive.shape[1]) if c not in context_columns]
     believed = np.empty(len(rows), np.int16)

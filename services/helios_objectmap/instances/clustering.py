@@ -2,7 +2,8 @@
 
 The paper's 20 rounds of min-pooling bound the size of an object; a union-find gives the same
 partition without a bound. Gaussians closer than a voxel are always joined, and Gaussians farther
-apart than two voxels along an axis never: two mugs 0.3 m apart need voxels of at most 7 cm.
+apart than two voxels along an axis never. Two mugs with centres 0.3 m apart have a gap of 0.15 to
+0.2 m between them, so they stay two with voxels of 7 cm.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _PRECEDING = np.array(
 )
 # Steps to the 26 neighbours of a voxel: 13 come before it in the order of keys, 13 after.
 NEIGHBOURS: tuple[int, ...] = (*_PRECEDING.tolist(), *(-_PRECEDING).tolist())
-# Emptied voxels checked one by one; with more, their instances are clustered again as a whole.
+# Up to this many emptied voxels are checked singly; beyond, whole instances are clustered again.
 FEW = 32
 
 
@@ -63,10 +64,10 @@ def relabel(
 ) -> tuple[NDArray[np.int32], int]:
     """Stable labels [n] for components, and the next free label.
 
-    The n are points, or voxels of points. former: [n] former label, NO_INSTANCE for none; count:
-    [n] points that have it. The component with the largest part of a former instance inherits its
-    label. From several inherited labels it takes the smallest. So a merge keeps the smaller label,
-    and in a split the largest part keeps it. Other components get new labels.
+    Each of the n entries is a point or a voxel. former: [n] former label, NO_INSTANCE for none;
+    count: [n] number of its points with that label. The component with the largest part of a former
+    instance inherits its label, the smallest if it inherits several. So a merge keeps the smaller
+    label, and in a split the largest part keeps it. Other components get new labels.
     """
     n_components = int(component.max(initial=-1)) + 1
     label_of = np.zeros(n_components, np.int32)

@@ -26,7 +26,7 @@ from helios_planner.decisions.decision import (
 # Acceptance thresholds as shares of τ, from the first to the last.
 _OF_OBJECTS = (1.25, 1.0, 0.75, 0.5)
 _OF_RECEPTACLES = (1.4, 1.2, 1.0, 0.75, 0.5)
-PATIENCE = 0.6  # share of the steps left at the start, after which the lowest one applies
+PATIENCE = 0.6  # see AcceptanceThresholds.patience
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,14 @@ class AcceptanceThreshold:
 
 @dataclass(frozen=True)
 class AcceptanceThresholds:
-    """Acceptance thresholds of one search, from the highest to the lowest.
+    """Acceptance thresholds `steps` of one search, from the highest to the lowest.
 
-    strict_count: number of thresholds that apply until everything was searched twice. patience:
-    share of the steps left at the start of the search after which the lowest applies, the others at
-    equal intervals before; None: steps do not count. by_place: True if scores are multiplied by the
-    relative probability that the candidate lies where the instruction says. at_last: share of the
-    task's steps after which the last threshold applies; patience does not reach it.
+    The threshold falls as the search uses the budget that it had left at its start: it reaches the
+    lowest threshold when the share `patience` of that budget is used, in equal intervals; with None
+    it falls only when nothing is left to search. strict_count: number of thresholds that apply
+    before the second search round. by_place: True if scores are multiplied by the relative
+    probability that the candidate lies where the instruction says. at_last: share of the task's
+    budget from which the last threshold applies, which `patience` never reaches.
     """
 
     steps: tuple[AcceptanceThreshold, ...]
@@ -56,8 +57,8 @@ class AcceptanceThresholds:
     at_last: float | None = None
 
     def least_at(self, used: float, since: float) -> int:
-        """Lowest index into `steps` that applies now. used, since: used share of the task's steps,
-        now and at the start of the search."""
+        """Index into `steps` of the threshold that applies now, if nothing lowered it before. used,
+        since: used share of the task's budget, now and at the start of the search."""
         usual = len(self.steps) - (self.at_last is not None)
         if self.at_last is not None and used >= self.at_last:
             return usual
@@ -91,7 +92,7 @@ def patient(threshold: float, place_known: bool) -> AcceptanceThresholds:
 def with_final_fallback(within: AcceptanceThresholds, at_last: float) -> AcceptanceThresholds:
     """The same thresholds and, after that share of the task's steps, any candidate at all.
 
-    The paper does not define the case that everything was searched in vain or the steps run out.
+    The paper leaves open what to do after a search in vain, or when the budget runs out.
     HELIOS then brings the most likely object to the most likely place, and the task's message
     reports it.
     """

@@ -43,7 +43,8 @@ class SearchTools:
     looking: ViewPlanner
     belief: Belief
     rng: np.random.Generator
-    given_up: list[tuple[float, float]] = field(default_factory=list)  # remaining after a visit
+    # Frontiers that a visit did not remove.
+    given_up: list[tuple[float, float]] = field(default_factory=list)
 
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a crash of the planner, as JSON, for `restore`."""
@@ -72,15 +73,15 @@ class Search(ABC):
         self.tools, self.phase, self.name = tools, phase, name
         self.robot, self.settings = tools.robot, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
-        self.refused = PlaceSet(refused_m)  # permanently
-        self.unreachable = PlaceSet(SAME_PLACE_M)  # until more ground is known
+        self.refused = PlaceSet(refused_m)  # for the rest of the search
+        self.unreachable = PlaceSet(SAME_PLACE_M)  # tried again once more ground is known
         self.rounds = tools.settings.rounds  # times that the home is searched
         self._waited_at: list[tuple[float, float]] = []  # centres of unreachable candidates, m
         self._doubts: dict[int, int] = {}  # instance id -> rejections from near
         self._round = self._first_round = 0
         self._patrol = RevisitSearch(self.base, REVISIT_SPACING_M)
         self._acted_from: Pose2 | None = None
-        self._first = -1.0, ""  # prefix of messages while this share of the steps is used
+        self._first = -1.0, ""  # prefix of messages, until the used share of the budget changes
         self._left_at = 0  # version of the map when a candidate was last found out of reach
 
     @abstractmethod
@@ -131,11 +132,12 @@ class Search(ABC):
 
     @property
     def accepted_any_candidate(self) -> bool:
-        """True if the most likely candidate is now accepted: no time is left to clear paths."""
+        """True if the newest decision accepted the most likely candidate whatever its score."""
         return False
 
     def relax(self) -> bool:
-        """Drop a condition on candidates when nothing is left to explore; False without one."""
+        """Lower the demands on candidates when nothing is left to explore; False if none is
+        left."""
         return False
 
     def find(self) -> ObjectInstance:
@@ -185,7 +187,7 @@ class Search(ABC):
         self.robot.listener.on_phase(self.phase, self.name, "; ".join([*said_first, message]))
 
     def set_message_prefix(self, why: str) -> None:
-        """Set why it searches again. The reason precedes every message until the robot acts."""
+        """Set the reason for searching again. It precedes every message until the robot acts."""
         self._first = self.robot.budget_used(), why
 
     def give_up(self, what: Act, thing: ObjectInstance, reason: str) -> None:
@@ -215,8 +217,8 @@ class Search(ABC):
             self._left_at = self.robot.ground().version
 
     def doubt(self, candidate: ObjectInstance) -> None:
-        """Count a rejection from near. Its views decide if the candidate comes back; after
-        MOST_DOUBTS it is refused."""
+        """Count a rejection from near. Further views may make it a candidate again; after
+        MOST_DOUBTS rejections it is refused."""
         self._doubts[candidate.id] = self._doubts.get(candidate.id, 0) + 1
         if self._doubts[candidate.id] >= MOST_DOUBTS:
             self.refused.add(candidate)
@@ -248,7 +250,7 @@ class Search(ABC):
 
     # --- frontiers -----------------------------------------------------------------------------
     def frontier_options(self, layer: str) -> list[FrontierOption]:
-        """Frontiers that can be driven near to, with the widest margin that reaches any."""
+        """Reachable frontiers, at the widest obstacle margin with which any is reachable."""
         pose = self.robot.pose()
         frontiers = self._open_frontiers()
         for level in self.base.levels:

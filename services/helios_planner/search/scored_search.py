@@ -98,10 +98,12 @@ class ScoredSearch(Search):
         return self.place_probability(candidate) if self._thresholds.by_place else 1.0
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
-        """True if the candidate keeps its least score after the views from near. These may lower a
-        score by tau_inc, which one more view could bring back: from near, large objects are seen
-        in parts. A candidate accepted above τ must only keep τ - tau_inc. A remembered candidate
-        needs no score."""
+        """True if the candidate may still be acted on after the views from near.
+
+        Its score may be tau_inc below the accepted threshold: views from near show only part of a
+        large object. A candidate accepted above τ needs τ - tau_inc. A candidate that is no longer
+        in the object map needs no score.
+        """
         if not self.settings.confirm_from_near:
             return True
         if self._from_memory or near is None:
@@ -211,7 +213,8 @@ class ScoredSearch(Search):
 
 
 class ReceptacleSearch(ScoredSearch):
-    """Search for the goal receptacle. The object map of the object search counts from the start."""
+    """Search for the goal receptacle. It starts with the object map that the object search
+    built."""
 
     kind, action = "receptacle", Act.PLACE
 

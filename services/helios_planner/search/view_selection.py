@@ -67,7 +67,7 @@ class BestView:
 
 
 class ViewPlanner:
-    """Views of the candidates of a task; records from where each was looked at on purpose."""
+    """Views of the candidates of a task; records the viewpoints from which it looked at each."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class ViewPlanner:
         ]  # fmt: skip
 
     def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
-        """Gaze points with the widest margin that reaches any."""
+        """Gaze points at the widest obstacle margin with which any is reachable."""
         rules = replace(rules, aim_at_top=self.settings.gaze_aim == "top")
         for level in self.base.levels:
             points = gaze_points(candidate, self.base.reach(level), self.robot.description, rules)
@@ -181,7 +181,8 @@ class ViewPlanner:
         in_place: bool,
         ask: bool,
     ) -> tuple[ViewOption, BestView | None]:
-        """Candidate with its terms; with `ask` and a score below threshold also its best view."""
+        """Candidate with its terms. If `ask` is set and its score is below the threshold, also the
+        best extra view."""
         matters = ask and thing.score < threshold
         view = self.best_view(thing, class_name) if matters else None
         distance_m = self.robot.pose().distance_m(thing.center_m)
