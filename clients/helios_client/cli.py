@@ -32,8 +32,8 @@ INTERRUPTED = 130
 app = typer.Typer(
     name="helios",
     help="Perception and planning for language-directed pick and place.",
-    epilog=f"{', '.join(EVERYWHERE)} may stand before the command, too. Exit status: 0 success, "
-    "1 failure, 2 wrong use, 129 hung up, 130 interrupted.",
+    epilog=f"{', '.join(EVERYWHERE)} may also precede the command. Exit status: 0 success, "
+    "1 failure, 2 usage error, 129 terminal closed, 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -91,7 +91,7 @@ def run(args: Sequence[str]) -> int:
         return _interrupted()
     except HungUp as hung_up:
         with contextlib.suppress(OSError):  # the terminal may be closed
-            print_line(f"helios: hung up; {hung_up}", stderr=True)
+            print_line(f"helios: the terminal was closed; {hung_up}", stderr=True)
         return 129
     except BrokenPipeError:
         with contextlib.suppress(OSError):
@@ -125,7 +125,7 @@ def _tell(error: Exception) -> int:
             if command == "helios" and (option := getattr(error, "option_name", None)):
                 sentence = (
                     f"there is no option {option} before the command; the options of a command "
-                    f"stand behind it: helios COMMAND {option}"
+                    f"follow it: helios COMMAND {option}"
                 )
             print_line(f"helios: {sentence}; see {command} --help", stderr=True)
         return 2

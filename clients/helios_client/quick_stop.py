@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from urllib.parse import SplitResult
 
 REASON = "helios stop"
-SENTENCE = "stopped; it will not move until: helios clear-stop"
+SENTENCE = "stopped; the robot will not move until you run: helios clear-stop"
 CONNECT_S = 3.0
 TIMEOUT_S = 10.0
 VALUES = ("--port", "--url", "--key", "--robot", "--reason")

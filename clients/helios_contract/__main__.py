@@ -46,39 +46,47 @@ def main() -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m helios_contract",
-        description="Test a robot driver, a detector or a scorer. With a driver THE ROBOT MOVES: "
-        "it turns on the spot and drives ahead one and a half times the distance given; one that "
-        "can move back does so once by at most that distance, and drives ahead once more. Keep a "
-        "hand on its emergency stop.",
-        epilog="What follows -- goes to pytest: -- -x -k stop",
+        description="Test a robot driver, a detector or a scorer. With a driver, THE ROBOT MOVES: "
+        "it turns on the spot and drives forward one and a half times the given distance; a robot "
+        "that can move back does so once, by at most that distance, and drives forward once more. "
+        "Keep a hand on its emergency stop.",
+        epilog="Arguments after -- go to pytest: -- -x -k stop",
     )
     one = parser.add_mutually_exclusive_group(required=True)
-    one.add_argument("driver", nargs="?", help="my_package:MyRobot, importable from here")
-    one.add_argument("--detector", help="my_package:Mine, or as --detector of helios up")
-    one.add_argument("--scorer", help="my_package:Mine, or as --scorer of helios up")
-    robots = parser.add_argument_group("of a driver")
-    robots.add_argument("--address", default="", help="of the robot, where its driver asks for one")
-    robots.add_argument("--forward-m", type=float, default=Rig.forward_m, help="of one drive")
-    robots.add_argument("--turn-rad", type=float, default=Rig.turn_rad, help="of one turn")
+    one.add_argument(
+        "driver", nargs="?", help="my_package:MyRobot, importable from the current folder"
+    )
+    one.add_argument("--detector", help="my_package:Mine, or a value of helios up --detector")
+    one.add_argument("--scorer", help="my_package:Mine, or a value of helios up --scorer")
+    robots = parser.add_argument_group("options for a driver")
     robots.add_argument(
-        "--tolerance-m", type=float, default=Rig.tolerance_m, help="after a drive or turn"
+        "--address", default="", help="address of the robot, if its driver needs one"
+    )
+    robots.add_argument(
+        "--forward-m", type=float, default=Rig.forward_m, help="distance of one drive"
+    )
+    robots.add_argument("--turn-rad", type=float, default=Rig.turn_rad, help="angle of one turn")
+    robots.add_argument(
+        "--tolerance-m", type=float, default=Rig.tolerance_m, help="tolerance after a drive or turn"
     )
     robots.add_argument("--tolerance-rad", type=float, default=Rig.tolerance_rad)
     robots.add_argument("--depth-tolerance-m", type=float, default=Rig.depth_tolerance_m)
     robots.add_argument(
         "--start-twice", action="store_true",
-        help="make a second driver beside the first, to see that it names the same origin",
+        help="create a second driver beside the first and check that it names the same origin",
     )  # fmt: skip
-    models = parser.add_argument_group("of a detector or a scorer")
+    models = parser.add_argument_group("options for a detector or a scorer")
     models.add_argument(
-        "--classes", default="", help="names to ask for, by comma  [default: of its vocabulary]"
+        "--classes",
+        default="",
+        help="class names to request, separated by commas  [default: from its vocabulary]",
     )
     models.add_argument(
         "--image", action="append", default=[], type=Path, metavar="FILE",
-        help="a picture in which the detector finds one of them; repeatable",
+        help="image in which the detector finds one of the classes; repeatable",
     )  # fmt: skip
     models.add_argument(
-        "--random", action="store_true", help="the same frame may give other findings each time"
+        "--random", action="store_true", help="allow different results for the same frame"
     )
     return parser
 
@@ -119,7 +127,7 @@ def _picture(path: Path) -> np.ndarray:
     """RGB image [h, w, 3] of a file. Raises InvalidInput."""
     color = cv2.imread(str(path))
     if color is None:
-        raise InvalidInput(f"--image {path} is no picture that can be read; give a JPEG or PNG")
+        raise InvalidInput(f"--image {path} is not a readable image; give a JPEG or PNG")
     return cv2.cvtColor(color, cv2.COLOR_BGR2RGB)
 
 

@@ -3,7 +3,7 @@
     python -m helios_eval.demo --seed 3 --out runs/demo
 
 Starts `helios up` (router, world and every service as separate processes), submits the task of the
-home's seed over HTTP, prints its progress, and writes `result.json` and pictures.
+home's seed over HTTP, prints its progress, and writes `result.json` and images.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def show(result: dict, out: Path, console: Console) -> None:
     table.add_row("steps", str(result["steps"]))
     table.add_row("seconds", f"{result['wall_s']:.0f}")
     console.print(table)
-    console.print(f"result and pictures: {out}", highlight=False)
+    console.print(f"result and images: {out}", highlight=False)
 
 
 def next_steps(result: dict, port: int) -> str:
@@ -135,7 +135,7 @@ def next_steps(result: dict, port: int) -> str:
         up, task = f"{up} --port {port}", f"{task} --port {port}"
     names = "helios names --here" + ("" if port == 8080 else f" --port {port}")
     return (
-        "this HELIOS has ended; the same home for tasks of your own:\n"
+        "this HELIOS has ended; to run your own tasks in the same home:\n"
         f"  source .venv/bin/activate\n  {up}    # until Ctrl-C; then in another terminal:\n"
         f"  {task}    # for more tasks: {names}"
     )
@@ -152,10 +152,12 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     ]  # fmt: skip
     with running_stack_process(arguments, log) as up, Helios(f"http://127.0.0.1:{port}") as helios:
         console.print(f"starting router, world and services (home {seed}, preset {preset})")
-        console.print("kernels that `make install` has not compiled take a minute", style="dim")
+        console.print(
+            "compiling kernels takes a minute, unless `make install` has done it", style="dim"
+        )
         wait_ready(helios, up, log, console)
         console.print(
-            f"dashboard, while this runs: http://127.0.0.1:{port}/",
+            f"dashboard while this runs: http://127.0.0.1:{port}/",
             style="bold cyan",
             soft_wrap=True,
         )
@@ -182,10 +184,12 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-demo", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0, help="of the home")
-    parser.add_argument("--preset", default="demo-v1", help="kind of home and detector noise")
-    parser.add_argument("--port", type=int, default=8080, help="of the HTTP interface")
-    parser.add_argument("--out", type=Path, default=Path("runs/demo"), help="folder for results")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the home")
+    parser.add_argument("--preset", default="demo-v1", help="preset of home and detector noise")
+    parser.add_argument("--port", type=int, default=8080, help="port of the HTTP interface")
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs/demo"), help="folder for the results"
+    )
     args = parser.parse_args()
     try:
         result = run(args.seed, args.preset, args.port, args.out, Console())

@@ -28,28 +28,36 @@ FIRST_HELD_OUT_SEED = 100_000  # first seed of the homes that are held out for i
 
 app = typer.Typer(
     name="eval",
-    help="Play episodes in simulated homes and judge them by the truth.",
+    help="Run episodes in simulated homes and judge them by ground truth.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
 )
 
-Agents = Annotated[str, typer.Option(help="names, with commas between")]
-Limits = Annotated[str, typer.Option(help="limits of picks: 1,5,unlimited")]
-Semantics = Annotated[str, typer.Option(help="noisy or ground-truth")]
-Preset = Annotated[str, typer.Option(help="kind of homes; +sweethome3d: in realistic furniture")]
-Episodes = Annotated[int, typer.Option(help="homes, each with one task", min=1)]
+Agents = Annotated[str, typer.Option(help="agents, separated by commas")]
+Limits = Annotated[str, typer.Option(help="pick limits, separated by commas: 1,5,unlimited")]
+Semantics = Annotated[str, typer.Option(help="detections: noisy or ground-truth")]
+Preset = Annotated[
+    str, typer.Option(help="preset of the homes; +sweethome3d: with realistic furniture")
+]
+Episodes = Annotated[int, typer.Option(help="number of homes, each with one task", min=1)]
 Seed0 = Annotated[int, typer.Option(help="seed of the first home", min=0)]
-Out = Annotated[Path, typer.Option(help="folder for the results; what is there is not run again")]
-Jobs = Annotated[int | None, typer.Option(help="episodes at a time  [default: cores]", min=1)]
+Out = Annotated[
+    Path, typer.Option(help="folder for the results; finished episodes are not run again")
+]
+Jobs = Annotated[
+    int | None, typer.Option(help="number of parallel episodes  [default: number of cores]", min=1)
+]
 Table = Annotated[str | None, typer.Option(help="noise table  [default: the preset's]")]
-Level = Annotated[float, typer.Option(help="multiplies the noise; 0: none", min=0, max=10)]
+Level = Annotated[float, typer.Option(help="noise multiplier; 0: no noise", min=0, max=10)]
 Correlation = Annotated[
-    float | None, typer.Option(help="1: errors stay, 0: drawn per frame  [default: the table's]")
+    float | None, typer.Option(help="1: errors persist, 0: drawn per frame  [default: the table's]")
 ]
 Sensor = Annotated[str, typer.Option(help="noise of camera and pose: none or realistic")]
-Assignments = Annotated[list[str] | None, typer.Option("--set", help="setting of a service: a=1")]
-Steps = Annotated[int | None, typer.Option(help="actions an episode may take", min=1)]
+Assignments = Annotated[
+    list[str] | None, typer.Option("--set", help="service setting, such as a=1")
+]
+Steps = Annotated[int | None, typer.Option(help="maximum actions per episode", min=1)]
 Ray = Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")]
 
 
@@ -71,7 +79,7 @@ def ovmm(
     max_steps: Steps = None,
     ray: Ray = None,
 ) -> None:
-    """Open-vocabulary mobile manipulation. Move a thing from one kind of furniture to another."""
+    """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
         noise_correlation, sensor, assignments or [], max_steps, ray,
@@ -105,18 +113,21 @@ def objectnav(
 
 @app.command()
 def report(
-    folders: Annotated[list[Path], typer.Argument(help="of runs", metavar="FOLDER...")],
+    folders: Annotated[list[Path], typer.Argument(help="folders of runs", metavar="FOLDER...")],
     out: Annotated[
         Path | None,
-        typer.Option(help="folder for the report and all episodes in a small form, for several"),
+        typer.Option(
+            help="folder for the report and a compact copy of all episodes; required for "
+            "several folders"
+        ),
     ] = None,
 ) -> None:
-    """Write results.json, report.md and report.html of a folder anew, of a killed run too.
+    """Regenerate results.json, report.md and report.html of a folder, even of a killed run.
 
-    With --out, write one report on several folders; that folder can be reported again.
+    With --out, write one report on several folders; another report can use that folder.
     """
     if out is None and len(folders) > 1:
-        raise UsageError("of several folders one report is written elsewhere: give --out FOLDER")
+        raise UsageError("a report on several folders needs a folder of its own: give --out FOLDER")
     into = out or folders[0]
     records, description = merge_runs.episodes(folders), merge_runs.run(folders)
     with run_folder.write_errors_as_unavailable(into):
@@ -162,8 +173,8 @@ def _run(
         raise UsageError(error.message) from error
     if seed0 + episodes > FIRST_HELD_OUT_SEED:
         print(
-            f"helios: seeds from {FIRST_HELD_OUT_SEED} on are kept back, so that others can check "
-            "what was built; look at no single one of them",
+            f"helios: seeds from {FIRST_HELD_OUT_SEED} on are held out for independent checks of "
+            "what was built; do not examine single episodes of them",
             file=sys.stderr,
         )
     asked = Run(
@@ -175,8 +186,10 @@ def _run(
         with _ended_by_sigterm():
             run(asked, console)
     except KeyboardInterrupt as interrupt:
-        where = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
-        print(f"helios: interrupted; {where}the same command goes on from here", file=sys.stderr)
+        where = (
+            f"a report on the finished episodes is in {out}; " if (out / MARKDOWN).exists() else ""
+        )
+        print(f"helios: interrupted; {where}run the same command to continue", file=sys.stderr)
         number = interrupt.args[0] if interrupt.args else signal.SIGINT
         raise SystemExit(128 + number) from None  # the message is already printed
     console.print(f"written to {out}", highlight=False)

@@ -43,7 +43,7 @@ class RobotHost:
                     health.degraded(error.message)
                     return
                 except Exception as error:  # an internal error
-                    log.exception("the bridge could not be made")
+                    log.exception("the bridge could not be created")
                     health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
                     return
                 self._service = service
@@ -67,7 +67,7 @@ def main() -> int:
         "bridge", settings, lambda bus, health: RobotHost(bus, health, settings, executor)
     )
     if hanging := executor.wait(0.0):
-        log.error("left behind, for the driver does not return: %s", ", ".join(hanging))
+        log.error("abandoned, because the driver does not return: %s", ", ".join(hanging))
         logging.shutdown()
         os._exit(status or 1)
     return status

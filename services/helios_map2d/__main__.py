@@ -29,7 +29,7 @@ class MapHost:
         self._service: Map2DService | None = None
         # Invalid settings end the process here, not only when the robot's description arrives.
         settings.rules(robot_max_depth_m=settings.max_depth_m, robot_radius_m=0.3)
-        health.waiting("compiling its kernels; a minute at the first start")
+        health.waiting("compiling its kernels; takes a minute at the first start")
         threading.Thread(target=self._start, name="warm up", daemon=True).start()
 
     def close(self) -> None:
@@ -45,7 +45,7 @@ class MapHost:
             log.exception("the maps could not be started")
             self._health.degraded(
                 f"the maps could not be started ({type(error).__name__}: {str(error)[:200]}); "
-                "the log has the rest; mend it and start the service again"
+                "see the log, correct the cause and restart the service"
             )
 
 

@@ -16,7 +16,7 @@ from helios_objectmap.settings import ObjectMapSettings
 def build(bus: Bus, health: Health) -> ObjectMapService:
     """Service that reports ready once its kernels are compiled, in a thread so that it can stop."""
     service = ObjectMapService(bus, settings, health)
-    health.waiting("compiling its kernels; a minute at the first start")
+    health.waiting("compiling its kernels; takes a minute at the first start")
     threading.Thread(target=service.warm_up, name="warm up", daemon=True).start()
     return service
 

@@ -63,7 +63,7 @@ def test_keyframes_before_the_first_search_are_mapped_and_unknown_classes_are_sk
     path = record(tmp_path, "box", "cup")
     done = replay(path, tmp_path / "out", "--detector", "paint", *flags)
     assert done.returncode == 0, done.stderr
-    assert "not looked for: 'cup' is not painted" in done.stdout
+    assert "not searched for: 'cup' is not painted" in done.stdout
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     assert summary["keyframes"] == summary["frames"]
     assert summary["before_search"] == summary["frames"] - AFTER
@@ -80,7 +80,7 @@ def test_a_recording_without_any_class_of_the_detector_ends_as_a_usage_error(
     path = record(tmp_path, "cup")
     done = replay(path, tmp_path / "out", "--detector", "paint")
     assert done.returncode == 2, done.stdout
-    assert "detector paint knows nothing of what is looked for: 'cup' is not painted" in done.stderr
+    assert "detector paint knows none of the classes to find: 'cup' is not painted" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out/objects.json").exists()
 
@@ -119,13 +119,13 @@ def test_an_interrupted_replay_writes_its_results_so_far(
             env=os.environ | {"PYTHONUNBUFFERED": "1", "COLUMNS": "160", MARK: mark},
         )  # fmt: skip
     try:
-        wait_until(lambda: "not looked for" in said.read_text(), LONGEST_S, "the search began")
+        wait_until(lambda: "not searched for" in said.read_text(), LONGEST_S, "the search began")
         process.send_signal(number)
         assert process.wait(60) == 130, said.read_text()
     finally:
         process.kill()
     assert left_of(mark) == []
-    assert "interrupted: what was found so far is written" in said.read_text()
+    assert "interrupted: the results so far are written" in said.read_text()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["interrupted"] is True
     assert BEFORE <= summary["keyframes"] < summary["frames"] == BEFORE + 60

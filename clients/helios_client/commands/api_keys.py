@@ -28,7 +28,7 @@ def add_key(file: Path, name: str, scope: str) -> str:
     that name, InvalidInput if the file cannot be used.
     """
     if not (name.strip() and name.isprintable()):
-        raise UsageError(f"the name of a key is {name!r}; wanted letters that can be read: tablet")
+        raise UsageError(f"the name of a key is {name!r}; wanted printable text, such as tablet")
     key = secrets.token_urlsafe(BYTES)
     digest = hashlib.sha256(key.encode()).hexdigest()
     quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is also a TOML string
@@ -53,10 +53,10 @@ def _add(file: Path, name: str, entry: str) -> None:
         tomllib.loads(text + added)  # fails for `key = []`, which takes no more entries
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InvalidInput(
-            f"{file} is no file of keys: {error}; correct it, or name another with --file"
+            f"{file} is not a valid key file: {error}; correct it, or name another with --file"
         ) from error
     if name in names:
-        raise Conflict(f"{file} has a key {name!r}; take that entry out, or choose another name")
+        raise Conflict(f"{file} already has a key {name!r}; remove it, or choose another name")
     write_file(file, text + added, mode=0o600)
 
 

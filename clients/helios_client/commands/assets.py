@@ -12,7 +12,7 @@ from helios_client.commands.shared_options import console
 
 app = typer.Typer(
     name="assets",
-    help="Realistic furniture for simulated homes. From Debian's sweethome3d-furniture.",
+    help="Realistic furniture for simulated homes. Source: Debian's sweethome3d-furniture.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -27,12 +27,14 @@ Cache = Annotated[
 def bake(
     source: Annotated[
         Path | None,
-        typer.Option(help="folder with .sh3f files, .sh3f or .deb  [default: what is installed]"),
+        typer.Option(
+            help="folder with .sh3f files, .sh3f or .deb  [default: the installed package]"
+        ),
     ] = None,
     cache: Cache = None,
 ) -> None:
-    """Convert the furniture package to small models. Takes some minutes, once; the cache keeps
-    them."""
+    """Convert the furniture package to small models. Takes a few minutes, once; the models are
+    cached."""
     from helios_sim.assets.asset_baking import bake as run_bake
     from rich.progress import Progress
 
@@ -42,7 +44,7 @@ def bake(
             source, cache, progress=lambda done, of: bar.update(task, completed=done, total=of)
         )
     for why in baked.left_out.values():
-        print(f"left out: {why}")
+        print(f"skipped: {why}")
     how = "baked into" if baked.fresh else "already baked in"
     print(f"{len(baked.pack.models)} models {how} {baked.folder}")
     print(f"authors and licences: {baked.folder / 'ATTRIBUTIONS.md'}")

@@ -64,11 +64,11 @@ def _verdict(decisions: Sequence[Decision], changes: Sequence[str]) -> Text:
     out.append(f" {len(flipped)} of {counted(len(decisions), 'decision')} would flip")
     if unsure:
         out.append(
-            f"; {unsure} depend{'s' if unsure == 1 else ''} on what was not asked for then",
+            f"; {unsure} depend{'s' if unsure == 1 else ''} on values not queried at the time",
             style="yellow",
         )
     if flipped:
-        out.append("\nwhat came after the first of them would have been another run", style="dim")
+        out.append("\nafter the first flip, the run would have continued differently", style="dim")
     return out
 
 
@@ -98,7 +98,7 @@ def _sentence(why: str) -> Text:
 def _instead(decision: Decision) -> Padding:
     again: dict[str, Any] = decision.recomputed or {}
     if again["flips"]:
-        mark = Text("would " if again["certain"] else "perhaps would ", style="bold yellow")
+        mark = Text("would " if again["certain"] else "might ", style="bold yellow")
         return Padding(mark.append(again["why"], style="yellow"), (0, 0, 0, INDENT), expand=False)
-    words = "would stay so" if again["certain"] else "cannot be told: it was not asked for then"
+    words = "would stay the same" if again["certain"] else "unknown: not queried at the time"
     return Padding(Text(words, style="dim"), (0, 0, 0, INDENT), expand=False)

@@ -82,10 +82,10 @@ def examine(
         out.append(Finding(f"package {package}", has_package(package), f"pip install '{name}'"))
     out += _libraries(find_library)
     trouble = port_bind_error(port)
-    said = "something listens there (HELIOS itself?)"
+    said = "another process listens on it (HELIOS itself?)"
     if trouble is not None and trouble.errno != errno.EADDRINUSE:
-        said = f"nothing can listen there: {trouble.strerror}"
-    remedy = f"{said}; or: helios up --port {8080 if port < 1024 else port + 1}"
+        said = f"no process can listen on it: {trouble.strerror}"
+    remedy = f"{said}; choose another: helios up --port {8080 if port < 1024 else port + 1}"
     out.append(Finding(f"port {port} free", trouble is None, remedy, optional=True))
     out.append(_state_dir(state_file.default_state_dir(port)))
     for package, (extra, purpose) in FURTHER.items():
@@ -100,7 +100,7 @@ def _plugins() -> list[Finding]:
     out = []
     for kind in plugins.KINDS:
         for name in kind.entry_names():
-            what, remedy = f"plug-in {name}, a {kind.name}", ""
+            what, remedy = f"plug-in {name} ({kind.name})", ""
             try:
                 plugins.check_there(kind, name)
             except InvalidInput as error:
@@ -114,7 +114,7 @@ def _libraries(find_library: Callable[[str], str | None]) -> list[Finding]:
     wanted = ("OSMesa",) if os.environ.get("MUJOCO_GL") == "osmesa" else ("EGL", "GL")
     return [
         Finding(
-            f"library {name} (the simulator draws with it)",
+            f"library {name} (for rendering in the simulator)",
             find_library(name) is not None,
             f"apt-get install {LIBRARIES[name]}",
         )
@@ -127,7 +127,7 @@ def _state_dir(path: Path) -> Finding:
     writable = os.access(there, os.W_OK)
     free = shutil.disk_usage(there).free
     return Finding(
-        f"state in {path}, {free / 1e9:.1f} GB free",
+        f"state folder {path}, {free / 1e9:.1f} GB free",
         writable and free > FREE_BYTES,
-        "make room or allow writing there, or choose another folder: helios up --state DIR",
+        "free up disk space or allow writing there, or choose another: helios up --state DIR",
     )

@@ -14,8 +14,8 @@ app = typer.Typer()
 
 @app.command()
 def bench(
-    json_path: Annotated[Path, typer.Option("--json", help="file for the figures")],
-    only: Annotated[str | None, typer.Option(help="one row by its name")] = None,
+    json_path: Annotated[Path, typer.Option("--json", help="JSON file for the measured times")],
+    only: Annotated[str | None, typer.Option(help="name of the only row to measure")] = None,
 ) -> None:
     """Time the services' inner loops against other implementations."""
     try:
@@ -56,8 +56,8 @@ def evaluate(context: typer.Context) -> None:
 
 @app.command()
 def doctor(port: Port = 8080, as_json: Json = False) -> None:
-    """Check this machine for missing parts and print the remedies. Exit status 1 if the simulator
-    lacks something; notes name optional parts."""
+    """Check the requirements on this machine and print remedies. Exit status 1 if the simulator
+    lacks a requirement; notes name optional parts."""
     from dataclasses import asdict
 
     from helios_client.commands.doctor import examine

@@ -47,7 +47,7 @@ def services_in(folder: Path) -> list[str]:
     names = sorted(path.stem for path in folder.glob(f"*{ENDING}"))
     if not names:
         raise Unavailable(
-            f"there are no logs in {folder}; name the --port or --state of a helios up"
+            f"there are no logs in {folder}; give the --port or --state of a helios up"
         )
     return names
 
@@ -60,7 +60,9 @@ def log_file(folder: Path, service: str) -> Path:
     if found is None:
         near = nearest(service, names)
         hint = f"; did you mean {near}?" if near else ""
-        raise UsageError(f"no service {service!r} has a log; there are {', '.join(names)}{hint}")
+        raise UsageError(
+            f"there is no log of a service {service!r}; logs exist for {', '.join(names)}{hint}"
+        )
     return folder / f"{found}{ENDING}"
 
 

@@ -17,7 +17,7 @@ from helios_client.commands.shared_options import (
 
 objects_app = typer.Typer()
 app = typer.Typer(
-    name="map", help="The maps of a running robot.", no_args_is_help=True, rich_markup_mode=None
+    name="map", help="Maps of a running robot.", no_args_is_help=True, rich_markup_mode=None
 )
 
 
@@ -26,10 +26,10 @@ app = typer.Typer(
 def objects(
     at: GatewayAddress,
     class_name: Annotated[
-        str | None, typer.Option("--class", help="only those of this class")
+        str | None, typer.Option("--class", help="only objects of this class")
     ] = None,
     min_score: Annotated[
-        float | None, typer.Option(help="only those with a score Ψ from this on")
+        float | None, typer.Option(help="only objects with at least this score Ψ")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -50,14 +50,14 @@ def objects(
 @objects_app.command()
 @flatten_options
 def seen(
-    prompt: Annotated[str, typer.Argument(help='in words: mug, "something to drink from"')],
+    prompt: Annotated[str, typer.Argument(help='object in words: mug, "something to drink from"')],
     at: GatewayAddress,
-    limit: Annotated[int, typer.Option(help="past views at most", min=1, max=50)] = 5,
-    out: Annotated[Path | None, typer.Option(help="folder for the views' pictures")] = None,
+    limit: Annotated[int, typer.Option(help="maximum number of past views", min=1, max=50)] = 5,
+    out: Annotated[Path | None, typer.Option(help="folder for the images of the views")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find where something was seen, with images. Objects of that name, and past views that fit the
-    prompt."""
+    """Find where something was seen, with images. Lists objects of that name, and past views that
+    fit the prompt."""
     from helios_client.commands.map_files import write_views
     from helios_client.commands.tables import seen_tables
 
@@ -78,7 +78,7 @@ def seen(
 @flatten_options
 def save(
     at: GatewayAddress,
-    file: Annotated[Path, typer.Argument(help="to be written")] = Path("map.zip"),
+    file: Annotated[Path, typer.Argument(help="file to write")] = Path("map.zip"),
     as_json: Json = False,
 ) -> None:
     """Save both maps, occupancy and objects, in one file."""
@@ -98,12 +98,12 @@ def save(
 @flatten_options
 def load(
     at: GatewayAddress,
-    file: Annotated[Path, typer.Argument(help="that helios map save wrote")] = Path("map.zip"),
+    file: Annotated[Path, typer.Argument(help="file written by helios map save")] = Path("map.zip"),
     as_json: Json = False,
 ) -> None:
-    """Load both maps and replace the present ones.
+    """Load both maps and replace the current ones.
 
-    The robot must stand in the world of the saved maps, with the same origin. Refused while a task
+    The robot must be in the world of the saved maps, with the same origin. Refused while a task
     runs.
     """
     from helios_client.commands.map_files import read_file
@@ -115,7 +115,7 @@ def load(
         print_json(loaded)
     else:
         print(
-            f"loaded: {loaded['known_m2']:.0f} m² of ground, {loaded['objects']} objects of "
+            f"loaded: {loaded['known_m2']:.0f} m² of known area, {loaded['objects']} objects with "
             f"{loaded['gaussians']} Gaussians, {loaded['views']} past views"
         )
 
@@ -126,12 +126,12 @@ def reset(
     at: GatewayAddress,
     only: Annotated[
         Literal["objects", "occupancy"] | None,
-        typer.Option(help="this map alone; occupancy: with values and past views"),
+        typer.Option(help="only this map; occupancy includes value layers and past views"),
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="do not ask")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="do not ask for confirmation")] = False,
     as_json: Json = False,
 ) -> None:
-    """Discard both maps, or one. For a home that was rebuilt. Refused while a task runs."""
+    """Discard both maps, or one. Use it after a home was rebuilt. Refused while a task runs."""
     from helios_client.commands.map_files import confirm_reset
 
     if not yes:
@@ -141,7 +141,7 @@ def reset(
     if as_json:
         print_json(done)
     else:
-        print(f"forgotten: {' and '.join(done['reset'])}; the next action begins a new map")
+        print(f"discarded: {' and '.join(done['reset'])}; the next action starts a new map")
 
 
 @app.command()
@@ -153,7 +153,7 @@ def export(
         str | None, typer.Option(help="occupancy, or a value layer such as pick  [default: all]")
     ] = None,
     ros: Annotated[
-        bool, typer.Option("--ros", help="map.pgm and map.yaml for ROS's map_server instead")
+        bool, typer.Option("--ros", help="write map.pgm and map.yaml for ROS's map_server instead")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -162,7 +162,7 @@ def export(
     from helios_client.usage_errors import UsageError
 
     if ros and only is not None:
-        raise UsageError("a map for ROS holds the occupancy alone; leave --only or --ros away")
+        raise UsageError("a map for ROS contains only the occupancy; omit --only or --ros")
     with at.connect() as helios:
         written = export_ros(helios, out) if ros else export_map(helios, out, only)
     if as_json:

@@ -26,7 +26,7 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
     kinds = (OCCUPANCY, *(layer["name"] for layer in helios.map_info()["layers"]))
     wanted = kinds if only is None else [kind for kind in kinds if plain(only) == plain(kind)]
     if not wanted:
-        raise UsageError(f"the map has no {only!r}; wanted one of {', '.join(kinds)}")
+        raise UsageError(f"the map has no layer {only!r}; wanted one of {', '.join(kinds)}")
     make_folder(out)
     written = []
     for name in wanted:
@@ -69,7 +69,7 @@ def write_file(path: Path, data: bytes) -> None:
         atomic_file.write_file(path, data)
     except OSError as error:
         raise InvalidInput(
-            f"{path} cannot be written: {error.strerror}; make room there, or name another place"
+            f"{path} cannot be written: {error.strerror}; free up disk space, or name another file"
         ) from error
 
 
@@ -79,7 +79,7 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(
-            f"{folder} cannot be made: {error.strerror}; name another folder with --out"
+            f"{folder} cannot be created: {error.strerror}; name another folder with --out"
         ) from error
 
 
@@ -95,9 +95,9 @@ def confirm_reset(address: str, only: str | None) -> None:
     if not sys.stdin.isatty():
         return
     what = "both maps, objects and occupancy" if only is None else f"the map of {only}"
-    question = f"Forget {what}, of the robot at {address}? `helios map save` keeps a copy."
+    question = f"Discard {what}, of the robot at {address}? `helios map save` keeps a copy."
     if not typer.confirm(question, err=True):
-        raise Conflict("nothing was forgotten")
+        raise Conflict("nothing was discarded")
 
 
 def read_file(path: Path) -> bytes:

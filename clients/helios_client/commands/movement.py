@@ -19,13 +19,13 @@ NUMBERS = {"ignore_unknown_options": True}
 @app.command(context_settings=NUMBERS)
 @flatten_options
 def go(
-    x: Annotated[float, typer.Argument(help="metres, in the world frame", show_default=False)],
-    y: Annotated[float, typer.Argument(help="metres, in the world frame", show_default=False)],
+    x: Annotated[float, typer.Argument(help="x in metres, in the world frame", show_default=False)],
+    y: Annotated[float, typer.Argument(help="y in metres, in the world frame", show_default=False)],
     at: GatewayAddress,
     yaw: Annotated[
         float | None,
         typer.Argument(
-            help="degrees to face there, counter-clockwise from the x axis  [default: any]",
+            help="final heading in degrees, counter-clockwise from the x axis  [default: any]",
             show_default=False,
         ),
     ] = None,
@@ -35,8 +35,8 @@ def go(
 ) -> None:
     """Go to a point; exit status 0 on arrival.
 
-    For example helios go 3.2 -4.1 90. The yaw is in degrees here, in radians over HTTP. If the
-    point is out of reach, the command prints the reason and the nearest place that is in reach.
+    Example: helios go 3.2 -4.1 90. The yaw is in degrees here, in radians over HTTP. If the point
+    is out of reach, the command prints the reason and the nearest place that the robot can reach.
     """
     from helios_client.usage_errors import UsageError
 
@@ -53,7 +53,9 @@ def explore(
     at: GatewayAddress,
     time_limit_s: Annotated[
         float | None,
-        typer.Option(help="seconds after which it ends, with success  [default: none]", min=0.1),
+        typer.Option(
+            help="seconds after which the task ends with success  [default: no limit]", min=0.1
+        ),
     ] = None,
     as_json: Json = False,
     timeout_s: Timeout = 3600.0,

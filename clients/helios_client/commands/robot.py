@@ -40,24 +40,24 @@ def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> No
     if found["stopped"]:
         screen.print("the robot is stopped", style="red", end="")
         why = f" ({found['stop_reason']})" if found["stop_reason"] else ""
-        print_line(f"{why}: it will not move until helios clear-stop")
+        print_line(f"{why}: it will not move until you run helios clear-stop")
     screen.print("ready" if found["ready"] else "not ready")
 
 
 @app.command()
 def logs(
     service: Annotated[
-        str | None, typer.Argument(help="such as planner  [default: list what there is]")
+        str | None, typer.Argument(help="service, such as planner  [default: list all logs]")
     ] = None,
     follow: Annotated[
-        bool, typer.Option("--follow", "-f", help="go on with each new line, until Ctrl-C")
+        bool, typer.Option("--follow", "-f", help="continue with each new line until Ctrl-C")
     ] = False,
-    lines: Annotated[int, typer.Option("--lines", "-n", help="newest lines", min=0)] = 50,
+    lines: Annotated[int, typer.Option("--lines", "-n", help="number of newest lines", min=0)] = 50,
     port: TypedPort = None,
     url: Url = None,
     state: State = None,
 ) -> None:
-    """Print the log of a service of this machine. Works after helios up has ended, too."""
+    """Print the log of a service of this machine. Also works after helios up has ended."""
 
     from helios_client.commands import logs as files
 
@@ -79,14 +79,14 @@ def logs(
 @flatten_options
 def camera(
     at: GatewayAddress,
-    file: Annotated[Path, typer.Argument(help="to be written")] = Path("camera.jpg"),
+    file: Annotated[Path, typer.Argument(help="file to write")] = Path("camera.jpg"),
 ) -> None:
-    """Write the current camera image to a JPEG file. With boxes around the detections."""
+    """Write the current camera image to a JPEG file. Boxes mark the detections."""
     from helios_client.commands.map_files import check_folder_of, write_file
     from helios_client.usage_errors import UsageError
 
     if file.suffix.lower() not in ("", ".jpg", ".jpeg"):
-        raise UsageError(f"the picture is a JPEG, and {file} is not named so; name it .jpg")
+        raise UsageError(f"the image is a JPEG, but {file} has another extension; name it .jpg")
     check_folder_of(file)
     with at.connect() as helios:
         write_file(file, helios.camera())
@@ -97,7 +97,7 @@ def camera(
 @flatten_options
 def stop(
     at: GatewayAddress,
-    reason: Annotated[str, typer.Option(help="shown wherever the stop is shown")] = REASON,
+    reason: Annotated[str, typer.Option(help="reason, shown wherever the stop is shown")] = REASON,
     as_json: Json = False,
 ) -> None:
     """Stop the robot now; it does not move until helios clear-stop."""
@@ -112,25 +112,25 @@ def stop(
 @app.command(name="clear-stop")
 @flatten_options
 def clear_stop(at: GatewayAddress, as_json: Json = False) -> None:
-    """Lift stop-now; the robot may move again."""
+    """Lift the emergency stop; the robot may move again."""
     with at.connect() as helios:
         answer = helios.clear_stop()
     if as_json:
         print_json(answer)
     else:
-        print("cleared; the robot may move again")
+        print("stop cleared; the robot may move again")
 
 
 @app.command()
 def key(
-    name: Annotated[str, typer.Argument(help="whose it is, such as tablet")],
+    name: Annotated[str, typer.Argument(help="name of the key's user, such as tablet")],
     scope: Annotated[
         Literal["read", "operate", "admin"],
-        typer.Option(help="read: look and stop; operate: tasks, too; admin: settings, too"),
+        typer.Option(help="read: view and stop; operate: also tasks; admin: also settings"),
     ] = "operate",
-    file: Annotated[Path, typer.Option(help="of the keys' hashes")] = Path("keys.toml"),
+    file: Annotated[Path, typer.Option(help="file for the hashes of the keys")] = Path("keys.toml"),
 ) -> None:
-    """Create an API key, shown once. Start HELIOS_GATEWAY_KEYS=FILE helios up to require keys."""
+    """Create an API key, shown once. To require keys: HELIOS_GATEWAY_KEYS=FILE helios up."""
     from helios_client.commands.api_keys import add_key
 
     print(add_key(file, name, scope))

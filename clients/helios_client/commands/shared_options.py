@@ -36,7 +36,9 @@ TypedPort = Annotated[
 ]
 Url = Annotated[
     str | None,
-    typer.Option(help="of a robot elsewhere: HOST:PORT or http://HOST:PORT  [env var: HELIOS_URL]"),
+    typer.Option(
+        help="address of a gateway elsewhere: HOST:PORT or http://HOST:PORT  [env var: HELIOS_URL]"
+    ),
 ]
 
 
@@ -58,11 +60,13 @@ class GatewayAddress:
     port: TypedPort = None
     url: Url = None
     key: Annotated[
-        str | None, typer.Option(help="API key, where one is wanted", envvar="HELIOS_API_KEY")
+        str | None, typer.Option(help="API key, if one is required", envvar="HELIOS_API_KEY")
     ] = None
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="one of several, by name  [default: the gateway's first]"),
+        typer.Option(
+            "--robot", help="name of one of several robots  [default: the gateway's first]"
+        ),
     ] = None
 
     @property

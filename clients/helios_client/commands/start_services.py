@@ -12,17 +12,21 @@ from helios_client.commands.shared_options import Port, State, TypedPort, Url, c
 app = typer.Typer()
 
 
-RobotKind = Annotated[str, typer.Option(help="sim, replay, spot, bus, push or package:Class")]
-Seed = Annotated[int, typer.Option(help="of the simulated home", min=0)]
-Preset = Annotated[str, typer.Option(help="kind of the simulated home")]
+RobotKind = Annotated[
+    str, typer.Option(help="driver: sim, replay, spot, bus, push or package:Class")
+]
+Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
+Preset = Annotated[str, typer.Option(help="preset of the simulated home")]
 Furniture = Annotated[
     str | None,
-    typer.Option(help="of the simulated home: parametric or realistic (helios assets bake)"),
+    typer.Option(
+        help="furniture of the simulated home: parametric or realistic (helios assets bake)"
+    ),
 ]
 Detector = Annotated[
     str | None,
     typer.Option(
-        help="simulated, ground-truth, onnx:FILE, package:Class or another of "
+        help="detector: simulated, ground-truth, onnx:FILE, package:Class or another of "
         "docs/how-to/models.md  "
         "[default: simulated for sim]"
     ),
@@ -30,33 +34,33 @@ Detector = Annotated[
 Scorer = Annotated[
     str | None,
     typer.Option(
-        help="scores images against prompts: lexical, minilm, transformers:ID or "
-        "package:Class  [default: its setting]"
+        help="image-text scorer: lexical, minilm, transformers:ID or "
+        "package:Class  [default: the detector's setting]"
     ),
 ]
 Agent = Annotated[
     str | None,
     typer.Option(
-        help="who decides, and what its maps take for true; or package:agent  [default: helios]"
+        help="agent of the planner and the object map, or package:agent  [default: helios]"
     ),
 ]
 Source = Annotated[
-    Path | None, typer.Option(help="what --robot replay plays: a recording or data set")
+    Path | None, typer.Option(help="recording or data set that --robot replay plays")
 ]
 Rate = Annotated[float, typer.Option(help="speed of --robot replay; 0: without waiting", min=0)]
 Record = Annotated[
     bool, typer.Option("--record", help="record every topic", envvar="HELIOS_RECORD")
 ]
 RecordDir = Annotated[
-    Path | None, typer.Option(help="folder of the recordings  [default: STATE/recordings]")
+    Path | None, typer.Option(help="folder for the recordings  [default: STATE/recordings]")
 ]
 SpotHost = Annotated[
-    str | None, typer.Option(help="of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
+    str | None, typer.Option(help="host of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
 ]
 RouterPort = Annotated[
     int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
 ]
-BusName = Annotated[str, typer.Option(help="the robot's name on the bus")]
+BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
 
 @app.command()
@@ -110,14 +114,15 @@ def up(
 
 @app.command()
 def record(
-    out: Annotated[Path, typer.Option(help="folder of the recordings")] = Path("recordings"),
+    out: Annotated[Path, typer.Option(help="folder for the recordings")] = Path("recordings"),
     port: TypedPort = None,
     state: State = None,
     router: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT  [default: that of the running helios up]")
+        str | None,
+        typer.Option(help="router, tcp/HOST:PORT  [default: that of the running helios up]"),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="the robot's name  [default: that of helios up]")
+        str | None, typer.Option(help="name of the robot  [default: that of the running helios up]")
     ] = None,
     url: Url = None,
 ) -> None:
@@ -138,39 +143,38 @@ def replay(
     out: Annotated[Path, typer.Option(help="folder for the results")],
     classes: Annotated[
         str | None,
-        typer.Option(help='what to look for: "cup,dining table"  [default: what was sought then]'),
+        typer.Option(help='classes to find: "cup,dining table"  [default: the recorded searches]'),
     ] = None,
     detector: Annotated[
         str | None,
-        typer.Option(help="onnx:FILE, package:Class or another  [default: what was found then]"),
+        typer.Option(help="detector: onnx:FILE, package:Class or another  [default: as recorded]"),
     ] = None,
-    thresholds: Annotated[str, typer.Option(help='"cup=0.25,dining table=0.35"')] = "",
-    limit: Annotated[int, typer.Option(help="frames to play; 0: all", min=0)] = 0,
-    from_s: Annotated[float, typer.Option("--from", help="begin there, seconds", min=0)] = 0.0,
+    thresholds: Annotated[str, typer.Option(help='thresholds: "cup=0.25,dining table=0.35"')] = "",
+    limit: Annotated[int, typer.Option(help="number of frames to play; 0: all", min=0)] = 0,
+    from_s: Annotated[float, typer.Option("--from", help="start, in seconds", min=0)] = 0.0,
     to_s: Annotated[
-        float | None, typer.Option("--to", help="end there, seconds  [default: its end]", min=0)
+        float | None, typer.Option("--to", help="end, in seconds  [default: its end]", min=0)
     ] = None,
     rate: Annotated[
-        float, typer.Option(help="1: as it was recorded, 2: twice as fast, 0: no waiting", min=0)
+        float,
+        typer.Option(help="speed; 1: as recorded, 2: twice as fast, 0: without waiting", min=0),
     ] = 0.0,
     free_running: Annotated[
-        bool, typer.Option(help="do not wait for the maps; gives another result each time")
+        bool, typer.Option(help="do not wait for the maps; the results then differ between runs")
     ] = False,
     strict: Annotated[
         bool,
-        typer.Option(
-            "--strict", help="refuse a damaged recording, end at a frame that cannot be read"
-        ),
+        typer.Option("--strict", help="refuse a damaged recording, end at an unreadable frame"),
     ] = False,
     topics: Annotated[
-        str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
+        str, typer.Option(help='topics of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
     ] = "",
     agent: Annotated[
-        str, typer.Option(help="whose settings the object map has: that of helios up then")
+        str, typer.Option(help="agent of the object map: use the one of the recorded helios up")
     ] = "helios",
 ) -> None:
-    """Play a recording or data set and write the results. Runs the same services as helios up, but
-    no planner and gateway."""
+    """Play a recording or data set and write the results. Runs the same services as helios up,
+    without planner and gateway."""
     from helios_client.interrupt_signals import noted_interrupts
 
     with noted_interrupts() as interrupts:
@@ -188,6 +192,6 @@ def replay(
         results = run_replay(job, interrupts, screen)
         screen.print(results.table())  # first, as writing may fail on a full disk
         results.write(out)
-        so_far = "interrupted: what was found so far is " if results.summary["interrupted"] else ""
+        so_far = "interrupted: the results so far are " if results.summary["interrupted"] else ""
         screen.print(f"{so_far}written to {out}", highlight=False)
         interrupts.check()

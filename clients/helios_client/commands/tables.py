@@ -19,7 +19,7 @@ TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "ru
 def task_table(tasks: Sequence[Task]) -> Table:
     """Table with one row per task, with priorities if any is set."""
     ranked = any(task.priority for task in tasks)
-    columns = ["id", "state", *(["priority"] if ranked else []), "took", "steps", "instruction"]
+    columns = ["id", "state", *(["priority"] if ranked else []), "duration", "steps", "instruction"]
     out = plain_table(*columns, "message")
     for task in tasks:
         color = TASK_COLORS.get(task.state, "default")
@@ -59,7 +59,7 @@ def seen_tables(found: Seen) -> list[Table | str]:
     else:
         out.append(escape(f"the map has no object of that name: {found.prompt}"))
     if found.views:
-        views = plain_table("past view", "named", "score", "at (m)", "from (m)", "time (s)")
+        views = plain_table("past view", "class", "score", "at (m)", "camera (m)", "time (s)")
         for number, view in enumerate(found.views, start=1):
             camera = view.camera
             stood = _metres([camera["x_m"], camera["y_m"]]) if camera else "-"
@@ -69,7 +69,7 @@ def seen_tables(found: Seen) -> list[Table | str]:
             )  # fmt: skip
         out.append(views)
     elif found.views_asked or not found.views_note:
-        out.append(f"no past view fits, of {found.views_asked} that were asked")
+        out.append(f"none of {found.views_asked} past views fits the prompt")
     if found.views_note:
         out.append(escape(found.views_note))
     return out
@@ -95,7 +95,7 @@ def task_by_prefix(helios: Helios, id: str) -> Task:
         return (exact or fitting)[0]
     if not fitting:
         raise UsageError(f"there is no task {id!r}; list them with helios tasks")
-    raise UsageError(f"{len(fitting)} tasks begin with {id!r}; say more of the id")
+    raise UsageError(f"the ids of {len(fitting)} tasks begin with {id!r}; give more of the id")
 
 
 def _took(task: Task) -> str:

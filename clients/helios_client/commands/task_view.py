@@ -98,7 +98,7 @@ def say_stopped(helios: Helios, console: Console) -> None:
         reason = status["stop_reason"]
         why = f" ({escape(reason)})" if reason else ""
         console.print(
-            f"[red]the robot is stopped[/]{why}: the task waits until `helios clear-stop`",
+            f"[red]the robot is stopped[/]{why}: the task waits for `helios clear-stop`",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
 
@@ -124,7 +124,7 @@ def watch_task(
     HeliosError, and HungUp if the terminal was closed; the task then goes on.
     """
     try:
-        with hangup_raises(f"the task goes on; see it again with: helios watch {task.id}"):
+        with hangup_raises(f"the task continues; watch it with: helios watch {task.id}"):
             console.print(
                 f"task {task.id}: {task.instruction}", highlight=False, markup=False,
                 soft_wrap=True,
@@ -137,7 +137,7 @@ def watch_task(
     except KeyboardInterrupt:
         if not cancels:
             console.print(
-                f"the task goes on; end it with: helios cancel {task.id}",
+                f"the task continues; end it with: helios cancel {task.id}",
                 highlight=False, markup=False, soft_wrap=True,
             )  # fmt: skip
             raise
@@ -146,7 +146,7 @@ def watch_task(
             _cancel(helios, task)
         except (HeliosError, KeyboardInterrupt):
             console.print(
-                "nobody has confirmed the cancel, so the task may go on; end it with: "
+                "the cancellation was not confirmed, so the task may continue; end it with: "
                 f"helios cancel {task.id}", highlight=False, markup=False, soft_wrap=True,
             )  # fmt: skip
             raise

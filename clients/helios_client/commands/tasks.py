@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 app = typer.Typer()
 
 TaskId = Annotated[
-    str, typer.Argument(help="of the task, or how it begins, or: last; see helios tasks")
+    str, typer.Argument(help="id of the task or its beginning, or last; see helios tasks")
 ]
-Timeout = Annotated[float, typer.Option(help="longest wait", min=1.0)]
+Timeout = Annotated[float, typer.Option(help="longest wait in seconds", min=1.0)]
 NoWait = Annotated[
-    bool, typer.Option("--no-wait", help="print the task's id and end; the task goes on")
+    bool, typer.Option("--no-wait", help="print the task's id and exit; the task continues")
 ]
 TASKS_TO_TRY = 5
 
@@ -39,7 +39,7 @@ TASKS_TO_TRY = 5
 @app.command()
 @flatten_options
 def task(
-    instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
+    instruction: Annotated[str, typer.Argument(help='task, such as "Move the mug to the sofa"')],
     at: GatewayAddress,
     as_json: Json = False,
     timeout_s: Timeout = 3600.0,
@@ -47,32 +47,37 @@ def task(
     agent: Annotated[
         str | None,
         typer.Option(
-            help="who does it: helios, trusting …, or the one of helios up  [default: the setting]"
+            help="agent: helios, trusting … or that of helios up  [default: the planner's setting]"
         ),
     ] = None,
     max_steps: Annotated[
-        int | None, typer.Option(help="steps of the robot allowed  [default: the setting]", min=1)
+        int | None,
+        typer.Option(help="maximum number of robot steps  [default: the planner's setting]", min=1),
     ] = None,
     time_limit_s: Annotated[
         float | None,
-        typer.Option(help="seconds allowed from its start  [default: the setting]", min=0.1),
+        typer.Option(
+            help="time limit in seconds from the start  [default: the planner's setting]", min=0.1
+        ),
     ] = None,
     priority: Annotated[
-        int, typer.Option(help="of the queued ones a higher one is begun first", min=-100, max=100)
+        int,
+        typer.Option(
+            help="priority; queued tasks with a higher one start first", min=-100, max=100
+        ),
     ] = 0,
     own: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
-            help="a setting of the planner for this task alone, for example alpha_d=0.01; "
-            "repeatable",
+            help="planner setting for this task only, for example alpha_d=0.01; repeatable",
             metavar="NAME=VALUE",
         ),
     ] = None,
 ) -> None:
     """Submit a task and watch it; exit status 0 if it succeeded.
 
-    Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits until helios
+    Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits for helios
     clear-stop.
     """
     settings = named_values(own or ())
@@ -103,7 +108,7 @@ def submit_and_watch(
         asked = submit(helios)
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
-            print_line(f"helios: not used: {said}", stderr=True)
+            print_line(f"helios: ignored: {said}", stderr=True)
         # With --json the live view goes to stderr, so that stdout holds only JSON.
         notes = console(stderr=True)
         if no_wait:
@@ -152,9 +157,11 @@ def _tell_end(ended: Task, as_json: bool) -> None:
 def tasks(
     at: GatewayAddress,
     state: Annotated[
-        TaskState | None, typer.Option(help="only those in this state", case_sensitive=False)
+        TaskState | None, typer.Option(help="only tasks in this state", case_sensitive=False)
     ] = None,
-    limit: Annotated[int | None, typer.Option(help="at most so many", min=1, max=1000)] = None,
+    limit: Annotated[
+        int | None, typer.Option(help="maximum number of tasks", min=1, max=1000)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """List tasks, newest first."""
@@ -175,7 +182,7 @@ def tasks(
 def names(
     at: GatewayAddress,
     here: Annotated[
-        bool, typer.Option("--here", help="what was seen in this home, and tasks to try there")
+        bool, typer.Option("--here", help="list objects seen in this home, and tasks to try there")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -188,7 +195,9 @@ def names(
     if as_json:
         print_json(found)
     elif found["open"]:
-        print_line(f"any name can be asked for: the detector ({found['detector']}) is open")
+        print_line(
+            f"any name is allowed: the detector ({found['detector']}) has an open vocabulary"
+        )
     else:
         _print_names(sorted(name.replace("_", " ") for name in found["names"]))
 
@@ -199,10 +208,10 @@ def cancel(
     at: GatewayAddress,
     id: Annotated[
         str | None,
-        typer.Argument(help="of the task, or how it begins, or: last; see helios tasks"),
+        typer.Argument(help="id of the task or its beginning, or last; see helios tasks"),
     ] = None,
     everything: Annotated[
-        bool, typer.Option("--all", help="every task that is queued, running or paused")
+        bool, typer.Option("--all", help="cancel every task that is queued, running or paused")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -211,7 +220,7 @@ def cancel(
     from helios_client.usage_errors import UsageError
 
     if (id is None) is not everything:
-        raise UsageError("name one task, or --all; list them with helios tasks")
+        raise UsageError("name one task, or use --all; helios tasks lists all tasks")
     with at.connect() as helios:
         if id is not None:
             _print_task(helios.cancel(task_by_name(helios, id).id), as_json)
@@ -243,7 +252,7 @@ def _cancel_all(helios: Helios) -> list[Task]:
 @app.command()
 @flatten_options
 def pause(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
-    """Pause a task, queued or running, until helios resume."""
+    """Pause a queued or running task until helios resume."""
     from helios_client.commands.tables import task_by_name
 
     with at.connect() as helios:
@@ -278,11 +287,13 @@ def _print_here(found: Suggestions, as_json: bool) -> None:
     if found["seen"]:
         console().print(seen_name_table(found["seen"]))
     elif found["seen"] is None:
-        print("what was seen is not known: the object map does not answer")
+        print("seen objects are not available: the object map does not respond")
     else:
-        print("nothing has been seen in this home yet of what a task looked for")
+        print("no object that a task looked for has been seen in this home yet")
     if found["tasks"]:
-        print("\nTasks to try:" if found["seen"] else "\nExamples that the detector knows:")
+        print(
+            "\nTasks to try:" if found["seen"] else "\nExamples with names that the detector knows:"
+        )
     for text in found["tasks"]:
         print_line(f'  helios task "{text}"')
 

@@ -22,21 +22,21 @@ app = typer.Typer()
 @flatten_options
 def why(
     at: GatewayAddress,
-    task: Annotated[str, typer.Argument(help="its id, or how it begins, or: last")] = "last",
+    task: Annotated[str, typer.Argument(help="id of the task or its beginning, or last")] = "last",
     changes: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
-            help="take every decision again under this setting and show which would flip, for "
+            help="recompute every decision with this setting and show which would flip, for "
             "example alpha_d=0.01; repeatable",
             metavar="NAME=VALUE",
         ),
     ] = None,
     top: Annotated[
-        int, typer.Option(help="candidates shown of each decision; 0: sentences only", min=0)
+        int, typer.Option(help="candidates to show per decision; 0: sentences only", min=0)
     ] = 3,
     everything: Annotated[
-        bool, typer.Option("--all", help="with --set: also what would stay as it was")
+        bool, typer.Option("--all", help="with --set: also show decisions that would stay the same")
     ] = False,
     as_json: Json = False,
 ) -> None:

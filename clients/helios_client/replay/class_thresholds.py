@@ -18,7 +18,7 @@ def search_context_from_flags(classes: str, thresholds: str) -> SearchContext:
     UsageError."""
     names = [plain(name) for name in classes.split(",")]
     if not all(names):
-        raise UsageError(f"--classes is {classes!r}; wanted names with commas between them")
+        raise UsageError(f"--classes is {classes!r}; wanted names separated by commas")
     if len(set(names)) < len(names):
         raise UsageError(f"--classes is {classes!r}; name each class once")
     by_name = _thresholds(thresholds)

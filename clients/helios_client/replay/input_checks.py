@@ -38,9 +38,12 @@ def examine(job: ReplayJob, console: Console) -> CheckedInput:
     if cut := getattr(source, "cut", ""):
         if pace.strict:
             raise InvalidInput(
-                f"{job.source} is cut off: {cut}; without --strict all before it is played"
+                f"{job.source} is cut off: {cut}; without --strict the part before it is played"
             )
-        console.print(f"[yellow]read up to where it is cut off[/]: {escape(cut)}", soft_wrap=True)
+        console.print(
+            f"[yellow]cut off, so only the part before the cut is played[/]: {escape(cut)}",
+            soft_wrap=True,
+        )
     for sentence in (getattr(source, "assumed", ""), source.left_out):
         if sentence:
             console.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)
@@ -51,7 +54,8 @@ def examine(job: ReplayJob, console: Console) -> CheckedInput:
         searches = tuple(frozenset(c.name for c in context.classes) for context in begun)
         if not searches:
             raise InvalidInput(
-                f"{job.source} holds no search; say what to look for with --classes and --detector"
+                f"{job.source} contains no search; name the classes to find with --classes, and a "
+                "detector with --detector"
             )
     waits_s = [b.time_s - a.time_s for a, b in itertools.pairwise(source.shots)]
     longest_s = max(waits_s, default=0.0) / pace.rate if pace.rate else 0.0
@@ -76,5 +80,5 @@ def _damage(job: ReplayJob, lost: Any, console: Console) -> dict[str, Any]:
         raise InvalidInput(
             f"{job.source} has {what}: {lost[0].why}; without --strict the rest is played"
         )
-    console.print(f"[yellow]{what} left out[/]; the first: {escape(lost[0].why)}", soft_wrap=True)
+    console.print(f"[yellow]{what} skipped[/]; the first: {escape(lost[0].why)}", soft_wrap=True)
     return out

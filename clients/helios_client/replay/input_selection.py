@@ -25,7 +25,7 @@ def default_detector(robot: str, source: Path | None) -> str:
         return "simulated"
     if robot == "replay" and source is not None and _is_recording(source):
         return RECORDED_DETECTOR
-    raise UsageError(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
+    raise UsageError(f"--robot {robot} needs a detector; name one with --detector onnx:FILE")
 
 
 def search_and_detector(
@@ -38,14 +38,16 @@ def search_and_detector(
     recorded = _is_recording(source)
     if classes is None:
         if not recorded:
-            raise UsageError(f"{source} is no recording, so --classes must say what to look for")
+            raise UsageError(
+                f"{source} is not a recording, so --classes must name the classes to find"
+            )
         if thresholds:
-            raise UsageError("--thresholds goes with --classes")
+            raise UsageError("--thresholds is valid only with --classes")
         return None, detector or RECORDED_DETECTOR
     if detector is None or detector == RECORDED_DETECTOR:
         raise UsageError(
-            "--classes names other things than were sought then, so --detector must say with what: "
-            "onnx:FILE"
+            "--classes starts a new search, which recorded detections do not cover; name a "
+            "detector with --detector onnx:FILE"
         )
     return search_context_from_flags(classes, thresholds), detector
 

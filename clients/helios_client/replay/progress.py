@@ -89,7 +89,7 @@ def waits_for(rows: Sequence[ServiceRow], rate: float = 0.0) -> str:
         return "; ".join(said)
     if rate:
         return f"the time of the next frame in the recording (--rate {rate:g})"
-    return "an answer; no service says why"
+    return "a response; no service reports a reason"
 
 
 class UnknownClassReport:
@@ -110,13 +110,12 @@ class UnknownClassReport:
         sought = status_count(board, "detector", "contexts_sought")
         if unknown and not sought and (over or len(self._kinds) == 1):
             raise UsageError(
-                f"the detector {self._detector} knows nothing of what is looked for: "
-                f"{status.reason}"
+                f"the detector {self._detector} knows none of the classes to find: {status.reason}"
             )
         refused = status_count(board, "detector", "classes_refused")
         if refused and status.reason not in self._printed:
             self._printed.add(status.reason)
-            console.print(f"[yellow]not looked for[/]: {escape(status.reason)}", soft_wrap=True)
+            console.print(f"[yellow]not searched for[/]: {escape(status.reason)}", soft_wrap=True)
 
 
 def _goes_on(board: ServiceTable) -> bool:
@@ -128,7 +127,7 @@ def _goes_on(board: ServiceTable) -> bool:
 def _not_started(job: ReplayJob, late: Sequence[ServiceRow]) -> str:
     """Sentence with state, reason and log of each service that is not ready."""
     each = [
-        f"{r.name} is {r.state} ({r.reason or 'it has said nothing yet'}; log "
+        f"{r.name} is {r.state} ({r.reason or 'no report yet'}; log "
         f"{job.log_dir / f'{r.name}.log'})"
         for r in late
     ]

@@ -59,7 +59,7 @@ class Results:
     def table(self) -> Table:
         """Table of the objects for a terminal, best first."""
         out = Table("id", "class")
-        for heading in ("centre m", "size m", "Ψ", "U", "views"):
+        for heading in ("centre (m)", "size (m)", "Ψ", "U", "views"):
             out.add_column(heading, justify="right", no_wrap=True)
         for o in self.objects:
             out.add_row(
@@ -158,8 +158,8 @@ def _replace(path: Path, data: bytes) -> None:
         write_file(path, data)
     except OSError as error:
         raise InvalidInput(
-            f"{path} cannot be written: {error.strerror}; make room there, or name another folder "
-            "with --out"
+            f"{path} cannot be written: {error.strerror}; free up disk space, or name another "
+            "folder with --out"
         ) from error
 
 

@@ -77,7 +77,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     try:
         job.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInput(f"--out {job.out} cannot be made: {error.strerror}") from error
+        raise InvalidInput(f"--out {job.out} cannot be created: {error.strerror}") from error
     pace = job.pace
     stack = StackOptions(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
@@ -157,7 +157,7 @@ def _play(
             tally.wait_finished(CHECK_PERIOD_S)
             _check(supervisor)
             description = watch.check_progress(supervisor.table(), tally)
-            pace = f"{tally.pace_ms:.0f} ms a frame" if tally.frames > 1 else ""
+            pace = f"{tally.pace_ms:.0f} ms per frame" if tally.frames > 1 else ""
             progress.update(
                 bar, completed=tally.finished_frames, description=description, pace=pace
             )
@@ -185,12 +185,12 @@ def _settle(supervisor: Supervisor, interrupts: Interrupts) -> None:
 
 def _say_unreadable(unreadable: int, total: int, job: ReplayJob, console: Console) -> None:
     """Report unreadable frames, if any. Raises InvalidInput if no frame is readable."""
-    where = f"{job.log_dir / 'bridge.log'} names each"
+    where = f"{job.log_dir / 'bridge.log'} lists them"
     if unreadable >= total:
         raise InvalidInput(f"none of the {total} frames of {job.source} can be read; {where}")
     if unreadable:
         console.print(
-            f"[yellow]{unreadable} of {total} frames could not be read and were left out[/]; "
+            f"[yellow]{unreadable} of {total} frames could not be read and were skipped[/]; "
             f"{escape(where)}",
             soft_wrap=True,
         )

@@ -63,7 +63,7 @@ class BusLink:
                 try:
                     bus.publish(SUPERVISOR, message)
                 except HeliosError as error:
-                    log.warning("the table of processes could not be told: %s", error.message)
+                    log.warning("the process table could not be published: %s", error.message)
                 self._wake.wait(PUBLISH_PERIOD_S)
         finally:
             bus.close()

@@ -39,11 +39,11 @@ def check_name(name: str) -> None:
 def check_together(robot: str, spot_host: str | None, source: Path | None) -> None:
     """Raise UsageError for a flag that does not belong to this robot, or that it lacks."""
     if spot_host is not None and robot != "spot":
-        raise UsageError("--spot-host goes with --robot spot, and only with it")
+        raise UsageError("--spot-host is valid only with --robot spot")
     if robot == "replay" and source is None:
         raise UsageError("--robot replay needs --source, the recording or data set to play")
     if source is not None and robot != "replay":
-        raise UsageError("--source goes with --robot replay, and only with it")
+        raise UsageError("--source is valid only with --robot replay")
 
 
 def check_detector(detector: str) -> str:
@@ -108,7 +108,7 @@ def _check_model(file: str) -> None:
         raise UsageError(f"--detector onnx:{file}: that is a folder; name the model file in it")
     if not path.is_file():
         near = nearest(path.name, (p.name for p in _beside(path)))
-        hint = f"did you mean {near}?" if near else "name a file that is there"
+        hint = f"did you mean {near}?" if near else "name an existing file"
         raise UsageError(f"--detector onnx:{file}: there is no such file; {hint}")
 
 

@@ -82,12 +82,12 @@ def _row(
 
     if info.state is not ProcessState.RUNNING:
         return row(info.state.value, info.reason)
-    again = f"started again: {info.reason}" if info.reason else ""
+    again = f"restarted: {info.reason}" if info.reason else ""
     if info.name == WITHOUT_STATUS:
         return row("ready", again)
     if heard is None or heard[1].pid != info.pid:
         return row("starting", again)
     heard_s, status = heard
     if now_s - heard_s > SILENT_S:
-        return row("degraded", f"has said nothing for {now_s - heard_s:.0f} s")
+        return row("degraded", f"has not reported for {now_s - heard_s:.0f} s")
     return row(status.state, "; ".join(filter(None, (status.reason, again))))

@@ -28,7 +28,7 @@ def unread_variables_message(variables: Iterable[str]) -> str:
     if not names:
         return ""
     listed = (f"{name} (did you mean {near}?)" if (near := _near(name)) else name for name in names)
-    return f"nothing of HELIOS reads {', '.join(listed)}; the services are {', '.join(SERVICES)}"
+    return f"no part of HELIOS reads {', '.join(listed)}; the services are {', '.join(SERVICES)}"
 
 
 def _is_read(name: str) -> bool:

@@ -59,7 +59,7 @@ def up(stack: StackOptions, screen: Screen) -> None:
         ) from None
     except OSError as error:
         raise InvalidInput(
-            f"the state directory {stack.state_dir} cannot be used ({error.strerror}); choose "
+            f"the state folder {stack.state_dir} cannot be used ({error.strerror}); choose "
             "another with --state"
         ) from error
     stopping = threading.Event()
@@ -76,11 +76,11 @@ def check_port(port: int, flag: str) -> None:
         return
     if error.errno == errno.EADDRINUSE:
         raise Conflict(
-            f"port {port} is in use; stop what listens there, or choose another with {flag}"
+            f"port {port} is in use; stop the process that uses it, or choose another with {flag}"
         )
-    low = " (ports below 1024 are the system's)" if error.errno == errno.EACCES else ""
+    low = " (ports below 1024 are reserved for the system)" if error.errno == errno.EACCES else ""
     raise Conflict(
-        f"nothing can listen on port {port}: {error.strerror}{low}; choose another with {flag}"
+        f"no process can listen on port {port}: {error.strerror}{low}; choose another with {flag}"
     )
 
 
@@ -124,7 +124,7 @@ class _Run:
                     said_waiting = True
                     for row in rows:
                         if row.state != "ready":
-                            self._say(f"{row.name} is {row.state}: {row.reason or 'no word yet'}")
+                            self._say(f"{row.name} is {row.state}: {row.reason or 'no report yet'}")
         finally:
             self._say("stopping")
             link.request_close()
@@ -145,14 +145,16 @@ class _Run:
             if stays_down and ending.usage_error and not self._ever_ready:
                 raise UsageError(ending.reason)
             if stays_down:
-                self._say(f"[red]{name} ended and stays down[/]: {escape(ending.reason)}")
+                self._say(
+                    f"[red]{name} ended and will not be restarted[/]: {escape(ending.reason)}"
+                )
             elif info.state is ProcessState.RUNNING:
                 self._say(
-                    f"[yellow]{name} ended[/] ({escape(ending.reason)}); started again as "
+                    f"[yellow]{name} ended[/] ({escape(ending.reason)}); restarted as "
                     f"pid {info.pid}, restart {info.restarts}"
                 )
             else:
-                self._say(f"[yellow]{name} ended[/] ({escape(ending.reason)}); will start again")
+                self._say(f"[yellow]{name} ended[/] ({escape(ending.reason)}); will be restarted")
 
     def _say_ready(self, rows: Sequence[ServiceRow]) -> None:
         for row in rows:

@@ -37,7 +37,7 @@ def main(only: str | None = None, json_path: Path | None = None) -> None:
             measured = getattr(module, name)()
             rows += measured if isinstance(measured, list) else [measured]
     table = Table(title=f"{machine()} · commit {commit()}")
-    for heading in ("name", "size", "ours ms", "peer", "peer ms", "ratio"):
+    for heading in ("name", "size", "ours (ms)", "peer", "peer (ms)", "ratio"):
         table.add_column(
             heading, justify="right" if "ms" in heading or heading == "ratio" else "left"
         )

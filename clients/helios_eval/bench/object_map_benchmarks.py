@@ -78,7 +78,7 @@ def _render(n: int) -> Row:
     # Near-equal depths may sort differently in float32, which changes a few of 300 thousand pixels.
     difference = np.abs(ours(0) - peer(0)[1:].numpy())
     if difference.mean() > 1e-4 or (difference > 0.02).mean() > 1e-3:
-        raise AssertionError("the two rasterisers draw different pictures: not the same work")
+        raise AssertionError("the two rasterisers render different images: not the same work")
     return compare("render", f"{CHANNELS} channels, 640x480, {n} Gaussians", ours, PEER, peer, 3)
 
 

@@ -10,14 +10,15 @@ import typer
 
 def calibration(
     folders: Annotated[
-        list[Path], typer.Argument(help="what `helios eval` wrote; one folder for each setting")
+        list[Path], typer.Argument(help="result folders of `helios eval`, one for each setting")
     ],
-    out: Annotated[Path, typer.Option(help="folder for calibration.md and the pictures")],
+    out: Annotated[Path, typer.Option(help="folder for calibration.md and the plots")],
     every_step: Annotated[
-        bool, typer.Option("--every-step", help="all recorded beliefs, not the last of each thing")
+        bool,
+        typer.Option("--every-step", help="all recorded beliefs, not only the last of each object"),
     ] = False,
 ) -> None:
-    """Hold what the object map believed against the truth. Reliability, ECE, AUROC."""
+    """Compare the object map's beliefs with ground truth. Reports reliability, ECE and AUROC."""
     from helios_eval.calibration import report  # matplotlib takes a second to load
     from helios_eval.run_folder import write_errors_as_unavailable
 

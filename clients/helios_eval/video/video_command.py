@@ -9,33 +9,33 @@ import typer
 
 
 def video(
-    seed: Annotated[int, typer.Option(help="of the home", min=0, max=99_999)],
+    seed: Annotated[int, typer.Option(help="seed of the home", min=0, max=99_999)],
     out: Annotated[
         Path | None, typer.Option(help="file to write  [default: runs/video/AGENT-SEED.mp4]")
     ] = None,
-    preset: Annotated[str, typer.Option(help="kind of home")] = "ovmm-v1",
-    agent: Annotated[str, typer.Option(help="who plays")] = "helios",
-    semantics: Annotated[str, typer.Option(help="noisy or ground-truth")] = "noisy",
+    preset: Annotated[str, typer.Option(help="preset of the home")] = "ovmm-v1",
+    agent: Annotated[str, typer.Option(help="agent to film")] = "helios",
+    semantics: Annotated[str, typer.Option(help="detections: noisy or ground-truth")] = "noisy",
     benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
-    fps: Annotated[float, typer.Option(help="frames a second", min=1, max=60)] = 8.0,
+    fps: Annotated[float, typer.Option(help="frames per second", min=1, max=60)] = 8.0,
     noise_table: Annotated[
         str | None, typer.Option("--noise", help="noise table  [default: the preset's]")
     ] = None,
-    noise_level: Annotated[float, typer.Option(help="multiplies the noise", min=0, max=10)] = 1.0,
+    noise_level: Annotated[float, typer.Option(help="noise multiplier", min=0, max=10)] = 1.0,
     noise_correlation: Annotated[
-        float | None, typer.Option(help="1: errors stay, 0: drawn per frame")
+        float | None, typer.Option(help="1: errors persist, 0: drawn per frame")
     ] = None,
     sensor: Annotated[
         str, typer.Option(help="noise of camera and pose: none or realistic")
     ] = "none",
     assignments: Annotated[
-        list[str] | None, typer.Option("--set", help="setting of a service: a=1")
+        list[str] | None, typer.Option("--set", help="service setting, such as a=1")
     ] = None,
     max_steps: Annotated[
-        int | None, typer.Option(help="actions the episode may take", min=1)
+        int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
 ) -> None:
-    """Play one episode and film it. Camera, maps and decisions side by side."""
+    """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
     from rich.console import Console
 

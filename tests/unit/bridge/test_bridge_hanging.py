@@ -171,7 +171,7 @@ def test_the_process_ends_although_the_driver_hangs(tmp_path: Path) -> None:
             process.kill()
             process.wait()
     said = log.read_text()
-    assert "left behind" in said
+    assert "abandoned" in said
     assert "FATAL" not in said
 
 

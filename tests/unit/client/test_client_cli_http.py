@@ -90,8 +90,8 @@ def test_names_here_lists_found_objects_and_example_tasks(gateway: Served, helio
     gateway.backend.found.clear()
     gateway.backend.change_objects()
     reported = helios("names", "--here")
-    assert reported.startswith("nothing has been seen in this home yet")
-    assert "\nExamples that the detector knows:\n" in reported
+    assert reported.startswith("no object that a task looked for has been seen in this home yet")
+    assert "\nExamples with names that the detector knows:\n" in reported
 
 
 def test_the_camera_image_is_written_to_a_file(
@@ -154,7 +154,7 @@ def test_the_map_is_exported_as_images_and_arrays(helios: Helios, tmp_path: Path
     helios("map", "export", "--only", "dream", status=2)
     assert "wanted one of occupancy, pick, place" in helios.error
     helios("map", "export", "--out", "/dev/null/x", status=1)
-    assert "/dev/null/x cannot be made: Not a directory" in helios.error
+    assert "/dev/null/x cannot be created: Not a directory" in helios.error
 
 
 def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
     ]  # fmt: skip
     assert (out / "map.yaml").read_bytes() == b"walls"
     helios("map", "export", "--ros", "--only", "pick", status=2)
-    assert "occupancy alone" in helios.error
+    assert "only the occupancy" in helios.error
 
 
 @pytest.mark.parametrize("command", [["map", "save"], ["camera"]])
@@ -203,7 +203,7 @@ def test_a_full_disk_leaves_existing_files_unchanged(
 
 
 def test_map_reset_clears_both_maps_or_the_named_one(gateway: Served, helios: Helios) -> None:
-    assert helios("map", "reset", "--only", "objects").startswith("forgotten: objects; ")
+    assert helios("map", "reset", "--only", "objects").startswith("discarded: objects; ")
     assert gateway.backend.kept == {"map2d": b"walls", "objects": b""}
     assert helios.json("map", "reset", "--yes") == {"reset": ["objects", "occupancy"]}
     assert gateway.backend.kept == {"map2d": b"", "objects": b""}
@@ -221,7 +221,7 @@ def test_map_reset_at_a_terminal_asks_for_confirmation(
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stdin", terminal)
     helios("map", "reset", "--only", "occupancy", status=status)
-    assert "Forget the map of occupancy" in helios.error
+    assert "Discard the map of occupancy" in helios.error
     assert bool(gateway.backend.kept["map2d"]) == bool(status)
 
 
@@ -233,7 +233,7 @@ def test_both_maps_are_saved_to_one_file_and_loaded_from_it(
     gateway.backend.kept = {"map2d": b"other", "objects": b"other"}
     assert helios.json("map", "load", str(file))["objects"] == 4
     assert gateway.backend.kept == {"map2d": b"walls", "objects": b"things"}
-    assert "40 m² of ground, 4 objects" in helios("map", "load", str(file))
+    assert "40 m² of known area, 4 objects" in helios("map", "load", str(file))
     helios("map", "load", str(tmp_path / "none.zip"), status=2)
     assert "No such file" in helios.error
     assert "helios map save" in helios.error
@@ -312,7 +312,7 @@ def test_a_task_for_a_stopped_robot_reports_at_once_that_it_waits_for_clear_stop
 
     threading.Thread(target=end_it, daemon=True).start()
     helios.json("task", INSTRUCTION)
-    assert "the task waits until `helios clear-stop`" in helios.error
+    assert "the task waits for `helios clear-stop`" in helios.error
     assert "waiting until all services" not in helios.error
 
 
@@ -402,7 +402,7 @@ def test_the_camera_command_refuses_a_file_name_that_is_not_jpeg(
     helios: Helios, tmp_path: Path
 ) -> None:
     helios("camera", str(tmp_path / "now.png"), status=2)
-    assert "the picture is a JPEG" in helios.error
+    assert "the image is a JPEG" in helios.error
     assert not list(tmp_path.iterdir())
 
 

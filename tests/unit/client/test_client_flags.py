@@ -55,7 +55,7 @@ def test_names_ignore_case_and_are_returned_in_their_canonical_spelling() -> Non
     ("flag", "given", "said"),
     [
         ("--detector", "onnx:nan.onnx", "there is no such file; did you mean nano.onnx?"),
-        ("--detector", "onnx:/nonexistent/x.onnx", "no such file; name a file that is there"),
+        ("--detector", "onnx:/nonexistent/x.onnx", "no such file; name an existing file"),
         ("--detector", "onnx:.", "that is a folder"),
         ("--detector", "onnx:", "names no file"),
         ("--detector", "onnx", "names no file"),

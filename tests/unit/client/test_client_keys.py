@@ -46,7 +46,7 @@ def test_a_key_name_may_contain_any_printable_characters(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("name", ["", "  ", "a\nb", "\x7f", "\ud83e"])
 def test_an_empty_or_unprintable_key_name_is_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="can be read"):
+    with pytest.raises(UsageError, match="wanted printable text"):
         add_key(tmp_path / "keys.toml", name, "read")
     assert list(tmp_path.iterdir()) == []
 
@@ -59,7 +59,7 @@ def test_a_file_that_is_not_a_key_file_is_refused_and_left_unchanged(
 ) -> None:
     file = tmp_path / "keys.toml"
     file.write_bytes(content)
-    with pytest.raises(HeliosError, match="is no file of keys") as refused:
+    with pytest.raises(HeliosError, match="is not a valid key file") as refused:
         add_key(file, "tablet", "read")
     assert isinstance(refused.value, InvalidInput)
     assert file.read_bytes() == content

@@ -56,7 +56,8 @@ def test_logs_without_a_service_lists_the_services_that_have_logs(
     ]
     [reported] = logs("plannner", capsys=capsys, status=2)
     assert reported.endswith(
-        "no service 'plannner' has a log; there are map2d, planner; did you mean planner?"
+        "there is no log of a service 'plannner'; logs exist for map2d, planner; "
+        "did you mean planner?"
     )
 
 

@@ -71,7 +71,7 @@ def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_log
     said = late.value.message
     assert "not ready within 0.1 s" in said
     assert f"detector is starting (loading the model; log {tmp_path / 'logs/detector.log'})" in said
-    assert f"map2d is starting (it has said nothing yet; log {tmp_path / 'logs/map2d.log'})" in said
+    assert f"map2d is starting (no report yet; log {tmp_path / 'logs/map2d.log'})" in said
     assert "bridge" not in said
 
 
@@ -111,7 +111,7 @@ def test_a_detector_that_knows_no_class_ends_the_replay_with_a_usage_error(
 ) -> None:
     refused = {"contexts_unknown": 1, "classes_refused": 1}
     board = board_of(status("detector", "degraded", "'cup' is not painted", **refused))
-    with pytest.raises(UsageError, match=r"recorded knows nothing.*'cup' is not painted"):
+    with pytest.raises(UsageError, match=r"recorded knows none.*'cup' is not painted"):
         play(job(tmp_path, start_s=60), board, FrameAcks(), "cup", "cup")
 
 
@@ -176,7 +176,7 @@ def test_skipped_frames_are_reported_and_a_replay_without_readable_frames_fails(
     say(0)
     assert capsys.readouterr().out == ""
     say(3)
-    assert "3 of 4 frames could not be read and were left out" in capsys.readouterr().out
+    assert "3 of 4 frames could not be read and were skipped" in capsys.readouterr().out
     with pytest.raises(InvalidInput, match="none of the 4 frames"):
         say(4)
     assert unreadable_frames(board_of(status("bridge", "ready", unreadable_frames=3))) == 3

@@ -71,7 +71,7 @@ def test_a_cancel_is_repeated_until_the_restarted_gateway_accepts_it(
     cancelled = task(state="cancelled", message="cancelled after 3 steps")
     reported = interrupted(helios([QUEUED, STARTING, STARTING, task(), cancelled]))
     assert "cancelled after 3 steps" in reported
-    assert "may go on" not in reported
+    assert "may continue" not in reported
     assert reported.endswith("KeyboardInterrupt")
 
 
@@ -80,7 +80,7 @@ def test_an_unanswered_cancel_is_reported_with_the_command_to_repeat_it(
 ) -> None:
     monkeypatch.setattr(module, "CANCEL_S", 0.0)
     reported = interrupted(helios([QUEUED, STARTING, STARTING]))
-    assert "the task may go on; end it with: helios cancel t1" in reported
+    assert "the task may continue; end it with: helios cancel t1" in reported
     assert reported.endswith("Unavailable")
 
 

@@ -93,7 +93,7 @@ def test_cancel_all_cancels_and_counts_all_open_tasks(gateway: Served, helios: H
 @pytest.mark.parametrize("args", [["cancel"], ["cancel", "t1", "--all"]])
 def test_cancel_needs_either_one_task_or_all(args: list[str], helios: Helios) -> None:
     helios(*args, status=2)
-    assert "name one task, or --all" in helios.error
+    assert "name one task, or use --all" in helios.error
 
 
 @pytest.mark.parametrize(

@@ -120,14 +120,14 @@ def test_changed_settings_show_only_the_decisions_that_would_flip() -> None:
     assert "pick the mug" not in text
     everything = shown(decisions, ("alpha_d=0.1",), everything=True)
     assert "pick the mug" in everything
-    assert "would stay so" in everything
+    assert "would stay the same" in everything
 
 
 def test_an_uncertain_recomputation_is_marked() -> None:
     unsure = PICK | {"recomputed": STAYS | {"certain": False}}
     text = shown([unsure], ("tau_g=0.9",))
-    assert "1 depends on what was not asked for then" in text
-    assert "cannot be told" in text
+    assert "1 depends on values not queried at the time" in text
+    assert "unknown: not queried at the time" in text
 
 
 def test_markup_in_a_decision_is_printed_literally() -> None:

@@ -517,7 +517,7 @@ def test_the_contract_command_tests_a_detector_of_the_current_folder(tmp_path: P
     [
         (("--detector", "mine:Mine"), "no package or module 'mine'"),
         (("--scorer", "typo"), "there is no scorer 'typo'"),
-        (("--detector", "paint", "--image", "nothing.png"), "is no picture"),
+        (("--detector", "paint", "--image", "nothing.png"), "is not a readable image"),
         ((), "required"),
     ],
 )
