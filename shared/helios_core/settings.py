@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_core import ErrorDetails, to_jsonable_python
 from pydantic_settings import (
     BaseSettings,
@@ -51,6 +51,14 @@ def _robots(text: str) -> str:
         raise ValueError(error.message) from error
 
 
+def _level(name: str) -> str:
+    if name.lower() not in LOG_LEVELS:
+        raise ValueError(f"no log level is called {name!r}; choose one of {', '.join(LOG_LEVELS)}")
+    return name
+
+
+LOG_LEVELS = ("debug", "info", "warning", "error")
+LogLevel = Annotated[str, AfterValidator(_level)]
 RobotName = Annotated[str, AfterValidator(_robot)]
 RobotNames = Annotated[str, AfterValidator(_robots)]  # comma-separated, each once; may be empty
 
@@ -80,7 +88,7 @@ class ServiceSettings(BaseSettings):
     robot: RobotName = Field(
         default="robot", description="name of the robot: the first part of every key"
     )
-    log_level: str = Field(default="info", description="debug, info, warning or error")
+    log_level: LogLevel = Field(default="info", description="debug, info, warning or error")
 
     @classmethod
     def service_name(cls) -> str:
@@ -129,7 +137,9 @@ class ServiceSettings(BaseSettings):
         name = ".".join(map(str, error["loc"]))
         if error["type"] == "extra_forbidden":
             return no_setting(cls.service_name(), cls.model_fields, name)
-        return f"{name}: {error['msg']} (got {error['input']!r})"
+        field = cls.model_fields.get(name)
+        secret = field is not None and field.annotation is SecretStr
+        return f"{name}: {error['msg']}" + ("" if secret else f" (got {error['input']!r})")
 
     @classmethod
     def settings_customise_sources(
@@ -171,7 +181,7 @@ def _toml(path: str) -> dict[str, Any]:
     """Content of a TOML file. Raises InvalidInput that names the file, and the line of a fault."""
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InvalidInput(f"{path} is no TOML: {error}") from error
     except UnicodeDecodeError as error:
         raise InvalidInput(f"{path} is no UTF-8 text: {error.reason}") from error

@@ -9,7 +9,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.settings import ServiceSettings, service_config
 from helios_core.settings_spelling import SERVICES
-from pydantic import Field
+from pydantic import Field, SecretStr
 
 from tests.support import settings_of
 
@@ -130,3 +130,24 @@ def test_a_setting_outside_of_a_table_is_refused(
     assert "under the table of its service, such as [sample]" in refusal(
         ["--config", str(file)], capsys
     )
+
+
+def test_an_unknown_log_level_is_refused_with_the_known_ones(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert "choose one of debug, info, warning, error" in refusal(["--log-level", "loud"], capsys)
+
+
+def test_a_wrong_value_of_a_secret_is_never_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Keys(ServiceSettings):
+        model_config = service_config("sample")
+        token: SecretStr = SecretStr("")
+
+    file = tmp_path / "settings.toml"
+    file.write_text('[sample]\ntoken = ["hunter2"]\n')
+    with pytest.raises(SystemExit) as ended:
+        Keys.load(["--config", str(file)])
+    said = capsys.readouterr().err
+    assert (ended.value.code, "token" in said, "hunter2" in said) == (2, True, False)

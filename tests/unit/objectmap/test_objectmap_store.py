@@ -153,3 +153,17 @@ def test_surplus_gaussians_without_a_class_go_first_and_then_the_longest_unseen(
     assert not len(surplus(believed, seen, 10))
     assert surplus(believed, seen, 8).tolist() == [1, 3, 5]  # down to 7 of 8
     assert surplus(believed, seen, 4).tolist() == [1, 3, 5, 0, 2, 4, 6]
+
+
+def test_the_arrays_of_a_map_file_keep_their_names():
+    store = GaussianStore(0)
+    names = {
+        "means", "radius_m", "opacity", "color", "positive", "asked", "born", "believed",
+        "through", "through_from", "seen", "instance",
+    }  # fmt: skip
+    assert store.arrays().keys() == names
+    store.append(
+        np.zeros((1, 3), np.float32), np.ones(1, np.float32), 0.9, np.zeros((1, 3), np.uint8), 7
+    )
+    store.last_seen_update[:] = 9
+    assert (store.arrays()["born"][0], store.arrays()["seen"][0]) == (7, 9)

@@ -90,8 +90,19 @@ def test_the_printed_extra_views_lie_on_the_contours_of_the_local_search() -> No
         xy = np.array([g.pose.xy for g in mission.tools.looking.views_of(thing)])
         return float(np.linalg.norm(xy - np.clip(xy, low, high), axis=1).max())
 
-    assert farthest_m(printed) <= max(RECEPTACLE_RULES.distances_m) + 0.1
-    assert farthest_m(printed) < farthest_m(ours) <= max(VIEW_RULES.distances_m) + 0.1
+    assert farthest_m(printed) <= 0.9 + 0.1
+    assert farthest_m(printed) < farthest_m(ours) <= 1.8 + 0.1
+
+
+def test_the_contours_of_both_kinds_of_views_have_their_documented_sizes() -> None:
+    assert (RECEPTACLE_RULES.distances_m, RECEPTACLE_RULES.spacing_m) == ((0.6, 0.9), 0.8)
+    assert (VIEW_RULES.distances_m, VIEW_RULES.spacing_m) == ((0.6, 0.9, 1.3, 1.8), 0.5)
+
+
+def test_the_printed_rule_has_one_threshold() -> None:
+    ours, printed = Rig(), Rig(start_receptacle_first=False)
+    assert ours.search.relax()
+    assert not printed.search.relax()
 
 
 @pytest.mark.parametrize("counts", [True, False], ids=["ours", "printed"])
