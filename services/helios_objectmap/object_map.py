@@ -306,17 +306,17 @@ class ObjectMap:
         """Content of the map; its parts are the map's own objects, not copies."""
         return MapContent(self._store, self._registry, self._viewpoints, self._roles, self._updates)
 
-    def load_content(self, memory: MapContent) -> None:
+    def load_content(self, content: MapContent) -> None:
         """Replace the content of the map with that of a file.
 
         The evidence stays as the file has it. A map that counts views drops votes by viewing
         sector. A map that counts sectors starts with empty ones if the file has no votes.
         """
         self.reset()
-        self._store, self._registry = memory.store, memory.registry
+        self._store, self._registry = content.store, content.registry
         self._store.keep_votes(self._sectors)
-        self._viewpoints, self._roles = memory.viewpoints, memory.roles
-        self._updates = memory.updates
+        self._viewpoints, self._roles = content.viewpoints, content.roles
+        self._updates = content.updates
 
     def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""

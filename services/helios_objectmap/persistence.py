@@ -40,7 +40,7 @@ class MapContent:
 
 
 def arrays_of(
-    memory: MapContent, world: WorldId | None, newest: FrameId | None = None
+    content: MapContent, world: WorldId | None, newest: FrameId | None = None
 ) -> dict[str, NDArray]:
     """Copies of the whole map content, so that updates can continue while the file is written.
 
@@ -49,27 +49,27 @@ def arrays_of(
     header: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
-        "class_names": memory.store.class_names,
-        "roles": {name: role.value for name, role in memory.roles.items()},
-        "updates": memory.updates,
+        "class_names": content.store.class_names,
+        "roles": {name: role.value for name, role in content.roles.items()},
+        "updates": content.updates,
         "epoch": None if world is None else [world.robot_boot_id, world.world_epoch],
         "origin_id": "" if world is None else world.origin_id,
         "newest_seq": None if newest is None else newest.seq,
         "newest_boot_id": None if newest is None else newest.robot_boot_id,
-        "next_label": memory.registry.next_label,
+        "next_label": content.registry.next_label,
         "records": {
             label: [r.class_name, r.views, r.detected,
                     [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history],
                     r.detected_at.tolist()]
-            for label, r in memory.registry.records.items()
+            for label, r in content.registry.records.items()
         },
         "ended": {
-            name: [e.true.tolist(), e.all.tolist()] for name, e in memory.registry.ended.items()
+            name: [e.true.tolist(), e.all.tolist()] for name, e in content.registry.ended.items()
         },
     }  # fmt: skip
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    rows = {f"store.{name}": a for name, a in memory.store.arrays().items()}
-    views = {f"viewpoints.{name}": a for name, a in memory.viewpoints.arrays().items()}
+    rows = {f"store.{name}": a for name, a in content.store.arrays().items()}
+    views = {f"viewpoints.{name}": a for name, a in content.viewpoints.arrays().items()}
     return {"header": text} | rows | views
 
 
@@ -84,7 +84,7 @@ def to_bytes(arrays: dict[str, NDArray]) -> bytes:
 class LoadedMap:
     """Content of a map file."""
 
-    memory: MapContent
+    content: MapContent
     world: WorldId | None  # of the map
     newest: FrameId | None  # newest frame in the map
 
@@ -103,7 +103,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> LoadedMap:
                 f"the file is {header['format']!r} version {header['version']}; wanted "
                 f"{FORMAT!r} version {VERSION}"
             )
-        memory = _memory(header, arrays, viewpoints)
+        content = _content(header, arrays, viewpoints)
         world, newest = _place(header)
     except InvalidInput:
         raise
@@ -112,7 +112,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> LoadedMap:
             f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
             "`helios map save` wrote"
         ) from None
-    return LoadedMap(memory, world, newest)
+    return LoadedMap(content, world, newest)
 
 
 def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
@@ -127,7 +127,7 @@ def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
     return world, newest
 
 
-def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> MapContent:
+def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> MapContent:
     def part(prefix: str) -> dict[str, NDArray]:
         return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
 

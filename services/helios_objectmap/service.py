@@ -498,7 +498,7 @@ class ObjectMapService:
         found = persistence.read(data, self._maps.current.empty_viewpoints())
         with self._lock:
             present = self._maps.current
-            present.load_content(found.memory)
+            present.load_content(found.content)
             if same_world and self._maps.world is None:
                 self._maps.restored(found.world, found.newest)
             self._replaced()

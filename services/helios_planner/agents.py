@@ -43,11 +43,11 @@ from helios_planner.search.scored_search import ReceptacleSearch
 _loaded: dict[str, Agent] = {}  # agents of other packages; each is imported once per process
 
 
-def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
+def _scoring(rule: SearchRule, thresholds: Rule = paper) -> Agent:
     return Agent(
         MapBelief,
-        lambda tools, name, start: ObjectSearch(tools, name, start, rule, standards),
-        lambda tools, name, not_at: ReceptacleSearch(tools, name, not_at, standards),
+        lambda tools, name, start: ObjectSearch(tools, name, start, rule, thresholds),
+        lambda tools, name, not_at: ReceptacleSearch(tools, name, not_at, thresholds),
         retries=True,
     )
 

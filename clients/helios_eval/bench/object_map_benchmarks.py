@@ -142,7 +142,7 @@ def tiled_map(objects: ObjectMap, copies: int) -> ObjectMap:
     arrays |= {k: np.concatenate(parts) for k, parts in rows.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
     out = ObjectMap(ObjectMapSettings())
-    out.load_content(persistence.read(persistence.to_bytes(arrays), out.empty_viewpoints()).memory)
+    out.load_content(persistence.read(persistence.to_bytes(arrays), out.empty_viewpoints()).content)
     out.set_context(CONTEXT)
     return out
 

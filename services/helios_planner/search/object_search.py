@@ -55,10 +55,10 @@ class ObjectSearch(ScoredSearch):
     kind, action = "object", Act.PICK
 
     def __init__(
-        self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
+        self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, thresholds: Rule
     ) -> None:
         place_counts = start is not None and tools.settings.start_receptacle_first
-        within = standards(tools.settings.tau_g, place_counts)
+        within = thresholds(tools.settings.tau_g, place_counts)
         super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()

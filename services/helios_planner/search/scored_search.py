@@ -44,13 +44,15 @@ class ScoredSearch(Search):
         tools: SearchTools,
         phase: Phase,
         name: str,
-        standards: AcceptanceThresholds,
+        thresholds: AcceptanceThresholds,
         refused_m: float,
     ) -> None:
         super().__init__(tools, phase, name, refused_m)
-        self._thresholds, self._since = standards, tools.robot.budget_used()
+        self._thresholds, self._since = thresholds, tools.robot.budget_used()
         self._step = 0  # index into the acceptance thresholds
-        self._decision_threshold = standards.steps[0]  # acceptance threshold of the newest decision
+        self._decision_threshold = thresholds.steps[
+            0
+        ]  # acceptance threshold of the newest decision
         self._views: dict[int, BestView | None] = {}
         self._remembered = CandidateMemory()
         self._from_memory = False  # True if its candidate is no longer in the object map
@@ -219,11 +221,11 @@ class ReceptacleSearch(ScoredSearch):
     kind, action = "receptacle", Act.PLACE
 
     def __init__(
-        self, tools: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule
+        self, tools: SearchTools, name: str, not_at: np.ndarray | None, thresholds: Rule
     ) -> None:
         """not_at: point where the object was picked, if start and goal are of one class."""
         s = tools.settings
-        within = standards(s.tau_b, False)
+        within = thresholds(s.tau_b, False)
         super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
         self._not_at = not_at
         self._explorer: Explorer = RuleExplorer(self, PLACE_LAYER, highest_value)

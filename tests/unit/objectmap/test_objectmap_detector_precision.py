@@ -126,7 +126,7 @@ def test_a_map_file_keeps_the_learnt_precision():
     objects = built(BY_CLASS, [{3: "mug"}, {}, {}, {4: "mug"}, {}])
     data = persistence.to_bytes(persistence.arrays_of(objects.content(), None))
     again = ObjectMap(BY_CLASS)
-    again.load_content(persistence.read(data, again.empty_viewpoints()).memory)
+    again.load_content(persistence.read(data, again.empty_viewpoints()).content)
     registries = objects.content().registry, again.content().registry
     for by_distance in (False, True):
         known, kept = (
@@ -144,7 +144,7 @@ def test_detections_in_a_file_of_an_earlier_build_count_at_a_middle_distance():
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
     read = persistence.read(
         persistence.to_bytes(arrays), objects.empty_viewpoints()
-    ).memory.registry
+    ).content.registry
     for label, record in objects.content().registry.records.items():
         assert read.records[label].detected_at.tolist() == [0, record.detected, 0]
         assert read.records[label].history == record.history

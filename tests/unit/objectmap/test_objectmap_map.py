@@ -354,3 +354,15 @@ def test_gaussians_come_with_their_concentrations():
     expected = gaussians.concentration / gaussians.concentration.sum(axis=1, keepdims=True)
     assert expected[:, 1].mean() == pytest.approx(mug.class_score, abs=1e-4)
     assert set(gaussians.instance) == {mug.id}
+
+
+def test_a_rendered_label_expects_less_than_a_one_hot_label():
+    gains = {}
+    for label in ("one-hot", "rendered"):
+        objects = ObjectMap(SETTINGS.model_copy(update={"expected_label": label}))
+        objects.update(observe((*ROOM, mug_at(1.3, 0.0)), pose()), CONTEXT)
+        mug = next(o for o in objects.objects() if o.class_name == "mug")
+        answer = objects.what_if(mug.id, "mug", [view(pose(0.3, 0.4))])
+        assert answer is not None
+        gains[label] = answer[1].information_gain
+    assert 0 < gains["rendered"] < gains["one-hot"]

@@ -235,7 +235,7 @@ def reloaded(objects: ObjectMap, chosen) -> ObjectMap:
     """The map after saving, loaded into a map with other settings."""
     again = ObjectMap(chosen)
     data = persistence.to_bytes(persistence.arrays_of(objects.content(), None))
-    again.load_content(persistence.read(data, again.empty_viewpoints()).memory)
+    again.load_content(persistence.read(data, again.empty_viewpoints()).content)
     again.set_context(CONTEXT)
     return again
 
