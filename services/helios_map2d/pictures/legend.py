@@ -38,13 +38,13 @@ def draw_foot(sheet: Canvas, layer: str, values: tuple[float, float] | None) -> 
         sheet.text("1 m", (bar, base))
     entries = [
         ("free", FREE_RGB),
-        ("seen before", KNOWN_BEFORE_RGB),
+        ("known before", KNOWN_BEFORE_RGB),
         ("obstacle", TALL_RGB),
-        ("low one", LOW_RGB),
+        ("low obstacle", LOW_RGB),
         ("unknown", UNKNOWN_RGB),
         ("frontier", FRONTIER_RGB),
         ("out of reach", BEYOND_RGB),
-        ("way so far", TRAIL_RGB),
+        ("path driven", TRAIL_RGB),
         ("plan", PATH_RGB),
     ]
     u = 12

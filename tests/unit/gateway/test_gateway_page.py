@@ -14,7 +14,7 @@ SAME = {
     "frontier": canvas.FRONTIER_RGB, "beyond": canvas.BEYOND_RGB, "way": canvas.TRAIL_RGB,
     "plan": canvas.PATH_RGB, "robot": canvas.ROBOT_RGB,
 }  # fmt: skip
-ONLY_THERE = ("low one",)  # the page draws all obstacles in one shade
+ONLY_THERE = ("low obstacle",)  # the page draws all obstacles in one shade
 
 
 @pytest.mark.parametrize("name", SAME)
