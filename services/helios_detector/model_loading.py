@@ -24,7 +24,7 @@ from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptio
 T = TypeVar("T", DetectorBackend, ScorerBackend)
 
 _OUR_DETECTORS = ("simulated", "ground-truth", "recorded", "onnx", "transformers")
-_OUR_SCORERS = ("lexical", "minilm", "transformers")
+_OUR_SCORERS = ("lexical", "simulated", "minilm", "transformers")
 
 
 def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
@@ -80,6 +80,12 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
         from helios_detector.lexical_scorer import LexicalScorer
 
         return LexicalScorer()
+    if kind == "simulated":
+        from helios_detector.simulation.view_scorer import DEFAULT_TABLE, ViewScorer
+
+        if options.truth is None:
+            raise InvalidInput(f"scorer {spec!r} needs the simulator's truth; none was given")
+        return ViewScorer(options.truth, argument or DEFAULT_TABLE, options.noise_seed)
     if spec == "minilm":
         from helios_detector.minilm_scorer import MiniLmScorer
 
@@ -92,7 +98,7 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
         return HfScorer(spec, placement, options.score_head)
     if kind not in _OUR_SCORERS and (made := _of_package(SCORERS, spec, ScorerBackend, options)):
         return made
-    raise _unknown(SCORERS, spec, "lexical, minilm, transformers:ID")
+    raise _unknown(SCORERS, spec, "lexical, simulated, minilm, transformers:ID")
 
 
 def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend | None:

@@ -49,8 +49,8 @@ class Settings(ServiceSettings):
     )
     scorer: str = Field(
         default="lexical",
-        description="image-text scorer: lexical, minilm, or transformers:ID of a BLIP-2, CLIP or "
-        "SigLIP model",
+        description="image-text scorer: lexical, minilm, simulated (the simulator's ground truth "
+        "with errors), or transformers:ID of a BLIP-2, CLIP or SigLIP model",
     )
     landmarks: str = Field(
         default="auto",

@@ -199,14 +199,14 @@ class InProcessStack:
         settings: Mapping[str, Setting],
     ) -> DetectorService:
         s = DetectorSettings(**of_service("detector", settings))
-        options = DetectorOptions(truth=DirectTruth(world), threads=1)
+        options = DetectorOptions(truth=DirectTruth(world), threads=1, noise_seed=seed)
         name = "ground-truth"
         if noise is not None:
             name = "simulated"
             options = DetectorOptions(
                 options.truth, 1, noise.table, seed, noise.level, noise.correlation
             )
-        detector, scorer = open_detector(name, options), open_scorer(s.scorer)
+        detector, scorer = open_detector(name, options), open_scorer(s.scorer, options)
         detector.warm_up()
         scorer.warm_up()
         return DetectorService(bus, detector, scorer, self.healths["detector"])
