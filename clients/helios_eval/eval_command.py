@@ -54,6 +54,10 @@ Correlation = Annotated[
     float | None, typer.Option(help="1: errors persist, 0: drawn per frame  [default: the table's]")
 ]
 Sensor = Annotated[str, typer.Option(help="noise of camera and pose: none or realistic")]
+Scorer = Annotated[
+    str | None,
+    typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -75,6 +79,7 @@ def ovmm(
     noise_level: Level = 1.0,
     noise_correlation: Correlation = None,
     sensor: Sensor = "none",
+    scorer: Scorer = None,
     assignments: Assignments = None,
     max_steps: Steps = None,
     ray: Ray = None,
@@ -82,7 +87,7 @@ def ovmm(
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
-        noise_correlation, sensor, assignments or [], max_steps, ray,
+        noise_correlation, sensor, scorer, assignments or [], max_steps, ray,
     )  # fmt: skip
 
 
@@ -100,6 +105,7 @@ def objectnav(
     noise_level: Level = 1.0,
     noise_correlation: Correlation = None,
     sensor: Sensor = "none",
+    scorer: Scorer = None,
     assignments: Assignments = None,
     max_steps: Steps = None,
     ray: Ray = None,
@@ -107,7 +113,7 @@ def objectnav(
     """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
     _run(
         "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
-        noise_level, noise_correlation, sensor, assignments or [], max_steps, ray,
+        noise_level, noise_correlation, sensor, scorer, assignments or [], max_steps, ray,
     )  # fmt: skip
 
 
@@ -158,6 +164,7 @@ def _run(
     level: float,
     correlation: float | None,
     sensor: str,
+    scorer: str | None,
     assignments: list[str],
     max_steps: int | None,
     ray: str | None,
@@ -165,7 +172,7 @@ def _run(
     under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
         level=level, correlation=correlation, sensor=sensor, assignments=assignments,
-        max_steps=max_steps,
+        max_steps=max_steps, scorer=scorer,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))

@@ -1,9 +1,10 @@
 """Names of the agents, and the service settings that each agent needs.
 
-An agent decides in the planner, but depends on the content of the maps. `helios` has its own
-settings, which go beyond the paper (docs/results has the figures): it uses weak detections, weighs
-evidence by viewing sectors and with past views, and compares objects with the usual size of their
-class. Every other agent runs with the defaults, which are the paper's values.
+An agent decides in the planner, but depends on the content of the maps. The defaults of the
+settings are Table 3 of the paper and our rules where an agent of your own needs some. The agents of
+the paper turn these rules off (`PRINTED_RULES`). `helios` has its own settings, which go beyond the
+paper: it uses weak detections, weighs evidence by viewing sectors and with past views, and compares
+objects with the usual size of their class. docs/reference/agents.md lists all values.
 """
 
 from __future__ import annotations
@@ -65,7 +66,37 @@ _HELIOS: dict[str, Value] = {
     "objectmap.size_agreement": "large",
 }
 
-AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {"helios": _HELIOS}
+# Rules as the paper prints them. Where a rule is ours alone, the value turns it off.
+PRINTED_RULES: dict[str, Value] = {
+    "planner.start_receptacle_first": False,
+    "planner.confirm_from_near": False,
+    "planner.pick_at_last": 1.0,
+    "planner.place_at_last": 1.0,
+    "planner.rounds": 1,
+    "planner.rounds_held": 1,
+    "planner.place_rule": "paper",
+    "planner.gaze_aim": "top",
+    "planner.view_contours": "paper",
+    "planner.gain_norm": "sum",
+    "planner.goal_seen_before_pick": False,
+    "objectmap.expected_label": "rendered",
+}
+
+# HomeRobot's heuristic agent remembers receptacles, places on flat areas, and searches once.
+_HOMEROBOT: dict[str, Value] = {"planner.rounds": 1, "planner.rounds_held": 1}
+
+AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {
+    "helios": _HELIOS,
+    "helios-paper": PRINTED_RULES,
+    "helios-5050": PRINTED_RULES,
+    "no-global-objective": PRINTED_RULES,
+    "trusting": PRINTED_RULES,
+    "random-frontier": PRINTED_RULES,
+    "homerobot-heuristic": _HOMEROBOT,
+    "vlfm": PRINTED_RULES,
+    "vlfm-unfiltered": PRINTED_RULES,
+    "vlfm-helios-stop": PRINTED_RULES,
+}
 
 
 def settings_for(agent: str) -> Mapping[str, Value]:

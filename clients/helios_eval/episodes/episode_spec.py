@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from helios_client.usage_errors import UsageError
@@ -9,13 +10,17 @@ from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
 from helios_core.plugins import AGENTS
+from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.simulation.frame_noise import load_noise
 
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
 
 WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximum
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
-MAX_STEPS, SENSOR = "max_steps", "sensor"  # keys in the settings of a record
+# Keys in the settings of a record that are conditions of a run: they have a flag of their own.
+MAX_STEPS, SENSOR, SCORER = "max_steps", "sensor", "detector.scorer"
+CONDITIONS = (MAX_STEPS, SENSOR, SCORER)
+DEFAULT_SCORER = "simulated:itc-v1"  # of an evaluation; served detectors have `lexical`
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,11 @@ class EpisodeSpec:
     def sensor(self) -> str:
         """Name of the error model of images and poses."""
         return str(self.settings.get(SENSOR, "none"))
+
+
+def scorer_of(settings: Mapping[str, Setting]) -> str:
+    """Name of the image-text scorer of episodes with these settings, as a record has them."""
+    return str(settings.get(SCORER, DetectorSettings.model_fields["scorer"].default))
 
 
 def planner_agents() -> tuple[str, ...]:

@@ -39,8 +39,10 @@ def parse_condition(
     sensor: str,
     assignments: Iterable[str],
     max_steps: int | None,
+    scorer: str | None,
 ) -> Condition:
-    """Condition from the flags of `helios eval`; table None: the preset's. Raises UsageError."""
+    """Condition from the flags of `helios eval`. table None: the preset's; scorer None: the one
+    that `assignments` name, else the evaluation's default. Raises UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
@@ -57,6 +59,10 @@ def parse_condition(
         settings[episode_spec.MAX_STEPS] = max_steps
     if sensor != "none":
         settings[episode_spec.SENSOR] = sensor
+    if scorer is not None or episode_spec.SCORER not in settings:
+        settings |= service_settings.parsed(
+            [f"{episode_spec.SCORER}={scorer or episode_spec.DEFAULT_SCORER}"]
+        )
     noise: Noise | None = None
     if known_semantics == "noisy":
         try:

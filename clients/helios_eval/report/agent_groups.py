@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
+from helios_eval.episodes.episode_spec import scorer_of
 from helios_eval.report.requested_episodes import Identity
 
 # Order in which agents are shown; others stand between FIRST and LAST, by name.
@@ -63,7 +64,12 @@ class Arm:
     @property
     def condition(self) -> tuple[object, ...]:
         """Conditions without agent and settings: arms of one condition play the same episodes."""
-        return (self.benchmark, self.preset, self.semantics, self.noise)
+        return (self.benchmark, self.preset, self.semantics, self.noise, self.scorer)
+
+    @property
+    def scorer(self) -> str:
+        """Name of the image-text scorer."""
+        return scorer_of(dict(self.settings))
 
     def sort_key(self) -> tuple[object, ...]:
         """Sort key that puts the arm that represents its agent first."""

@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput
 
 from helios_eval.episodes import failure_snapshot, home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR, WALKER
+from helios_eval.episodes.episode_spec import CONDITIONS, SCORER, WALKER, scorer_of
 from helios_eval.report import colors, episode_map, number_format, plots
 from helios_eval.report.agent_groups import Arm, plainest_arms
 from helios_eval.report.interval_statistics import mean_sem, wilson
@@ -199,9 +199,11 @@ def _condition(record: EpisodeRecord) -> list[str]:
         words += ["--noise-level", f"{record.noise.level:g}"]
     if record.noise is not None and record.noise.correlation is not None:
         words += ["--noise-correlation", f"{record.noise.correlation:g}"]
-    for name in (MAX_STEPS, SENSOR):  # settings with a flag of their own
+    settings.setdefault(SCORER, scorer_of(settings))
+    for name in CONDITIONS:
         if name in settings:
-            words += [f"--{name.replace('_', '-')}", str(settings.pop(name))]
+            flag = name.rpartition(".")[2].replace("_", "-")
+            words += [f"--{flag}", str(settings.pop(name))]
     for key, setting in settings.items():
         words += ["--set", f"{key}={setting}"]
     return words

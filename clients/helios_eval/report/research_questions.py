@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from helios_eval.episodes.episode_record import Setting
-from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR
+from helios_eval.episodes.episode_spec import CONDITIONS
 from helios_eval.report import number_format, paper_figures, plots
 from helios_eval.report.agent_groups import KNOWN, Arm, in_common, noise_parts, plain_arm
 from helios_eval.report.interval_statistics import (
@@ -233,7 +233,7 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
 
 def _own_settings(arm: Arm) -> dict[str, Setting]:
     """Settings of the method, without those of homes and camera, which all agents share."""
-    return {k: v for k, v in arm.settings if k not in (MAX_STEPS, SENSOR)}
+    return {k: v for k, v in arm.settings if k not in CONDITIONS}
 
 
 def _is_idea(arm: Arm, base: Arm) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_spec import SCORER
 from helios_eval.report import number_format
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
@@ -188,6 +189,7 @@ def _facts(
         ("preset", ", ".join(_hashed([(r.preset, r.preset_hash) for r in records]))),
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
         *_noise(records),
+        ("image-text scorer", ", ".join(dict.fromkeys(a.scorer for a in arms))),
         ("settings that differ", _settings(arms)),
         ("commit", ", ".join(_marked(c) for c in commits)),
     ]
@@ -228,11 +230,11 @@ def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
 
 def _settings(arms: Sequence[Arm]) -> str:
     """Settings of all arms, then those of single agents, as text."""
-    every = [dict(a.settings) for a in arms]
+    every = [{k: v for k, v in a.settings if k != SCORER} for a in arms]
     shared = {k: v for k, v in every[0].items() if all(s.get(k) == v for s in every)}
     parts = [f"{k}={v}" for k, v in shared.items()]
     for arm in arms:
-        own = [f"{k}={v}" for k, v in arm.settings if k not in shared]
+        own = [f"{k}={v}" for k, v in arm.settings if k not in shared and k != SCORER]
         if own:
             parts.append(f"{arm.agent}: {' '.join(own)}")
     return "; ".join(dict.fromkeys(parts)) or "none: the defaults of the services"

@@ -28,6 +28,10 @@ def video(
     sensor: Annotated[
         str, typer.Option(help="noise of camera and pose: none or realistic")
     ] = "none",
+    scorer: Annotated[
+        str | None,
+        typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
+    ] = None,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", help="service setting, such as a=1")
     ] = None,
@@ -48,7 +52,7 @@ def video(
     under = parse_condition(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
-        assignments=assignments or [], max_steps=max_steps,
+        assignments=assignments or [], max_steps=max_steps, scorer=scorer,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:

@@ -59,15 +59,18 @@ def test_an_object_map_that_was_started_for_another_agent_than_the_planner_is_na
     assert "the planner was" not in refusal.value.message
 
 
-@pytest.mark.parametrize("agent", ["trusting", "vlfm", "helios-5050", OWN])
+@pytest.mark.parametrize("agent", ["trusting", "vlfm", "helios-5050"])
 def test_an_agent_with_the_same_settings_is_accepted(agent: str, start: Start) -> None:
     _, bus, peers = start(agent="helios-paper", agents_of_tasks="any")
     serve_object_map_settings(peers, settings_for(agent))
     assert submit(bus, agent=agent).agent == agent
 
 
-def test_an_agent_of_another_package_requires_the_default_settings(start: Start) -> None:
-    _, bus, _ = start(agent="helios", agents_of_tasks="any")
+@pytest.mark.parametrize("started", ["helios", "helios-paper"])
+def test_an_agent_of_another_package_requires_the_default_settings(
+    started: str, start: Start
+) -> None:
+    _, bus, _ = start(agent=started, agents_of_tasks="any")
     with pytest.raises(Conflict, match=f"helios up --agent {OWN}"):
         submit(bus, agent=OWN)
 
