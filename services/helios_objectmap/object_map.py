@@ -34,6 +34,7 @@ from helios_objectmap.instances.summary import (
     describe,
     gaussians_of,
     grasp,
+    seen_area_m2,
     shape_of,
     sure_part,
 )
@@ -246,6 +247,11 @@ class ObjectMap:
             s.max_depth_m,
             s.expected_label == "rendered",
         )
+
+    def seen_area_m2(self, instance_id: int) -> float:
+        """Surface of an instance seen so far; 0 if there is no such instance."""
+        rows = self._store.instances.rows_of(np.array([instance_id]))
+        return seen_area_m2(self._store.means[rows])
 
     def gaussians(self, instance_id: int | None = None) -> InstanceGaussians:
         """Copies of the Gaussians of an instance, or of all instances."""

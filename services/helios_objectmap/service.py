@@ -233,7 +233,9 @@ class ObjectMapService:
         intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
         views = [View(*intrinsics, transform_from_proto(T)) for T in request.T_world_cam]
         with self._lock:
-            answer = self._maps.current.what_if(request.object_id, request.class_name, views, other)
+            current = self._maps.current
+            answer = current.what_if(request.object_id, request.class_name, views, other)
+            area_m2 = current.seen_area_m2(request.object_id)
         if answer is None:
             raise InvalidInput(
                 f"no object {request.object_id}, or no class {request.class_name!r} in any search "
@@ -244,6 +246,8 @@ class ObjectMapService:
         return pb.WhatIfReply(
             score=[e.psi for e in outcomes],
             information_gain=[e.information_gain for e in outcomes],
+            pixels=[e.pixels for e in outcomes],
+            area_m2=area_m2,
         )
 
     def retire(self, request: pb.RetireRequest) -> pb.RetireReply:

@@ -25,4 +25,4 @@ RECEPTACLE_SHIFT_M = 1.0  # shift of a receptacle's centre when the rest of it b
 
 # --- a position that moves as more becomes visible ----------------------------------------------
 SAME_PLACE_M = 0.5  # a candidate that was visited, a frontier that was given up
-SAME_FRONTIER_M = 0.5  # the last frontier that VLFM drove to
+SAME_FRONTIER_M = 0.5  # a frontier that was chosen before

@@ -12,6 +12,7 @@ from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, SecretStr, ValidationError
 
 PlaceRule = Literal["flat", "paper"]
+GainNorm = Literal["per_gaussian", "per_area", "per_pixel", "sum"]
 # How it decides and when it gives up; not how it moves, nor how long others are waited for.
 OWN = (
     "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
@@ -124,10 +125,11 @@ class Settings(ServiceSettings):
     vlfm_confidence: float = Field(
         default=0.4, ge=0, le=1, description="detector threshold of the agent vlfm"
     )
-    gain_norm: Literal["per_gaussian", "sum"] = Field(
+    gain_norm: GainNorm = Field(
         default="per_gaussian",
-        description="information gain in the objective: divided by the number of Gaussians, or "
-        "the paper's sum",
+        description="information gain in the objective: divided by the number of Gaussians, by the "
+        "surface seen so far (m²), or by the number of pixels that show the candidate in the "
+        "expected views; sum: not divided, as in the paper",
     )
     prompt: str = Field(
         default="Seems like there is a {} ahead",

@@ -9,7 +9,7 @@ to "other".
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ class Expected:
 
     psi: float  # the score Psi' of eq. 11
     information_gain: float  # eq. 12 in nats, summed over the instance's Gaussians, at least 0
+    pixels: float = 0.0  # pixels that show the instance, by coverage, summed over the views
 
 
 @dataclass(frozen=True)
@@ -58,30 +59,40 @@ class EvidenceParameters:
     side_views: float = 1.0  # with votes: views of a sector until it counts in full
 
 
-def kappa_at(
+@dataclass(frozen=True)
+class ExpectedView:
+    """Weights that one view gives the Gaussians of an instance."""
+
+    kappa: Float32  # [n] weight as evidence (eq. 12), summed over the pixels
+    pixels: float  # pixels that show the instance, each by its coverage
+
+
+def expected_view(
     project: Project,
     member: InstanceEvidence,
     view: View,
     max_depth_m: float,
     rendered: bool = False,
-) -> Float32:
-    """Weight [n] that a view gives each Gaussian, summed over the pixels that see it (eq. 12).
+) -> ExpectedView:
+    """Weights of a view of the instance's Gaussians, rendered alone.
 
-    rendered: each pixel p counts by its rendered label Y*(p), the coverage sum_n kappa(p, n);
-    else in full.
+    rendered: as evidence each pixel p counts by its rendered label Y*(p), the coverage
+    sum_n kappa(p, n); else in full.
     """
     projection = project(member.means, member.radius_m, member.opacity, view)
     if rendered:
         coverage = projection.render().coverage
         steps = np.rint(coverage * COVERAGE_STEPS).astype(np.int32)
         labels = np.arange(COVERAGE_STEPS + 1, dtype=np.float32) / COVERAGE_STEPS
-        kappa = projection.kappa_sums(steps, COVERAGE_STEPS + 1) @ labels
+        sums = projection.kappa_sums(steps, COVERAGE_STEPS + 1)
+        kappa, shown = sums @ labels, sums.sum(axis=1)
     else:
         everywhere = np.zeros((view.height, view.width), np.int32)
-        kappa = projection.kappa_sums(everywhere, 1)[:, 0]
+        kappa = shown = projection.kappa_sums(everywhere, 1)[:, 0]
+    near = projection.depth_m <= max_depth_m
     out = np.zeros(len(member.means), np.float32)
-    out[projection.rows] = np.where(projection.depth_m <= max_depth_m, kappa, 0)
-    return out
+    out[projection.rows] = np.where(near, kappa, 0)
+    return ExpectedView(out, float(shown[near].sum(dtype=np.float64)))
 
 
 def expected(
@@ -123,8 +134,9 @@ def what_if(
     max_depth_m: float,
     rendered: bool = False,
 ) -> tuple[list[Expected], Expected]:
-    """Outcome of each view alone, and of all views together. rendered: see `kappa_at`."""
-    kappas = [kappa_at(project, member, view, max_depth_m, rendered) for view in views]
+    """Outcome of each view alone, and of all views together. rendered: see `expected_view`."""
+    seen = [expected_view(project, member, view, max_depth_m, rendered) for view in views]
+    kappas, pixels = [s.kappa for s in seen], [s.pixels for s in seen]
     if member.votes_so_far is not None:
         eyes_m = [view.T_world_cam[:3, 3] for view in views]
         kappas, together = viewing_sectors.expected_new_votes(
@@ -132,5 +144,11 @@ def what_if(
         )
     else:
         together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)
-    *alone, joint = expected(member, wanted, [*kappas, together], rates)
+    *alone, joint = (
+        replace(outcome, pixels=shown)
+        for outcome, shown in zip(
+            expected(member, wanted, [*kappas, together], rates), [*pixels, sum(pixels)],
+            strict=True,
+        )
+    )  # fmt: skip
     return alone, joint

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from helios_objectmap.fusion.semantics import Score, concentration_of, score_from
 from helios_objectmap.gaussians import GaussianStore, InstanceGaussians
+from helios_objectmap.instances.clustering import distinct, voxel_keys
 from helios_objectmap.instances.registry import InstanceRecord
 
+AREA_VOXEL_M = 0.25  # wider than the gaps between Gaussians of a surface seen from afar
 BELIEVED = 0.5  # more likely than not
 SURE, SUREST = 0.7, 0.95  # share of the probability at this quantile of the Gaussians
 # Edge pixels that mix two depths make stray Gaussians; a few must not move the box.
@@ -130,6 +132,17 @@ def quantiles(values: NDArray[np.float32], shares: Sequence[float]) -> NDArray[n
         ranked_kernel(row, np.concatenate([low, high]), found.reshape(-1))
         out[:, k] = found[0] + (found[1].astype(np.float64) - found[0]) * (at - low)
     return out
+
+
+def seen_area_m2(points: NDArray[np.float32]) -> float:
+    """Surface of an instance seen so far. points: [n, 3] centres of its Gaussians.
+
+    It is the number of voxels of 0.25 m that hold a Gaussian, times the face of a voxel. A surface
+    fills the same voxels from near and from afar, where its Gaussians are fewer and larger. Within
+    one voxel the size of a thing does not count.
+    """
+    filled, _ = distinct(voxel_keys(points, AREA_VOXEL_M))
+    return len(filled) * AREA_VOXEL_M**2
 
 
 def outline(xy: NDArray[np.float32]) -> NDArray[np.float64]:

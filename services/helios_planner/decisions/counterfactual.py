@@ -27,12 +27,13 @@ from helios_planner.decisions.decision import (
     ReceptacleOption,
     ViewOption,
 )
+from helios_planner.decisions.gain import Gain, normalised_gain
 from helios_planner.decisions.global_search import (
     as_memory,
     by_objective,
     receptacles_first,
 )
-from helios_planner.settings import Settings
+from helios_planner.settings import GainNorm, Settings
 
 # Settings that a rule reads: its own name of each -> the setting's name.
 _GLOBAL = {"alpha_d": "alpha_d", "class_threshold": "cs_a"}
@@ -120,10 +121,40 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
     else:
         again, certain = _act_or_look(decision, kept, used)
     again = replace(again, settings=used | again.settings)
-    return Recomputed(again, _flips(decision, again), certain and not lowered)
+    return Recomputed(again, flips(decision, again), certain and not lowered)
 
 
-def _flips(before: Decision, after: Decision) -> bool:
+def under_gain_norm(decision: Decision, norm: GainNorm) -> Decision | None:
+    """A decision of the global search with its gains in other units; None if they are not stored.
+
+    Also None if the object map has not reported what the norm divides by.
+    """
+    gains = {c.id: Gain.of_terms(c.terms) for c in decision.memory if c.kind == "gain"}
+    try:
+        candidates = tuple(
+            _in_units(c, gains.get(c.id), norm) if c.kind == "receptacle" else c
+            for c in decision.candidates
+        )
+        memory = tuple(
+            _in_units(c, Gain.of_terms(c.terms), norm) if c.kind == "first_seen" else c
+            for c in decision.memory
+        )
+    except InvalidInput:
+        return None
+    again = _global(replace(decision, memory=memory), candidates, decision.settings)
+    return replace(again, memory=memory, settings=decision.settings | again.settings)
+
+
+def _in_units(candidate: Candidate, gain: Gain | None, norm: GainNorm) -> Candidate:
+    if gain is None:
+        raise InvalidInput(f"the gain of {candidate.kind} {candidate.id} is not stored")
+    terms = candidate.terms | {"information_gain": normalised_gain(gain, norm)}
+    return replace(candidate, terms=terms)
+
+
+def flips(before: Decision, after: Decision) -> bool:
+    """True if the decisions choose another candidate or action."""
+
     def what(d: Decision) -> tuple[Do, object]:
         return d.do, None if d.winner is None else (d.chosen.kind, d.chosen.id)
 

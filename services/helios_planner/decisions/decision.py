@@ -7,6 +7,8 @@ from enum import StrEnum
 
 from helios_core.types import ObjectInstance
 
+from helios_planner.decisions.gain import Gain
+
 ANY_SCORE = -1.0  # below every score; no threshold can be set to it
 
 
@@ -45,13 +47,14 @@ class Act(StrEnum):
 @dataclass(frozen=True)
 class ReceptacleOption:
     """A receptacle that may be searched. information_gain: normalised for eq. 10; bearing_rad: from
-    the robot's heading, positive left."""
+    the robot's heading, positive left; gain: what information_gain was computed from, if known."""
 
     instance: ObjectInstance
     class_score: float
     information_gain: float
     distance_m: float
     bearing_rad: float = 0.0
+    gain: Gain | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,8 @@ class Decision:
     """One decision with its candidates and its reason.
 
     rule: a `DecisionRule` or another name; winner: an index into candidates, or None; settings: the
-    values that the rule used; memory: values of earlier steps that the rule used (eq. 8, 9).
+    values that the rule used; memory: values of earlier steps that the rule used (eq. 8, 9), and
+    the gains of the receptacles before they were normalised.
     """
 
     rule: str
@@ -127,7 +131,7 @@ class Decision:
 @dataclass(frozen=True)
 class Candidate:
     """One option of a decision with its terms. kind: object, receptacle, frontier or gaze; in a
-    decision's memory: first_seen or chosen_frontier."""
+    decision's memory: first_seen, chosen_frontier or gain."""
 
     kind: str
     name: str

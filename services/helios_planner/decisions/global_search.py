@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import astuple, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,26 +18,22 @@ from helios_planner.decisions.decision import (
     FrontierOption,
     ReceptacleOption,
 )
+from helios_planner.decisions.gain import Gain
 from helios_planner.match_radii import SAME_FRONTIER_M
 
-GainNorm = Literal["per_gaussian", "sum"]
 KEPT_VALUE = 0.01  # fall of its value from which VLFM leaves the last frontier
 FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
 
 
-def normalised_gain(gain_nats: float, gaussians: int, norm: GainNorm) -> float:
-    """Information gain of a candidate in the units of eq. 10; never below 0."""
-    gain = max(gain_nats, 0.0)
-    return gain / max(gaussians, 1) if norm == "per_gaussian" else gain
-
-
 @dataclass(frozen=True)
 class FirstSeen:
-    """Terms of a candidate when it was first seen, S_a0 and IG_a0 of eq. 8, and its centre."""
+    """Terms of a candidate when it was first seen, S_a0 and IG_a0 of eq. 8, and its centre. gain:
+    what IG_a0 was computed from, if known."""
 
     class_score: float
     information_gain: float
     center_xy_m: tuple[float, float]
+    gain: Gain | None = None
 
     @property
     def worth(self) -> float:
@@ -54,7 +50,12 @@ class ChosenFrontier:
 
 @dataclass
 class SearchMemory:
-    """Values that eq. 8 and 9 keep over one search."""
+    """Values that eq. 8 and 9 keep over one search.
+
+    The paper stores a frontier's location and current score when it chooses it, and F' is a set. So
+    a frontier that is chosen again stands once in it, with the location and the value of the last
+    time. Its centre moves as ground is seen: within `SAME_FRONTIER_M` it is the same.
+    """
 
     first_seen: dict[int, FirstSeen] = field(default_factory=dict)
     chosen: list[ChosenFrontier] = field(default_factory=list)
@@ -63,19 +64,33 @@ class SearchMemory:
         """Store a candidate the first time only."""
         self.first_seen.setdefault(id, seen)
 
+    def choose(self, frontier: ChosenFrontier) -> None:
+        """Store a chosen frontier; it replaces the nearest stored one that is the same."""
+        apart_m, same = min(
+            ((math.dist(f.xy_m, frontier.xy_m), k) for k, f in enumerate(self.chosen)),
+            default=(math.inf, -1),
+        )
+        if apart_m <= SAME_FRONTIER_M:
+            del self.chosen[same]
+        self.chosen.append(frontier)
+
     def as_json(self) -> dict[str, Any]:
         return {
             "first_seen": [
-                [id, s.class_score, s.information_gain, *s.center_xy_m]
+                [id, s.class_score, s.information_gain, *s.center_xy_m,
+                 *(astuple(s.gain) if s.gain else ())]
                 for id, s in self.first_seen.items()
             ],
             "chosen": [[*f.xy_m, f.value_when_chosen] for f in self.chosen],
-        }
+        }  # fmt: skip
 
     @staticmethod
     def of_json(memory: Mapping[str, Any]) -> SearchMemory:
         """Inverse of `as_json`."""
-        seen = {int(id): FirstSeen(s, ig, (x, y)) for id, s, ig, x, y in memory["first_seen"]}
+        seen = {
+            int(id): FirstSeen(s, ig, (x, y), Gain(*gain) if gain else None)
+            for id, s, ig, x, y, *gain in memory["first_seen"]
+        }
         return SearchMemory(seen, [ChosenFrontier((x, y), v) for x, y, v in memory["chosen"]])
 
 
@@ -224,7 +239,7 @@ def by_objective(
 ) -> Decision:
     """Decision among candidate start receptacles and frontiers by one objective (eq. 10)."""
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
-    remembered = as_candidates(memory)
+    remembered = (*as_candidates(memory), *gains_as_candidates(receptacles))
     if not candidates:
         why = explanations.nothing_left(receptacles=True)
         return Decision(
@@ -253,7 +268,7 @@ def receptacles_first(
     why = explanations.nearest_receptacle(candidates, k)
     return Decision(
         DecisionRule.RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
-        as_candidates(memory),
+        (*as_candidates(memory), *gains_as_candidates(receptacles)),
     )  # fmt: skip
 
 
@@ -263,7 +278,9 @@ def as_candidates(memory: SearchMemory) -> tuple[Candidate, ...]:
     seen = [
         Candidate(
             "first_seen", "", (*s.center_xy_m, 0.0),
-            {"class_score": s.class_score, "information_gain": s.information_gain}, id,
+            {"class_score": s.class_score, "information_gain": s.information_gain}
+            | (s.gain.as_terms() if s.gain else {}),
+            id,
         )
         for id, s in memory.first_seen.items()
     ]  # fmt: skip
@@ -280,11 +297,21 @@ def as_memory(candidates: Sequence[Candidate]) -> SearchMemory:
     for c in candidates:
         xy = c.position_m[0], c.position_m[1]
         if c.kind == "first_seen":
-            seen = FirstSeen(c.terms["class_score"], c.terms["information_gain"], xy)
+            seen = FirstSeen(
+                c.terms["class_score"], c.terms["information_gain"], xy, Gain.of_terms(c.terms)
+            )  # fmt: skip
             memory.note(c.id, seen)
-        else:
+        elif c.kind == "chosen_frontier":
             memory.chosen.append(ChosenFrontier(xy, c.terms["value"]))
     return memory
+
+
+def gains_as_candidates(receptacles: Sequence[ReceptacleOption]) -> tuple[Candidate, ...]:
+    """Gains of receptacles before they were normalised, as candidates of the kind "gain"."""
+    return tuple(
+        Candidate("gain", "", position_of(r.instance), r.gain.as_terms(), r.instance.id)
+        for r in receptacles if r.gain is not None
+    )  # fmt: skip
 
 
 def _weighed(

@@ -261,7 +261,9 @@ class RobotClient(RobotInterface):
         except (InvalidInput, Conflict) as error:
             log.warning("no expectation for %s %d: %s", class_name, id, error.message)
             return WhatIf((), ())
-        return WhatIf(tuple(reply.score), tuple(reply.information_gain))
+        return WhatIf(
+            tuple(reply.score), tuple(reply.information_gain), tuple(reply.pixels), reply.area_m2
+        )
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         request = pb.RetireRequest(

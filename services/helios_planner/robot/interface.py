@@ -32,10 +32,16 @@ class Frontier:
 
 @dataclass(frozen=True)
 class WhatIf:
-    """Expected effect of views: Psi' and information gain in nats, per pose, or one if joint."""
+    """Expected effect of views: Psi' and information gain in nats, per pose, or one if joint.
+
+    pixels: number of pixels that show the instance, parallel to the gains; area_m2: surface of the
+    instance seen so far. An older object map reports neither.
+    """
 
     scores: tuple[float, ...]
     gains_nats: tuple[float, ...]
+    pixels: tuple[float, ...] = ()
+    area_m2: float = 0.0
 
 
 class ProgressListener(Protocol):

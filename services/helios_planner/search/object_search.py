@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.acceptance import Rule
-from helios_planner.decisions.decision import Act, Decision, Do, FrontierOption, ReceptacleOption
+from helios_planner.decisions.decision import (
+    Act,
+    Decision,
+    Do,
+    FrontierOption,
+    ReceptacleOption,
+)
+from helios_planner.decisions.gain import Gain, normalised_gain
 from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
     SearchMemory,
     SearchRule,
-    normalised_gain,
 )
 from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
@@ -22,7 +29,7 @@ from helios_planner.navigation.base_controller import Outcome
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import PlaceSet
-from helios_planner.task import Phase
+from helios_planner.task import Cause, Phase, TaskFailed
 
 UNSEEN_PLACE_SCORE = 0.05  # score of an unseen start receptacle, which may be anywhere
 # Score of a start receptacle still to be found, unless a known one has more.
@@ -128,7 +135,7 @@ class ObjectSearch(ScoredSearch):
         chosen = decision.chosen
         if decision.do is Do.GO_TO_FRONTIER:
             xy = chosen.position_m[:2]
-            self.seen.chosen.append(ChosenFrontier(xy, chosen.terms["value"]))
+            self.seen.choose(ChosenFrontier(xy, chosen.terms["value"]))
             self.visit_frontier(xy, self._something_to_do)
         else:
             self._local_search(next(o.instance for o in options if o.instance.id == chosen.id))
@@ -145,16 +152,22 @@ class ObjectSearch(ScoredSearch):
         for r in self._receptacles():
             if r in self.visited:
                 continue
-            gain = self.looking.information_gain_nats(r, r.class_name)
+            gain = self.looking.information_gain(r, r.class_name)
             if gain is None:
                 continue
-            normalised = normalised_gain(gain, r.gaussians, self.settings.gain_norm)
+            normalised = self._normalised(gain)
             centre = (float(r.center_m[0]), float(r.center_m[1]))
-            self.seen.note(r.id, FirstSeen(r.class_score, normalised, centre))
+            self.seen.note(r.id, FirstSeen(r.class_score, normalised, centre, gain))
             away_m, bearing_rad = pose.distance_m(centre), pose.bearing_rad(centre)
-            option = ReceptacleOption(r, r.class_score, normalised, away_m, bearing_rad)
+            option = ReceptacleOption(r, r.class_score, normalised, away_m, bearing_rad, gain)
             options.append(option)
         return options
+
+    def _normalised(self, gain: Gain) -> float:
+        try:
+            return normalised_gain(gain, self.settings.gain_norm)
+        except InvalidInput as error:
+            raise TaskFailed(Cause.SYSTEM_ERROR, error.message) from error
 
     def next_place(
         self, receptacles: Sequence[ReceptacleOption], frontiers: Sequence[FrontierOption]

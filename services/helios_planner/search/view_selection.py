@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from helios_planner.decisions.acceptance import best_view
 from helios_planner.decisions.decision import ViewOption
+from helios_planner.decisions.gain import Gain
 from helios_planner.match_radii import SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import GazePoint, GazeRules, gaze_points
 from helios_planner.motion_planning.costmap import Pose2
@@ -81,7 +82,7 @@ class ViewPlanner:
         self._other_share = other_share
         self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's centre, viewpoint
         self._views: dict[tuple, BestView | None] = {}
-        self._gains: dict[tuple, float] = {}
+        self._gains: dict[tuple, Gain] = {}
 
     # --- gaze points ---------------------------------------------------------------------------
     def remaining_gaze_points(self, receptacle: ObjectInstance) -> list[GazePoint]:
@@ -135,7 +136,7 @@ class ViewPlanner:
         self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in checkpoint]
 
     # --- expected effect of views --------------------------------------------------------------
-    def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
+    def information_gain(self, receptacle: ObjectInstance, class_name: str) -> Gain | None:
         """Expected gain of a local search (eq. 12); None if no gaze point can be reached."""
         points = self.remaining_gaze_points(receptacle)[:MOST_GAZE_POINTS]
         if not points:
@@ -148,7 +149,12 @@ class ViewPlanner:
             answer = self.robot.what_if(
                 receptacle.id, class_name, poses, joint=True, other_share=self._other_share
             )
-            self._gains[key] = answer.gains_nats[0] if answer.gains_nats else 0.0
+            self._gains[key] = Gain(
+                answer.gains_nats[0] if answer.gains_nats else 0.0,
+                receptacle.gaussians,
+                answer.area_m2,
+                answer.pixels[0] if answer.pixels else 0.0,
+            )
         return self._gains[key]
 
     def best_view(self, thing: ObjectInstance, class_name: str) -> BestView | None:

@@ -93,3 +93,20 @@ def test_a_what_if_without_views_changes_nothing():
     alone, together = what_if(cpu.project, member, 0, [], EvidenceParameters(1.0, 3.0, 1.0), 8.0)
     assert alone == []
     assert together.information_gain == 0
+
+
+@pytest.mark.parametrize("rendered", [False, True])
+def test_the_pixels_of_a_what_if_are_the_rendered_coverage_within_reach(rendered):
+    n = 30
+    rng = np.random.default_rng(0)
+    means = rng.uniform((-0.3, -0.3, 1.2), (0.3, 0.3, 1.8), (n, 3)).astype(np.float32)
+    member = InstanceEvidence(
+        means, np.full(n, 0.03, np.float32), np.full(n, 0.9, np.float32),
+        np.zeros((n, 2), np.float32), np.zeros(n, np.float32),
+    )  # fmt: skip
+    covered = cpu.project(means, member.radius_m, member.opacity, VIEW).render().coverage.sum()
+    rates = EvidenceParameters(1.0, 3.0, 1.0)
+    (one, two), both = what_if(cpu.project, member, 0, [VIEW, VIEW], rates, 8.0, rendered)
+    assert one.pixels == two.pixels == pytest.approx(covered, rel=1e-3)
+    assert both.pixels == pytest.approx(2 * one.pixels)
+    assert what_if(cpu.project, member, 0, [VIEW], rates, 0.5, rendered)[1].pixels == 0

@@ -216,6 +216,9 @@ def test_what_if_answers_per_pose_or_jointly(rig):
     assert min(each.score) > mug.score
     assert joint.score[0] > max(each.score)
     assert joint.information_gain[0] > max(each.information_gain)
+    assert len(each.pixels) == 2
+    assert joint.pixels[0] == pytest.approx(sum(each.pixels))
+    assert each.area_m2 == joint.area_m2 > 0
 
 
 def test_a_what_if_gains_less_if_a_share_of_the_view_is_expected_to_be_something_else(rig):

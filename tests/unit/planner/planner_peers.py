@@ -179,7 +179,10 @@ class Peers:
         out = self.world.what_if(
             request.object_id, request.class_name, poses, request.joint, request.other_share
         )
-        return pb.WhatIfReply(score=out.scores, information_gain=out.gains_nats)
+        return pb.WhatIfReply(
+            score=out.scores, information_gain=out.gains_nats, pixels=out.pixels,
+            area_m2=out.area_m2,
+        )  # fmt: skip
 
     def _retire(self, request: pb.RetireRequest) -> pb.RetireReply:
         self.world.retire(request.object_id, np.zeros(3), request.reason)

@@ -13,6 +13,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.decisions import global_search
 from helios_planner.decisions.acceptance import paper
 from helios_planner.decisions.decision import FrontierOption, ViewOption
+from helios_planner.decisions.gain import Gain
 from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.base_placement import GazePoint
 from helios_planner.motion_planning.costmap import Pose2
@@ -47,8 +48,8 @@ class Looks:
     def remaining_gaze_points(self, _: ObjectInstance) -> list[GazePoint]:
         return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
 
-    def information_gain_nats(self, *_: object) -> float | None:
-        return 100.0 if self.left else None
+    def information_gain(self, *_: object) -> Gain | None:
+        return Gain(100.0, 100) if self.left else None
 
     def go_and_look(
         self, _: ObjectInstance, gaze: GazePoint, purpose: str, stop: Callable[[], bool]

@@ -218,7 +218,8 @@ class FakeWorld(RobotInterface):
         views = [now + sum(seen)] if joint else [now + int(s) for s in seen]
         scores = tuple(max(t.score_at(v)[0], optimistic.score_at(v)[0] - 0.4) for v in views)
         gains = tuple(200 * math.log((1 + v) / (1 + now)) for v in views)
-        return WhatIf(scores, gains)
+        pixels = tuple(50.0 * v for v in views)
+        return WhatIf(scores, gains, pixels, float(t.size_m[0] * t.size_m[1]))
 
     def _sees_from(self, T_world_cam: Matrix, thing: Thing) -> bool:
         yaw = yaw_of(T_world_cam[:, [2, 0, 1, 3]])

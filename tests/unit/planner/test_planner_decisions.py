@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import Unavailable
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import act_or_look
 from helios_planner.decisions.decision import Act, Do, FrontierOption, ReceptacleOption, ViewOption
+from helios_planner.decisions.gain import Gain, normalised_gain
 from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
     SearchMemory,
+    as_memory,
     by_objective,
     drawn,
     estimated_value,
     frontier_scale,
     highest_value,
     nearest,
-    normalised_gain,
     receptacles_first,
 )
 from helios_planner.motion_planning.base_placement import (
@@ -34,6 +36,7 @@ from helios_planner.motion_planning.base_placement import (
 )
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.path_planner import MotionRules, reach
+from helios_planner.settings import GainNorm
 from helios_planner.tasks.store import Store
 from planner_eye import ROBOT
 
@@ -114,8 +117,8 @@ def test_alpha_d_of_tables_6_to_8_changes_the_winner() -> None:
         gains = (1.00 * gaussians, 1.06 * gaussians)
         norm = "per_gaussian" if gaussians == 1 else "sum"
         options = [
-            ReceptacleOption(near, 0.5, normalised_gain(gains[0], gaussians, norm), 2.0),
-            ReceptacleOption(far, 0.5, normalised_gain(gains[1], gaussians, norm), 8.0),
+            ReceptacleOption(near, 0.5, normalised_gain(Gain(gains[0], gaussians), norm), 2.0),
+            ReceptacleOption(far, 0.5, normalised_gain(Gain(gains[1], gaussians), norm), 8.0),
         ]
         return by_objective(options, [], SearchMemory(), alpha_d).chosen.id
 
@@ -123,10 +126,47 @@ def test_alpha_d_of_tables_6_to_8_changes_the_winner() -> None:
     assert [winner(a, 5000) for a in (0.0001, 0.001, 0.01)] == [2, 2, 2]
 
 
-def test_the_gain_is_normalised_per_gaussian_and_never_negative() -> None:
-    assert normalised_gain(500.0, 250, "per_gaussian") == 2.0
-    assert normalised_gain(500.0, 250, "sum") == 500.0
-    assert normalised_gain(-1.0, 250, "per_gaussian") == 0.0
+@pytest.mark.parametrize(
+    ("norm", "nats"),
+    [("sum", 500.0), ("per_gaussian", 2.0), ("per_area", 1000), ("per_pixel", 0.1)],
+)
+def test_the_gain_is_normalised_by_the_setting_and_never_negative(
+    norm: GainNorm, nats: float
+) -> None:
+    assert normalised_gain(Gain(500.0, 250, 0.5, 5000.0), norm) == pytest.approx(nats)
+    assert normalised_gain(Gain(-1.0, 250, 0.5, 5000.0), norm) == 0.0
+    assert normalised_gain(Gain(0.0, 0), norm) == 0.0
+
+
+@pytest.mark.parametrize(("norm", "missing"), [("per_area", "area"), ("per_pixel", "pixels")])
+def test_a_gain_whose_divisor_an_older_object_map_does_not_report_is_refused(
+    norm: GainNorm, missing: str
+) -> None:
+    with pytest.raises(InvalidInput, match=f"without its {missing}, which gain_norm={norm} needs"):
+        normalised_gain(Gain(500.0, 250), norm)
+
+
+def test_a_frontier_that_is_chosen_again_stands_once_with_its_last_value_and_place() -> None:
+    """Eq. 9 is a mean over a set: counted twice, the first frontier would shift it."""
+    memory = SearchMemory({1: FirstSeen(1.0, 1.0, (0.0, 0.0))})
+    for xy, value in (((0.0, 0.0), 0.5), ((5.0, 0.0), 0.25), ((0.4, 0.0), 0.2)):
+        memory.choose(ChosenFrontier(xy, value))
+    assert memory.chosen == [ChosenFrontier((5.0, 0.0), 0.25), ChosenFrontier((0.4, 0.0), 0.2)]
+    assert frontier_scale(memory, 0.0) == pytest.approx((1 / 0.25 + 1 / 0.2) / 2)
+    memory.choose(ChosenFrontier((1.0, 0.0), 0.3))  # 0.6 m from the nearest
+    assert len(memory.chosen) == 3
+
+
+def test_gains_outlive_a_restart_and_stand_in_the_record_of_a_decision() -> None:
+    gain = Gain(12.0, 4, 0.5, 60.0)
+    memory = SearchMemory({1: FirstSeen(0.5, 3.0, (0.0, 0.0), gain)})
+    memory.note(2, FirstSeen(0.5, 3.0, (1.0, 0.0)))
+    assert SearchMemory.of_json(json.loads(json.dumps(memory.as_json()))) == memory
+    option = ReceptacleOption(instance(7), 0.6, 3.0, 2.0, gain=gain)
+    for rule in (by_objective, receptacles_first):
+        stored = rule([option], [], memory, ALPHA_D).memory
+        assert as_memory(stored) == memory
+        assert {c.id: Gain.of_terms(c.terms) for c in stored if c.kind == "gain"} == {7: gain}
 
 
 def test_a_decision_lists_every_candidate_with_its_terms_and_says_why() -> None:

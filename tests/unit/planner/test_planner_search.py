@@ -92,7 +92,7 @@ def test_a_frontier_is_remembered_with_its_value_when_it_was_chosen() -> None:
     assert rig.search.seen.chosen == [ChosenFrontier((2.0, 1.0), 0.3)]
     rig.frontiers = [FrontierOption(4, (2.0, 1.0), 0.1, 1.0)]
     rig.search.explore()
-    assert [f.value_when_chosen for f in rig.search.seen.chosen] == [0.3, 0.1]
+    assert [f.value_when_chosen for f in rig.search.seen.chosen] == [0.1]  # it stands once
 
 
 def test_a_receptacle_is_remembered_by_its_first_score_and_ranked_by_its_present_one() -> None:

@@ -247,6 +247,6 @@ def test_the_5050_agent_applies_its_share_to_the_joint_gain_and_not_to_single_vi
     tools = Mission(world, parse(FIND), Settings(agent=agent)).tools
     tools.base.look_around()
     (thing,) = world.objects("counter")
-    assert tools.looking.information_gain_nats(thing, "counter") is not None
+    assert tools.looking.information_gain(thing, "counter") is not None
     assert tools.looking.best_view(thing, "counter") is not None
     assert world.shares == {(True, share), (False, 0.0)}

@@ -26,7 +26,7 @@ from helios_core.proto.helios.v1 import common_pb2 as helios_dot_v1_dot_common__
 from helios_core.proto.helios.v1 import frame_pb2 as helios_dot_v1_dot_frame__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16helios/v1/search.proto\x12\thelios.v1\x1a\x16helios/v1/common.proto\x1a\x15helios/v1/frame.proto\"o\n\x0bSearchClass\x12\x12\n\x04name\x18\x01 \x01(\tR\x04name\x12\x12\n\x04role\x18\x02 \x01(\tR\x04role\x12\x1c\n\tthreshold\x18\x03 \x01(\x02R\tthreshold\x12\x1a\n\x08synonyms\x18\x04 \x03(\tR\x08synonyms\"\xce\x01\n\rSearchContext\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12\x30\n\x07\x63lasses\x18\x02 \x03(\x0b\x32\x16.helios.v1.SearchClassR\x07\x63lasses\x12?\n\x07prompts\x18\x03 \x03(\x0b\x32%.helios.v1.SearchContext.PromptsEntryR\x07prompts\x1a:\n\x0cPromptsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"\x95\x04\n\x0eObjectInstance\x12\x0e\n\x02id\x18\x01 \x01(\x04R\x02id\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12-\n\x08\x63\x65nter_m\x18\x03 \x01(\x0b\x32\x12.helios.v1.Vector3R\x07\x63\x65nterM\x12)\n\x06size_m\x18\x04 \x01(\x0b\x32\x12.helios.v1.Vector3R\x05sizeM\x12\x14\n\x05score\x18\x05 \x01(\x01R\x05score\x12\x1f\n\x0b\x63lass_score\x18\x06 \x01(\x01R\nclassScore\x12 \n\x0buncertainty\x18\x07 \x01(\x01R\x0buncertainty\x12\x14\n\x05views\x18\x08 \x01(\rR\x05views\x12\x1c\n\tgaussians\x18\t \x01(\rR\tgaussians\x12R\n\rprobabilities\x18\n \x03(\x0b\x32,.helios.v1.ObjectInstance.ProbabilitiesEntryR\rprobabilities\x12\x13\n\x05top_m\x18\x0b \x01(\x01R\x04topM\x12\x1b\n\toutline_m\x18\x0c \x03(\x02R\x08outlineM\x12%\n\x0e\x64\x65tection_rate\x18\r \x01(\x01R\rdetectionRate\x1a@\n\x12ProbabilitiesEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"Y\n\x0eObjectsRequest\x12\x1f\n\x0b\x63lass_names\x18\x01 \x03(\tR\nclassNames\x12&\n\x0fmin_class_score\x18\x02 \x01(\x01R\rminClassScore\"\x9f\x01\n\x0cObjectsReply\x12\x33\n\x07objects\x18\x01 \x03(\x0b\x32\x19.helios.v1.ObjectInstanceR\x07objects\x12\"\n\x02id\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x18\n\x07version\x18\x03 \x01(\x04R\x07version\x12\x1c\n\tgaussians\x18\x04 \x01(\x04R\tgaussians\"\xf9\x01\n\rWhatIfRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12\x34\n\x0bT_world_cam\x18\x03 \x03(\x0b\x32\x14.helios.v1.TransformR\tTWorldCam\x12*\n\x06\x63\x61mera\x18\x04 \x01(\x0b\x32\x12.helios.v1.PinholeR\x06\x63\x61mera\x12\x14\n\x05joint\x18\x05 \x01(\x08R\x05joint\x12$\n\x0bother_share\x18\x06 \x01(\x01H\x00R\notherShare\x88\x01\x01\x42\x0e\n\x0c_other_share\"N\n\x0bWhatIfReply\x12\x14\n\x05score\x18\x01 \x03(\x01R\x05score\x12)\n\x10information_gain\x18\x02 \x03(\x01R\x0finformationGain\"\x8c\x01\n\rRetireRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12+\n\x07point_m\x18\x02 \x01(\x0b\x32\x12.helios.v1.Vector3R\x06pointM\x12\x19\n\x08radius_m\x18\x03 \x01(\x01R\x07radiusM\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\"\x8e\x01\n\x0bRetireReply\x12+\n\x11retired_gaussians\x18\x01 \x01(\rR\x10retiredGaussians\x12\x1b\n\tobject_id\x18\x02 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x03 \x01(\tR\tclassName\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\"\xd0\x01\n\x07Retired\x12\x32\n\x07request\x18\x01 \x01(\x0b\x32\x18.helios.v1.RetireRequestR\x07request\x12(\n\x05\x61\x66ter\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x05\x61\x66ter\x12+\n\x11retired_gaussians\x18\x03 \x01(\rR\x10retiredGaussians\x12\x1b\n\tobject_id\x18\x04 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x05 \x01(\tR\tclassName\"/\n\x10GaussiansRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\"\xf5\x01\n\x0eGaussiansReply\x12\x14\n\x05\x63ount\x18\x01 \x01(\rR\x05\x63ount\x12\x17\n\x07means_m\x18\x02 \x01(\x0cR\x06meansM\x12\x19\n\x08scales_m\x18\x03 \x01(\x0cR\x07scalesM\x12\x16\n\x06\x63olors\x18\x04 \x01(\x0cR\x06\x63olors\x12\x1c\n\tinstances\x18\x05 \x01(\x0cR\tinstances\x12\x1f\n\x0b\x63lass_names\x18\x06 \x03(\tR\nclassNames\x12$\n\rconcentration\x18\x07 \x01(\x0cR\rconcentration\x12\x1c\n\topacities\x18\x08 \x01(\x0cR\topacities\"o\n\x0fVocabularyReply\x12\x12\n\x04open\x18\x01 \x01(\x08R\x04open\x12\x14\n\x05names\x18\x02 \x03(\tR\x05names\x12\x1a\n\x08\x64\x65tector\x18\x03 \x01(\tR\x08\x64\x65tector\x12\x16\n\x06scorer\x18\x04 \x01(\tR\x06scorer\",\n\x10\x45mbedTextRequest\x12\x18\n\x07prompts\x18\x01 \x03(\tR\x07prompts\"t\n\x0e\x45mbedTextReply\x12\x34\n\nembeddings\x18\x01 \x03(\x0b\x32\x14.helios.v1.EmbeddingR\nembeddings\x12\x14\n\x05scale\x18\x02 \x01(\x01R\x05scale\x12\x16\n\x06offset\x18\x03 \x01(\x01R\x06offset\"#\n\rObjectMapFile\x12\x12\n\x04\x64\x61ta\x18\x01 \x01(\x0cR\x04\x64\x61ta\"I\n\x0fObjectMapLoaded\x12\x1c\n\tgaussians\x18\x01 \x01(\x04R\tgaussians\x12\x18\n\x07objects\x18\x02 \x01(\x04R\x07objects\"D\n\rExportRequest\x12\x16\n\x06\x66ormat\x18\x01 \x01(\tR\x06\x66ormat\x12\x1b\n\tobject_id\x18\x02 \x01(\x04R\x08objectId\"?\n\x0b\x45xportReply\x12\x12\n\x04\x64\x61ta\x18\x01 \x01(\x0cR\x04\x64\x61ta\x12\x1c\n\tgaussians\x18\x02 \x01(\x04R\tgaussians\"\xa6\x01\n\rRenderRequest\x12\x34\n\x0bT_world_cam\x18\x01 \x01(\x0b\x32\x14.helios.v1.TransformR\tTWorldCam\x12*\n\x06\x63\x61mera\x18\x02 \x01(\x0b\x32\x12.helios.v1.PinholeR\x06\x63\x61mera\x12\x14\n\x05layer\x18\x03 \x01(\tR\x05layer\x12\x1d\n\nclass_name\x18\x04 \x01(\tR\tclassName\"\x1f\n\x0bRenderReply\x12\x10\n\x03png\x18\x01 \x01(\x0cR\x03png\",\n\rObjectRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\"p\n\x06Moment\x12\x19\n\x08stamp_ns\x18\x01 \x01(\x03R\x07stampNs\x12\x14\n\x05views\x18\x02 \x01(\x01R\x05views\x12\x14\n\x05score\x18\x03 \x01(\x01R\x05score\x12\x1f\n\x0b\x63lass_score\x18\x04 \x01(\x01R\nclassScore\"\x91\x02\n\x0cObjectDetail\x12\x31\n\x06object\x18\x01 \x01(\x0b\x32\x19.helios.v1.ObjectInstanceR\x06object\x12+\n\x07history\x18\x02 \x03(\x0b\x32\x11.helios.v1.MomentR\x07history\x12\x19\n\x08points_m\x18\x03 \x03(\x02R\x07pointsM\x12\x34\n\x0c\x62ox_center_m\x18\x04 \x01(\x0b\x32\x12.helios.v1.Vector3R\nboxCenterM\x12\x30\n\nbox_size_m\x18\x05 \x01(\x0b\x32\x12.helios.v1.Vector3R\x08\x62oxSizeM\x12\x1e\n\x0b\x62ox_yaw_rad\x18\x06 \x01(\x01R\tboxYawRadb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16helios/v1/search.proto\x12\thelios.v1\x1a\x16helios/v1/common.proto\x1a\x15helios/v1/frame.proto\"o\n\x0bSearchClass\x12\x12\n\x04name\x18\x01 \x01(\tR\x04name\x12\x12\n\x04role\x18\x02 \x01(\tR\x04role\x12\x1c\n\tthreshold\x18\x03 \x01(\x02R\tthreshold\x12\x1a\n\x08synonyms\x18\x04 \x03(\tR\x08synonyms\"\xce\x01\n\rSearchContext\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12\x30\n\x07\x63lasses\x18\x02 \x03(\x0b\x32\x16.helios.v1.SearchClassR\x07\x63lasses\x12?\n\x07prompts\x18\x03 \x03(\x0b\x32%.helios.v1.SearchContext.PromptsEntryR\x07prompts\x1a:\n\x0cPromptsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"\x95\x04\n\x0eObjectInstance\x12\x0e\n\x02id\x18\x01 \x01(\x04R\x02id\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12-\n\x08\x63\x65nter_m\x18\x03 \x01(\x0b\x32\x12.helios.v1.Vector3R\x07\x63\x65nterM\x12)\n\x06size_m\x18\x04 \x01(\x0b\x32\x12.helios.v1.Vector3R\x05sizeM\x12\x14\n\x05score\x18\x05 \x01(\x01R\x05score\x12\x1f\n\x0b\x63lass_score\x18\x06 \x01(\x01R\nclassScore\x12 \n\x0buncertainty\x18\x07 \x01(\x01R\x0buncertainty\x12\x14\n\x05views\x18\x08 \x01(\rR\x05views\x12\x1c\n\tgaussians\x18\t \x01(\rR\tgaussians\x12R\n\rprobabilities\x18\n \x03(\x0b\x32,.helios.v1.ObjectInstance.ProbabilitiesEntryR\rprobabilities\x12\x13\n\x05top_m\x18\x0b \x01(\x01R\x04topM\x12\x1b\n\toutline_m\x18\x0c \x03(\x02R\x08outlineM\x12%\n\x0e\x64\x65tection_rate\x18\r \x01(\x01R\rdetectionRate\x1a@\n\x12ProbabilitiesEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"Y\n\x0eObjectsRequest\x12\x1f\n\x0b\x63lass_names\x18\x01 \x03(\tR\nclassNames\x12&\n\x0fmin_class_score\x18\x02 \x01(\x01R\rminClassScore\"\x9f\x01\n\x0cObjectsReply\x12\x33\n\x07objects\x18\x01 \x03(\x0b\x32\x19.helios.v1.ObjectInstanceR\x07objects\x12\"\n\x02id\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x18\n\x07version\x18\x03 \x01(\x04R\x07version\x12\x1c\n\tgaussians\x18\x04 \x01(\x04R\tgaussians\"\xf9\x01\n\rWhatIfRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12\x34\n\x0bT_world_cam\x18\x03 \x03(\x0b\x32\x14.helios.v1.TransformR\tTWorldCam\x12*\n\x06\x63\x61mera\x18\x04 \x01(\x0b\x32\x12.helios.v1.PinholeR\x06\x63\x61mera\x12\x14\n\x05joint\x18\x05 \x01(\x08R\x05joint\x12$\n\x0bother_share\x18\x06 \x01(\x01H\x00R\notherShare\x88\x01\x01\x42\x0e\n\x0c_other_share\"\x7f\n\x0bWhatIfReply\x12\x14\n\x05score\x18\x01 \x03(\x01R\x05score\x12)\n\x10information_gain\x18\x02 \x03(\x01R\x0finformationGain\x12\x16\n\x06pixels\x18\x03 \x03(\x01R\x06pixels\x12\x17\n\x07\x61rea_m2\x18\x04 \x01(\x01R\x06\x61reaM2\"\x8c\x01\n\rRetireRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12+\n\x07point_m\x18\x02 \x01(\x0b\x32\x12.helios.v1.Vector3R\x06pointM\x12\x19\n\x08radius_m\x18\x03 \x01(\x01R\x07radiusM\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\"\x8e\x01\n\x0bRetireReply\x12+\n\x11retired_gaussians\x18\x01 \x01(\rR\x10retiredGaussians\x12\x1b\n\tobject_id\x18\x02 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x03 \x01(\tR\tclassName\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\"\xd0\x01\n\x07Retired\x12\x32\n\x07request\x18\x01 \x01(\x0b\x32\x18.helios.v1.RetireRequestR\x07request\x12(\n\x05\x61\x66ter\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x05\x61\x66ter\x12+\n\x11retired_gaussians\x18\x03 \x01(\rR\x10retiredGaussians\x12\x1b\n\tobject_id\x18\x04 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x05 \x01(\tR\tclassName\"/\n\x10GaussiansRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\"\xf5\x01\n\x0eGaussiansReply\x12\x14\n\x05\x63ount\x18\x01 \x01(\rR\x05\x63ount\x12\x17\n\x07means_m\x18\x02 \x01(\x0cR\x06meansM\x12\x19\n\x08scales_m\x18\x03 \x01(\x0cR\x07scalesM\x12\x16\n\x06\x63olors\x18\x04 \x01(\x0cR\x06\x63olors\x12\x1c\n\tinstances\x18\x05 \x01(\x0cR\tinstances\x12\x1f\n\x0b\x63lass_names\x18\x06 \x03(\tR\nclassNames\x12$\n\rconcentration\x18\x07 \x01(\x0cR\rconcentration\x12\x1c\n\topacities\x18\x08 \x01(\x0cR\topacities\"o\n\x0fVocabularyReply\x12\x12\n\x04open\x18\x01 \x01(\x08R\x04open\x12\x14\n\x05names\x18\x02 \x03(\tR\x05names\x12\x1a\n\x08\x64\x65tector\x18\x03 \x01(\tR\x08\x64\x65tector\x12\x16\n\x06scorer\x18\x04 \x01(\tR\x06scorer\",\n\x10\x45mbedTextRequest\x12\x18\n\x07prompts\x18\x01 \x03(\tR\x07prompts\"t\n\x0e\x45mbedTextReply\x12\x34\n\nembeddings\x18\x01 \x03(\x0b\x32\x14.helios.v1.EmbeddingR\nembeddings\x12\x14\n\x05scale\x18\x02 \x01(\x01R\x05scale\x12\x16\n\x06offset\x18\x03 \x01(\x01R\x06offset\"#\n\rObjectMapFile\x12\x12\n\x04\x64\x61ta\x18\x01 \x01(\x0cR\x04\x64\x61ta\"I\n\x0fObjectMapLoaded\x12\x1c\n\tgaussians\x18\x01 \x01(\x04R\tgaussians\x12\x18\n\x07objects\x18\x02 \x01(\x04R\x07objects\"D\n\rExportRequest\x12\x16\n\x06\x66ormat\x18\x01 \x01(\tR\x06\x66ormat\x12\x1b\n\tobject_id\x18\x02 \x01(\x04R\x08objectId\"?\n\x0b\x45xportReply\x12\x12\n\x04\x64\x61ta\x18\x01 \x01(\x0cR\x04\x64\x61ta\x12\x1c\n\tgaussians\x18\x02 \x01(\x04R\tgaussians\"\xa6\x01\n\rRenderRequest\x12\x34\n\x0bT_world_cam\x18\x01 \x01(\x0b\x32\x14.helios.v1.TransformR\tTWorldCam\x12*\n\x06\x63\x61mera\x18\x02 \x01(\x0b\x32\x12.helios.v1.PinholeR\x06\x63\x61mera\x12\x14\n\x05layer\x18\x03 \x01(\tR\x05layer\x12\x1d\n\nclass_name\x18\x04 \x01(\tR\tclassName\"\x1f\n\x0bRenderReply\x12\x10\n\x03png\x18\x01 \x01(\x0cR\x03png\",\n\rObjectRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\"p\n\x06Moment\x12\x19\n\x08stamp_ns\x18\x01 \x01(\x03R\x07stampNs\x12\x14\n\x05views\x18\x02 \x01(\x01R\x05views\x12\x14\n\x05score\x18\x03 \x01(\x01R\x05score\x12\x1f\n\x0b\x63lass_score\x18\x04 \x01(\x01R\nclassScore\"\x91\x02\n\x0cObjectDetail\x12\x31\n\x06object\x18\x01 \x01(\x0b\x32\x19.helios.v1.ObjectInstanceR\x06object\x12+\n\x07history\x18\x02 \x03(\x0b\x32\x11.helios.v1.MomentR\x07history\x12\x19\n\x08points_m\x18\x03 \x03(\x02R\x07pointsM\x12\x34\n\x0c\x62ox_center_m\x18\x04 \x01(\x0b\x32\x12.helios.v1.Vector3R\nboxCenterM\x12\x30\n\nbox_size_m\x18\x05 \x01(\x0b\x32\x12.helios.v1.Vector3R\x08\x62oxSizeM\x12\x1e\n\x0b\x62ox_yaw_rad\x18\x06 \x01(\x01R\tboxYawRadb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -54,39 +54,39 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_WHATIFREQUEST']._serialized_start=1196
   _globals['_WHATIFREQUEST']._serialized_end=1445
   _globals['_WHATIFREPLY']._serialized_start=1447
-  _globals['_WHATIFREPLY']._serialized_end=1525
-  _globals['_RETIREREQUEST']._serialized_start=1528
-  _globals['_RETIREREQUEST']._serialized_end=1668
-  _globals['_RETIREREPLY']._serialized_start=1671
-  _globals['_RETIREREPLY']._serialized_end=1813
-  _globals['_RETIRED']._serialized_start=1816
-  _globals['_RETIRED']._serialized_end=2024
-  _globals['_GAUSSIANSREQUEST']._serialized_start=2026
-  _globals['_GAUSSIANSREQUEST']._serialized_end=2073
-  _globals['_GAUSSIANSREPLY']._serialized_start=2076
-  _globals['_GAUSSIANSREPLY']._serialized_end=2321
-  _globals['_VOCABULARYREPLY']._serialized_start=2323
-  _globals['_VOCABULARYREPLY']._serialized_end=2434
-  _globals['_EMBEDTEXTREQUEST']._serialized_start=2436
-  _globals['_EMBEDTEXTREQUEST']._serialized_end=2480
-  _globals['_EMBEDTEXTREPLY']._serialized_start=2482
-  _globals['_EMBEDTEXTREPLY']._serialized_end=2598
-  _globals['_OBJECTMAPFILE']._serialized_start=2600
-  _globals['_OBJECTMAPFILE']._serialized_end=2635
-  _globals['_OBJECTMAPLOADED']._serialized_start=2637
-  _globals['_OBJECTMAPLOADED']._serialized_end=2710
-  _globals['_EXPORTREQUEST']._serialized_start=2712
-  _globals['_EXPORTREQUEST']._serialized_end=2780
-  _globals['_EXPORTREPLY']._serialized_start=2782
-  _globals['_EXPORTREPLY']._serialized_end=2845
-  _globals['_RENDERREQUEST']._serialized_start=2848
-  _globals['_RENDERREQUEST']._serialized_end=3014
-  _globals['_RENDERREPLY']._serialized_start=3016
-  _globals['_RENDERREPLY']._serialized_end=3047
-  _globals['_OBJECTREQUEST']._serialized_start=3049
-  _globals['_OBJECTREQUEST']._serialized_end=3093
-  _globals['_MOMENT']._serialized_start=3095
-  _globals['_MOMENT']._serialized_end=3207
-  _globals['_OBJECTDETAIL']._serialized_start=3210
-  _globals['_OBJECTDETAIL']._serialized_end=3483
+  _globals['_WHATIFREPLY']._serialized_end=1574
+  _globals['_RETIREREQUEST']._serialized_start=1577
+  _globals['_RETIREREQUEST']._serialized_end=1717
+  _globals['_RETIREREPLY']._serialized_start=1720
+  _globals['_RETIREREPLY']._serialized_end=1862
+  _globals['_RETIRED']._serialized_start=1865
+  _globals['_RETIRED']._serialized_end=2073
+  _globals['_GAUSSIANSREQUEST']._serialized_start=2075
+  _globals['_GAUSSIANSREQUEST']._serialized_end=2122
+  _globals['_GAUSSIANSREPLY']._serialized_start=2125
+  _globals['_GAUSSIANSREPLY']._serialized_end=2370
+  _globals['_VOCABULARYREPLY']._serialized_start=2372
+  _globals['_VOCABULARYREPLY']._serialized_end=2483
+  _globals['_EMBEDTEXTREQUEST']._serialized_start=2485
+  _globals['_EMBEDTEXTREQUEST']._serialized_end=2529
+  _globals['_EMBEDTEXTREPLY']._serialized_start=2531
+  _globals['_EMBEDTEXTREPLY']._serialized_end=2647
+  _globals['_OBJECTMAPFILE']._serialized_start=2649
+  _globals['_OBJECTMAPFILE']._serialized_end=2684
+  _globals['_OBJECTMAPLOADED']._serialized_start=2686
+  _globals['_OBJECTMAPLOADED']._serialized_end=2759
+  _globals['_EXPORTREQUEST']._serialized_start=2761
+  _globals['_EXPORTREQUEST']._serialized_end=2829
+  _globals['_EXPORTREPLY']._serialized_start=2831
+  _globals['_EXPORTREPLY']._serialized_end=2894
+  _globals['_RENDERREQUEST']._serialized_start=2897
+  _globals['_RENDERREQUEST']._serialized_end=3063
+  _globals['_RENDERREPLY']._serialized_start=3065
+  _globals['_RENDERREPLY']._serialized_end=3096
+  _globals['_OBJECTREQUEST']._serialized_start=3098
+  _globals['_OBJECTREQUEST']._serialized_end=3142
+  _globals['_MOMENT']._serialized_start=3144
+  _globals['_MOMENT']._serialized_end=3256
+  _globals['_OBJECTDETAIL']._serialized_start=3259
+  _globals['_OBJECTDETAIL']._serialized_end=3532
 # @@protoc_insertion_point(module_scope)

@@ -110,12 +110,16 @@ class WhatIfRequest(_message.Message):
     def __init__(self, object_id: _Optional[int] = ..., class_name: _Optional[str] = ..., T_world_cam: _Optional[_Iterable[_Union[_common_pb2.Transform, _Mapping]]] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., joint: bool = ..., other_share: _Optional[float] = ...) -> None: ...
 
 class WhatIfReply(_message.Message):
-    __slots__ = ("score", "information_gain")
+    __slots__ = ("score", "information_gain", "pixels", "area_m2")
     SCORE_FIELD_NUMBER: _ClassVar[int]
     INFORMATION_GAIN_FIELD_NUMBER: _ClassVar[int]
+    PIXELS_FIELD_NUMBER: _ClassVar[int]
+    AREA_M2_FIELD_NUMBER: _ClassVar[int]
     score: _containers.RepeatedScalarFieldContainer[float]
     information_gain: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, score: _Optional[_Iterable[float]] = ..., information_gain: _Optional[_Iterable[float]] = ...) -> None: ...
+    pixels: _containers.RepeatedScalarFieldContainer[float]
+    area_m2: float
+    def __init__(self, score: _Optional[_Iterable[float]] = ..., information_gain: _Optional[_Iterable[float]] = ..., pixels: _Optional[_Iterable[float]] = ..., area_m2: _Optional[float] = ...) -> None: ...
 
 class RetireRequest(_message.Message):
     __slots__ = ("object_id", "point_m", "radius_m", "reason")
