@@ -11,7 +11,13 @@ from helios_core.errors import InvalidInput
 
 from helios_eval.episodes import failure_snapshot, home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.episodes.episode_spec import CONDITIONS, SCORER, WALKER, scorer_of
+from helios_eval.episodes.episode_spec import (
+    CONDITIONS,
+    DEFAULT_SCORER,
+    SCORER,
+    WALKER,
+    scorer_of,
+)
 from helios_eval.report import colors, episode_map, number_format, plots
 from helios_eval.report.agent_groups import Arm, plainest_arms
 from helios_eval.report.interval_statistics import mean_sem, wilson
@@ -199,7 +205,10 @@ def _condition(record: EpisodeRecord) -> list[str]:
         words += ["--noise-level", f"{record.noise.level:g}"]
     if record.noise is not None and record.noise.correlation is not None:
         words += ["--noise-correlation", f"{record.noise.correlation:g}"]
-    settings.setdefault(SCORER, scorer_of(settings))
+    if (scorer := scorer_of(settings)) == DEFAULT_SCORER:
+        del settings[SCORER]
+    else:
+        settings[SCORER] = scorer
     for name in CONDITIONS:
         if name in settings:
             flag = name.rpartition(".")[2].replace("_", "-")

@@ -190,7 +190,7 @@ def specs_of(given: argparse.Namespace) -> list[EpisodeSpec]:
         )
     under = parse_condition(
         [given.agent], "ovmm", semantics=given.semantics, preset=given.preset, table=None,
-        level=1.0, correlation=None, sensor="none",
+        level=1.0, correlation=None, sensor="none", scorer=None,
         assignments=[*given.assignments, f"gain_norm={given.gain_norm}"],
         max_steps=given.max_steps,
     )  # fmt: skip

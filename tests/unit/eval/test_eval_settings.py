@@ -95,10 +95,31 @@ def test_names_are_accepted_in_any_case_and_deduplicated() -> None:
     under = parse_condition(
         ["Helios-Paper"], "ovmm", semantics="Ground-Truth", preset="DEMO-v1", table=None, level=1.0,
         correlation=None, sensor="none", assignments=[], max_steps=None,
+        scorer=None,
     )  # fmt: skip
     assert (under.agents, under.semantics, under.preset) == (
         ("helios-paper",), "ground-truth", "demo-v1"
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("flag", "assignments", "scorer"),
+    [
+        (None, [], episode_spec.DEFAULT_SCORER),
+        (None, ["scorer=minilm"], "minilm"),
+        ("lexical", [], "lexical"),
+        ("lexical", ["detector.scorer=minilm"], "lexical"),
+    ],
+)
+def test_episodes_record_the_scorer_that_the_flag_or_the_setting_names(
+    flag: str | None, assignments: list[str], scorer: str
+) -> None:
+    under = parse_condition(
+        ["vlfm"], "objectnav", semantics="noisy", preset="demo-v1", table=None, level=1.0,
+        correlation=None, sensor="none", assignments=assignments, max_steps=None, scorer=flag,
+    )  # fmt: skip
+    kept = service_settings.differing_settings("vlfm", under.settings)
+    assert episode_spec.scorer_of(kept) == scorer
 
 
 def test_an_agent_of_another_package_is_loaded_before_the_run() -> None:

@@ -151,8 +151,9 @@ def test_failure_images_show_the_commands_to_replay_and_film_the_episode(both_re
     assert failed > 0
     assert both_reports[0].count('alt="Map of the episode') >= failed
     page = both_reports[0].replace("<span>", "").replace("</span>", "")
-    again = r"--agents trusting --episodes 1 --seed0 \d --preset synthetic --semantics noisy --out"
-    film = r"helios eval video --seed \d --agent trusting --preset synthetic --semantics noisy<"
+    how = "--preset synthetic --semantics noisy --scorer lexical"
+    again = rf"--agents trusting --episodes 1 --seed0 \d {how} --out"
+    film = rf"helios eval video --seed \d --agent trusting {how}<"
     assert re.search(again, page)
     assert re.search(film, page)
     assert "--agent ground-truth-walker" not in page  # the walker has no maps

@@ -83,7 +83,9 @@ def test_the_same_flags_film_and_play_the_same_episode(tmp_path, monkeypatch):
     assert cli.run(["eval", "video", *film, *flags]) == 0
     played, filmed = specs
     assert filmed == played
-    assert filmed.settings == {"planner.tau_g": 0.3, "sensor": "realistic"}
+    assert filmed.settings == {
+        "planner.tau_g": 0.3, "sensor": "realistic", "detector.scorer": "simulated:itc-v1"
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
