@@ -28,7 +28,7 @@ from rich.console import Console
 from rich.table import Table
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise
-from helios_eval.episodes.episode_spec import noise_of
+from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.results import UNLIMITED
 
@@ -110,7 +110,7 @@ def play(
     return run(
         Run(
             "ovmm", (AGENT,), (UNLIMITED,), "noisy" if noise else "ground-truth", asked.preset,
-            asked.episodes, asked.seed0, out, asked.jobs, noise, {},
+            asked.episodes, asked.seed0, out, asked.jobs, noise, {SCORER: asked.scorer},
         ),
         console,
     )  # fmt: skip
@@ -150,6 +150,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-severity", description=__doc__)
     parser.add_argument("--table", default="ovmm-v1", help="noise table that is shipped")
     parser.add_argument("--factors", default="1:1:1", help="on its scales: NAMES:FALSE:MISS,...")
+    parser.add_argument("--scorer", default=DEFAULT_SCORER, help="image-text scorer")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed0", type=int, default=0, help="first home")
