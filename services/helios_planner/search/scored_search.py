@@ -146,8 +146,9 @@ class ScoredSearch(Search):
             self._thresholds = with_final_fallback(self._thresholds, after)
 
     def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
-        doubtful = self._from_memory or not self._meets(thing, self._thresholds.steps[-2])
-        return self.accepted_any_candidate and doubtful
+        if not self.accepted_any_candidate:
+            return False
+        return self._from_memory or not self._meets(thing, self._thresholds.steps[-2])
 
     def relax(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first search everything once more

@@ -17,7 +17,7 @@ from helios_planner.robot.detections import Sighting, sighting_of
 from helios_planner.search.view_selection import RECEPTACLE_RULES, VIEW_RULES
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
-from planner_flat import MOVE, coffee_table, counter, flat
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Rig, instance
 from planner_things import Thing
 
@@ -45,6 +45,25 @@ def test_the_printed_rule_picks_the_candidate_with_the_highest_score() -> None:
     on_table = replace(mug_at(*TABLE_XY, score=0.6), id=3)
     rig.known = [instance(coffee_table()), on_table, mug_at(1.0, 1.0, score=0.9)]
     assert rig.search.decide().chosen.id == 4
+
+
+def test_the_one_printed_threshold_accepts_no_candidate_as_the_likeliest() -> None:
+    rig = Rig(start_receptacle_first=False)
+    rig.known = [instance(coffee_table()), mug_at(*TABLE_XY, score=0.9)]
+    rig.search.accept_any_after_share(1.0)
+    assert rig.search.decide().do is Do.ACT
+    assert not rig.search.accepted_as_likeliest(rig.known[1])
+
+
+def test_a_task_by_all_printed_rules_succeeds() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    printed = Settings(
+        agent="helios-paper", start_receptacle_first=False, confirm_from_near=False, pick_at_last=1,
+        place_at_last=1, rounds=1, rounds_held=1, place_rule="paper", gaze_aim="top",
+        view_contours="paper", gain_norm="sum",
+    )  # fmt: skip
+    Mission(world, parse(MOVE), printed).run()
+    assert world.released is world.things[3]
 
 
 @pytest.mark.parametrize("score", [0.0, 0.9])

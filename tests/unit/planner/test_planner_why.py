@@ -12,7 +12,9 @@ from helios_planner.decisions.acceptance import act_or_look, best_view
 from helios_planner.decisions.counterfactual import (
     SETTINGS,
     changes_of,
+    flips,
     recompute,
+    under_gain_norm,
     with_replay_settings,
 )
 from helios_planner.decisions.decision import (
@@ -24,6 +26,7 @@ from helios_planner.decisions.decision import (
     ReceptacleOption,
     ViewOption,
 )
+from helios_planner.decisions.gain import Gain
 from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
@@ -154,6 +157,25 @@ def test_a_higher_weight_of_distance_prefers_the_nearer_candidate() -> None:
     assert again.certain
     assert again.decision.chosen.name == "coffee table"
     assert not recompute(decision, {"alpha_d": 0.0, "tau_g": 0.9}).flips
+
+
+def test_a_decision_is_repeated_in_other_units_of_the_gain_only_if_it_holds_them() -> None:
+    """Per Gaussian the shelf has more, by the sum the table."""
+    gains = Gain(1200.0, 1000, 1.0, 5000.0), Gain(185.0, 100)
+    table, shelf = replace(TABLE, gain=gains[0]), replace(SHELF, gain=gains[1])
+    first = Gain(1000.0, 1000, 1.0, 4000.0)
+    memory = SearchMemory({7: FirstSeen(0.5, 1.0, (3.0, 0.0), first)}, MEMORY.chosen)
+    decision = stored(by_objective([table, shelf], FRONTIERS, memory, 0.001))
+    again = under_gain_norm(decision, "per_gaussian")
+    assert again is not None
+    assert not flips(decision, again)
+    assert again.settings["frontier_scale"] == pytest.approx(0.5 / 0.2, rel=0.02)
+    by_sum = under_gain_norm(decision, "sum")
+    assert by_sum is not None
+    assert by_sum.chosen.terms["information_gain"] == 1200.0
+    assert by_sum.settings["frontier_scale"] == pytest.approx(0.5 * 1000.0 / 0.2, rel=0.02)
+    assert under_gain_norm(decision, "per_pixel") is None  # the shelf's pixels are unknown
+    assert under_gain_norm(stored(by_objective([TABLE], FRONTIERS, MEMORY, 0.001)), "sum") is None
 
 
 def test_a_recomputed_threshold_is_uncertain_where_a_view_was_never_evaluated() -> None:
