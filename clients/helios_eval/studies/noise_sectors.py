@@ -76,6 +76,7 @@ def constant(table: ViewNoiseTable, shift_deg: float, near_far_m: tuple[float, f
 def across(table: ViewNoiseTable, angle_deg: float) -> float:
     """Correlation of side and view half a degree before and behind this angle of each sector."""
     sector = np.random.default_rng(2).integers(0, 12, OBJECTS) * SECTOR_DEG + angle_deg
+    sector = sector.astype(np.float64)
     far = np.full(OBJECTS, DISTANCE_M)
     shares = side_and_view(table)
     return _correlation(*(drawn(table, shares, sector + by, far, 1) for by in (-0.5, 0.5)))
