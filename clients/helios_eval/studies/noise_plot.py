@@ -10,6 +10,7 @@ miss rate by visible pixels; correlation of the draws of two views, by their ang
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 
@@ -18,7 +19,7 @@ import numpy as np
 from helios_core.atomic_file import replacing
 from helios_core.errors import HeliosError, InvalidInput
 from helios_detector.simulation.frame_noise import load_noise
-from helios_detector.simulation.view_noise import SECTORS, Views, key_of, keys_of, normal_draws
+from helios_detector.simulation.view_noise import SECTORS, key_of, keys_of, normal_draws
 from helios_detector.simulation.view_noise_table import Kind, ViewNoiseTable
 
 mpl.use("Agg")
@@ -44,8 +45,10 @@ def alike(table: ViewNoiseTable) -> np.ndarray:
     purpose = keys_of(("miss",))
 
     def draws(sector: int, stamp_ns: int) -> np.ndarray:
-        full = np.full(SAMPLES, sector)
-        return normal_draws(Views(keys, full, full), purpose, table.shares, stamp_ns)[:, 0]
+        angle_rad = (sector + 0.5) * math.tau / SECTORS
+        eye_m = DISTANCE_M * np.array([math.cos(angle_rad), math.sin(angle_rad), 0.0])
+        views, _ = table.views(keys, eye_m, np.zeros((SAMPLES, 3)), None)
+        return normal_draws(views, purpose, table.shares, stamp_ns)[:, 0]
 
     first = [draws(sector, 1) for sector in range(SECTORS)]
     later = [draws(sector, 2) for sector in range(SECTORS)]

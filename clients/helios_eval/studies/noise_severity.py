@@ -14,16 +14,16 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
+from helios_detector.simulation.frame_noise import load_noise
+from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from rich.console import Console
 from rich.table import Table
 
@@ -89,17 +89,21 @@ def kept(
     return Kept(metric, factors, float(mean[0]), float(mean[1]), ratio, low, high)
 
 
-def scaled_table(text: str, factors: Factors) -> str:
-    """Text of the table with its scales multiplied. Raises InvalidInput if a scale is missing."""
-    f = factors
-    for name, by in (
-        ("confuse", f.names), ("second", f.names), ("false", f.false), ("miss", f.miss),
-    ):  # fmt: skip
-        pattern = re.compile(rf"^({name} = )([0-9.]+)", re.MULTILINE)
-        text, count = pattern.subn(lambda m, by=by: f"{m[1]}{float(m[2]) * by:.6g}", text, 1)
-        if count != 1:
-            raise InvalidInput(f"the table has no line '{name} = NUMBER'; wanted one in [scale]")
-    return text
+def scaled_table(table: str, factors: Factors) -> str:
+    """TOML text of a table based on the shipped one, with its scales multiplied.
+
+    Raises InvalidInput for a table that is missing, invalid or without scales.
+    """
+    loaded = load_noise(table)
+    if not isinstance(loaded, ViewNoiseTable):
+        raise InvalidInput(f"the noise table {table!r} has no [scale]; name one like ovmm-v1")
+    scale, f = loaded.file.scale, factors
+    rows = {
+        "confuse": scale.confuse * f.names, "second": scale.second * f.names,
+        "false": scale.false * f.false, "miss": scale.miss * f.miss,
+    }  # fmt: skip
+    lines = [f"{name} = {value:.6g}" for name, value in rows.items()]
+    return "\n".join([f"base = {json.dumps(table)}", "[scale]", *lines, ""])
 
 
 def play(
@@ -118,15 +122,13 @@ def play(
 
 def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
     """Play the missing episodes; return the kept shares of all factors."""
-    shipped = resources.files("helios_detector").joinpath("noise_tables", f"{asked.table}.toml")
-    text = shipped.read_text(encoding="utf-8")
     truth = play(asked, None, asked.out / "ground-truth", console)
     found: list[Kept] = []
     for factors in map(Factors.of, asked.factors.split(",")):
         folder = asked.out / str(factors).replace(":", "-")
         folder.mkdir(parents=True, exist_ok=True)
         table = folder / f"{asked.table}.toml"
-        write_file(table, scaled_table(text, factors))
+        write_file(table, scaled_table(asked.table, factors))
         noisy = play(asked, noise_of(str(table), 1.0, None), folder, console)
         found += [
             kept(m, str(factors), [getattr(r, m) for r in truth], [getattr(r, m) for r in noisy])

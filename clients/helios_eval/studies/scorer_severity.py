@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import resources
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from helios_core.atomic_file import write_file
@@ -31,7 +32,7 @@ from helios_planner.search.frontier_exploration import RuleExplorer
 from rich.console import Console
 from rich.table import Table
 
-from helios_eval.episodes.episode_record import EpisodeRecord, Setting
+from helios_eval.episodes.episode_record import EpisodeRecord, Semantics, Setting
 from helios_eval.episodes.episode_spec import noise_of
 from helios_eval.episodes.home_presets import noise_of as noise_of_preset
 from helios_eval.runs.evaluation_run import Run, run
@@ -88,11 +89,12 @@ def play(
 ) -> list[EpisodeRecord]:
     """Play the missing episodes of one agent; return all in the order of their seeds."""
     console.print(f"[bold]{out.name}[/]")
-    noise = noise_of(noise_of_preset(asked.preset), 1.0, None)
+    noisy = asked.semantics == "noisy"
+    noise = noise_of(noise_of_preset(asked.preset), 1.0, None) if noisy else None
     settings: dict[str, Setting] = {"detector.scorer": scorer}
     records = run(
         Run(
-            "objectnav", (agent,), (UNLIMITED,), "noisy", asked.preset, asked.episodes,
+            "objectnav", (agent,), (UNLIMITED,), asked.semantics, asked.preset, asked.episodes,
             asked.seed0, out, asked.jobs, noise, settings,
         ),
         console,
@@ -133,6 +135,9 @@ def show(found: Sequence[Ratio], console: Console) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-scorer-severity", description=__doc__)
     parser.add_argument("--table", default="itc-v1", help="scorer table that is shipped")
+    parser.add_argument(
+        "--semantics", choices=get_args(Semantics), default="noisy", help="detections"
+    )
     parser.add_argument("--spreads", default="0.3", help="spreads of the error, as 0,0.3,1")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--episodes", type=int, default=100)

@@ -19,7 +19,7 @@ from helios_core.types import Frame
 from numpy.typing import NDArray
 
 from helios_detector.simulation.mask_errors import Box, Masked, trimmed
-from helios_detector.simulation.view_noise import Views, keys_of, mixed, normal_draws, uniform
+from helios_detector.simulation.view_noise import keys_of, mixed, normal_draws, uniform
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance
 from helios_detector.vocabulary_matching import SearchTarget, normalised
@@ -70,16 +70,14 @@ def ghosts(
     cell_m = table.file.false_positive.cell_m
     middles_m = np.asarray((cells.voxels + 0.5) * cell_m + CELL_ORIGIN_M, np.float64)
     eye_m = frame.T_world_cam[:3, 3]
-    sectors, codes, _ = table.seen_from(eye_m, middles_m, None)
-    views = Views(cells.keys, sectors, codes)
+    views, _ = table.views(cells.keys, eye_m, middles_m, None)
     purposes = keys_of([f"{what} {normalised(w.name)}" for w in wanted for what in WHAT])
     z = normal_draws(views, purposes[:: len(WHAT)], table.shares, frame.stamp_ns)
     out = []
     for k, want in enumerate(wanted):
         limit = _limits(cells, table, want)
         for n in np.flatnonzero(z[:, k] < limit):
-            one = np.s_[n : n + 1]
-            own = Views(cells.keys[one], sectors[one], codes[one])
+            own = views.part(slice(n, n + 1))
             rest = purposes[len(WHAT) * k + 1 : len(WHAT) * (k + 1)]
             u_score, u_size = uniform(normal_draws(own, rest, table.shares, frame.stamp_ns)[0])
             score = table.score("false", u_score, 1)

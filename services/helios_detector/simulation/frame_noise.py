@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib import resources
-from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
@@ -21,6 +18,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
+from helios_detector.simulation.noise_files import read_table
 from helios_detector.simulation.view_noise_table import ViewNoiseTable, view_table
 from helios_detector.vocabulary_matching import normalised
 
@@ -46,7 +44,7 @@ class NoiseTable:
     """Error rates of a simulated detector, 0 to 1; see `noise_tables/demo-v1.toml`."""
 
     name: str
-    digest: str  # hash of the file, which identifies the table in use
+    digest: str  # hash of the file and its bases, which identifies the table in use
     redrawn: float
     score_jitter: float
     sector_rad: float
@@ -133,23 +131,16 @@ def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
 def load_noise(name_or_path: str) -> NoiseTable | ViewNoiseTable:
     """A table by name or from a file; a `ViewNoiseTable` if it contains `format = "views"`.
 
-    Raises InvalidInput for a missing or invalid table.
+    `noise_files.py` explains the entry `base`. Raises InvalidInput for a missing or invalid table.
     """
-    shipped = resources.files("helios_detector").joinpath("noise_tables", f"{name_or_path}.toml")
-    path = Path(name_or_path)
+    table, digest = read_table(name_or_path)
     try:
-        data = shipped.read_bytes() if shipped.is_file() else path.read_bytes()
-        table, digest = tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()[:16]
         return view_table(table, digest) if "format" in table else _table(table, digest)
-    except OSError as error:
-        raise InvalidInput(
-            f"there is no noise table {name_or_path!r}; name one that is shipped (demo-v1, "
-            "ovmm-v1) or give a file"
-        ) from error
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInput(
             f"the noise table {name_or_path!r} is wrong ({type(error).__name__}: {error}); it "
-            'needs the entries of demo-v1.toml, or with format = "views" those of ovmm-v1.toml'
+            'needs the entries of demo-v1.toml, or with format = "views" those of ovmm-v1.toml; '
+            'base = "ovmm-v1" takes over the entries that are missing'
         ) from error
 
 

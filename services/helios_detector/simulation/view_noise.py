@@ -9,11 +9,12 @@ copula over four levels, with variance shares that add up to 1:
 All n are standard normal numbers hashed from (seed, name of the object, purpose of the draw) and
 the level's own key. So z is standard normal and Φ(z) uniform for any shares: the shares set the
 correlation of errors, never their rate. `thing` is the object. `angle` and `cell` locate the camera
-as seen from the object: 12 viewing sectors of 30 degrees; `cell` adds the bands of distance and of
-visible pixels. The `side` term is a smooth field on the circle: four knots 90 degrees apart,
-interpolated at the sector's middle and scaled to unit variance. In units of the `side` share,
-neighbouring sectors correlate by 0.83 to 0.96, sectors 90 degrees apart by 0.2 to 0.5, opposite
-ones by 0, so that an object may be mistaken from one direction only.
+as seen from the object. Here they are 12 viewing sectors of 30 degrees, fixed in the world; `cell`
+adds the bands of distance and of visible pixels. `smooth_view_noise.py` has the other way to draw
+the two terms, without sectors and bands. The `side` term is a field on the circle: four knots 90
+degrees apart, interpolated at the sector's middle and scaled to unit variance. In units of the
+`side` share, neighbouring sectors correlate by 0.83 to 0.96, sectors 90 degrees apart by 0.2 to
+0.5, opposite ones by 0, so that an object may be mistaken from one direction only.
 
 Correlation 1 distributes the frame's share over the other three in their ratios, so the view fixes
 every error. Correlation 0 gives the whole variance to the frame. Unset, the table's shares hold:
@@ -25,15 +26,18 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 SECTORS = 12
 SIDES = 4
+
+Term = tuple[NDArray[np.float64], NDArray[np.float64]]  # weights and normals, broadcast to [n, p]
 
 _THING, _SIDE, _VIEW, _FRAME = (np.array([n], np.uint64) for n in range(1, 5))
 
@@ -59,9 +63,32 @@ class Shares:
         return Shares(k * self.thing, k * self.side, k * self.view, 1.0 - correlation)
 
 
+class Views(Protocol):
+    """The views of n objects. The squared weights of the terms of one level add up to 1."""
+
+    @property
+    def keys(self) -> NDArray[np.uint64]:
+        """Hash [n] of the seed and the object."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def part(self, rows: slice) -> Self:
+        """The views of these objects only."""
+        ...
+
+    def side_terms(self, hashes: NDArray[np.uint64]) -> Iterator[Term]:
+        """Terms of the side; hashes: [n, p] of the objects and p purposes."""
+        ...
+
+    def view_terms(self, hashes: NDArray[np.uint64]) -> Iterator[Term]:
+        """Terms of the view; hashes: [n, p] of the objects and p purposes."""
+        ...
+
+
 @dataclass(frozen=True)
-class Views:
-    """The views of n objects."""
+class SectorViews:
+    """The views of n objects, by world-aligned sectors and bands."""
 
     keys: NDArray[np.uint64]  # [n] hash of the seed and the object
     sectors: NDArray[np.int64]  # [n] 0 to 11
@@ -69,6 +96,22 @@ class Views:
 
     def __len__(self) -> int:
         return len(self.keys)
+
+    def part(self, rows: slice) -> SectorViews:
+        """The views of these objects only."""
+        return SectorViews(self.keys[rows], self.sectors[rows], self.cells[rows])
+
+    def side_terms(self, hashes: NDArray[np.uint64]) -> Iterator[Term]:
+        """The two knots around the middle of the sector; hashes: [n, p]."""
+        knots, weights = _sides()
+        for k in range(2):
+            knot, weight = knots[self.sectors, k, None], weights[self.sectors, k, None]
+            yield weight, normals(mixed(hashes, knot))
+
+    def view_terms(self, hashes: NDArray[np.uint64]) -> Iterator[Term]:
+        """One number for each cell; hashes: [n, p]."""
+        cell = self.cells.astype(np.uint64)[:, None]
+        yield np.ones(1), normals(mixed(hashes, cell))
 
 
 @lru_cache(maxsize=65536)
@@ -103,9 +146,14 @@ def uniform(z: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.5 + 0.5 * np.array(erf, np.float64).reshape(z.shape)
 
 
+def angles_of(xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Viewing angle [n] in rad, 0 to 2π, of a camera at xy_m [n, 2] relative to the object."""
+    return np.arctan2(xy_m[:, 1], xy_m[:, 0]) % math.tau
+
+
 def sectors_of(xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
     """Viewing sector [n] of the camera from its position [n, 2] relative to the object."""
-    turn = np.arctan2(xy_m[:, 1], xy_m[:, 0]) % math.tau
+    turn = angles_of(xy_m)
     return np.minimum((turn * (SECTORS / math.tau)).astype(np.int64), SECTORS - 1)
 
 
@@ -118,14 +166,11 @@ def normal_draws(
     if shares.thing > 0:
         out += math.sqrt(shares.thing) * normals(mixed(base, _THING))
     if shares.side > 0:
-        knots, weights = _sides()
-        side = mixed(base, _SIDE)
-        for k in range(2):
-            knot, weight = knots[views.sectors, k, None], weights[views.sectors, k, None]
-            out += math.sqrt(shares.side) * weight * normals(mixed(side, knot))
+        for weight, z in views.side_terms(mixed(base, _SIDE)):
+            out += math.sqrt(shares.side) * weight * z
     if shares.view > 0:
-        cell = views.cells.astype(np.uint64)[:, None]
-        out += math.sqrt(shares.view) * normals(mixed(mixed(base, _VIEW), cell))
+        for weight, z in views.view_terms(mixed(base, _VIEW)):
+            out += math.sqrt(shares.view) * weight * z
     if shares.frame > 0:
         stamp = np.array([stamp_ns], np.int64).view(np.uint64)
         out += math.sqrt(shares.frame) * normals(mixed(mixed(base, _FRAME), stamp))

@@ -19,7 +19,7 @@ from helios_detector.lexical_scorer import household_names
 from helios_detector.simulation.false_positives import ghosts
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
 from helios_detector.simulation.mask_errors import Masked, eroded, leaked, partial
-from helios_detector.simulation.view_noise import Views, key_of, keys_of, normal_draws, uniform
+from helios_detector.simulation.view_noise import key_of, keys_of, normal_draws, uniform
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
 from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
@@ -128,8 +128,7 @@ def verdicts(
         return []
     centers_m = np.array([t.instance.center_world_m for t in things], float)
     pixels = np.array([t.pixels for t in things])
-    sectors, cells, distance_m = table.seen_from(eye_m, centers_m, pixels)
-    views = Views(np.array(keys, np.uint64), sectors, cells)
+    views, distance_m = table.views(np.array(keys, np.uint64), eye_m, centers_m, pixels)
     draws = uniform(normal_draws(views, _PURPOSE_KEYS, table.shares, stamp_ns))
     asked = [f"{what} {normalised(w.name)}" for w in wanted for what in ("as", "as, score")]
     asked_draws = uniform(normal_draws(views, keys_of(asked), table.shares, stamp_ns))

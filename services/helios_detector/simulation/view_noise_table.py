@@ -1,6 +1,6 @@
 """Noise table of the detector with view-correlated errors (`view_noise.py`): validated TOML.
 
-`noise_tables/ovmm-v1.toml` explains every entry. Each rate is
+`noise_tables/ovmm-v1.toml` explains every entry, `ovmm-v1-smooth.toml` the entry `sides`. A rate is
 
     min(1, level · scale · rate of the file)
 
@@ -19,7 +19,15 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from helios_detector.simulation.view_noise import SECTORS, Shares, sectors_of
+from helios_detector.simulation.smooth_view_noise import SmoothViews
+from helios_detector.simulation.view_noise import (
+    SECTORS,
+    SectorViews,
+    Shares,
+    Views,
+    angles_of,
+    sectors_of,
+)
 from helios_detector.vocabulary_matching import normalised, synonyms_of
 
 
@@ -48,6 +56,7 @@ class Persistence(_Part):
     side: Probability
     view: Probability
     frame: Probability
+    sides: Literal["sectors", "smooth"] = "sectors"  # how side and view are drawn
 
     @model_validator(mode="after")
     def _whole(self) -> Persistence:
@@ -210,7 +219,7 @@ class ViewNoiseTable:
     """The table at one level and correlation."""
 
     file: ViewTableFile
-    digest: str  # hash of the file, which identifies the table in use
+    digest: str  # hash of the file and its bases, which identifies the table in use
     shares: Shares
     level: float = 1.0
 
@@ -302,17 +311,24 @@ class ViewNoiseTable:
     def _distance_bands(self, distance_m: NDArray[np.float64]) -> NDArray[np.int64]:
         return np.searchsorted(self.file.bands.distance_m, distance_m, "right")
 
-    def seen_from(
+    def views(
         self,
+        keys: NDArray[np.uint64],
         eye_m: NDArray[np.float64],
         centers_m: NDArray[np.float64],
         pixels: NDArray[np.int64] | None,
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """(sectors, cells, distances in metres), each [n], of objects [n, 3] seen from `eye_m`."""
+    ) -> tuple[Views, NDArray[np.float64]]:
+        """(views, distances [n] in metres) of objects seen from the camera position.
+
+        keys: [n] hashes; eye_m: [3] and centers_m: [n, 3], world; pixels: [n] visible pixels, None
+        for things without a size. Smooth draws do not depend on the pixels.
+        """
         offset_m = eye_m - centers_m
         distance_m = np.linalg.norm(offset_m, axis=1)
+        if self.file.persistence.sides == "smooth":
+            return SmoothViews(keys, angles_of(offset_m[:, :2]), distance_m), distance_m
         sectors = sectors_of(offset_m[:, :2])
-        return sectors, self.cells(sectors, pixels, distance_m), distance_m
+        return SectorViews(keys, sectors, self.cells(sectors, pixels, distance_m)), distance_m
 
 
 def shares_of(p: Persistence) -> Shares:

@@ -11,8 +11,8 @@ from helios_detector.lexical_scorer import household_names
 from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.ground_truth_detector import Visible
 from helios_detector.simulation.view_noise import (
+    SectorViews,
     Shares,
-    Views,
     key_of,
     keys_of,
     normal_draws,
@@ -63,7 +63,8 @@ def about(count: int, probability: float, of: int) -> bool:
 
 def draws(sector: int, shares: Shares, stamp_ns: int = 1, cell: int = 0) -> np.ndarray:
     n = len(KEYS)
-    views = Views(np.array(KEYS, np.uint64), np.full(n, sector), np.full(n, sector + 12 * cell))
+    cells = np.full(n, sector + 12 * cell)
+    views = SectorViews(np.array(KEYS, np.uint64), np.full(n, sector), cells)
     return normal_draws(views, PURPOSE, shares, stamp_ns)[:, 0]
 
 
@@ -224,7 +225,7 @@ def test_there_are_12_sectors_of_30_degrees():
 
 
 def test_draws_are_the_same_on_every_machine():
-    views = Views(keys_of(("a",)), np.array([4]), np.array([77]))
+    views = SectorViews(keys_of(("a",)), np.array([4]), np.array([77]))
     z = normal_draws(views, keys_of(("miss", "score")), Shares(0.3, 0.4, 0.2, 0.1), 123456789)
     assert z[0] == pytest.approx([1.9081309387766416, 0.047867777442039655], abs=1e-9)
 

@@ -36,6 +36,9 @@ from helios_sim.home.catalogs import CATALOGS
 _loaded = load_noise("ovmm-v1")
 assert isinstance(_loaded, ViewNoiseTable)
 NOISE: ViewNoiseTable = _loaded
+_loaded = load_noise("ovmm-v1-smooth")
+assert isinstance(_loaded, ViewNoiseTable)
+BOTH_NOISES = pytest.mark.parametrize("noise", [NOISE, _loaded], ids=lambda n: n.name)
 CONTEXT = context_of("mug", "bowl", "teapot", threshold=0.05)
 
 
@@ -61,9 +64,11 @@ def scaled(table: ViewNoiseTable = NOISE, **scale: float) -> ViewNoiseTable:
     return replace(table, file=file)
 
 
-def only_false_positives(on_structure: float, on_furniture: float) -> ViewNoiseTable:
+def only_false_positives(
+    on_structure: float, on_furniture: float, noise: ViewNoiseTable = NOISE
+) -> ViewNoiseTable:
     """A table whose only errors are false positives, at these rates."""
-    table = scaled(false=1.0).scaled(1, 1.0)
+    table = scaled(noise, false=1.0).scaled(1, 1.0)
     false = table.file.false_positive.model_copy(
         update={"on_structure": on_structure, "on_furniture": on_furniture, "min_px": 20}
     )
@@ -88,11 +93,12 @@ def test_the_vocabulary_covers_every_class_of_the_homes():
     assert things <= set(ViewNoiseDetector(NamedTruth(), NOISE).vocabulary())
 
 
-def test_level_0_gives_exactly_the_ground_truth():
+@BOTH_NOISES
+def test_level_0_gives_exactly_the_ground_truth(noise):
     truth = NamedTruth()
     for n, x in enumerate(np.linspace(-2, 1, 12), 1):
         frame = truth.frame(looking(float(x)), n)
-        got = ViewNoiseDetector(truth, NOISE.scaled(0), seed=n).detect(frame, CONTEXT)
+        got = ViewNoiseDetector(truth, noise.scaled(0), seed=n).detect(frame, CONTEXT)
         exact = GroundTruthDetector(truth).detect(frame, CONTEXT)
         assert reported(got) == reported(exact)
         assert got.seen == exact.seen
@@ -100,11 +106,12 @@ def test_level_0_gives_exactly_the_ground_truth():
             np.testing.assert_array_equal(a.mask, b.mask)
 
 
-def test_equal_seeds_give_equal_errors_and_different_seeds_do_not():
+@BOTH_NOISES
+def test_equal_seeds_give_equal_errors_and_different_seeds_do_not(noise):
     truth = NamedTruth()
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 30), 1)]
     runs = [
-        [reported(ViewNoiseDetector(truth, NOISE, s).detect(f, CONTEXT)) for f in frames]
+        [reported(ViewNoiseDetector(truth, noise, s).detect(f, CONTEXT)) for f in frames]
         for s in (1, 1, 2)
     ]
     assert runs[0] == runs[1] != runs[2]
@@ -155,9 +162,10 @@ def test_an_additional_object_does_not_change_the_errors_of_the_others():
         assert found[0] == found[1]
 
 
-def test_false_positives_keep_their_place_while_the_camera_moves():
+@BOTH_NOISES
+def test_false_positives_keep_their_place_while_the_camera_moves(noise):
     truth = NamedTruth((TABLE,))
-    table = only_false_positives(0.0, 0.12)
+    table = only_false_positives(0.0, 0.12, noise)
     places: dict[int, list[np.ndarray]] = {}
     for seed in range(30):
         for n, x in enumerate((0.45, 0.50, 0.55), 1):
@@ -198,7 +206,8 @@ def test_no_false_positive_lies_on_an_object_of_its_class_or_on_a_graspable_obje
     assert haunts.detections == ()
 
 
-def test_the_rate_of_false_positives_is_that_of_the_table():
+@BOTH_NOISES
+def test_the_rate_of_false_positives_is_that_of_the_table(noise):
     truth = NamedTruth((WALL,))
     frame = truth.frame(looking(1.5))
     per_cell = 0.05
@@ -206,7 +215,7 @@ def test_the_rate_of_false_positives_is_that_of_the_table():
 
     def count(rate: float, seed: int) -> int:
         return len(
-            ViewNoiseDetector(truth, only_false_positives(rate, 0.0), seed)
+            ViewNoiseDetector(truth, only_false_positives(rate, 0.0, noise), seed)
             .detect(frame, context)
             .detections
         )
@@ -303,11 +312,12 @@ def test_unknown_classes_in_the_truth_are_reported_as_they_are():
     assert {s.class_name for s in found.seen} == {"flurb"}
 
 
-def test_the_noise_table_selects_the_simulated_detector():
+@BOTH_NOISES
+def test_the_noise_table_selects_the_simulated_detector(noise):
     truth = NamedTruth()
-    mine = open_detector("simulated", DetectorOptions(truth, noise="ovmm-v1", noise_level=0.5))
+    mine = open_detector("simulated", DetectorOptions(truth, noise=noise.name, noise_level=0.5))
     demo = open_detector("simulated", DetectorOptions(truth))
-    assert mine.name == f"simulated:ovmm-v1@{NOISE.digest}"
+    assert mine.name == f"simulated:{noise.name}@{noise.digest}"
     assert demo.name.startswith("simulated:demo-v1@")
     assert set(demo.vocabulary() or ()) <= set(mine.vocabulary() or ())
 

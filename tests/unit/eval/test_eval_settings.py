@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import AGENT_SETTINGS
+from helios_detector.simulation.frame_noise import load_noise
 from helios_eval.episodes import episode_spec, home_presets, service_settings
 from helios_eval.episodes.run_conditions import parse_condition
 from helios_planner.agents import AGENTS
@@ -120,6 +121,17 @@ def test_episodes_record_the_scorer_that_the_flag_or_the_setting_names(
     )  # fmt: skip
     kept = service_settings.differing_settings("vlfm", under.settings)
     assert episode_spec.scorer_of(kept) == scorer
+
+
+def test_the_noise_flag_takes_each_shipped_table() -> None:
+    for name in ("demo-v1", "ovmm-v1", "ovmm-v1-smooth"):
+        under = parse_condition(
+            ["helios"], "ovmm", semantics="noisy", preset="ovmm-v1", table=name, level=0.5,
+            correlation=None, sensor="none", assignments=[], max_steps=None, scorer=None,
+        )  # fmt: skip
+        assert under.noise is not None
+        assert (under.noise.table, under.noise.level) == (name, 0.5)
+        assert under.noise.digest == load_noise(name).digest
 
 
 def test_an_agent_of_another_package_is_loaded_before_the_run() -> None:

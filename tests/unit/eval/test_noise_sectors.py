@@ -1,0 +1,71 @@
+"""Tests the study of errors by viewing sector, and the scaled tables of the severity study."""
+
+import io
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_eval.studies import noise_sectors
+from helios_eval.studies.noise_plot import alike, view_table
+from helios_eval.studies.noise_severity import Factors, scaled_table
+from rich.console import Console
+
+SECTORS, SMOOTH = view_table("ovmm-v1"), view_table("ovmm-v1-smooth")
+HERE_M = (2.5, 2.5)
+
+
+def test_errors_of_ovmm_v1_are_constant_in_the_sectors_of_the_agent_only():
+    assert noise_sectors.constant(SECTORS, 0.0, HERE_M) > 0.999
+    assert noise_sectors.constant(SECTORS, 15.0, HERE_M) < 0.85
+
+
+def test_errors_of_ovmm_v1_smooth_are_as_constant_in_any_sector():
+    own, shifted = (noise_sectors.constant(SMOOTH, s, HERE_M) for s in (0.0, 15.0))
+    assert abs(own - shifted) < 0.02
+    assert 0.8 < own < 0.95
+
+
+def test_boundaries_of_the_sectors_part_the_errors_of_ovmm_v1_but_not_of_the_smooth_table():
+    assert noise_sectors.across(SECTORS, 0.0) < 0.7
+    assert noise_sectors.across(SECTORS, 15.0) > 0.999
+    for angle_deg in (0.0, 15.0):
+        assert noise_sectors.across(SMOOTH, angle_deg) > 0.99
+
+
+def test_two_frames_of_both_tables_are_as_alike_at_every_angle():
+    for apart_deg in noise_sectors.ANGLES_DEG:
+        old, new = (noise_sectors.by_angle(t, apart_deg) for t in (SECTORS, SMOOTH))
+        assert abs(old - new) < 0.04, apart_deg
+
+
+def test_the_study_prints_a_row_for_each_table(monkeypatch):
+    monkeypatch.setattr(noise_sectors, "OBJECTS", 500)
+    out = io.StringIO()
+    noise_sectors.show([SECTORS, SMOOTH], Console(file=out, width=120))
+    assert out.getvalue().count("ovmm-v1-smooth") == 2
+
+
+def test_the_similarity_of_views_decreases_with_their_distance_in_the_smooth_table():
+    curve = alike(SMOOTH)
+    assert curve[0] > curve[1] > curve[2] > curve[3] > curve[6]
+
+
+@pytest.mark.parametrize("table", [SECTORS, SMOOTH], ids=lambda t: t.name)
+def test_the_severity_study_multiplies_the_scales_of_any_table_and_nothing_else(table, tmp_path):
+    path = tmp_path / "scaled.toml"
+    path.write_text(scaled_table(table.name, Factors(2.0, 0.5, 3.0)))
+    scale = table.file.scale
+    assert view_table(str(path)).file == table.file.model_copy(
+        update={
+            "scale": scale.model_copy(
+                update={
+                    "confuse": 2 * scale.confuse, "second": 2 * scale.second,
+                    "false": 0.5 * scale.false, "miss": pytest.approx(3 * scale.miss),
+                }
+            )
+        }
+    )  # fmt: skip
+
+
+def test_the_severity_study_refuses_a_table_without_scales():
+    with pytest.raises(InvalidInput, match="ovmm-v1"):
+        scaled_table("demo-v1", Factors(1, 1, 1))
