@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"object_map_growth: {error.message}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("object_map_growth: interrupted", file=sys.stderr)
+        print("object_map_growth: interrupted; played episodes are kept", file=sys.stderr)
         return 130
     text = json.dumps({"stride_px": given.stride} | found, indent=1)
     write_file(given.out / "growth.json", text + "\n")
