@@ -29,7 +29,7 @@ OF_THE_READER = {
     "keys.toml", "helios.toml", "meta.json", "result.json", "results.json", "run.json",
     "report.md", "calibration.md", "attributions.md", "realism.md", "beliefs.json",
     "summary.json", "objects.json", "psi.png", "gaussians.png", "map.yaml", "bench.json",
-    "drive.py", "current/ATTRIBUTIONS.md",
+    "drive.py", "current/ATTRIBUTIONS.md", "memory.json", "memory.md", "memory.png",
     "helios_core.proto", "foxglove/RawImage.proto",
 }  # fmt: skip
 PATH = re.compile(

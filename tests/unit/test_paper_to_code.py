@@ -25,7 +25,8 @@ TABLES_AND_FIGURES = [
     *(f"Table {n}" for n in range(1, 9)), *(f"Figure {n}" for n in range(1, 7)),
 ]  # fmt: skip
 NONE = "–"
-COLUMNS = ["paper", "what", "code", "test", "difference"]
+COLUMNS = ["paper", "what", "code", "test", "verdict", "difference"]
+VERDICTS = ("exact", "exact, with", "ours differs", "left open", "not built", "not run")
 MENTION = re.compile(r"[Ee]q\. (\d+(?:(?:-|–|, | and )\d+)*)")
 
 
@@ -178,6 +179,7 @@ def row_faults(row: Row) -> Iterator[str]:
         return
     if bool(row.code) != bool(row.tests) or not (row.code or row.cells["difference"] != NONE):
         yield f"{row.name}: wanted code and a test, or neither and a difference"
+    yield from verdict_faults(row)
     for files, names in ((row.code_files, row.code), (row.test_files, row.tests)):
         for name in names:
             where, _ = found_in(files, name)
@@ -188,6 +190,18 @@ def row_faults(row: Row) -> Iterator[str]:
         reported = equations_in(source_of(where[0], node)) if node else set(EQUATIONS)
         for missing in sorted(equations_in(row.cells["paper"]) - reported):
             yield f"{row.name}: {name} does not mention eq. {missing}"
+
+
+def verdict_faults(row: Row) -> Iterator[str]:
+    verdict = row.cells["verdict"]
+    if verdict not in VERDICTS:
+        yield f"{row.name}: {verdict!r} is no verdict"
+    if (verdict == "exact") != (row.cells["difference"] == NONE):
+        yield f"{row.name}: exact, and only that, has no difference"
+    if verdict == "not built" and row.code:
+        yield f"{row.name}: it is not built and has code"
+    if verdict.startswith("exact") and not row.code:
+        yield f"{row.name}: {verdict!r} without code"
 
 
 def value_faults(row: Row) -> Iterator[str]:
@@ -221,6 +235,10 @@ def test_the_page_has_no_faults() -> None:
         ("| 0.001 | 0.001 |", "| 0.001 | 0.002 |", "Settings.alpha_d is 0.001, not 0.002"),
         ("| 0.001 | 0.001 |", "| 0.002 | 0.001 |", "α_d is 0.001 in the paper"),
         ("| 30° | 30° |", "| 30° | 20° |", "MotionRules.max_turn_rad is"),
+        ("| exact |", "| right |", "'right' is no verdict"),
+        ("| exact | – |", "| ours differs | – |", "exact, and only that, has no difference"),
+        ("| not built | OWL", "| exact, with | OWL", "'exact, with' without code"),
+        ("| ours differs | 0.5 m for", "| not built | 0.5 m for", "it is not built and has code"),
         ("| 0.5 m | 0.07 m |", "| 0.07 m | 0.07 m |", "and only that, has a difference"),
         ("| τ_inc | Least", "| τ | Least", "no row of Table 3 is of τ_inc"),
         ("| Table 7 |", "| 6.6 |", "no row is of Table 7"),

@@ -147,14 +147,18 @@ class EpisodeRecord(_Frozen):
 
 
 def append(folder: Path, record: EpisodeRecord) -> None:
+    """Append an episode to those of a folder, as `append_line` does."""
+    append_line(folder / EPISODES, record.model_dump_json())
+
+
+def append_line(path: Path, line: str) -> None:
     """Append one line and sync it to disk. A torn last line is ended first."""
-    line = record.model_dump_json() + "\n"
-    with (folder / EPISODES).open("ab+") as file:
+    with path.open("ab+") as file:
         if file.seek(0, os.SEEK_END) > 0:
             file.seek(-1, os.SEEK_END)
             if file.read(1) != b"\n":
                 file.write(b"\n")
-        file.write(line.encode())
+        file.write(f"{line}\n".encode())
         file.flush()
         os.fsync(file.fileno())
 

@@ -53,6 +53,19 @@ def test_an_unknown_or_invalid_setting_counts_as_an_override() -> None:
     assert service_settings.differing_settings("helios-paper", given) == given
 
 
+@pytest.mark.parametrize("agent", sorted(AGENTS))
+def test_an_episode_runs_with_the_settings_of_the_running_services(agent: str) -> None:
+    """An evaluated service differs from one of `helios up --agent` in no setting that decides."""
+    decides = service_settings.default_settings_of(agent)
+    of_episode = service_settings.of_stack(agent, {})
+    for service, settings in service_settings.SERVICES.items():
+        running = settings.load(["--agent", agent] if "agent" in settings.model_fields else [])
+        built = settings(**service_settings.of_service(service, of_episode))
+        names = [n for n in settings.model_fields if f"{service}.{n}" in decides]
+        assert names
+        assert {n: getattr(built, n) for n in names} == {n: getattr(running, n) for n in names}
+
+
 def test_every_setting_of_an_agent_belongs_to_a_service() -> None:
     for agent, settings in AGENT_SETTINGS.items():
         assert agent in AGENTS

@@ -7,7 +7,9 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from helios_core.atomic_file import write_file
 from helios_core.codec import context_to_proto, observation_to_proto
+from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
@@ -15,10 +17,12 @@ from helios_eval.studies import object_map_growth
 from helios_eval.studies.map_growth import (
     full_scene_comparison,
     long_run,
+    memory_by_episode,
     observation_log,
     update_cost,
 )
 from helios_eval.studies.map_growth.long_run import LongRunResult, Sample
+from helios_eval.studies.map_growth.memory_by_episode import ALL, FEW, EpisodeGrowth, Request
 from helios_eval.studies.map_growth.simulated_walk import Walk, context_of, record
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import ObjectMapService
@@ -111,3 +115,77 @@ def test_the_command_writes_figures_and_a_plot(tmp_path):
     assert (tmp_path / "cost.png").stat().st_size > 1000
     found = json.loads((tmp_path / "growth.json").read_text())
     assert found["cost"]["frames"] == 8
+
+
+# --- memory over episodes -------------------------------------------------------------------------
+def grown(seed: int, few: tuple[float, ...], every: tuple[float, ...], steps=(1, 3)):
+    return EpisodeGrowth(
+        preset="demo-v1", seed=seed, max_steps=4, stride_px=2, agent="helios-paper", noise=None,
+        commit="abc", steps=steps, gaussians={FEW: (1,) * len(few), ALL: (2,) * len(every)},
+        mb={FEW: few, ALL: every},
+    )  # fmt: skip
+
+
+REQUEST = Request("demo-v1", 500, 8, 4, 2)
+
+
+def test_memory_by_step_is_that_of_the_newest_keyframe():
+    mb = memory_by_episode.by_step([grown(500, (1.0, 0.5), (4.0, 6.0))], FEW, 4)
+    assert mb.tolist() == [[0.0, 1.0, 1.0, 0.5, 0.5]]
+
+
+def test_the_memory_table_has_means_maxima_and_the_papers_figures():
+    records = [grown(500 + k, (1.0, 1.0 + k), (8.0, 10.0 + 2 * k)) for k in range(8)]
+    mb = {name: memory_by_episode.by_step(records, name, 4) for name in (FEW, ALL)}
+    few = memory_by_episode.Memory.of(mb[FEW])
+    assert few.maximum == 8
+    assert few.mean_maximum == pytest.approx(np.arange(1, 9).mean())
+    assert few.mean == pytest.approx(np.mean([(0 + 1 + 1 + 2 * (1 + k)) / 5 for k in range(8)]))
+    found = memory_by_episode.ratio(mb)
+    assert found.value == pytest.approx(17 / 4.5)
+    assert found.low < found.value < found.high
+    rows = memory_by_episode.table(mb).splitlines()
+    assert "8.0 | 24.0 | 3.0 " in rows[-1]
+    assert "4.1 against 8.9" in rows[2]
+    assert "4.6 against 24.3" in rows[3]
+    assert "7.1 against 43.0" in rows[4]
+
+
+def test_a_continued_memory_run_plays_only_the_missing_episodes(tmp_path, monkeypatch):
+    played: list[int] = []
+
+    def play(_: Request, seed: int, __: str) -> EpisodeGrowth:
+        played.append(seed)
+        if seed == 503 and played.count(503) == 1:
+            raise InvalidInput("the machine went down")
+        return grown(seed, (1.0, 2.0), (4.0, 6.0))
+
+    monkeypatch.setattr(memory_by_episode, "_played", play)
+    with pytest.raises(InvalidInput, match="went down"):
+        memory_by_episode.play(tmp_path, REQUEST, say=lambda _: None)
+    path = tmp_path / memory_by_episode.EPISODES
+    assert json.loads((tmp_path / memory_by_episode.SUMMARY).read_text())["episodes"] == 3
+    write_file(path, path.read_text()[:-30])  # the last line is torn
+    memory_by_episode.play(tmp_path, REQUEST, say=lambda _: None)
+    assert played == [500, 501, 502, 503, 502, 503, 504, 505, 506, 507]
+    assert [r.seed for r in memory_by_episode.read(tmp_path, REQUEST)] == list(range(500, 508))
+    assert (tmp_path / memory_by_episode.CHART).stat().st_size > 1000
+    other = Request("demo-v1", 500, 8, 5, 2)
+    assert memory_by_episode.read(tmp_path, other) == []
+
+
+def test_a_file_of_other_episodes_is_refused(tmp_path):
+    write_file(tmp_path / memory_by_episode.EPISODES, '{"benchmark": "ovmm"}\n')
+    with pytest.raises(InvalidInput, match="take another folder"):
+        memory_by_episode.read(tmp_path, REQUEST)
+
+
+def test_the_command_measures_memory_over_episodes(tmp_path):
+    status = object_map_growth.main(
+        ["--out", str(tmp_path), "--only", "episodes", "--preset", "demo-v1", "--seed0", "0",
+         "--homes", "1", "--max-steps", "15", "--stride", "4"]
+    )  # fmt: skip
+    assert status == 0
+    found = json.loads((tmp_path / "growth.json").read_text())["episodes"]
+    assert (found["episodes"], found["seeds"]) == (1, [0])
+    assert 0 <= found["mb"][FEW]["maximum"] < found["mb"][ALL]["maximum"]

@@ -356,6 +356,17 @@ def test_gaussians_come_with_their_concentrations():
     assert set(gaussians.instance) == {mug.id}
 
 
+def test_the_class_of_an_object_is_the_most_frequent_class_of_its_gaussians():
+    objects = built(seen_from(AROUND))
+    found = [o for o in objects.objects() if o.class_name in {"mug", "table"}]
+    assert {o.class_name for o in found} == {"mug", "table"}
+    for o in found:
+        gaussians = objects.gaussians(o.id)
+        mean = gaussians.concentration / gaussians.concentration.sum(axis=1, keepdims=True)
+        names = [gaussians.class_names[k] for k in mean.argmax(axis=1)]
+        assert max(set(names), key=names.count) == o.class_name
+
+
 def test_a_rendered_label_expects_less_than_a_one_hot_label():
     gains = {}
     for label in ("one-hot", "rendered"):

@@ -115,6 +115,27 @@ def test_a_task_that_needs_the_area_fails_with_an_object_map_that_does_not_repor
     assert failure.value.cause is Cause.SYSTEM_ERROR
 
 
+def test_the_gain_of_a_local_search_counts_the_ten_nearest_views(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world, looking, thing = seen_counter()
+    first = looking.remaining_gaze_points(thing)[0]
+    many = [replace(first, pose=replace(first.pose, x_m=float(k)), arrival=k) for k in range(14)]
+    monkeypatch.setattr(looking, "remaining_gaze_points", lambda _: many)
+    asked: list[Any] = []
+
+    def what_if(*args: Any, **kwargs: Any) -> WhatIf:
+        asked.extend(args[2])
+        assert kwargs["joint"]
+        return WhatIf((), (1.0,))
+
+    world.what_if = what_if
+    assert looking.information_gain(thing, "counter")
+    assert len(asked) == 10
+    for T_world_cam, gaze in zip(asked, many, strict=False):
+        assert np.allclose(T_world_cam, gaze.T_world_cam(world.description))
+
+
 def test_no_view_is_visited_twice_and_their_number_is_limited(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

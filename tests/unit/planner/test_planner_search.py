@@ -131,6 +131,17 @@ def test_the_goal_receptacle_is_searched_by_the_place_layer() -> None:
     assert rig.visited == [(1.0, 1.0)]
 
 
+def test_a_goal_receptacle_that_the_map_already_has_is_used_without_a_further_search() -> None:
+    """What the object map learned during the object search counts for the goal search too."""
+    rig = Rig()
+    rig.known = [instance(coffee_table(), score=0.9)]  # mapped while the object was sought
+    search = ReceptacleSearch(rig.tools, "coffee table", None, paper)
+    search.visit_frontier = lambda xy_m, found: rig.visited.append(xy_m)
+    assert search.decide().do is Do.ACT
+    assert search.decide().chosen.id == rig.known[0].id
+    assert rig.visited == []
+
+
 def test_an_object_is_not_placed_where_it_was_picked() -> None:
     rig = Rig()
     rig.known = [instance(coffee_table(), score=0.9)]

@@ -1,4 +1,4 @@
-"""Charts of the three runs."""
+"""Charts of the runs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from helios_core.atomic_file import replacing
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from helios_eval.studies.map_growth.full_scene_comparison import Growth
 from helios_eval.studies.map_growth.long_run import LongRunResult
@@ -57,6 +58,25 @@ def scene(runs: Mapping[str, Growth], path: Path) -> None:
         axis.set(xlabel="frame", ylabel=label, ylim=(0, None))
     axes[0].legend(frameon=False)
     _finish(figure, tuple(axes), path)
+
+
+def memory(mb: Mapping[str, NDArray[np.float64]], path: Path) -> None:
+    """Draw the memory of each map by step: mean and middle 80 % of the episodes.
+
+    mb: by name of the map, [episodes, steps].
+    """
+    from matplotlib import pyplot as plt
+
+    episodes = max(len(values) for values in mb.values())
+    figure, axis = plt.subplots(figsize=(WIDTH_IN * 0.7, 3.6), dpi=DPI, layout="constrained")
+    for (name, values), color in zip(mb.items(), (BLUE, ORANGE), strict=True):
+        low, high = np.quantile(values, (0.1, 0.9), axis=0)
+        steps = np.arange(values.shape[1])
+        axis.fill_between(steps, low, high, color=color, alpha=0.2, lw=0)
+        axis.plot(steps, values.mean(axis=0), color=color, label=name)
+    axis.set(xlabel="step", ylabel="MB of Gaussians", xlim=(0, None), ylim=(0, None))
+    axis.legend(frameon=False, title=f"mean and middle 80 % of {episodes} episodes")
+    _finish(figure, (axis,), path)
 
 
 def hours(run: LongRunResult, path: Path) -> None:
