@@ -19,6 +19,7 @@ from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_
 from helios_objectmap.fusion.view_history import PastViews
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore, InstanceGaussians, surplus
 from helios_objectmap.instances import information_gain
+from helios_objectmap.instances.furniture import is_furniture
 from helios_objectmap.instances.information_gain import (
     EvidenceParameters,
     Expected,
@@ -316,13 +317,16 @@ class ObjectMap:
         """Replace the content of the map with that of a file.
 
         The evidence stays as the file has it. A map that counts views drops votes by viewing
-        sector. A map that counts sectors starts with empty ones if the file has no votes.
+        sector. A map that counts sectors starts with empty ones if the file has no votes. The
+        instances are clustered with the voxels of this map, which may differ from the file's.
         """
         self.reset()
         self._store, self._registry = content.store, content.registry
         self._store.keep_votes(self._sectors)
         self._viewpoints, self._roles = content.viewpoints, content.roles
         self._updates = content.updates
+        for name in sorted({r.class_name for r in self._registry.records.values()}):
+            self._registry.recluster(self._store, name, self._voxel_m(name))
 
     def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""
@@ -521,7 +525,8 @@ class ObjectMap:
 
     def _voxel_m(self, class_name: str) -> float:
         s = self._settings
-        return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
+        large = self._is_receptacle(class_name) or is_furniture(class_name)
+        return s.receptacle_voxel_m if large else s.object_voxel_m
 
     def _belief(self, label: int) -> Belief | None:
         """Belief that an instance is of its own class; None if it is too small to be reported."""

@@ -35,10 +35,10 @@ class ObjectMapSettings(ServiceSettings):
         description="prior concentration of each class (eq. 2); a larger one needs more views",
     )
     prior_classes: int = Field(
-        default=2,
+        default=4,
         ge=2,
-        description="least number of classes that share the prior, `other` included; the paper "
-        "has 4",
+        description="least number of classes that share the prior, `other` included; a search for "
+        "fewer classes keeps them, so that its scores rise no faster",
     )
     detector_trust: Literal["full", "class", "class-distance"] = Field(
         default="full",
@@ -114,12 +114,13 @@ class ObjectMapSettings(ServiceSettings):
     object_voxel_m: float = Field(
         default=0.07,
         gt=0,
-        description="edge of the voxels that join Gaussians of objects into instances",
+        description="edge of the voxels that join Gaussians of small objects into instances",
     )
     receptacle_voxel_m: float = Field(
         default=0.5,
         gt=0,
-        description="edge of the voxels that join Gaussians of receptacles into instances",
+        description="edge of the voxels that join Gaussians of receptacles, and of furniture in "
+        "any role, into instances",
     )
 
     max_gaussians: int = Field(

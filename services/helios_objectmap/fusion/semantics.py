@@ -12,10 +12,11 @@ view, the second for one that is detected in 65 % of them:
 
     prior 0.3: 1, 5      prior 1 (default): 2, 8      prior 3: 4, 15      prior 10: 10, 36
 
-Classes of a Dirichlet distribution may be merged into one by adding their concentrations. So a
-search for few classes can use the prior of a search for more, whose other classes are part of
-"other". Its beliefs then equal those of the larger search before any of these was detected
-(setting `prior_classes`).
+The paper's distribution always has four classes. A search for fewer keeps the prior of four
+(setting `prior_classes`): the unlisted classes have their prior and no evidence. A Dirichlet
+distribution stays one if classes are merged by adding their concentrations. The mean and variance
+of a listed class are then the same, so `marginal` needs only the number of classes. The entropy is
+not the same, so `entropy` needs every class on its own.
 """
 
 from __future__ import annotations
@@ -72,16 +73,27 @@ def marginal(
 
 
 def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:
-    """Concentration [n, 1 + C] of eq. 2, "other" first.
+    """Concentration [n, max(1 + C, n_classes)] of eq. 2: "other", the listed classes, the others.
 
-    positive: [n, C] evidence for each class; asked: [n] all evidence of the views that searched for
-    the wanted class. "other" gets the evidence that is for no listed class, and the prior of the
-    classes, n_classes in all, that are not listed.
+    positive: [n, C] evidence for each listed class; asked: [n] all evidence of the views that
+    searched for the wanted class. "other" gets the evidence that is for no listed class. n_classes:
+    number of classes with "other"; those that are not listed have only their prior.
     """
     other = np.maximum(asked - positive.sum(axis=-1), 0)
     concentration = np.concatenate([other[..., None], positive], axis=-1) + prior
-    concentration[..., 0] += prior * max(n_classes - concentration.shape[-1], 0)
-    return concentration
+    n_unlisted = max(n_classes - concentration.shape[-1], 0)
+    unlisted = np.full((*concentration.shape[:-1], n_unlisted), prior, concentration.dtype)
+    return np.concatenate([concentration, unlisted], axis=-1)
+
+
+def merged_into_other(concentration: Floats, n_listed: int) -> Floats:
+    """Concentration [..., 1 + n_listed] in which "other" includes the classes that are not listed.
+
+    concentration: [..., C], of `concentration_of`. The listed classes keep their mean and variance.
+    """
+    listed = concentration[..., : 1 + n_listed].copy()
+    listed[..., 0] += concentration[..., 1 + n_listed :].sum(axis=-1)
+    return listed
 
 
 def accumulate(

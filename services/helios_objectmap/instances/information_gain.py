@@ -54,7 +54,7 @@ class EvidenceParameters:
     alpha_cpa: float  # factor of each observation (eq. 3); with votes, of each sector
     alpha_cs: float  # weight of the uncertainty (eq. 7)
     other: float = 0.0  # share of the expected evidence for "other"; 0 is optimistic
-    n_classes: int = 0  # classes of the prior, if more than the member's and "other"
+    n_classes: int = 0  # classes with "other", if more than the member's and "other"
     trust: float = 1.0  # share of the evidence for the wanted class that counts
     side_views: float = 1.0  # with votes: views of a sector until it counts in full
 

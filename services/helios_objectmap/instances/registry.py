@@ -130,11 +130,12 @@ class InstanceRegistry:
             components(store.means[rows], voxel_m), former, np.ones(len(rows), np.int64),
             self.next_label,
         )  # fmt: skip
-        ancestors: dict[int, set[int]] = {}
-        for pair in distinct((labels.astype(np.int64) << 32) | former)[0].tolist():
-            ancestors.setdefault(pair >> 32, set()).add(pair & 0xFFFFFFFF)
-        self._renew_records(name, Regrouped(regrouped=old, ancestors=ancestors), False)
-        store.instances.move(rows, labels)
+        if not np.array_equal(labels, former):
+            ancestors: dict[int, set[int]] = {}
+            for pair in distinct((labels.astype(np.int64) << 32) | former)[0].tolist():
+                ancestors.setdefault(pair >> 32, set()).add(pair & 0xFFFFFFFF)
+            self._renew_records(name, Regrouped(regrouped=old, ancestors=ancestors), False)
+            store.instances.move(rows, labels)
         self._voxels[name] = Voxels(voxel_m)
         self._voxels[name].fill(store.means[rows], labels)
 

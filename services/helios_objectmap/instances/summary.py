@@ -12,7 +12,12 @@ from helios_core.types import ObjectInstance
 from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.fusion.semantics import Score, concentration_of, score_from
+from helios_objectmap.fusion.semantics import (
+    Score,
+    concentration_of,
+    merged_into_other,
+    score_from,
+)
 from helios_objectmap.gaussians import GaussianStore, InstanceGaussians
 from helios_objectmap.instances.clustering import distinct, voxel_keys
 from helios_objectmap.instances.registry import InstanceRecord
@@ -160,7 +165,10 @@ def gaussians_of(
     """Copies of some Gaussians of the store. n_classes: see `concentration_of`."""
     asked = store.total_evidence[rows]
     most_asked = asked.max(axis=1, initial=0)
-    concentration = concentration_of(store.class_evidence[rows], most_asked, prior, n_classes)
+    concentration = merged_into_other(
+        concentration_of(store.class_evidence[rows], most_asked, prior, n_classes),
+        len(store.class_names),
+    )
     return InstanceGaussians(
         store.means[rows],
         store.radius_m[rows],

@@ -165,16 +165,33 @@ def best_view(
     return Decision(DecisionRule.BEST_VIEW, Do.LOOK, candidates, k, why)
 
 
+def visit_first(things: Sequence[ObjectInstance], distances_m: Sequence[float]) -> Decision:
+    """Decision to look at the nearest candidate from its gaze points before its score counts."""
+    candidates = tuple(
+        Candidate(
+            "object", thing.class_name, position_of(thing),
+            _scores(thing) | {"distance_m": distance_m, "total": -distance_m}, thing.id,
+        )
+        for thing, distance_m in zip(things, distances_m, strict=True)
+    )  # fmt: skip
+    k = best_of(candidates)
+    why = explanations.visit_first(candidates, k)
+    return Decision(DecisionRule.GAZE_POINTS_FIRST, Do.LOOK, candidates, k, why)
+
+
 def give_up(what: Act, thing: ObjectInstance, kind: str, reason: str) -> Decision:
     """Decision to leave a chosen candidate, before or after an attempt. thing: the candidate as
     it was chosen."""
-    terms = {
+    left = Candidate(kind, thing.class_name, position_of(thing), _scores(thing), thing.id)
+    why = explanations.give_up(what, thing.class_name, reason)
+    return Decision(DecisionRule.GIVEN_UP, Do.SEARCH_ON, (left,), None, why)
+
+
+def _scores(thing: ObjectInstance) -> dict[str, float]:
+    return {
         "class_score": thing.class_score, "uncertainty": thing.uncertainty,
         "score": thing.score, "views": float(thing.views),
     }  # fmt: skip
-    left = Candidate(kind, thing.class_name, position_of(thing), terms, thing.id)
-    why = explanations.give_up(what, thing.class_name, reason)
-    return Decision(DecisionRule.GIVEN_UP, Do.SEARCH_ON, (left,), None, why)
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:

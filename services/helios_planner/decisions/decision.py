@@ -25,6 +25,7 @@ class DecisionRule(StrEnum):
     BY_OBJECTIVE = "global search (eq. 8-10)"
     RECEPTACLES_FIRST = "receptacles first"
     BEST_VIEW = "best view (eq. 11)"
+    GAZE_POINTS_FIRST = "gaze points first"
     GIVEN_UP = "given up"
     NEAREST_FRONTIER = "nearest frontier"
     NEAREST_BY_WAY = "nearest frontier by way"

@@ -142,6 +142,16 @@ def look(c: Candidate, threshold: float, tau_inc: float) -> str:
     )
 
 
+def visit_first(candidates: Sequence[Candidate], winner: int) -> str:
+    """Sentence for a candidate whose gaze points come before its score."""
+    c = candidates[winner]
+    of = f", the nearest of {len(candidates)}" if len(candidates) > 1 else ""
+    return (
+        f"look at the {c.name}{_away(c)}{of} from the gaze points around it: its class score is "
+        f"{c.terms['class_score']:.2f}; its score, now {c.terms['score']:.2f}, counts after that"
+    )
+
+
 def search_on(
     what: Act, candidates: Sequence[Candidate], threshold: float, tau_inc: float, anywhere: bool
 ) -> str:

@@ -15,20 +15,33 @@ import numpy as np
 from helios_core.types import ObjectInstance
 
 from helios_planner.decisions import explanations
-from helios_planner.decisions.acceptance import Candidate, best_of, paper, position_of
+from helios_planner.decisions.acceptance import (
+    Candidate,
+    best_of,
+    paper,
+    position_of,
+    visit_first,
+)
 from helios_planner.decisions.decision import Act, Decision, Do
-from helios_planner.match_radii import PICKED_PLACE_M, SAME_INSTANCE_M, SAME_THING_M
+from helios_planner.match_radii import (
+    PICKED_PLACE_M,
+    SAME_INSTANCE_M,
+    SAME_PLACE_M,
+    SAME_THING_M,
+)
 from helios_planner.motion_planning.base_placement import (
     eye_of,
     near_outline,
     nearest_to,
     outline_of,
 )
+from helios_planner.navigation.base_controller import Outcome
 from helios_planner.robot.detections import Sighting
 from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Search, SearchTools
 from helios_planner.search.candidate_beliefs import TrustingBelief
 from helios_planner.search.frontier_exploration import Explorer, TargetPursuit
 from helios_planner.search.scored_search import ScoredSearch
+from helios_planner.search.view_selection import PlaceSet
 from helios_planner.task import Phase
 
 RANGE_M = 5.0  # range of VLFM's camera
@@ -98,15 +111,21 @@ class TrustingSearch(Search):
 
 
 class StopSearch(ScoredSearch):
-    """Search that explores as VLFM does until there is a candidate by class score. It then goes to
-    gaze points around it, and stops there only if its score is high enough."""
+    """Search that explores as VLFM does until there is a candidate by class score (paper, section
+    4.2). It then goes to all gaze points around it, and only after that compares its score with
+    tau_g. A candidate below tau_g is left; it is acted on if its score rises to tau_g later, and
+    visited again in the next round.
 
-    kind, action = "object", Act.STOP
+    A candidate without a gaze point in reach is looked at once from as near as possible.
+    """
+
+    kind, action, extra_views = "object", Act.STOP, False
 
     def __init__(self, tools: SearchTools, name: str) -> None:
         within = paper(tools.settings.tau_g, False)
         super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self._explorer = TargetPursuit(self, PICK_LAYER)
+        self.visited = PlaceSet(SAME_PLACE_M)  # candidates that were looked at from gaze points
 
     def candidates(self) -> list[ObjectInstance]:
         return [
@@ -114,15 +133,50 @@ class StopSearch(ScoredSearch):
             if o.class_score >= self.settings.cs_g and self.open(o)
         ]  # fmt: skip
 
+    def decide(self) -> Decision:
+        things = self.candidates()
+        judged = self.judge([o for o in things if o in self.visited])
+        unvisited = [o for o in things if o not in self.visited]
+        if judged.do is Do.ACT or not unvisited:
+            return judged
+        return visit_first(unvisited, [self.robot.pose().distance_m(o.center_m) for o in unvisited])
+
+    def _look_again(self, decision: Decision) -> None:
+        """Go to the gaze points around the chosen candidate, as long as it is one."""
+        thing = self.chosen(decision)
+
+        def gone() -> bool:
+            return all(o.id != thing.id for o in self.candidates())
+
+        purpose = f"look at the {self.name} from all sides"
+        if self.looking.remaining_gaze_points(thing) or self.looking.look_count(thing):
+            if self.looking.visit_gaze_points(thing, purpose, gone):
+                self.visited.add(thing)
+        elif self.base.clear_way(position_of(thing)[:2], self._near_enough_m(thing)):
+            return
+        elif views := self.looking.views_of(thing):
+            if self.looking.go_and_look(thing, views[0], purpose, gone) is not Outcome.INTERRUPTED:
+                self.visited.add(thing)
+        else:
+            self.reject_or_postpone(thing, out_of_reach=True)
+
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)
 
+    def next_round(self) -> None:
+        self.visited.clear()
+        super().next_round()
+
     def checkpoint(self) -> dict[str, Any]:
-        return super().checkpoint() | {"explorer": self._explorer.checkpoint()}
+        return super().checkpoint() | {
+            "explorer": self._explorer.checkpoint(), "visited": self.visited.checkpoint(),
+        }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
         self._explorer.restore(checkpoint["explorer"])
+        if "visited" in checkpoint:  # checkpoints of earlier builds lack it
+            self.visited.restore(checkpoint["visited"])
 
 
 class VlfmBelief(TrustingBelief):

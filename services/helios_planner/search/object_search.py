@@ -25,7 +25,6 @@ from helios_planner.decisions.global_search import (
 )
 from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
-from helios_planner.navigation.base_controller import Outcome
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import PlaceSet
@@ -178,10 +177,5 @@ class ObjectSearch(ScoredSearch):
     def _local_search(self, receptacle: ObjectInstance) -> None:
         """Look at a receptacle from all its gaze points, nearest first, and mark it as visited."""
         purpose = f"look for the {self.name} on the {receptacle.class_name}"
-        while points := self.looking.remaining_gaze_points(receptacle):
-            outcome = self.looking.go_and_look(
-                receptacle, points[0], purpose, self._something_to_do
-            )
-            if outcome is Outcome.INTERRUPTED or self._something_to_do():
-                return
-        self.visited.add(receptacle)
+        if self.looking.visit_gaze_points(receptacle, purpose, self._something_to_do):
+            self.visited.add(receptacle)

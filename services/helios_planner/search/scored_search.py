@@ -6,7 +6,7 @@ import heapq
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from helios_core import proto as pb
@@ -38,6 +38,7 @@ class ScoredSearch(Search):
 
     kind: str  # kind of the sought object, as decision records name it
     action: Act  # action on an accepted candidate
+    extra_views: ClassVar[bool] = True  # a candidate below the threshold may get one more view
 
     def __init__(
         self,
@@ -172,9 +173,12 @@ class ScoredSearch(Search):
 
     def decide(self) -> Decision:
         """Decision to act on a candidate, to look at one again, or to search on."""
+        return self.judge(self.candidates())
+
+    def judge(self, things: Sequence[ObjectInstance]) -> Decision:
+        """Decision about some candidates, by their scores."""
         options = []
         self._views.clear()
-        things = self.candidates()
         self._remembered.note(things)
         self._decision_threshold = self._standard
         known_once = (
@@ -183,7 +187,7 @@ class ScoredSearch(Search):
         self._from_memory = known_once is not None
         for thing in [known_once] if known_once else things:
             in_place = self.in_place(thing)
-            worth = in_place or self.anywhere
+            worth = self.extra_views and (in_place or self.anywhere)
             place = self._place(thing)
             option, self._views[thing.id] = self.looking.option(
                 thing, self.name, self.threshold / place, in_place=in_place, ask=worth

@@ -215,3 +215,14 @@ class ViewPlanner:
             self.base.turn_to(wrap_angle(pose.yaw_rad + pose.bearing_rad(middle)))
             self.base.tilt(gaze.tilt_rad)
         return outcome
+
+    def visit_gaze_points(
+        self, candidate: ObjectInstance, purpose: str, stop: Callable[[], bool]
+    ) -> bool:
+        """Look at a candidate from the gaze points that are left, nearest first, until `stop()` is
+        true. True if none is left."""
+        while points := self.remaining_gaze_points(candidate):
+            outcome = self.go_and_look(candidate, points[0], purpose, stop)
+            if outcome is Outcome.INTERRUPTED or stop():
+                return False
+        return True

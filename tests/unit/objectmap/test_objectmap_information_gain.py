@@ -29,7 +29,8 @@ def reference(
     hits = member.positive.astype(float)
     other = np.maximum(member.asked - hits.sum(axis=1), 0)[:, None]
     gamma = rates.prior + np.concatenate([other, hits], axis=1)
-    gamma[:, 0] += rates.prior * max(rates.n_classes - gamma.shape[1], 0)
+    unlisted = np.full((len(gamma), max(rates.n_classes - gamma.shape[1], 0)), rates.prior)
+    gamma = np.concatenate([gamma, unlisted], axis=1)
     after = gamma.copy()
     for view in views:
         kappa = reference_kappa(member.means, member.radius_m, member.opacity, view)

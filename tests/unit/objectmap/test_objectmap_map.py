@@ -230,7 +230,7 @@ def test_a_shared_class_keeps_its_evidence_in_a_new_context_and_new_classes_star
     (same,) = of_class(objects, "mug")
     assert same.id == mug.id
     assert same.score == pytest.approx(mug.score, abs=0.05)
-    assert same.probabilities["counter"] == pytest.approx(1 / 3, abs=0.01)
+    assert same.probabilities["counter"] == pytest.approx(1 / 4, abs=0.01)
     assert of_class(objects, "table")  # an earlier task's table keeps its class
 
 

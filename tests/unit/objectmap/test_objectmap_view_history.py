@@ -56,7 +56,7 @@ def test_views_before_the_first_detection_count_like_those_after_it() -> None:
     before = map_after_views(named[::-1], LOOKING_BACK, contexts, EYES[::-1])
     forgetful = map_after_views(named[::-1], BY_SIDES, contexts, EYES[::-1])
     assert mugs(before) == pytest.approx(mugs(after), abs=0.03)
-    assert mugs(forgetful)[0] > mugs(after)[0] + 0.1  # the purpose of hindsight
+    assert mugs(forgetful)[0] > mugs(after)[0] + 0.05  # the purpose of hindsight
 
 
 def test_past_views_that_did_not_show_the_place_do_not_count() -> None:

@@ -10,6 +10,7 @@ import json
 
 import pytest
 from helios_core.robot import Observe
+from helios_planner.agents import AGENTS
 from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
@@ -33,6 +34,7 @@ KEPT_AND_LOST = {
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (f"{SCORED_KEPT} seen visited", f"{SCORED_LOST} start _rule _last_seen"),
+    "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
     "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),
     "MoveMission": ("looked_around exploration point_goal", "_restored"),
     "Exploration": (
@@ -50,7 +52,7 @@ def stateful() -> list[object]:
     return [
         mission, tools, mission.skills, tools.base, tools.looking,
         agent.seek_object(tools, "mug", None), agent.seek_receptacle(tools, "counter", None),
-        moves, moves.exploration,
+        moves, moves.exploration, AGENTS["vlfm-helios-stop"].seek_object(tools, "mug", None),
     ]  # fmt: skip
 
 

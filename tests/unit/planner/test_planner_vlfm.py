@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from helios_core.agent_presets import AgentName
+from helios_core.types import ObjectInstance
 from helios_planner.agents import AGENTS
-from helios_planner.decisions.decision import Do, FrontierOption
+from helios_planner.decisions.acceptance import visit_first
+from helios_planner.decisions.counterfactual import recompute
+from helios_planner.decisions.decision import Decision, DecisionRule, Do, FrontierOption
 from helios_planner.decisions.global_search import ChosenFrontier, kept
 from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.detections import Sighting, lies_at_side, sighting_of
 from helios_planner.robot.interface import Frontier
-from helios_planner.search.baselines import UnfilteredBelief, VlfmBelief
+from helios_planner.search.baselines import StopSearch, UnfilteredBelief, VlfmBelief
 from helios_planner.search.frontier_exploration import TargetPursuit
 from helios_planner.settings import Settings
 from helios_planner.task import Phase, TaskFailed
 from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat, mug
-from planner_things import Thing
+from planner_things import Box, Thing
 from planner_world import FakeWorld
 
 FIND = "find the mug"
@@ -235,6 +241,101 @@ def test_the_helios_stop_decision_never_stops_below_its_threshold() -> None:
     with pytest.raises(TaskFailed):
         Mission(world, parse(FIND), Settings(agent="vlfm-helios-stop", rounds=1)).run()
     assert not any(d.do is Do.ACT for d in world.decisions)
+
+
+def found_by_stop_search(world: FakeWorld, rounds: int = 1) -> str:
+    settings = Settings(agent="vlfm-helios-stop", rounds=rounds)
+    return Mission(world, parse(FIND), settings).run()
+
+
+def test_the_stop_search_visits_every_gaze_point_before_it_judges_the_score(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From the start the mug's score is above tau_g. The paper's flow would stop at once."""
+    world = flat([counter(), mug(3, 2.9, 6.5, 0.95)], Pose2(1.5, 4.0, 1.2))
+    left: list[int] = []
+    judge = StopSearch.judge
+
+    def judging(search: StopSearch, things: Sequence[ObjectInstance]) -> Decision:
+        left.extend(len(search.looking.remaining_gaze_points(o)) for o in things)
+        return judge(search, things)
+
+    monkeypatch.setattr(StopSearch, "judge", judging)
+    found_by_stop_search(world)
+    stop = Settings().tau_g
+    first, *_, last = [d for d in world.decisions if d.candidates[0].kind == "object"]
+    assert (first.rule, first.do) == (DecisionRule.GAZE_POINTS_FIRST, Do.LOOK)
+    assert first.chosen.terms["score"] >= stop
+    assert (last.rule, last.do) == (DecisionRule.STOP, Do.ACT)
+    assert left == [0]
+    paper = flat([counter(), mug(3, 2.9, 6.5, 0.95)], Pose2(1.5, 4.0, 1.2))
+    Mission(paper, parse(FIND), Settings(agent="helios-paper")).run()
+    assert paper.decisions[0].do is Do.ACT
+    assert paper.steps < world.steps
+
+
+def test_a_candidate_below_the_threshold_is_visited_once_in_each_round_and_left() -> None:
+    for rounds in (1, 2):
+        doubtful = mug(4, 2.9, 6.5, 0.95, rate=0.5)
+        world = flat([counter(), doubtful], Pose2(1.5, 4.0, 1.2))
+        with pytest.raises(TaskFailed, match="no mug was found"):
+            found_by_stop_search(world, rounds=rounds)
+        visits = [d for d in world.decisions if d.rule == DecisionRule.GAZE_POINTS_FIRST]
+        assert len(visits) == rounds
+        assert not any(d.do is Do.ACT for d in world.decisions)
+        assert not any(d.rule == DecisionRule.BEST_VIEW for d in world.decisions)
+
+
+def stop_search(world: FakeWorld) -> StopSearch:
+    """Return a search after a look around, in which the robot knows a mug."""
+    mission = Mission(world, parse(FIND), Settings(agent="vlfm-helios-stop"))
+    mission.tools.base.look_around()
+    search = mission.agent.seek_object(mission.tools, "mug", None)
+    assert isinstance(search, StopSearch)
+    return search
+
+
+def test_visited_candidates_survive_a_restart_of_the_planner() -> None:
+    world = flat([counter(), mug(3, 2.9, 6.5, 0.95)], Pose2(1.5, 4.0, 1.2))
+    before = stop_search(world)
+    assert before.decide().do is Do.LOOK
+    assert before.decide_and_publish().do is Do.ACT
+    after = stop_search(world)
+    after.restore(json.loads(json.dumps(before.checkpoint())))
+    assert after.decide().do is Do.ACT
+    old = before.checkpoint()
+    del old["visited"]
+    after = stop_search(world)
+    after.restore(old)  # of an earlier build: the candidate is visited again
+    assert after.decide().do is Do.LOOK
+
+
+def test_a_visit_ends_when_the_object_is_no_longer_a_candidate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = flat([counter(), mug(3, 2.9, 6.5, 0.95)], Pose2(1.5, 4.0, 1.2))
+    search = stop_search(world)
+    objects, steps = world.objects, world.steps + 3
+    monkeypatch.setattr(world, "objects", lambda n: objects(n) if world.steps < steps else [])
+    assert search.decide_and_publish().do is Do.SEARCH_ON
+    assert world.steps - steps <= 1
+    assert not search.visited.points
+
+
+def test_a_mug_without_a_gaze_point_is_found_from_as_near_as_possible() -> None:
+    """A mug in the middle of a wide table: no gaze point of the contours is free. One view in each
+    round is taken instead; after that of the second round the score is high enough."""
+    wide = Box(1.0, 3.9, 4.2, 6.9, 0.5)
+    world = flat([mug(4, x=2.6, y=5.4, z=0.55)], Pose2(1.5, 1.5, 1.2), [wide])
+    assert "found the mug at (2.60, 5.40" in found_by_stop_search(world, rounds=2)
+
+
+def test_whether_a_visit_would_change_with_another_tau_g_is_not_certain() -> None:
+    thing = flat([counter(), mug(3, 2.9, 6.5, 0.95)], Pose2(1.5, 4.0, 1.2)).objects("mug")
+    visit = visit_first(thing, [2.5])
+    assert "2.5 m away" in visit.why
+    assert recompute(visit, {"alpha_d": 0.1}).certain
+    assert not recompute(visit, {"tau_g": 0.1}).certain
 
 
 # --- 50-50 ---------------------------------------------------------------------------------------

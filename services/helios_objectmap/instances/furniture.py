@@ -1,0 +1,24 @@
+"""Which classes are furniture: their instances have the voxels of receptacles in every role."""
+
+from __future__ import annotations
+
+from helios_objectmap.instances.size_prior import usual_extents
+
+# Large classes that `sizes.toml` lists as not standing on the floor, or does not list.
+_ALSO = frozenset({
+    "cabinet", "cupboard", "cooker", "stove", "oven", "range", "sink", "stand", "washer/dryer",
+    "tv", "television", "tv set", "tv screen", "radiator",
+})  # fmt: skip
+
+
+def is_furniture(class_name: str) -> bool:
+    """True for furniture, large appliances and fixtures: classes that usually stand on the floor,
+    and a few more. The last words decide: a "white kitchen table" is a table, a "table lamp" is
+    not."""
+    words = class_name.replace("_", " ").replace("-", " ").lower().split()
+    return any(_is_listed(" ".join(words[k:])) for k in range(len(words)))
+
+
+def _is_listed(name: str) -> bool:
+    usual = usual_extents(name)
+    return name in _ALSO or (usual is not None and usual.on_floor)
