@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from dataclasses import replace
 
@@ -44,6 +46,14 @@ def scorer(spread: float | None = None, seed: int = 0) -> ViewScorer:
 
 def scores(of: ViewScorer, sought: str, seen: tuple[Seen, ...] = ()) -> list[float]:
     return [of.score(f, seen, {"pick": PROMPT.format(sought)})["pick"] for f in FRAMES]
+
+
+def test_the_published_table_and_its_scores_do_not_change() -> None:
+    """A failure means that a published table has changed: give the new table a new name."""
+    assert load_scorer_table("itc-v1")[1] == "227edf32dd3e62ae"
+    reported = {sought: scores(scorer(seed=5), sought) for sought in ("mug", "bed", "dining table")}
+    rounded = {sought: [round(s, 6) for s in values] for sought, values in reported.items()}
+    assert hashlib.sha256(json.dumps(rounded).encode()).hexdigest()[:16] == "96d65927135dbfaf"
 
 
 def test_without_error_the_sought_class_scores_above_its_kin_and_kin_above_a_stranger() -> None:
