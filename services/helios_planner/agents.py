@@ -8,13 +8,14 @@
 | no-global-objective | object map, by score | receptacles, then frontiers | highest value       |
 | trusting            | every detection      | highest value               | highest value       |
 | random-frontier     | every detection      | random                      | random              |
-| homerobot-heuristic | every detection      | nearest                     | nearest             |
+| homerobot-heuristic | every detection      | start receptacles, nearest  | nearest             |
 | vlfm                | detections seen well | highest value, kept         | highest value, kept |
 | vlfm-unfiltered     | also at image sides  | highest value, kept         | highest value, kept |
 | vlfm-helios-stop    | object map, by score | highest value, kept         | highest value       |
 
 `helios-paper` is the paper's method. `helios` waits before it acts on a doubtful candidate
-(`acceptance.py`) and has its own settings (`helios_core.agent_presets`). The last three are for
+(`acceptance.py`) and has its own settings (`helios_core.agent_presets`). `homerobot-heuristic`
+takes an object only on a start receptacle (`search/heuristic_search.py`). The last three are for
 object navigation (Table 2); they can do every task.
 """
 
@@ -37,8 +38,10 @@ from helios_planner.decisions.global_search import FrontierRule, SearchRule
 from helios_planner.search.baselines import StopSearch, UnfilteredBelief, VlfmBelief
 from helios_planner.search.candidate_beliefs import MapBelief, TrustingBelief
 from helios_planner.search.frontier_exploration import RuleExplorer, TargetPursuit
+from helios_planner.search.heuristic_search import HeuristicSearch
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
+from helios_planner.task import Phase
 
 _loaded: dict[str, Agent] = {}  # agents of other packages; each is imported once per process
 
@@ -65,7 +68,14 @@ AGENTS: dict[str, Agent] = {
     "no-global-objective": _scoring(global_search.receptacles_first),
     "trusting": _by(global_search.highest_value),
     "random-frontier": _by(global_search.drawn),
-    "homerobot-heuristic": _by(global_search.nearest),
+    "homerobot-heuristic": Agent(
+        TrustingBelief,
+        lambda tools, name, start: HeuristicSearch(tools, Phase.FIND_OBJECT, name, start),
+        lambda tools, name, not_at: HeuristicSearch(
+            tools, Phase.FIND_RECEPTACLE, name, not_at=not_at
+        ),
+        retries=False,
+    ),
     "vlfm": trusting(VlfmBelief, TargetPursuit),
     "vlfm-unfiltered": trusting(UnfilteredBelief, TargetPursuit),
     "vlfm-helios-stop": replace(_PAPER, seek_object=lambda tools, name, _: StopSearch(tools, name)),

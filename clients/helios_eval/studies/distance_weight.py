@@ -3,11 +3,12 @@
     python -m helios_eval.studies.distance_weight --episodes 12 --seed0 400 --gain-norm sum \
         --out runs/distance-weight
 
-Plays episodes of `helios eval ovmm` and collects every decision of the global search (eq. 10). Then
-it repeats each decision from its stored inputs, with other α_d and with every gain_norm. Decisions
-count if they had several candidates. A repeated decision shows what would have changed at that
-moment; the episode behind it stays the one that was played. Writes `episodes.jsonl` and
-`study.json`. Episodes in the folder are not played again. The homes must be development homes.
+Plays episodes of `helios eval ovmm` up to the first pick, and collects every decision of the global
+search (eq. 10); after the pick there is none. Then it repeats each decision from its stored inputs,
+with other α_d and with every gain_norm. Decisions count if they had several candidates. A repeated
+decision shows what would have changed at that moment; the episode behind it stays the one that was
+played. Writes `episodes.jsonl` and `study.json`. Episodes in the folder are not played again. The
+homes must be development homes.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,10 +26,11 @@ from google.protobuf.json_format import MessageToDict, ParseDict
 from helios_core import proto as pb
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.topics import DECISION
+from helios_core.topics import CANCEL, DECISION, TASK
 from helios_planner.decisions.counterfactual import flips, recompute, under_gain_norm
 from helios_planner.decisions.decision import Decision, DecisionRule
 from helios_planner.settings import GainNorm
+from helios_planner.task import Phase
 from helios_planner.tasks.messages import decision_from_proto
 
 from helios_eval.episodes.episode_player import LONGEST_S, running_stack
@@ -38,6 +41,7 @@ TABLES = (0.0001, 0.001, 0.01)  # α_d of Tables 6 to 8
 WEIGHTS = (*TABLES, 0.1)
 PRINTED = 0.001  # α_d of Table 3
 NORMS: tuple[GainNorm, ...] = ("sum", "per_gaussian", "per_area", "per_pixel")
+CALL_S = 60.0
 LAST_SEED = 999  # later seeds belong to published results
 
 
@@ -131,15 +135,26 @@ def _share(n: int, of: int) -> str:
 
 
 def play(spec: EpisodeSpec) -> dict[str, Any]:
-    """Result of an episode and its decisions of the global search, as JSON. Raises HeliosError."""
+    """Decisions of the global search of an episode up to the pick, as JSON. Raises HeliosError."""
     decisions: list[pb.Decision] = []
     with running_stack(spec) as (thread, stack):
-        stack.bus().subscribe(DECISION, decisions.append)
+        bus, picked = stack.bus(), threading.Event()
+
+        def end_after_pick(task: pb.Task) -> None:
+            if task.phase == Phase.FIND_RECEPTACLE and not picked.is_set():
+                picked.set()
+                # Not on this thread, which publishes the task's progress.
+                threading.Thread(
+                    target=bus.call, args=(CANCEL, pb.TaskRequest(id=task.id), CALL_S)
+                ).start()
+
+        bus.subscribe(DECISION, decisions.append)
+        bus.subscribe(TASK, end_after_pick)
         instruction = thread.run(lambda world: world.episode.instruction)
         task = stack.run(instruction, spec.max_steps, LONGEST_S)
     return {
-        "key": spec.key, "seed": spec.seed, "instruction": instruction, "state": task.state,
-        "cause": task.cause, "steps": task.steps,
+        "key": spec.key, "seed": spec.seed, "instruction": instruction,
+        "ended": "picked an object" if picked.is_set() else task.cause, "steps": task.steps,
         "decisions": [
             MessageToDict(d) for d in decisions if d.rule == DecisionRule.BY_OBJECTIVE
         ],
@@ -160,7 +175,7 @@ def run(specs: Sequence[EpisodeSpec], played: GainNorm, folder: Path) -> str:
                 file.flush()
             said = episodes[spec.key]
             print(
-                f"{k}/{len(specs)} home {spec.seed}: {said['state']}, {said['steps']} steps, "
+                f"{k}/{len(specs)} home {spec.seed}: {said['ended']}, {said['steps']} steps, "
                 f"{len(said['decisions'])} decisions",
                 file=sys.stderr,
             )

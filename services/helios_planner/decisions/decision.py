@@ -28,6 +28,7 @@ class DecisionRule(StrEnum):
     GAZE_POINTS_FIRST = "gaze points first"
     GIVEN_UP = "given up"
     NEAREST_FRONTIER = "nearest frontier"
+    NEAREST_RECEPTACLE = "nearest start receptacle"
     NEAREST_BY_WAY = "nearest frontier by way"
     RANDOM_FRONTIER = "random frontier"
     WAY_THROUGH_UNKNOWN = "way through unknown ground"
@@ -61,13 +62,14 @@ class ReceptacleOption:
 @dataclass(frozen=True)
 class FrontierOption:
     """A frontier that may be driven to. value: of the value layer for the sought class;
-    bearing_rad: from the robot's heading, positive left."""
+    bearing_rad: from the robot's heading, positive left; way_m: length of the path, if known."""
 
     id: int
     xy_m: tuple[float, float]
     value: float
     distance_m: float
     bearing_rad: float = 0.0
+    way_m: float | None = None
 
 
 @dataclass(frozen=True)

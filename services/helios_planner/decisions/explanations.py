@@ -69,6 +69,15 @@ def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     return f"explore {c.name}{_away(c)}: the nearest of {counted(len(candidates), 'frontier')}"
 
 
+def unvisited_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
+    """Sentence of the heuristic agent for a start receptacle that it has not been near."""
+    c = candidates[winner]
+    return (
+        f"look at the {c.name}{_away(c)}: the nearest of "
+        f"{counted(len(candidates), 'start receptacle')} not visited yet"
+    )
+
+
 def nearest_way(candidates: Sequence[Candidate], winner: int) -> str:
     """Sentence of an exploration task for the frontier with the shortest path."""
     c = candidates[winner]

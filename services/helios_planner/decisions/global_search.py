@@ -166,8 +166,13 @@ def highest_value(
 
 
 def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator) -> Decision:
-    """Decision for the nearest frontier, whatever its value."""
-    candidates = _listed(frontiers, [-f.distance_m for f in frontiers])
+    """Decision for the frontier with the shortest path, whatever its value. A frontier whose path
+    is unknown counts by its distance."""
+    ways = [f.distance_m if f.way_m is None else f.way_m for f in frontiers]
+    candidates = tuple(
+        replace(c, terms=c.terms | {"way_m": way_m, "total": -way_m})
+        for c, way_m in zip(_listed(frontiers, ways), ways, strict=True)
+    )
     if not candidates:
         return _nothing(DecisionRule.NEAREST_FRONTIER)
     k = best_of(candidates)

@@ -259,9 +259,11 @@ class Search(ABC):
                 FrontierOption(
                     f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m),
                     pose.bearing_rad(f.xy_m),
+                    float(reached.at(np.array([place]))[0]) * reached.ground.cell_m
+                    + math.dist(place, f.xy_m),
                 )
                 for f in frontiers
-                if reached.nearest(f.xy_m, FRONTIER_REACH_M) is not None
+                if (place := reached.nearest(f.xy_m, FRONTIER_REACH_M)) is not None
             ]  # fmt: skip
             if options:
                 return options

@@ -54,6 +54,8 @@ class TrustingSearch(Search):
     """Search that acts on the nearest reported object that has not failed yet. Goal receptacles
     reported during the object search count too, unless `goal_seen_before_pick` is off."""
 
+    remembers: ClassVar[bool] = False  # goal receptacles reported earlier count in any case
+
     def __init__(
         self,
         tools: SearchTools,
@@ -67,7 +69,8 @@ class TrustingSearch(Search):
         self._not_at = not_at
         layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
         self._explorer = explorer(self, layer)
-        counts = phase is Phase.FIND_OBJECT or tools.settings.goal_seen_before_pick
+        counts = self.remembers or tools.settings.goal_seen_before_pick
+        counts = counts or phase is Phase.FIND_OBJECT
         known = () if counts else self.belief.known(name)
         self._outdated = {t.id: t.views for t in known}  # views at the start; more make it count
 
