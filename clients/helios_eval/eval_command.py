@@ -62,6 +62,9 @@ Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
 Steps = Annotated[int | None, typer.Option(help="maximum actions per episode", min=1)]
+Why = Annotated[
+    str, typer.Option(help="reason for docs/results/ledger.jsonl (homes from seed 1000 on)")
+]
 Ray = Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")]
 
 
@@ -83,11 +86,12 @@ def ovmm(
     assignments: Assignments = None,
     max_steps: Steps = None,
     ray: Ray = None,
+    why: Why = "",
 ) -> None:
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
-        noise_correlation, sensor, scorer, assignments or [], max_steps, ray,
+        noise_correlation, sensor, scorer, assignments or [], max_steps, ray, why,
     )  # fmt: skip
 
 
@@ -109,11 +113,12 @@ def objectnav(
     assignments: Assignments = None,
     max_steps: Steps = None,
     ray: Ray = None,
+    why: Why = "",
 ) -> None:
     """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
     _run(
         "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
-        noise_level, noise_correlation, sensor, scorer, assignments or [], max_steps, ray,
+        noise_level, noise_correlation, sensor, scorer, assignments or [], max_steps, ray, why,
     )  # fmt: skip
 
 
@@ -168,6 +173,7 @@ def _run(
     assignments: list[str],
     max_steps: int | None,
     ray: str | None,
+    why: str,
 ) -> None:
     under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
@@ -186,7 +192,7 @@ def _run(
         )
     asked = Run(
         under.benchmark, under.agents, limits, under.semantics, under.preset, episodes, seed0, out,
-        jobs or os.cpu_count() or 1, under.noise, under.settings, ray,
+        jobs or os.cpu_count() or 1, under.noise, under.settings, ray, why,
     )  # fmt: skip
     console = Screen()
     try:

@@ -20,6 +20,12 @@ def machine() -> str:
     return f"{name}, {os.cpu_count()} cores, {platform.system()}"
 
 
+def checkout() -> Path | None:
+    """Root folder of the source checkout that this program runs from; None if it is installed."""
+    root = Path(__file__).resolve().parents[2]
+    return root if (root / ".git").exists() else None
+
+
 def commit() -> str:
     """Git description of this source, or "unknown" outside a checkout."""
     done = subprocess.run(

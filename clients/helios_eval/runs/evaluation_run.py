@@ -28,7 +28,7 @@ from helios_eval.provenance import commit, machine
 from helios_eval.report import write_report
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
-from helios_eval.runs import results
+from helios_eval.runs import ledger, results
 from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
@@ -53,6 +53,7 @@ class Run:
     noise: Noise | None
     settings: dict[str, Setting]
     ray: str | None = None
+    why: str = ""  # reason for the ledger
 
     def specs(self) -> list[EpisodeSpec]:
         """Episodes ordered by home, so that an interrupted run has compared its agents."""
@@ -97,6 +98,7 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     try:
         if missing:
+            ledger.enter(missing, asked.out, here, asked.why)
             with closing(_outcomes(asked, missing, here)) as outcomes, board:
                 for spec, came in outcomes:
                     played = (

@@ -7,6 +7,14 @@ from typing import Annotated
 
 import typer
 
+Scorer = Annotated[
+    str | None,
+    typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
+]
+Assignments = Annotated[
+    list[str] | None, typer.Option("--set", help="service setting, such as a=1")
+]
+
 
 def video(
     seed: Annotated[int, typer.Option(help="seed of the home", min=0, max=99_999)],
@@ -28,13 +36,8 @@ def video(
     sensor: Annotated[
         str, typer.Option(help="noise of camera and pose: none or realistic")
     ] = "none",
-    scorer: Annotated[
-        str | None,
-        typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
-    ] = None,
-    assignments: Annotated[
-        list[str] | None, typer.Option("--set", help="service setting, such as a=1")
-    ] = None,
+    scorer: Scorer = None,
+    assignments: Assignments = None,
     max_steps: Annotated[
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,

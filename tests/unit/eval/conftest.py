@@ -1,6 +1,17 @@
-"""Makes the helper modules in this folder importable."""
+"""Makes the helper modules in this folder importable, and keeps tests out of the real ledger."""
 
 import sys
 from pathlib import Path
 
+import pytest
+from helios_eval.runs import ledger
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(autouse=True)
+def own_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Path of this test's ledger."""
+    path = tmp_path / "a-checkout" / ledger.LEDGER
+    monkeypatch.setattr(ledger, "ledger_path", lambda: path)
+    return path

@@ -91,6 +91,7 @@ def test_an_episode_is_played_once_and_its_decisions_hold_their_gains(tmp_path: 
     study = json.loads((tmp_path / "study.json").read_text())
     assert study["settings"] == {
         "planner.alpha_d": "0.02", "planner.gain_norm": "sum", "max_steps": "60",
+        "detector.scorer": "simulated:itc-v1",
     }  # fmt: skip
     assert study["rows"][0]["decisions"] == sum(len(d.candidates) > 1 for d in decisions)
     assert main(flags) == 0

@@ -48,6 +48,11 @@ class Looks:
     def remaining_gaze_points(self, _: ObjectInstance) -> list[GazePoint]:
         return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
 
+    def visit_gaze_points(
+        self, candidate: ObjectInstance, purpose: str, stop: Callable[[], bool]
+    ) -> bool:
+        return ViewPlanner.visit_gaze_points(cast(ViewPlanner, self), candidate, purpose, stop)
+
     def information_gain(self, *_: object) -> Gain | None:
         return Gain(100.0, 100) if self.left else None
 

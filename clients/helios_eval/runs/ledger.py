@@ -1,0 +1,107 @@
+"""Ledger of the homes that were played: which, by whom, when, at which commit, and why.
+
+Seeds below 1000 are for development. A figure counts as unseen only if nobody had played its homes
+before. So `helios eval` appends a line to `docs/results/ledger.jsonl` before it plays any home from
+seed 1000 on, also if the run is stopped later. An installation outside a source checkout has no
+ledger.
+"""
+
+from __future__ import annotations
+
+import getpass
+import json
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from helios_core.errors import InvalidInput, Unavailable
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.provenance import checkout
+
+FIRST_SEED = 1000  # seeds below are for development
+LEDGER = Path("docs/results/ledger.jsonl")
+
+
+class Entry(BaseModel):
+    """One line of the ledger: the homes that one command was about to play."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    at: str = Field(description="time of the start, ISO 8601, UTC")
+    by: str = Field(description="account that ran the command")
+    commit: str
+    why: str = Field(description="reason that the command gave; empty: none")
+    benchmark: str
+    preset: str
+    first_seed: int
+    last_seed: int
+    homes: int = Field(description="homes of this range that the command was about to play")
+    agents: tuple[str, ...]
+    out: str = Field(description="folder of the results")
+
+
+def ledger_path() -> Path | None:
+    """File of the ledger; None outside a source checkout."""
+    root = checkout()
+    return None if root is None else root / LEDGER
+
+
+def enter(specs: Sequence[EpisodeSpec], out: Path, commit: str, why: str) -> Entry | None:
+    """Append a line for the specified episodes; None without a home from seed 1000 on.
+
+    Raises Unavailable if the file cannot be written, so that no such home is played unrecorded.
+    """
+    kept = [spec for spec in specs if spec.seed >= FIRST_SEED]
+    path = ledger_path()
+    if not kept or path is None:
+        return None
+    seeds = {spec.seed for spec in kept}
+    entry = Entry(
+        at=datetime.now(UTC).isoformat(timespec="seconds"), by=_account(), commit=commit, why=why,
+        benchmark=kept[0].benchmark, preset=kept[0].preset, first_seed=min(seeds),
+        last_seed=max(seeds), homes=len(seeds),
+        agents=tuple(dict.fromkeys(spec.agent for spec in kept)), out=str(out),
+    )  # fmt: skip
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(entry.model_dump_json() + "\n")
+    except OSError as error:
+        raise Unavailable(
+            f"the ledger {path} cannot be written ({error}), and homes from seed {FIRST_SEED} on "
+            "are not played without it; free the disk or make the file writable"
+        ) from error
+    return entry
+
+
+def read(path: Path) -> list[Entry]:
+    """Lines of a ledger, oldest first; none if the file is missing. Raises InvalidInput."""
+    if not path.exists():
+        return []
+    entries = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            fields: dict[str, Any] = json.loads(line)
+            entries.append(Entry.model_validate(fields))
+        except (ValueError, ValidationError) as error:
+            raise InvalidInput(
+                f"{path}, line {number} is no entry of the ledger ({error}); restore the file "
+                "from the repository"
+            ) from error
+    return entries
+
+
+def folders_that_played(entries: Sequence[Entry], preset: str, seed: int) -> list[str]:
+    """Folders whose runs played a home, each once, oldest first."""
+    played = [e.out for e in entries if e.preset == preset and e.first_seed <= seed <= e.last_seed]
+    return list(dict.fromkeys(played))
+
+
+def _account() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # an account without a name, as in some containers
+        return "unknown"

@@ -1,0 +1,95 @@
+"""The ledger records every home from seed 1000 on before it is played."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helios_core.errors import InvalidInput, Unavailable
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.provenance import checkout
+from helios_eval.runs import evaluation_run, ledger
+from helios_eval.runs.evaluation_run import Run, run
+from helios_eval.runs.process_pool import Outcome
+from rich.console import Console
+
+
+def specs(*seeds: int, agent: str = "trusting") -> list[EpisodeSpec]:
+    return [EpisodeSpec("ovmm", agent, "noisy", "ovmm-v1", seed, None, {}) for seed in seeds]
+
+
+def test_the_ledger_is_in_the_checkout() -> None:
+    root = checkout()
+    assert root is not None
+    assert (root / "pyproject.toml").exists()
+
+
+def test_development_homes_are_not_recorded(own_ledger: Path) -> None:
+    assert ledger.enter(specs(0, 999), Path("runs/a"), "abc", "") is None
+    assert not own_ledger.exists()
+
+
+def test_an_entry_has_the_homes_the_agents_the_commit_and_the_reason(own_ledger: Path) -> None:
+    asked = [*specs(999, 1000, 1004), *specs(1000, agent="helios")]
+    ledger.enter(asked, Path("runs/a"), "abc", "a look at totals")
+    (entry,) = ledger.read(own_ledger)
+    assert (entry.first_seed, entry.last_seed, entry.homes) == (1000, 1004, 2)
+    assert entry.agents == ("trusting", "helios")
+    assert (entry.commit, entry.why, entry.out) == ("abc", "a look at totals", "runs/a")
+    assert entry.at.endswith("+00:00")
+
+
+def test_lines_are_appended_and_tell_which_folders_played_a_home(own_ledger: Path) -> None:
+    for out, seeds in (("runs/a", (1000, 1003)), ("runs/b", (1002, 1009)), ("runs/a", (1000,))):
+        ledger.enter(specs(*seeds), Path(out), "abc", "")
+    entries = ledger.read(own_ledger)
+    assert len(entries) == 3
+    assert ledger.folders_that_played(entries, "ovmm-v1", 1002) == ["runs/a", "runs/b"]
+    assert ledger.folders_that_played(entries, "ovmm-v1", 1000) == ["runs/a"]
+    assert ledger.folders_that_played(entries, "demo-v1", 1002) == []
+
+
+def test_a_run_that_is_stopped_at_its_first_home_stands_in_the_ledger(
+    tmp_path: Path, own_ledger: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> Outcome:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation_run, "play_all", stopped)
+    asked = Run(
+        "ovmm", ("trusting",), (1,), "ground-truth", "ovmm-v1", 3, 1200, tmp_path / "run", 1, None,
+        {}, why="publication",
+    )  # fmt: skip
+    with pytest.raises(KeyboardInterrupt):
+        run(asked, Console(quiet=True))
+    (entry,) = ledger.read(own_ledger)
+    assert (entry.first_seed, entry.last_seed, entry.why) == (1200, 1202, "publication")
+
+
+def test_no_home_is_played_if_the_ledger_cannot_be_written(
+    tmp_path: Path, own_ledger: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own_ledger.mkdir(parents=True)  # a folder in the place of the file
+    played: list[object] = []
+    monkeypatch.setattr(evaluation_run, "play_all", lambda *_: played.append(1))
+    asked = Run(
+        "ovmm", ("trusting",), (1,), "ground-truth", "ovmm-v1", 1, 1200, tmp_path / "run", 1, None,
+        {},
+    )  # fmt: skip
+    with pytest.raises(Unavailable, match="are not played without it"):
+        run(asked, Console(quiet=True))
+    assert not played
+
+
+@pytest.mark.parametrize("line", ["no JSON", "{}", "[]", '{"at": 3}'])
+def test_a_damaged_line_is_reported_with_its_number(own_ledger: Path, line: str) -> None:
+    ledger.enter(specs(1000), Path("runs/a"), "abc", "")
+    with own_ledger.open("a") as file:
+        file.write(line + "\n")
+    with pytest.raises(InvalidInput, match="line 2 is no entry"):
+        ledger.read(own_ledger)
+
+
+def test_an_installed_package_has_no_ledger(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ledger, "ledger_path", lambda: None)
+    assert ledger.enter(specs(1000), Path("runs/a"), "abc", "") is None
