@@ -18,10 +18,9 @@ from helios_eval.report.interval_statistics import (
     paired_difference,
     paired_ratio,
     why_unbounded,
-    wilson,
 )
 from helios_eval.report.number_format import bounds, interval, number, scale, signed
-from helios_eval.report.our_results import count, missing_homes_text, tone_of
+from helios_eval.report.our_results import missing_homes_text, tone_of
 from helios_eval.report.record_metrics import METRICS, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
@@ -55,10 +54,6 @@ QUESTIONS = (
     Question("VLFM with the stop decision of HELIOS above VLFM (Table 2)",
              ("vlfm-helios-stop", NOISY), ("vlfm", NOISY), ("SR", "SPL"), "objectnav"),
 )  # fmt: skip
-LEVELS = (  # success rates that the project requires of its own method
-    ("HELIOS with ground-truth semantics", ("helios-paper", TRUE), 0.6),
-    ("HELIOS with the noise of the preset", ("helios-paper", NOISY), 0.35),
-)
 
 
 def section(arms: Sequence[Arm]) -> Section | None:
@@ -81,7 +76,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
             for metric in question.metrics:
                 group = f"The same at {noise}"
                 bars.append(_row(rows, question, metric, first, second, group, noise))
-    levels, ideas = _levels(arms), _ideas(arms)
+    ideas = _ideas(arms)
     plain = plain_arm(arms, "ovmm", "helios-paper", NOISY)
     alone = plain is not None and bool(_own_settings(plain))
     if alone:
@@ -105,7 +100,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
             words=["so"],
         )
         blocks += [plots.forest(bars), table]
-    blocks += [b for b in (levels, ideas) if b is not None]
+    blocks += [ideas] if ideas is not None else []
     if unanswered:
         blocks.append(Paragraph(f"Not run: {'; '.join(unanswered)}."))
     if unlike:
@@ -146,11 +141,6 @@ def _so(d: Interval) -> str:
     return "not settled: holds 0" if not d.excludes_zero else ("ahead" if d.low > 0 else "behind")
 
 
-def _level(i: Interval, wanted: float) -> str:
-    settled = i.low >= wanted or i.high < wanted
-    return ("reached" if i.value >= wanted else "below") + ("" if settled else ", not settled")
-
-
 def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
     """Arms of the primary claim under every other noise that both were run under, with its name."""
     (one, semantics), (other, _) = QUESTIONS[0].first, QUESTIONS[0].second
@@ -170,27 +160,6 @@ def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
 def _noise_of(arm: Arm) -> list[str]:
     """Differences from the preset's noise, as text."""
     return [] if arm.noise is None else noise_parts(arm.noise)
-
-
-def _levels(arms: Sequence[Arm]) -> Table | None:
-    rows = Rows()
-    for name, who, wanted in LEVELS:
-        arm = plain_arm(arms, "ovmm", *who)
-        if arm is None or _noise_of(arm) or _own_settings(arm):
-            continue
-        met = values(arm.records, "SR")
-        i = wilson(int(met.sum()), len(met))
-        rows.add([
-            name, number(100 * i.value, 1), bounds(100 * i.low, 100 * i.high, 1),
-            f"≥ {100 * wanted:g}", count(arm),
-            _level(i, wanted) + ("" if arm.is_complete else SO_FAR),
-        ])  # fmt: skip
-    return rows.table(
-        "Success rate against what this project wants",
-        ["SR of", "here", "95 %", "wanted", "n", "so"],
-        "Percent, with the 95 % Wilson interval; settled where the interval leaves the wanted out.",
-        words=["so"],
-    ) if rows.rows else None  # fmt: skip
 
 
 def _ideas(arms: Sequence[Arm]) -> Table | None:

@@ -64,8 +64,6 @@ def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
 def test_an_agent_that_is_worse_is_reported_as_behind() -> None:
     tables, _ = answered([*wins("helios-paper", 8), *wins("no-global-objective", 20)])
     assert cell_texts(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
-    level = {cell_texts(r)[0]: cell_texts(r)[-1] for r in tables[LEVEL].rows}
-    assert level == {"HELIOS with the noise of the preset": "below, not settled"}
 
 
 def test_the_report_compares_agents_beyond_the_paper() -> None:
@@ -74,16 +72,12 @@ def test_the_report_compares_agents_beyond_the_paper() -> None:
     assert (found[1], found[2], found[-1]) == ("66.7", "26.7", "ahead")
 
 
-LEVEL = "Success rate against what this project wants"
-
-
 def test_an_incomplete_run_is_marked_as_preliminary() -> None:
     tables, _ = answered(
         [*wins("helios-paper", 20), *wins("trusting", 8)], order(["helios-paper", "trusting"], 200)
     )
     found = row(tables["Paired differences"], "Primary claim", "SR")
     assert (found.cells[6].note, found.cells[7].text) == ("of 200 homes", "ahead, so far")
-    assert tables[LEVEL].rows[0].cells[4].note == "of 200"
 
 
 def test_a_complete_short_run_compared_with_a_long_one_is_not_preliminary() -> None:
@@ -142,7 +136,6 @@ def test_a_run_with_only_another_noise_is_labelled_with_that_noise(
     )
     (group,) = {r.group for r in tables["Paired differences"].rows}
     assert group == f"Primary claim: HELIOS above the trusting agent, {report_of}"
-    assert LEVEL not in tables  # the target applies to the noise of the preset
 
 
 def test_one_agent_alone_answers_no_question() -> None:
