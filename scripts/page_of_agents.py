@@ -15,10 +15,36 @@ from helios_core.agent_presets import (
 from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.settings import Settings as PlannerSettings
 
-from scripts.markdown_tables import DOCS, Block, code, plain, sentence, table
+from scripts.markdown_tables import DOCS, Block, code, table
 
 SERVICES = {"planner": PlannerSettings, "objectmap": ObjectMapSettings}
-OWN = "your own agent"
+OWN = "your own"  # heads the column of agents of other packages
+SAYS = {  # what a setting decides, in a few words
+    "planner.start_receptacle_first": "the object must lie on the named start receptacle",
+    "planner.confirm_from_near": "second check in front of a candidate",
+    "planner.pick_at_last": "share of the steps after which the likeliest object is picked",
+    "planner.place_at_last": "share of the steps after which the likeliest goal is taken",
+    "planner.rounds": "searches of the home for the object",
+    "planner.rounds_held": "searches of the home for the goal",
+    "planner.place_rule": "place: on a flat area, or above the highest point",
+    "planner.gaze_aim": "aim of the head at a gaze point",
+    "planner.view_contours": "contours of extra views",
+    "planner.gain_norm": "unit of the gain in eq. 10",
+    "planner.goal_seen_before_pick": "a goal detected before the pick counts (`trusting`)",
+    "objectmap.expected_label": "expected label Y\\* of a pixel",
+    "planner.od_a": "detector threshold, start receptacle",
+    "planner.od_g": "detector threshold, object",
+    "planner.od_b": "detector threshold, goal receptacle",
+    "planner.cs_a": "class score of a candidate start receptacle",
+    "planner.cs_g": "class score of a candidate object",
+    "planner.cs_b": "class score of a candidate goal receptacle",
+    "planner.tau_g": "score from which the robot picks",
+    "planner.tau_b": "score from which the robot places",
+    "objectmap.evidence": "unit of evidence",
+    "objectmap.named_from": "share of evidence from which a Gaussian has a class",
+    "objectmap.receptacle_voxel_m": "voxels that join receptacles, m",
+    "objectmap.size_agreement": "weight by the usual size of the class",
+}
 
 
 def tables() -> str:
@@ -50,7 +76,7 @@ def _legend(presets: Mapping[str, list[str]]) -> str:
         for head, agents in presets.items()
         if len(agents) > 1
     ]
-    return "\n".join([*lines, f"- Column *{OWN}* holds for an agent of another package.\n"])
+    return "\n".join([*lines, f"- Column *{OWN}* holds for agents of other packages.\n"])
 
 
 def _table(names: Mapping[str, object], presets: Mapping[str, list[str]]) -> str:
@@ -60,11 +86,8 @@ def _table(names: Mapping[str, object], presets: Mapping[str, list[str]]) -> str
         info = SERVICES[service].model_fields[field]
         default = info.get_default(call_default_factory=True)
         values = [_text(settings_for(head).get(name, default)) for head in presets]
-        rows.append([
-            code(name), *map(code, [*values, _text(default)]),
-            plain(sentence(info.description or "")),
-        ])  # fmt: skip
-    return table(("setting", *map(code, presets), OWN, "meaning"), rows)
+        rows.append([SAYS[name], code(field), *map(code, [*values, _text(default)])])
+    return table(("rule", "setting", *map(code, presets), OWN), rows)
 
 
 def _text(value: Value) -> str:
