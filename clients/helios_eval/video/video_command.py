@@ -37,6 +37,12 @@ def video(
         str, typer.Option(help="noise of camera and pose: none or realistic")
     ] = "none",
     scorer: Scorer = None,
+    pick_rule: Annotated[
+        str,
+        typer.Option(
+            help="physical: a pick takes what lies at the point; ovmm: only the sought class"
+        ),
+    ] = "physical",
     assignments: Assignments = None,
     max_steps: Annotated[
         int | None, typer.Option(help="maximum actions of the episode", min=1)
@@ -56,6 +62,7 @@ def video(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps, scorer=scorer,
+        pick_rule=pick_rule,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:
