@@ -171,7 +171,7 @@ def test_the_report_names_the_pick_rule_and_replays_it(tmp_path):
     assert "pick_rule=ovmm" not in markdown
     assert failure_causes.replay(episode(0, settings={"pick_rule": "ovmm"})) == (
         "helios eval ovmm --agents helios-paper --episodes 1 --seed0 0 --preset synthetic "
-        "--semantics noisy --noise synthetic --scorer lexical --pick-rule ovmm --out runs/again"
+        "--semantics noisy --scorer lexical --pick-rule ovmm --out runs/again"
     )
     assert "--pick-rule ovmm" in failure_causes.film(episode(0, settings={"pick_rule": "ovmm"}))
     write(tmp_path, [episode(s, **failed) for s in range(2)])
