@@ -18,6 +18,7 @@ from helios_core.errors import InvalidInput
 from helios_eval import run_folder as run_folder
 from helios_eval.calibration.command import calibration
 from helios_eval.episodes.episode_record import Benchmark, read
+from helios_eval.episodes.episode_spec import DEFAULT_PICK_RULE
 from helios_eval.episodes.run_conditions import parse_condition
 from helios_eval.report import MARKDOWN, write_report_of
 from helios_eval.runs import merge_runs, results
@@ -58,6 +59,13 @@ Scorer = Annotated[
     str | None,
     typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
 ]
+PickRule = Annotated[
+    str,
+    typer.Option(
+        help="physical: a pick takes what lies at the point; ovmm: only the sought class, as in "
+        "the HomeRobot OVMM benchmark"
+    ),
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -83,6 +91,7 @@ def ovmm(
     noise_correlation: Correlation = None,
     sensor: Sensor = "none",
     scorer: Scorer = None,
+    pick_rule: PickRule = DEFAULT_PICK_RULE,
     assignments: Assignments = None,
     max_steps: Steps = None,
     ray: Ray = None,
@@ -91,7 +100,7 @@ def ovmm(
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
-        noise_correlation, sensor, scorer, assignments or [], max_steps, ray, why,
+        noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps, ray, why,
     )  # fmt: skip
 
 
@@ -118,7 +127,8 @@ def objectnav(
     """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
     _run(
         "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
-        noise_level, noise_correlation, sensor, scorer, assignments or [], max_steps, ray, why,
+        noise_level, noise_correlation, sensor, scorer, DEFAULT_PICK_RULE, assignments or [],
+        max_steps, ray, why,
     )  # fmt: skip
 
 
@@ -170,6 +180,7 @@ def _run(
     correlation: float | None,
     sensor: str,
     scorer: str | None,
+    pick_rule: str,
     assignments: list[str],
     max_steps: int | None,
     ray: str | None,
@@ -178,7 +189,7 @@ def _run(
     under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
         level=level, correlation=correlation, sensor=sensor, assignments=assignments,
-        max_steps=max_steps, scorer=scorer,
+        max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))

@@ -18,7 +18,7 @@ from helios_sim.base_motion import Base, Drive
 from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Home
-from helios_sim.manipulation import Manipulation, ManipulationFailed
+from helios_sim.manipulation import Manipulation, ManipulationFailed, PickRule
 from helios_sim.ovmm_metrics import ReleaseResult
 from helios_sim.robot_model import RobotIndex
 from helios_sim.robot_sensors import RobotSensors
@@ -51,8 +51,9 @@ class ActionExecutor:
         home: Home,
         senses: RobotSensors,
         tracker: EpisodeTracker,
+        pick_rule: PickRule = "physical",
     ) -> None:
-        """tracker: records picks and places."""
+        """tracker: records picks and places. pick_rule: see `manipulation`."""
         self._model, self._data, self._robot = model, data, robot
         self._senses, self._tracker = senses, tracker
         things = [Graspable.of(model, thing.name, thing.size_m) for thing in home.objects]
@@ -61,7 +62,10 @@ class ActionExecutor:
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
         self._base = Base(model, data, robot, movable, self._gripper.step)
-        self._manipulation = Manipulation(data, self._gripper, things, senses.bodies_in_view)
+        classes = {thing.name: thing.class_name for thing in home.objects}
+        self._manipulation = Manipulation(
+            data, self._gripper, things, senses.bodies_in_view, classes, pick_rule
+        )
         self.support_of = {thing.name: thing.receptacle for thing in home.objects}
         self.held_class_requested = ""  # requested class of the held object
 
@@ -112,7 +116,7 @@ class ActionExecutor:
         point = self._senses.true_point_m(believed_m)
         near = self._manipulation.within_grasp(point)
         try:
-            thing = self._manipulation.pick(point, _text(believed_m))
+            thing = self._manipulation.pick(point, _text(believed_m), class_name)
         except ManipulationFailed as why:
             self._tracker.pick_tried(class_name, near, "", str(why))
             return Outcome(ActionResult(False, str(why)))

@@ -34,6 +34,7 @@ from helios_sim.episode_events import Event
 from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.ground_truth import Segmentation, TrueObjectState
 from helios_sim.home import Episode, Home
+from helios_sim.manipulation import PickRule
 from helios_sim.object_states import current_object_states
 from helios_sim.ovmm_metrics import Progress
 from helios_sim.robot_model import (
@@ -61,10 +62,12 @@ class World(RobotDriver):
         *,
         boot_id: str = "",
         sensor: SensorErrorModel = SENSORS["none"],
+        pick_rule: PickRule = "physical",
     ) -> None:
         """episode: the task to measure; None measures only steps and collisions.
 
-        sensor: errors of images and poses, seeded with the seed of the home.
+        sensor: errors of images and poses, seeded with the seed of the home. pick_rule: which
+        object a pick takes, see `manipulation`.
         """
         spec = home.spec()
         add_robot(spec)
@@ -90,7 +93,7 @@ class World(RobotDriver):
         movable = [int(model.body(thing.name).id) for thing in home.objects]
         self._sensors = RobotSensors(model, self._data, robot, camera, home, movable, sensor)
         self._executor = ActionExecutor(
-            model, self._data, robot, home, self._sensors, self._tracker
+            model, self._data, robot, home, self._sensors, self._tracker, pick_rule
         )
 
     # --- driver interface ---------------------------------------------------------------------

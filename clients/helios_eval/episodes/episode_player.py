@@ -85,7 +85,9 @@ def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
 def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
     """World of an episode; call it on the thread that will use the world."""
     episode = episode_for(spec.benchmark, home, spec.seed)
-    return TimedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
+    return TimedWorld(
+        home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule
+    )
 
 
 @contextmanager

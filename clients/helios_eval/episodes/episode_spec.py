@@ -12,6 +12,7 @@ from helios_core.name_rules import same_name
 from helios_core.plugins import AGENTS
 from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.simulation.frame_noise import load_noise
+from helios_sim.manipulation import PickRule, pick_rule_named
 
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
 
@@ -19,7 +20,9 @@ WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximu
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
 # Keys in the settings of a record that are conditions of a run: they have a flag of their own.
 MAX_STEPS, SENSOR, SCORER = "max_steps", "sensor", "detector.scorer"
-CONDITIONS = (MAX_STEPS, SENSOR, SCORER)
+PICK_RULE = "pick_rule"
+CONDITIONS = (MAX_STEPS, SENSOR, SCORER, PICK_RULE)
+DEFAULT_PICK_RULE: PickRule = "physical"
 DEFAULT_SCORER = "simulated:itc-v1"  # of an evaluation; served detectors have `lexical`
 
 
@@ -57,10 +60,20 @@ class EpisodeSpec:
         """Name of the error model of images and poses."""
         return str(self.settings.get(SENSOR, "none"))
 
+    @property
+    def pick_rule(self) -> PickRule:
+        """Rule of the simulator for picks. Raises InvalidInput for an unknown one."""
+        return pick_rule_named(pick_rule_of(self.settings))
+
 
 def scorer_of(settings: Mapping[str, Setting]) -> str:
     """Name of the image-text scorer of episodes with these settings, as a record has them."""
     return str(settings.get(SCORER, DetectorSettings.model_fields["scorer"].default))
+
+
+def pick_rule_of(settings: Mapping[str, Setting]) -> str:
+    """Name of the pick rule of episodes with these settings, as a record has them."""
+    return str(settings.get(PICK_RULE, DEFAULT_PICK_RULE))
 
 
 def planner_agents() -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import get_args
 from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
+from helios_sim.manipulation import PICK_RULES
 from helios_sim.sensor_noise import SENSORS
 
 from helios_eval.episodes import episode_spec, home_presets, service_settings
@@ -40,9 +41,11 @@ def parse_condition(
     assignments: Iterable[str],
     max_steps: int | None,
     scorer: str | None,
+    pick_rule: str = episode_spec.DEFAULT_PICK_RULE,
 ) -> Condition:
     """Condition from the flags of `helios eval`. table None: the preset's; scorer None: the one
-    that `assignments` name, else the evaluation's default. Raises UsageError."""
+    that `assignments` name, else the evaluation's default; pick_rule: one of PICK_RULES, in any
+    letter case. Raises UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
@@ -54,11 +57,20 @@ def parse_condition(
         raise UsageError(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
     if sensor not in SENSORS:
         raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
+    rule = same_name(pick_rule, PICK_RULES)
+    if rule is None:
+        raise UsageError(f"--pick-rule is {pick_rule!r}; wanted {' or '.join(PICK_RULES)}")
     settings = service_settings.parsed(assignments)
     if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
         settings[episode_spec.MAX_STEPS] = max_steps
     if sensor != "none":
         settings[episode_spec.SENSOR] = sensor
+    if rule != episode_spec.DEFAULT_PICK_RULE:
+        if known_benchmark != "ovmm":
+            raise UsageError(
+                f"--pick-rule {rule} is for --benchmark ovmm; {known_benchmark} picks nothing"
+            )
+        settings[episode_spec.PICK_RULE] = rule
     if scorer is not None or episode_spec.SCORER not in settings:
         settings |= service_settings.parsed(
             [f"{episode_spec.SCORER}={scorer or episode_spec.DEFAULT_SCORER}"]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
-from helios_eval.episodes.episode_spec import scorer_of
+from helios_eval.episodes.episode_spec import pick_rule_of, scorer_of
 from helios_eval.report.requested_episodes import Identity
 
 # Order in which agents are shown; others stand between FIRST and LAST, by name.
@@ -64,12 +64,19 @@ class Arm:
     @property
     def condition(self) -> tuple[object, ...]:
         """Conditions without agent and settings: arms of one condition play the same episodes."""
-        return (self.benchmark, self.preset, self.semantics, self.noise, self.scorer)
+        return (
+            self.benchmark, self.preset, self.semantics, self.noise, self.scorer, self.pick_rule
+        )  # fmt: skip
 
     @property
     def scorer(self) -> str:
         """Name of the image-text scorer."""
         return scorer_of(dict(self.settings))
+
+    @property
+    def pick_rule(self) -> str:
+        """Name of the simulator's rule for picks."""
+        return pick_rule_of(dict(self.settings))
 
     def sort_key(self) -> tuple[object, ...]:
         """Sort key that puts the arm that represents its agent first."""

@@ -12,7 +12,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.episodes.episode_spec import SCORER
+from helios_eval.episodes.episode_spec import PICK_RULE, SCORER
 from helios_eval.report import number_format
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
@@ -23,6 +23,11 @@ from helios_eval.report.requested_episodes import Identity, commands_of, seeds_a
 
 RUN = "run.json"
 MOST_NAMED = 6  # rows that a sentence names
+OWN_FACT = (SCORER, PICK_RULE)  # settings that a fact of their own names
+PICK_RULES = {
+    "physical": "a pick takes what lies at the point",
+    "ovmm": "a pick fails where nothing of the sought class is in reach and in view",
+}
 NO_NOISE = "ground truth: no noise"
 
 NOTICE = (
@@ -190,6 +195,7 @@ def _facts(
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
         *_noise(records),
         ("image-text scorer", ", ".join(dict.fromkeys(a.scorer for a in arms))),
+        *_pick_rules(arms),
         ("settings that differ", _settings(arms)),
         ("commit", ", ".join(_marked(c) for c in commits)),
     ]
@@ -228,13 +234,20 @@ def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
     ]
 
 
+def _pick_rules(arms: Sequence[Arm]) -> list[tuple[str, str]]:
+    """Fact on the pick rule; none without a benchmark that picks."""
+    rules = dict.fromkeys(a.pick_rule for a in arms if a.benchmark == "ovmm")
+    described = [f"{rule}: {PICK_RULES[rule]}" if rule in PICK_RULES else rule for rule in rules]
+    return [("pick rule", "; ".join(described))] if rules else []
+
+
 def _settings(arms: Sequence[Arm]) -> str:
     """Settings of all arms, then those of single agents, as text."""
-    every = [{k: v for k, v in a.settings if k != SCORER} for a in arms]
+    every = [{k: v for k, v in a.settings if k not in OWN_FACT} for a in arms]
     shared = {k: v for k, v in every[0].items() if all(s.get(k) == v for s in every)}
     parts = [f"{k}={v}" for k, v in shared.items()]
     for arm in arms:
-        own = [f"{k}={v}" for k, v in arm.settings if k not in shared and k != SCORER]
+        own = [f"{k}={v}" for k, v in arm.settings if k not in (*shared, *OWN_FACT)]
         if own:
             parts.append(f"{arm.agent}: {' '.join(own)}")
     return "; ".join(dict.fromkeys(parts)) or "none: the defaults of the services"

@@ -11,6 +11,10 @@ Scorer = Annotated[
     str | None,
     typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
 ]
+PickRule = Annotated[
+    str,
+    typer.Option(help="physical: a pick takes what lies at the point; ovmm: only the sought class"),
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -37,6 +41,7 @@ def video(
         str, typer.Option(help="noise of camera and pose: none or realistic")
     ] = "none",
     scorer: Scorer = None,
+    pick_rule: PickRule = "physical",
     assignments: Assignments = None,
     max_steps: Annotated[
         int | None, typer.Option(help="maximum actions of the episode", min=1)
@@ -55,7 +60,7 @@ def video(
     under = parse_condition(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
-        assignments=assignments or [], max_steps=max_steps, scorer=scorer,
+        assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:

@@ -37,6 +37,15 @@ def test_a_usage_error_is_one_sentence_with_exit_status_2(
     assert not out.exists()
 
 
+def test_an_unknown_pick_rule_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["eval", "ovmm", "--agents", "helios", "--out", str(tmp_path / "out")]
+    assert cli.run([*args, "--pick-rule", "magic"]) == 2
+    assert "--pick-rule is 'magic'; wanted physical or ovmm" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_help_names_every_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["eval", "--help"]) == 0
     shown = capsys.readouterr().out

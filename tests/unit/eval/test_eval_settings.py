@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any, cast
+
 import pytest
 from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import AGENT_SETTINGS
 from helios_detector.simulation.frame_noise import load_noise
-from helios_eval.episodes import episode_spec, home_presets, service_settings
-from helios_eval.episodes.run_conditions import parse_condition
+from helios_eval.episodes import episode_player, episode_spec, home_presets, service_settings
+from helios_eval.episodes.episode_record import Setting
+from helios_eval.episodes.run_conditions import Condition, parse_condition
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
 
@@ -134,6 +138,47 @@ def test_episodes_record_the_scorer_that_the_flag_or_the_setting_names(
     )  # fmt: skip
     kept = service_settings.differing_settings("vlfm", under.settings)
     assert episode_spec.scorer_of(kept) == scorer
+
+
+def with_pick_rule(rule: str, benchmark: str = "ovmm") -> Condition:
+    return parse_condition(
+        ["helios"], benchmark, semantics="noisy", preset="demo-v1", table=None, level=1.0,
+        correlation=None, sensor="none", assignments=[], max_steps=None, scorer=None,
+        pick_rule=rule,
+    )  # fmt: skip
+
+
+def test_episodes_record_a_pick_rule_other_than_the_default() -> None:
+    plain, ovmm = with_pick_rule("physical"), with_pick_rule("OVMM")
+    assert "pick_rule" not in plain.settings
+    assert ovmm.settings == {**plain.settings, "pick_rule": "ovmm"}
+    kept = service_settings.differing_settings("helios", ovmm.settings)
+    assert kept["pick_rule"] == "ovmm"
+    spec = episode_spec.EpisodeSpec("ovmm", "helios", "noisy", "demo-v1", 0, None, kept)
+    assert spec.pick_rule == "ovmm"
+    assert replace(spec, settings=plain.settings).pick_rule == "physical"
+
+
+def test_the_world_of_an_episode_has_its_pick_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[str] = []
+
+    def world(*_: object, pick_rule: str, **__: object) -> None:
+        given.append(pick_rule)
+
+    monkeypatch.setattr(episode_player, "TimedWorld", world)
+    monkeypatch.setattr(episode_player, "episode_for", lambda *_: None)
+    both: tuple[dict[str, Setting], ...] = ({}, {"pick_rule": "ovmm"})
+    for settings in both:
+        spec = episode_spec.EpisodeSpec("ovmm", "helios", "noisy", "demo-v1", 0, None, settings)
+        episode_player.make_world(spec, cast(Any, None))
+    assert given == ["physical", "ovmm"]
+
+
+def test_an_unknown_or_useless_pick_rule_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match="'magic'; wanted physical or ovmm"):
+        with_pick_rule("magic")
+    with pytest.raises(UsageError, match="objectnav picks nothing"):
+        with_pick_rule("ovmm", "objectnav")
 
 
 def test_the_noise_flag_takes_each_shipped_table() -> None:

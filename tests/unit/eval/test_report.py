@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.episodes.episode_record import EPISODES
-from helios_eval.report import write_report
+from helios_eval.report import failure_causes, write_report
 from synthetic_episodes import CHANCES, NOISE, episode, write
 
 SECTIONS = ("What was run", "At a glance", "Every metric of this run", "Differences between agents",
@@ -160,6 +160,25 @@ def test_failure_images_show_the_commands_to_replay_and_film_the_episode(both_re
     png = re.search(r"image/png;base64,([^\"]+)", both_reports[0])
     assert png is not None
     assert base64.b64decode(png[1]).startswith(b"\x89PNG")
+
+
+def test_the_report_names_the_pick_rule_and_replays_it(tmp_path):
+    failed = {"success": False, "cause": "object not found"}
+    write(tmp_path, [episode(s, settings={"pick_rule": "ovmm"}, **failed) for s in range(2)])
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "ovmm: a pick fails where nothing of the sought class is in reach" in markdown
+    assert "pick_rule=ovmm" not in markdown
+    assert failure_causes.replay(episode(0, settings={"pick_rule": "ovmm"})) == (
+        "helios eval ovmm --agents helios-paper --episodes 1 --seed0 0 --preset synthetic "
+        "--semantics noisy --scorer lexical --pick-rule ovmm --out runs/again"
+    )
+    assert "--pick-rule ovmm" in failure_causes.film(episode(0, settings={"pick_rule": "ovmm"}))
+    write(tmp_path, [episode(s, **failed) for s in range(2)])
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "physical: a pick takes what lies at the point" in markdown
+    assert "--pick-rule" not in markdown + failure_causes.replay(episode(0))
 
 
 def test_markup_in_episode_texts_is_escaped(tmp_path):

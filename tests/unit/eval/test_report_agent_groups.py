@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_eval.report.agent_groups import arms_of
+from helios_eval.report.agent_groups import arms_of, pairs, plain_arm
 from synthetic_episodes import episode
 
 
@@ -31,3 +31,21 @@ def test_rows_with_equal_short_labels_name_all_settings() -> None:
         "helios-paper · a=1 · b=1 · c=1 · d=1",
         "helios-paper · a=1 · b=1 · c=1 · d=2",
     }
+
+
+def test_different_agents_are_compared_only_under_one_pick_rule() -> None:
+    ovmm = {"pick_rule": "ovmm"}
+    arms = arms_of(
+        [
+            *(episode(s, "helios-paper") for s in range(3)),
+            *(episode(s, a, settings=ovmm) for s in range(2) for a in ("helios-paper", "trusting")),
+        ]
+    )
+    compared = {(a.agent, a.pick_rule, b.agent, b.pick_rule) for a, b in pairs(arms)}
+    assert compared == {
+        ("helios-paper", "ovmm", "trusting", "ovmm"),
+        ("helios-paper", "ovmm", "helios-paper", "physical"),
+    }
+    main = plain_arm(arms, "ovmm", "trusting", "noisy")
+    assert main is not None
+    assert main.pick_rule == "ovmm"
