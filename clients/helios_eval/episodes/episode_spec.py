@@ -13,13 +13,14 @@ from helios_core.plugins import AGENTS
 from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.simulation.frame_noise import load_noise
 
+from helios_eval.episodes.absent_targets import is_drawn
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
 
 WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximum
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
 # Keys in the settings of a record that are conditions of a run: they have a flag of their own.
-MAX_STEPS, SENSOR, SCORER = "max_steps", "sensor", "detector.scorer"
-CONDITIONS = (MAX_STEPS, SENSOR, SCORER)
+MAX_STEPS, SENSOR, SCORER, ABSENT = "max_steps", "sensor", "detector.scorer", "absent"
+CONDITIONS = (MAX_STEPS, SENSOR, SCORER, ABSENT)
 DEFAULT_SCORER = "simulated:itc-v1"  # of an evaluation; served detectors have `lexical`
 
 
@@ -57,10 +58,20 @@ class EpisodeSpec:
         """Name of the error model of images and poses."""
         return str(self.settings.get(SENSOR, "none"))
 
+    @property
+    def target_absent(self) -> bool:
+        """True if the task asks for an object that is not in the home."""
+        return is_drawn(self.seed, absent_share_of(self.settings))
+
 
 def scorer_of(settings: Mapping[str, Setting]) -> str:
     """Name of the image-text scorer of episodes with these settings, as a record has them."""
     return str(settings.get(SCORER, DetectorSettings.model_fields["scorer"].default))
+
+
+def absent_share_of(settings: Mapping[str, Setting]) -> float:
+    """Share of homes with an absent target, 0 to 1, of episodes with these settings."""
+    return float(settings.get(ABSENT, 0.0))
 
 
 def planner_agents() -> tuple[str, ...]:

@@ -40,9 +40,11 @@ def parse_condition(
     assignments: Iterable[str],
     max_steps: int | None,
     scorer: str | None,
+    absent: float = 0.0,
 ) -> Condition:
     """Condition from the flags of `helios eval`. table None: the preset's; scorer None: the one
-    that `assignments` name, else the evaluation's default. Raises UsageError."""
+    that `assignments` name, else the evaluation's default; absent: share of the homes whose task
+    asks for an absent object, 0 to 1. Raises UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
@@ -54,11 +56,17 @@ def parse_condition(
         raise UsageError(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
     if sensor not in SENSORS:
         raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
+    if not 0 <= absent <= 1:
+        raise UsageError(f"--absent is {absent:g}; wanted a share from 0 to 1")
+    if absent and known_benchmark != "ovmm":
+        raise UsageError(f"--absent is {absent:g}; only ovmm has tasks with an absent object")
     settings = service_settings.parsed(assignments)
     if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
         settings[episode_spec.MAX_STEPS] = max_steps
     if sensor != "none":
         settings[episode_spec.SENSOR] = sensor
+    if absent:
+        settings[episode_spec.ABSENT] = float(absent)
     if scorer is not None or episode_spec.SCORER not in settings:
         settings |= service_settings.parsed(
             [f"{episode_spec.SCORER}={scorer or episode_spec.DEFAULT_SCORER}"]

@@ -12,7 +12,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.episodes.episode_spec import SCORER
+from helios_eval.episodes.episode_spec import ABSENT, SCORER
 from helios_eval.report import number_format
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
@@ -23,6 +23,7 @@ from helios_eval.report.requested_episodes import Identity, commands_of, seeds_a
 
 RUN = "run.json"
 MOST_NAMED = 6  # rows that a sentence names
+_FACTS = (SCORER, ABSENT)  # settings with a fact of their own
 NO_NOISE = "ground truth: no noise"
 
 NOTICE = (
@@ -190,6 +191,7 @@ def _facts(
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
         *_noise(records),
         ("image-text scorer", ", ".join(dict.fromkeys(a.scorer for a in arms))),
+        *_absent(records, arms),
         ("settings that differ", _settings(arms)),
         ("commit", ", ".join(_marked(c) for c in commits)),
     ]
@@ -228,13 +230,26 @@ def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
     ]
 
 
+def _absent(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> list[tuple[str, str]]:
+    """Fact on absent targets; empty if no arm was to have them."""
+    shares = [f"{a.absent_share:g}" for a in arms if a.absent_share]
+    if not shares:
+        return []
+    drawn = sum(r.absent for r in records)
+    return [(
+        "absent targets",
+        f"{drawn} of {plural(len(records), 'episode')} (--absent {', '.join(dict.fromkeys(shares))}"
+        "); agents with absent targets are not held against the paper",
+    )]  # fmt: skip
+
+
 def _settings(arms: Sequence[Arm]) -> str:
     """Settings of all arms, then those of single agents, as text."""
-    every = [{k: v for k, v in a.settings if k != SCORER} for a in arms]
+    every = [{k: v for k, v in a.settings if k not in _FACTS} for a in arms]
     shared = {k: v for k, v in every[0].items() if all(s.get(k) == v for s in every)}
     parts = [f"{k}={v}" for k, v in shared.items()]
     for arm in arms:
-        own = [f"{k}={v}" for k, v in arm.settings if k not in shared and k != SCORER]
+        own = [f"{k}={v}" for k, v in arm.settings if k not in shared and k not in _FACTS]
         if own:
             parts.append(f"{arm.agent}: {' '.join(own)}")
     return "; ".join(dict.fromkeys(parts)) or "none: the defaults of the services"

@@ -41,6 +41,9 @@ def video(
     max_steps: Annotated[
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
+    absent: Annotated[
+        float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
+    ] = 0.0,
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
@@ -55,7 +58,7 @@ def video(
     under = parse_condition(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
-        assignments=assignments or [], max_steps=max_steps, scorer=scorer,
+        assignments=assignments or [], max_steps=max_steps, scorer=scorer, absent=absent,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:

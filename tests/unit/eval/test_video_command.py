@@ -75,6 +75,7 @@ def test_the_same_flags_film_and_play_the_same_episode(tmp_path, monkeypatch):
     monkeypatch.setattr(eval_command, "run", lambda asked, _: specs.extend(asked.specs()))
     monkeypatch.setattr(episode_recorder, "film", lambda spec, *_: specs.append(spec) or "success")
     flags = ["--preset", "demo-v1", "--noise-level", "2", "--sensor", "realistic",
+             "--absent", "0.25",
              "--max-steps", "1250", "--set", "tau_g=0.3",
              "--set", "evidence=hindsight"]  # fmt: skip
     once = ["--agents", "helios", "--episodes", "1", "--seed0", "4", "--out", str(tmp_path)]
@@ -84,7 +85,8 @@ def test_the_same_flags_film_and_play_the_same_episode(tmp_path, monkeypatch):
     played, filmed = specs
     assert filmed == played
     assert filmed.settings == {
-        "planner.tau_g": 0.3, "sensor": "realistic", "detector.scorer": "simulated:itc-v1"
+        "planner.tau_g": 0.3, "sensor": "realistic", "absent": 0.25,
+        "detector.scorer": "simulated:itc-v1",
     }  # fmt: skip
 
 
