@@ -11,6 +11,9 @@ Scorer = Annotated[
     str | None,
     typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
 ]
+Absent = Annotated[
+    float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -41,9 +44,7 @@ def video(
     max_steps: Annotated[
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
-    absent: Annotated[
-        float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
-    ] = 0.0,
+    absent: Absent = 0.0,
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError

@@ -235,8 +235,10 @@ def outcome(seed: int, absent: bool, agent: str = "helios-paper", **more: Any) -
     return record(seed, **chosen)
 
 
-WON: dict[str, Any] = {"find_object": True, "pick": True, "find_receptacle": True, "place": True, "success": True,
-       "cause": "", "state": "succeeded"}  # fmt: skip
+WON: dict[str, Any] = {
+    "find_object": True, "pick": True, "find_receptacle": True, "place": True, "success": True,
+    "cause": "", "state": "succeeded",
+}  # fmt: skip
 RIGHT = NOT_FOUND | {"success": True, "cause": ""}
 
 
