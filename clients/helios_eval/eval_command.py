@@ -70,6 +70,9 @@ Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
 Steps = Annotated[int | None, typer.Option(help="maximum actions per episode", min=1)]
+Absent = Annotated[
+    float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
+]
 Why = Annotated[
     str, typer.Option(help="reason for docs/results/ledger.jsonl (homes from seed 1000 on)")
 ]
@@ -96,11 +99,13 @@ def ovmm(
     max_steps: Steps = None,
     ray: Ray = None,
     why: Why = "",
+    absent: Absent = 0.0,
 ) -> None:
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
         noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps, ray, why,
+        absent,
     )  # fmt: skip
 
 
@@ -185,11 +190,13 @@ def _run(
     max_steps: int | None,
     ray: str | None,
     why: str,
+    absent: float = 0.0,
 ) -> None:
     under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
         level=level, correlation=correlation, sensor=sensor, assignments=assignments,
         max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
+        absent=absent,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))

@@ -21,11 +21,22 @@ out of steps, or failed internally. The first matching row gives the cause:
 A collision is the cause only if nothing else went wrong; collisions are counted in every episode.
 An agent that uses up its steps while searching did not find its target. The cause is the step
 budget only if the target had been found.
+
+A task whose object is absent from the home (`absent_cause`) has other rows:
+
+1. an object was grasped                                       wrong object believed
+2. the agent reports that it found no object                   no cause: this is the success
+3. the agent reports it, or did not end with steps left        system error
+4. the agent reports success or a failed pick, or the          wrong object believed
+   episode ended at a failed pick
+5. the agent reports another cause                             that cause
+6. the steps are used up                                       step budget
+7. otherwise                                                   system error
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from helios_core.task_states import ENDED
@@ -55,7 +66,7 @@ CAUSES = (
     STEP_BUDGET,
     SYSTEM_ERROR,
 )
-_ENDED_THERE_M = 1.0  # row 8: the robot drove less than this after its last pick attempt
+_ENDED_THERE_M = 1.0  # an episode that ended at a pick drove less than this after it
 
 
 class AgentReport(NamedTuple):
@@ -87,11 +98,35 @@ def failure_cause(
         return _after_grasp(progress, grasp, happened, said, spent)
     if any(pick.at_candidate for pick in picks):
         return PICK_FAILED
-    if picks and progress.path_m - picks[-1].path_m < _ENDED_THERE_M:
+    if _ended_at(picks, progress):
         return WRONG_OBJECT
     if said.cause == STUCK:
         return STUCK
     return STEP_BUDGET if progress.find_object and spent else OBJECT_NOT_FOUND
+
+
+def absent_cause(
+    progress: Progress,
+    events: Iterable[Event],
+    said: AgentReport,
+    max_steps: int,
+) -> str:
+    """Failure cause of a move task whose object is absent, one of CAUSES; empty on success.
+
+    The success is the report "object not found" without any grasp. See the module.
+    """
+    picks = [event for event in events if isinstance(event, PickTried)]
+    if any(pick.name for pick in picks):
+        return WRONG_OBJECT
+    if said.state == "failed" and said.cause == OBJECT_NOT_FOUND:
+        return ""
+    if _broke(said, progress.steps, max_steps):
+        return SYSTEM_ERROR
+    if said.state == "succeeded" or said.cause == PICK_FAILED or _ended_at(picks, progress):
+        return WRONG_OBJECT
+    if said.cause in CAUSES and said.cause != OBJECT_NOT_FOUND:
+        return said.cause
+    return STEP_BUDGET if progress.steps >= max_steps else SYSTEM_ERROR
 
 
 def objectnav_cause(success: bool, steps: int, said: AgentReport, max_steps: int) -> str:
@@ -126,6 +161,11 @@ def _after_grasp(
     if said.cause == STUCK:
         return STUCK
     return STEP_BUDGET if progress.find_receptacle and spent else RECEPTACLE_NOT_FOUND
+
+
+def _ended_at(picks: Sequence[PickTried], progress: Progress) -> bool:
+    """True if the robot drove less than 1 m after its last pick attempt."""
+    return bool(picks) and progress.path_m - picks[-1].path_m < _ENDED_THERE_M
 
 
 def _broke(said: AgentReport, steps: int, max_steps: int) -> bool:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from helios_sim.episode_tracker import episode_of, objectnav_episode_of
-from helios_sim.failure_causes import AgentReport, failure_cause, objectnav_cause
+from helios_sim.failure_causes import AgentReport, absent_cause, failure_cause, objectnav_cause
 from helios_sim.home import Episode, Home
 from helios_sim.robot_model import description
 from helios_sim.world import World
 
+from helios_eval.episodes.absent_targets import absent_episode_of
 from helios_eval.episodes.episode_record import Benchmark
 
 
@@ -26,10 +27,15 @@ class Verdict:
     shortest_path_m: float | None = None
 
 
-def episode_for(benchmark: Benchmark, home: Home, seed: int) -> Episode:
-    """Task of a seed. Raises InvalidInput for a home without a possible task."""
+def episode_for(
+    benchmark: Benchmark, home: Home, seed: int, target_absent: bool = False
+) -> Episode:
+    """Task of a seed. Raises InvalidInput for a home without a possible task.
+
+    target_absent: ask for an object that is not in the home (`ovmm` alone).
+    """
     if benchmark == "ovmm":
-        return episode_of(home, seed)
+        return absent_episode_of(home, seed) if target_absent else episode_of(home, seed)
     return objectnav_episode_of(home, seed, description().footprint_radius_m)
 
 
@@ -41,6 +47,9 @@ def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: in
         cause = objectnav_cause(success, done.steps, said, max_steps)
         shortest_m = world.tracker.shortest_path_m()
         return Verdict(done.find_object, False, False, False, success, cause, shortest_m)
+    if world.episode.absent:
+        cause = absent_cause(done, world.events, said, max_steps)
+        return Verdict(False, False, False, False, not cause, cause)
     cause = failure_cause(done, world.events, said, max_steps)
     return Verdict(
         done.find_object, done.pick, done.find_receptacle, done.place, done.success, cause

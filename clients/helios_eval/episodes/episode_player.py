@@ -12,7 +12,7 @@ import numpy as np
 from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.episode_events import PickTried
-from helios_sim.failure_causes import STEP_BUDGET, AgentReport
+from helios_sim.failure_causes import OBJECT_NOT_FOUND, STEP_BUDGET, AgentReport
 from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.sensor_noise import SENSORS
@@ -84,7 +84,7 @@ def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
 
 def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
     """World of an episode; call it on the thread that will use the world."""
-    episode = episode_for(spec.benchmark, home, spec.seed)
+    episode = episode_for(spec.benchmark, home, spec.seed, spec.target_absent)
     return TimedWorld(
         home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule
     )
@@ -118,7 +118,9 @@ def _walk(world: TimedWorld, max_steps: int) -> _Outcome:
     wall_s = time.perf_counter() - began
     free, origin_m = world.home.free_space(0.0, _PLAN_CELL_M)
     plan = np.where(free, FREE, OCCUPIED).astype(np.int8)
-    if done.place:
+    if world.episode.absent:
+        said = "failed", f"the home has no {world.episode.object_class}", OBJECT_NOT_FOUND
+    elif done.place:
         said = "succeeded", "placed it", ""
     elif done.steps >= max_steps:
         said = "failed", f"{max_steps} steps are used up", STEP_BUDGET
@@ -193,11 +195,11 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -
         seed=spec.seed, noise=spec.noise, settings=spec.settings,
         instruction=episode.instruction, object_class=episode.object_class,
         start_receptacle_class=episode.start_receptacle_class,
-        goal_receptacle_class=episode.goal_receptacle_class,
+        goal_receptacle_class=episode.goal_receptacle_class, absent=episode.absent,
         **asdict(judged_as), collisions=done.collisions, collided_with=done.collided_with,
         steps=done.steps, path_m=done.path_m,
         picks=sum(isinstance(event, PickTried) for event in world.events),
-        state=said.state, message=said.message,
+        state=said.state, message=said.message, reported_cause=said.cause,
         wall_s=round(said.wall_s, 3),
         step_ms=round(statistics.median(world.step_ms), 2) if world.step_ms else 0.0,
         stage_ms=dict(said.stage_ms), beliefs=said.beliefs,

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.errors import InvalidInput
+from helios_sim.failure_causes import OBJECT_NOT_FOUND
 from helios_sim.objectnav_metrics import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -88,6 +89,9 @@ class EpisodeRecord(_Frozen):
     object_class: str
     start_receptacle_class: str = ""
     goal_receptacle_class: str = ""
+    absent: bool = Field(
+        default=False, description="the home has no object of the class that the task asks for"
+    )
 
     # --- ground truth ---
     find_object: bool
@@ -106,6 +110,9 @@ class EpisodeRecord(_Frozen):
     # --- report of the agent ---
     state: str = Field(description="succeeded, failed or cancelled")
     message: str
+    reported_cause: str = Field(
+        default="", description="cause that the agent reports; empty in records that lack it"
+    )
 
     # --- timing and beliefs ---
     wall_s: float
@@ -132,6 +139,11 @@ class EpisodeRecord(_Frozen):
             self.noise,
             self.settings,
         )
+
+    @property
+    def not_found(self) -> bool:
+        """True if the agent ended with the report that it found no object."""
+        return self.state == "failed" and self.reported_cause == OBJECT_NOT_FOUND
 
     @property
     def partial_success(self) -> float:

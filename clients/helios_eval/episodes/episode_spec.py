@@ -14,14 +14,15 @@ from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.simulation.frame_noise import load_noise
 from helios_sim.manipulation import PickRule, pick_rule_named
 
+from helios_eval.episodes.absent_targets import is_drawn
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
 
 WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximum
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
 # Keys in the settings of a record that are conditions of a run: they have a flag of their own.
 MAX_STEPS, SENSOR, SCORER = "max_steps", "sensor", "detector.scorer"
-PICK_RULE = "pick_rule"
-CONDITIONS = (MAX_STEPS, SENSOR, SCORER, PICK_RULE)
+PICK_RULE, ABSENT = "pick_rule", "absent"
+CONDITIONS = (MAX_STEPS, SENSOR, SCORER, PICK_RULE, ABSENT)
 DEFAULT_PICK_RULE: PickRule = "physical"
 DEFAULT_SCORER = "simulated:itc-v1"  # of an evaluation; served detectors have `lexical`
 
@@ -65,6 +66,11 @@ class EpisodeSpec:
         """Rule of the simulator for picks. Raises InvalidInput for an unknown one."""
         return pick_rule_named(pick_rule_of(self.settings))
 
+    @property
+    def target_absent(self) -> bool:
+        """True if the task asks for an object that is not in the home."""
+        return is_drawn(self.seed, absent_share_of(self.settings))
+
 
 def scorer_of(settings: Mapping[str, Setting]) -> str:
     """Name of the image-text scorer of episodes with these settings, as a record has them."""
@@ -74,6 +80,11 @@ def scorer_of(settings: Mapping[str, Setting]) -> str:
 def pick_rule_of(settings: Mapping[str, Setting]) -> str:
     """Name of the pick rule of episodes with these settings, as a record has them."""
     return str(settings.get(PICK_RULE, DEFAULT_PICK_RULE))
+
+
+def absent_share_of(settings: Mapping[str, Setting]) -> float:
+    """Share of homes with an absent target, 0 to 1, of episodes with these settings."""
+    return float(settings.get(ABSENT, 0.0))
 
 
 def planner_agents() -> tuple[str, ...]:

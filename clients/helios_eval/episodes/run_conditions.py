@@ -42,10 +42,12 @@ def parse_condition(
     max_steps: int | None,
     scorer: str | None,
     pick_rule: str = episode_spec.DEFAULT_PICK_RULE,
+    absent: float = 0.0,
 ) -> Condition:
     """Condition from the flags of `helios eval`. table None: the preset's; scorer None: the one
     that `assignments` name, else the evaluation's default; pick_rule: one of PICK_RULES, in any
-    letter case. Raises UsageError."""
+    letter case; absent: share of the homes whose task asks for an absent object, 0 to 1. Raises
+    UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
@@ -60,6 +62,10 @@ def parse_condition(
     rule = same_name(pick_rule, PICK_RULES)
     if rule is None:
         raise UsageError(f"--pick-rule is {pick_rule!r}; wanted {' or '.join(PICK_RULES)}")
+    if not 0 <= absent <= 1:
+        raise UsageError(f"--absent is {absent:g}; wanted a share from 0 to 1")
+    if absent and known_benchmark != "ovmm":
+        raise UsageError(f"--absent is {absent:g}; only ovmm has tasks with an absent object")
     settings = service_settings.parsed(assignments)
     if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
         settings[episode_spec.MAX_STEPS] = max_steps
@@ -71,6 +77,8 @@ def parse_condition(
                 f"--pick-rule {rule} is for --benchmark ovmm; {known_benchmark} picks nothing"
             )
         settings[episode_spec.PICK_RULE] = rule
+    if absent:
+        settings[episode_spec.ABSENT] = float(absent)
     if scorer is not None or episode_spec.SCORER not in settings:
         settings |= service_settings.parsed(
             [f"{episode_spec.SCORER}={scorer or episode_spec.DEFAULT_SCORER}"]

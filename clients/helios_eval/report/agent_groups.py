@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
-from helios_eval.episodes.episode_spec import pick_rule_of, scorer_of
+from helios_eval.episodes.episode_spec import absent_share_of, pick_rule_of, scorer_of
 from helios_eval.report.requested_episodes import Identity
 
 # Order in which agents are shown; others stand between FIRST and LAST, by name.
@@ -65,7 +65,8 @@ class Arm:
     def condition(self) -> tuple[object, ...]:
         """Conditions without agent and settings: arms of one condition play the same episodes."""
         return (
-            self.benchmark, self.preset, self.semantics, self.noise, self.scorer, self.pick_rule
+            self.benchmark, self.preset, self.semantics, self.noise, self.scorer, self.pick_rule,
+            self.absent_share,
         )  # fmt: skip
 
     @property
@@ -77,6 +78,11 @@ class Arm:
     def pick_rule(self) -> str:
         """Name of the simulator's rule for picks."""
         return pick_rule_of(dict(self.settings))
+
+    @property
+    def absent_share(self) -> float:
+        """Share of homes whose task was to ask for an absent object, 0 to 1."""
+        return absent_share_of(dict(self.settings))
 
     def sort_key(self) -> tuple[object, ...]:
         """Sort key that puts the arm that represents its agent first."""
@@ -236,8 +242,8 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
 def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[EpisodeRecord]]:
     """Records of both arms for the seeds that both played, by seed.
 
-    Seeds with homes known to differ are left out. An episode that never began has no home hash and
-    stays, as a failure.
+    Seeds with homes known to differ are left out, and those whose object is absent for one arm
+    alone. An episode that never began has no home hash and stays, as a failure.
     """
     mine = {r.seed: r for r in first.records}
     theirs = {r.seed: r for r in second.records}
@@ -245,6 +251,7 @@ def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[Episod
         s
         for s in sorted(mine.keys() & theirs.keys())
         if len({mine[s].structure_hash, theirs[s].structure_hash} - {""}) < 2
+        and mine[s].absent == theirs[s].absent
     ]
     return [mine[s] for s in seeds], [theirs[s] for s in seeds]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.report import number_format, plots
+from helios_eval.report import absent_targets, number_format, plots
 from helios_eval.report.agent_groups import Arm, in_common, pairs, plainest_arms
 from helios_eval.report.interval_statistics import (
     Interval,
@@ -31,10 +31,16 @@ def benchmarks_of(arms: Sequence[Arm]) -> list[str]:
 
 
 def overview(arms: Sequence[Arm]) -> list[Block]:
-    """One drawing per benchmark: the metrics of all agents with their intervals."""
+    """One drawing per benchmark: the metrics of all agents with their intervals.
+
+    Arms in which every object is absent have no metrics to draw, except SR, and are left out.
+    """
     out: list[Block] = []
     for benchmark in benchmarks_of(arms):
-        mine = plainest_arms([a for a in arms if a.benchmark == benchmark], plots.MOST_ARMS)
+        drawn = [a for a in arms if a.benchmark == benchmark and not _all_absent(a)]
+        if not drawn:
+            continue
+        mine = plainest_arms(drawn, plots.MOST_ARMS)
         names = [n for n in NAMES[benchmark] if METRICS[n].binary]
         points = []
         for arm in mine:
@@ -58,6 +64,8 @@ def metrics_section(arms: Sequence[Arm]) -> Section:
         )
         if len(limits) > 1:
             caption += " An episode with more picks than the limit scores 0."
+        if any(absent_targets.has_any(a) for a in mine):
+            caption += f" {absent_targets.WHICH_EPISODES}"
         rows = Rows()
         for picks in reversed(limits):
             for arm in mine:
@@ -71,7 +79,13 @@ def metrics_section(arms: Sequence[Arm]) -> Section:
             rows.add([arm.label, *cells, count(arm)])
         heads = ["agent", *map(_head, rest), "n"]
         blocks.append(rows.table(f"{TITLES[benchmark]}: what it took", heads, "Less is better."))
+        blocks += filter(None, [absent_targets.table(mine)])
     return Section("metrics", "Every metric of this run", tuple(blocks))
+
+
+def _all_absent(arm: Arm) -> bool:
+    """True if the object is absent in every episode."""
+    return all(r.absent for r in arm.records)
 
 
 def count(arm: Arm) -> Cell:
@@ -98,6 +112,8 @@ def _head(name: str) -> str:
 
 def _figure(arm: Arm, name: str, picks: int | None) -> Cell:
     found = values(arm.records, name, picks)
+    if not len(found):
+        return Cell(number_format.NONE, "", "muted")
     note = ""
     if METRICS[name].binary:
         i = wilson(int(found.sum()), len(found))
@@ -113,19 +129,21 @@ def paired_section(arms: Sequence[Arm]) -> Section:
         return Section("differences", "Differences between agents", (
             Paragraph("There is one agent only, or no two have an episode in common."),
         ))  # fmt: skip
+    absent = any(absent_targets.has_any(arm) for pair in found for arm in pair[:2])
+    note = f" {absent_targets.WHICH_EPISODES}" if absent else ""
     blocks: list[Block] = [
         Paragraph(
             "The same homes, one agent against another. Difference: first minus second; ratio: "
             "first over second; both with 95 % intervals of a bootstrap over episodes (10,000 "
             "draws, fixed seed). p: McNemar's exact test where a metric is either so or not, the "
             "sign test elsewhere; two-sided, not corrected for the number of rows. Picks are "
-            f"unlimited. {number_format.RULE}"
+            f"unlimited. {number_format.RULE}{note}"
         )
     ]
     bars = []
     for a, b, mine, theirs in found:
         for name in ("Pick", "SPL", "SR"):
-            if name in NAMES[a.benchmark]:
+            if name in NAMES[a.benchmark] and len(values(mine, name)):
                 d = paired_difference(values(mine, name), values(theirs, name))
                 bars.append((name, f"{a.label} − {b.label}", d))
     blocks.append(plots.forest(bars))
@@ -138,8 +156,9 @@ def _pair_table(found: Sequence[Found]) -> Table:
     for a, b, mine, theirs in found:
         group = f"{a.label} against {b.label} ({homes_of(a, b, len(mine))})"
         for name in NAMES[a.benchmark]:
-            if name != "seconds_per_step":
-                rows.add(_pair_row(name, values(mine, name), values(theirs, name)), group)
+            x, y = values(mine, name), values(theirs, name)
+            if name != "seconds_per_step" and len(x):
+                rows.add(_pair_row(name, x, y), group)
     return rows.table(
         "Paired differences and ratios",
         ["metric", "first", "second", "difference", "95 %", "ratio", "95 %", "more : less", "p"],

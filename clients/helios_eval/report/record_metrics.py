@@ -22,21 +22,24 @@ class Metric:
     share: bool = False  # 0 to 1, shown in percent; 0 when picks exceed the limit
     digits: int = 1
     better: int = 1  # -1: less is better
+    of_present: bool = False  # only of episodes whose object is in the home
 
 
 _ALL = (
     Metric("FindObj", "the robot stood at a viewpoint of an object of the asked class on a "
-           "receptacle of the asked class, and saw it", lambda r: r.find_object, True, True),
-    Metric("Pick", "FindObj, and the held object is one of those", lambda r: r.pick, True, True),
+           "receptacle of the asked class, and saw it", lambda r: r.find_object, True, True,
+           of_present=True),
+    Metric("Pick", "FindObj, and the held object is one of those", lambda r: r.pick, True, True,
+           of_present=True),
     Metric("FindRec", "Pick, and then the robot stood at a viewpoint of a goal receptacle and "
-           "saw it", lambda r: r.find_receptacle, True, True),
+           "saw it", lambda r: r.find_receptacle, True, True, of_present=True),
     Metric("Place", "FindRec, and such an object came to rest on a goal receptacle",
-           lambda r: r.place, True, True),
+           lambda r: r.place, True, True, of_present=True),
     Metric("SR", "success. OVMM: such an object rests on a goal receptacle in the end, whatever "
            "phases came before, and no collision in the whole episode. Object navigation: the "
            "robot said that it is there, and it was", lambda r: r.success, True, True),
     Metric("partial", "(FindObj + Pick + FindRec + SR) / 4", lambda r: r.partial_success,
-           share=True),
+           share=True, of_present=True),
     Metric("SPL", "success times the shortest path over the path that was driven",
            lambda r: r.spl, share=True),
     Metric("collisions", "steps in which the robot touched the scene", lambda r: r.collisions,
@@ -69,8 +72,13 @@ def value(record: EpisodeRecord, name: str, picks: int | None = None) -> float:
 def values(
     records: Iterable[EpisodeRecord], name: str, picks: int | None = None
 ) -> NDArray[np.float64]:
-    """Metric of many episodes, in their order."""
-    return np.array([value(r, name, picks) for r in records], dtype=np.float64)
+    """Metric of many episodes [n], in their order.
+
+    A metric `of_present` leaves out episodes with an absent object, so n may be 0.
+    """
+    of_present = METRICS[name].of_present
+    found = [value(r, name, picks) for r in records if not (of_present and r.absent)]
+    return np.array(found, dtype=np.float64)
 
 
 def counts_of_causes(records: Iterable[EpisodeRecord]) -> dict[str, int]:

@@ -10,6 +10,7 @@ from typing import Any
 from helios_eval import calibration
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import (
+    absent_targets,
     failure_causes,
     number_format,
     our_results,
@@ -42,13 +43,14 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
     """Report on a folder's episodes; `run` is the content of `run.json`."""
     arms = arms_of(records, seeds_asked(run))
     title, lead = run_description.title(records, arms)
+    as_paper = _with_present_targets(arms)
     sections = [
-        *filter(None, [research_questions.section(arms)]),
+        *filter(None, [research_questions.section(as_paper)]),
         run_description.section(records, arms, run),
         _glance(arms),
         our_results.metrics_section(arms),
         our_results.paired_section(arms),
-        paper_comparison.section(arms),
+        paper_comparison.section(as_paper),
         failure_causes.causes_section(arms),
         step_timing.section(arms),
         _calibration(records),
@@ -57,6 +59,11 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
         _definitions(arms),
     ]
     return Report(title, lead, tuple(sections))
+
+
+def _with_present_targets(arms: Sequence[Arm]) -> list[Arm]:
+    """Arms whose targets are all present, as in the paper."""
+    return [arm for arm in arms if not absent_targets.has_any(arm)]
 
 
 def _glance(arms: Sequence[Arm]) -> Section:
@@ -70,7 +77,7 @@ def _glance(arms: Sequence[Arm]) -> Section:
                     "show all."
                 )
             )
-    relations = paper_comparison.relations(arms)
+    relations = paper_comparison.relations(_with_present_targets(arms))
     blocks.append(relations or Paragraph("No two agents were run that the paper relates."))
     return Section("glance", "At a glance", tuple(blocks))
 
@@ -128,6 +135,8 @@ def _episodes(arms: Sequence[Arm]) -> Section:
 def _definitions(arms: Sequence[Arm]) -> Section:
     names = dict.fromkeys(n for b in our_results.benchmarks_of(arms) for n in NAMES[b])
     facts = [(n.replace("_", " "), METRICS[n].meaning) for n in names]
+    if any(map(absent_targets.has_any, arms)):
+        facts.append(("absent target", absent_targets.SUCCESS))
     facts += [
         ("± ", "standard error of the mean over the episodes"),
         ("Wilson interval", "95 % score interval of a share"),

@@ -12,7 +12,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.episodes.episode_spec import PICK_RULE, SCORER
+from helios_eval.episodes.episode_spec import ABSENT, PICK_RULE, SCORER
 from helios_eval.report import number_format
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
@@ -23,7 +23,7 @@ from helios_eval.report.requested_episodes import Identity, commands_of, seeds_a
 
 RUN = "run.json"
 MOST_NAMED = 6  # rows that a sentence names
-OWN_FACT = (SCORER, PICK_RULE)  # settings that a fact of their own names
+OWN_FACT = (SCORER, PICK_RULE, ABSENT)  # settings that a fact of their own names
 PICK_RULES = {
     "physical": "a pick takes what lies at the point",
     "ovmm": "a pick fails where nothing of the sought class is in reach and in view",
@@ -196,6 +196,7 @@ def _facts(
         *_noise(records),
         ("image-text scorer", ", ".join(dict.fromkeys(a.scorer for a in arms))),
         *_pick_rules(arms),
+        *_absent(records, arms),
         ("settings that differ", _settings(arms)),
         ("commit", ", ".join(_marked(c) for c in commits)),
     ]
@@ -239,6 +240,19 @@ def _pick_rules(arms: Sequence[Arm]) -> list[tuple[str, str]]:
     rules = dict.fromkeys(a.pick_rule for a in arms if a.benchmark == "ovmm")
     described = [f"{rule}: {PICK_RULES[rule]}" if rule in PICK_RULES else rule for rule in rules]
     return [("pick rule", "; ".join(described))] if rules else []
+
+
+def _absent(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> list[tuple[str, str]]:
+    """Fact on absent targets; empty if no arm was to have them."""
+    shares = [f"{a.absent_share:g}" for a in arms if a.absent_share]
+    if not shares:
+        return []
+    drawn = sum(r.absent for r in records)
+    return [(
+        "absent targets",
+        f"{drawn} of {plural(len(records), 'episode')} (--absent {', '.join(dict.fromkeys(shares))}"
+        "); agents with absent targets are not held against the paper",
+    )]  # fmt: skip
 
 
 def _settings(arms: Sequence[Arm]) -> str:

@@ -161,6 +161,7 @@ def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
     return EpisodeRecord(
         benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
         seed=spec.seed, noise=spec.noise, settings=spec.settings, instruction="", object_class="",
+        absent=spec.target_absent,
         find_object=False, pick=False, find_receptacle=False, place=False, success=False,
         collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
         message=why, wall_s=0.0, step_ms=0.0, commit=here,

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.report.record_metrics import values
 
 
 class Board:
@@ -75,7 +76,8 @@ class Board:
         records = self._records[agent]
         n = max(1, len(records))
         success = sum(r.success for r in records) / n
-        picked = f" Pick {sum(r.pick for r in records) / n:.0%}" if _picks(records) else ""
+        picks = values(records, "Pick")
+        picked = f" Pick {picks.mean():.0%}" if _picks(records) and len(picks) else ""
         return f"SR {success:.0%}{picked} of {len(records)}"
 
     def _left(self) -> str:
@@ -95,10 +97,11 @@ class Board:
             row = [agent, f"{n}/{self._wanted[agent]}"]
             if n:
                 steps = sum(r.steps for r in records)
+                picks = values(records, "Pick")
                 pace = sum(r.wall_s for r in records) / max(1, steps)
                 row += [
                     f"{sum(r.success for r in records) / n:.1%}",
-                    f"{sum(r.pick for r in records) / n:.1%}" if _picks(records) else "–",
+                    f"{picks.mean():.1%}" if _picks(records) and len(picks) else "–",
                     f"{steps / n:.0f}",
                     f"{pace:.3f}",
                 ]

@@ -73,7 +73,8 @@ def rows(records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> list[dict[
 def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[str, float | None]]:
     """Metric name -> mean, its standard error (None for a single episode), number of episodes.
 
-    All records are of one benchmark.
+    All records are of one benchmark. The mean is None where n is 0: a metric of present objects, if
+    every object is absent.
     """
     limit = None if picks == UNLIMITED else int(picks)
     return {name: _summary(values(records, name, limit)) for name in NAMES[records[0].benchmark]}
@@ -90,5 +91,7 @@ def _group(record: EpisodeRecord) -> str:
 
 
 def _summary(found: NDArray[np.float64]) -> dict[str, float | None]:
+    if not len(found):
+        return {"mean": None, "sem": None, "n": 0}
     of = mean_sem(found)
     return {"mean": of.mean, "sem": None if math.isnan(of.sem) else of.sem, "n": of.n}

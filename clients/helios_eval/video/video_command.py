@@ -15,6 +15,9 @@ PickRule = Annotated[
     str,
     typer.Option(help="physical: a pick takes what lies at the point; ovmm: only the sought class"),
 ]
+Absent = Annotated[
+    float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -46,6 +49,7 @@ def video(
     max_steps: Annotated[
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
+    absent: Absent = 0.0,
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
@@ -61,6 +65,7 @@ def video(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
+        absent=absent,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:

@@ -188,6 +188,7 @@ class Episode:
     start_receptacle_class: str
     goal_receptacle_class: str
     instruction: str
+    absent: bool = False  # True if the home has no object of the class
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,10 @@
 """Random move tasks in a home: one object from one receptacle class to another."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
+from helios_core.errors import InvalidInput
 
 from helios_sim.home.home_types import Episode, Receptacle, SceneObject
 
@@ -69,6 +71,31 @@ def sample_any(
     }
     goal = _one_of(sorted(goals), rng)
     return Episode(wanted, start, goal, f"Move the {wanted} from the {start} to the {goal}")
+
+
+def sample_absent(
+    receptacles: tuple[Receptacle, ...],
+    likely: Mapping[str, tuple[str, ...]],
+    rng: np.random.Generator,
+) -> Episode:
+    """Task that asks for an object class that the home does not have.
+
+    likely: the classes to draw from -> receptacle classes on which an object of the class is
+    likely. The start is one of these if the home has one, else any receptacle class of the home.
+    No name is AMBIGUOUS. Raises InvalidInput without a class, or with fewer than two receptacle
+    classes.
+    """
+    wanted = sorted(set(likely) - AMBIGUOUS)
+    hosts = sorted({receptacle.class_name for receptacle in receptacles} - AMBIGUOUS)
+    if not wanted or len(hosts) < 2:
+        raise InvalidInput(
+            f"no task asks for an absent object: {len(wanted)} classes are absent, and the home "
+            f"has {len(hosts)} kinds of receptacles; wanted at least 1 and 2; take another home"
+        )
+    name = _one_of(wanted, rng)
+    start = _one_of([host for host in hosts if host in likely[name]] or hosts, rng)
+    goal = _one_of([host for host in hosts if host != start], rng)
+    return Episode(name, start, goal, f"Move the {name} from the {start} to the {goal}", True)
 
 
 def _fits(thing: SceneObject, host: Receptacle) -> bool:

@@ -17,6 +17,7 @@ from helios_client import cli
         (["--sensor", "eyes"], "eyes"), (["--noise", "nowhere"], "nowhere"),
         (["--agents", "helios,"], "empty"), (["--episodes", "0"], "episodes"),
         (["--jobs", "none"], "jobs"), (["--nonsense"], "nonsense"),
+        (["--absent", "1.5"], "absent"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("benchmark", ["ovmm", "objectnav"])

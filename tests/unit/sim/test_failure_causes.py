@@ -7,7 +7,13 @@ from dataclasses import replace
 import pytest
 from helios_sim import failure_causes
 from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
-from helios_sim.failure_causes import CAUSES, AgentReport, failure_cause, objectnav_cause
+from helios_sim.failure_causes import (
+    CAUSES,
+    AgentReport,
+    absent_cause,
+    failure_cause,
+    objectnav_cause,
+)
 from helios_sim.ovmm_metrics import Progress
 from hypothesis import given
 from hypothesis import strategies as st
@@ -137,3 +143,45 @@ def test_the_cause_of_a_failed_object_navigation_matches_the_case(
     success: bool, steps: int, said: AgentReport, cause: str
 ):
     assert objectnav_cause(success, steps, said, 500) == cause
+
+
+@pytest.mark.parametrize(
+    ("progress", "events", "said", "cause"),
+    [
+        (NOTHING, [], GAVE_UP, ""),
+        (NOTHING, [VAIN_AT_NOTHING], GAVE_UP, ""),
+        (NOTHING, [VAIN_AT_THE_END], GAVE_UP, ""),
+        (replace(NOTHING, steps=MAX), [], GAVE_UP, ""),
+        # An object was moved, whatever the agent reports.
+        (NOTHING, [WRONG], GAVE_UP, failure_causes.WRONG_OBJECT),
+        (NOTHING, [WRONG], BROKEN, failure_causes.WRONG_OBJECT),
+        (NOTHING, [WRONG], SPENT, failure_causes.WRONG_OBJECT),
+        (NOTHING, [WRONG, VAIN_AT_NOTHING], GAVE_UP, failure_causes.WRONG_OBJECT),
+        # Nothing was moved, but the agent believed in an object.
+        (NOTHING, [], DONE, failure_causes.WRONG_OBJECT),
+        (NOTHING, [VAIN_AT_THE_END], STUCK, failure_causes.WRONG_OBJECT),
+        (
+            NOTHING,
+            [VAIN_AT_NOTHING],
+            AgentReport("failed", failure_causes.PICK_FAILED),
+            failure_causes.WRONG_OBJECT,
+        ),
+        # Used-up steps are no answer.
+        (replace(NOTHING, steps=MAX), [], SPENT, failure_causes.STEP_BUDGET),
+        (replace(NOTHING, steps=MAX), [], GONE, failure_causes.STEP_BUDGET),
+        (NOTHING, [], SPENT, failure_causes.STEP_BUDGET),
+        (NOTHING, [], STUCK, failure_causes.STUCK),
+        (NOTHING, [], BROKEN, failure_causes.SYSTEM_ERROR),
+        (NOTHING, [], GONE, failure_causes.SYSTEM_ERROR),
+        (
+            NOTHING,
+            [],
+            AgentReport("cancelled", failure_causes.OBJECT_NOT_FOUND),
+            failure_causes.SYSTEM_ERROR,
+        ),
+    ],
+)
+def test_with_an_absent_object_only_the_report_not_found_without_a_pick_is_no_failure(
+    progress: Progress, events: list[Event], said: AgentReport, cause: str
+) -> None:
+    assert absent_cause(progress, events, said, MAX) == cause
