@@ -134,6 +134,8 @@ def test_a_copy_in_another_folder_keeps_its_own_lines(tmp_path: Path, own_ledger
     write_ledger(own_ledger, line("runs/b", AUTUMN), line("runs/c", AUTUMN))
     assert fact(merge_runs.run(folders)) == "never by the ledger"
     assert fact(merge_runs.run(folders[:1])).endswith("folders runs/c")
+    write_ledger(own_ledger, *ledger.read(own_ledger), line("runs/a", SUMMER))
+    assert fact(merge_runs.run(folders)) == "by 1 run, first 2026-07-01, folders runs/a"
 
 
 def test_an_older_run_json_gives_the_folders_of_its_commands() -> None:
