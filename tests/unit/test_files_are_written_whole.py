@@ -41,7 +41,7 @@ ELSEWHERE = {
     ("clients/helios_eval/demo.py", "open"): (1, LOG),
     ("clients/helios_eval/run_folder.py", "open"): (1, LOCK),
     ("clients/helios_eval/episodes/episode_record.py", "open"): (1, LINES),
-    ("clients/helios_eval/runs/ledger.py", "open"): (1, LINES),
+    ("clients/helios_eval/ledger.py", "open"): (1, LINES),
     ("clients/helios_eval/studies/distance_weight.py", "open"): (1, LINES),
     ("clients/helios_eval/studies/placement_rules.py", "open"): (1, LINES),
     ("clients/helios_eval/video/mp4_writer.py", "VideoWriter"): (1, "into what `replacing` gave"),

@@ -15,6 +15,7 @@ from helios_eval.report import (
     number_format,
     our_results,
     paper_comparison,
+    played_before,
     plots,
     research_questions,
     run_description,
@@ -58,6 +59,9 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
         _episodes(arms),
         _definitions(arms),
     ]
+    if told := played_before.notice(records, run):
+        first, *_ = sections
+        sections[0] = replace(first, blocks=(Notice(told), *first.blocks))
     return Report(title, lead, tuple(sections))
 
 

@@ -13,7 +13,7 @@ from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import ABSENT, PICK_RULE, SCORER
-from helios_eval.report import number_format
+from helios_eval.report import number_format, played_before
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
 from helios_eval.report.our_results import benchmarks_of
@@ -191,6 +191,7 @@ def _facts(
             "seeds",
             f"{ranges(seeds)} ({plural(len(set(seeds)), 'home')})",
         ),
+        *played_before.fact(records, run),
         ("preset", ", ".join(_hashed([(r.preset, r.preset_hash) for r in records]))),
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
         *_noise(records),

@@ -19,16 +19,17 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from rich.console import Console
 
-from helios_eval import run_folder
+from helios_eval import ledger, run_folder
 from helios_eval.episodes import episode_record, failure_snapshot, home_presets, service_settings
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.service_settings import differing_settings
 from helios_eval.provenance import commit, machine
-from helios_eval.report import write_report
+from helios_eval.report import played_before, write_report
+from helios_eval.report.played_before import Folder, folders_of
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
-from helios_eval.runs import ledger, results
+from helios_eval.runs import results
 from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
@@ -98,6 +99,8 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     try:
         if missing:
+            if told := played_before.line_before_a_run(missing, run_of(asked.out)):
+                console.print(told, style="yellow", markup=False, highlight=False, soft_wrap=True)
             ledger.enter(missing, asked.out, here, asked.why)
             with closing(_outcomes(asked, missing, here)) as outcomes, board:
                 for spec, came in outcomes:
@@ -171,9 +174,16 @@ def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
 
 
 def write_run_description(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
-    """Write `run.json`: the request, the commands, the program's version and the machine."""
+    """Write `run.json`: the request, the commands, the program's version and the machine.
+
+    `began_s` is in seconds since 1970. A new folder keeps the time of its first start.
+    """
     command = ["helios", *sys.argv[1:]]
     former = run_of(asked.out)
+    started = datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds")
+    folders = folders_of(former)
+    if str(asked.out) not in {f.out for f in folders}:
+        folders.append(Folder(str(asked.out), started))
     before = [c for c in commands_of(former) if c != command]
     plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
     order = json.loads(json.dumps({key: plain[key] for key in KEYS}))
@@ -182,6 +192,7 @@ def write_run_description(asked: Run, here: str, began_s: float, wall_s: float |
         | {k: former[k] for k in _KEPT if k in former}
         | {
             "out": str(asked.out),
+            "folders": [asdict(f) for f in folders],
             "asked": [*(o for o in requests_of(former) if o != order), order],
             "ran_with": former.get("ran_with", {})
             | {agent: service_settings.default_settings_of(agent) for agent in asked.agents},
@@ -197,7 +208,7 @@ def write_run_description(asked: Run, here: str, began_s: float, wall_s: float |
                 "helios-ovmm": version("helios-ovmm"),
                 **{name: version(name) for name in _LIBRARIES},
             },
-            "started": datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds"),
+            "started": started,
             "wall_s": None if wall_s is None else round(wall_s, 1),
         }
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EPISODES, PACKED, EpisodeRecord, read
+from helios_eval.report.played_before import folders_of
 from helios_eval.report.requested_episodes import commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
 
@@ -65,6 +67,7 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     limits = max((r.get("picks", []) for r in described), key=len, default=[])
     together = {"commands": [c for r in described for c in commands_of(r)], "picks": limits}
     together |= {"asked": [order for r in described for order in requests_of(r)]}
+    together |= {"folders": [asdict(f) for r in described for f in folders_of(r)]}
     ran: dict[str, Any] = {}
     for r in described:
         ran = r.get("ran_with", {}) | ran

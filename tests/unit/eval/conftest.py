@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from helios_eval.runs import ledger
+from helios_eval import ledger
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 from helios_core.errors import InvalidInput, Unavailable
+from helios_eval import ledger
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.provenance import checkout
-from helios_eval.runs import evaluation_run, ledger
+from helios_eval.runs import evaluation_run
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.process_pool import Outcome
 from rich.console import Console

@@ -23,6 +23,7 @@ from helios_eval.provenance import checkout
 
 FIRST_SEED = 1000  # seeds below are for development
 LEDGER = Path("docs/results/ledger.jsonl")
+AFTERWARDS = "entered afterwards"  # `by` of runs that are older than the ledger
 
 
 class Entry(BaseModel):
@@ -30,8 +31,11 @@ class Entry(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    at: str = Field(description="time of the start, ISO 8601, UTC")
-    by: str = Field(description="account that ran the command")
+    at: str = Field(
+        description="time of the start, ISO 8601, UTC, to the second; of a line that was entered "
+        "afterwards, the time of the commit"
+    )
+    by: str = Field(description="account that ran the command, or `AFTERWARDS`")
     commit: str
     why: str = Field(description="reason that the command gave; empty: none")
     benchmark: str
@@ -78,11 +82,20 @@ def enter(specs: Sequence[EpisodeSpec], out: Path, commit: str, why: str) -> Ent
 
 
 def read(path: Path) -> list[Entry]:
-    """Lines of a ledger, oldest first; none if the file is missing. Raises InvalidInput."""
+    """Lines of a ledger, in the order of the file; none if the file is missing.
+
+    Raises InvalidInput for a damaged line, and Unavailable if the file cannot be read.
+    """
     if not path.exists():
         return []
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as error:
+        raise Unavailable(
+            f"the ledger {path} cannot be read ({error}); make the file readable"
+        ) from error
     entries = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(lines, 1):
         try:
             fields: dict[str, Any] = json.loads(line)
             entries.append(Entry.model_validate(fields))

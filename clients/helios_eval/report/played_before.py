@@ -1,0 +1,211 @@
+"""How often the homes of a run had been played before it, by the ledger.
+
+A line of the ledger belongs to the run itself if it names a folder of the run and one of its
+requests. A line that was entered afterwards belongs to a run with episodes of the same commit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from helios_core.errors import HeliosError
+
+from helios_eval import ledger
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.ledger import AFTERWARDS, FIRST_SEED, Entry
+from helios_eval.report.number_format import plural, ranges
+from helios_eval.report.requested_episodes import commands_of, requests_of
+
+FACT = "played before"
+NEVER = "never by the ledger"
+NO_LEDGER = "unknown: an installation outside a checkout has no ledger"
+MOST_FOLDERS = 6  # folders that a sentence names
+
+Home = tuple[str, int]  # preset and seed
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder that a run was played into."""
+
+    out: str
+    since: str | None  # first start, ISO 8601, UTC, to the second; None: not recorded
+
+
+@dataclass(frozen=True)
+class Before:
+    """Other runs of the same homes: `homes` of the `total` homes from seed 1000 on."""
+
+    entries: tuple[Entry, ...]
+    seeds: tuple[int, ...]
+    total: int
+
+    @property
+    def folders(self) -> list[str]:
+        """Folders of the other runs, each once, oldest first; each stands for one run."""
+        return list(dict.fromkeys(e.out for e in self.entries))
+
+    @property
+    def first(self) -> str:
+        """Day of the first of them, as in 2026-11-21."""
+        return self.entries[0].at[:10]
+
+
+def folders_of(run: Mapping[str, Any]) -> list[Folder]:
+    """Folders that a run was played into, oldest first, from its `run.json`.
+
+    A file without `folders` gives its `out` and those of its commands, without a time.
+    """
+    if "folders" in run:
+        return [Folder(str(f["out"]), f.get("since")) for f in run["folders"]]
+    named = [*map(_out_of, commands_of(run)), run.get("out")]
+    return [Folder(out, None) for out in dict.fromkeys(str(Path(n)) for n in named if n)]
+
+
+def fact(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Fact of the report with its name; none for a run without a home from seed 1000 on."""
+    if not _kept((r.preset, r.seed) for r in records):
+        return []
+    try:
+        if ledger.ledger_path() is None:
+            return [(FACT, NO_LEDGER)]
+        before = _before_run(records, run)
+    except HeliosError as error:
+        return [(FACT, f"unknown: {error}")]
+    if before is None:
+        return [(FACT, NEVER)]
+    named = before.folders[:MOST_FOLDERS]
+    more = len(before.folders) - len(named)
+    text = (
+        f"by {plural(len(before.folders), 'run')}, first {before.first}, folders "
+        f"{', '.join(named)}{f' and {more} more' if more else ''}"
+    )
+    if len(before.seeds) < before.total:
+        text += f" (seeds {ranges(list(before.seeds))})"
+    return [(FACT, text)]
+
+
+def notice(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
+    """Notice for the top of the report; empty if the ledger names no earlier run."""
+    try:
+        before = _before_run(records, run)
+    except HeliosError:
+        return ""
+    if before is None:
+        return ""
+    return (
+        f"{_share(before)} had been played before this run, by "
+        f"{plural(len(before.folders), 'run')}. So these figures are not those of unseen homes."
+    )
+
+
+def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> str:
+    """Line for the terminal if other runs have played some of these homes; else empty.
+
+    `run` is the content of the folder's `run.json`, with the request that is about to be played.
+    """
+    homes = _kept((s.preset, s.seed) for s in specs)
+    if not homes:
+        return ""
+    try:
+        entries = _entries()
+    except HeliosError as error:
+        return f"Whether these homes have been played before is unknown: {error}"
+    before = _before([e for e in entries if not _is_own(e, run)], homes)
+    if before is None:
+        return ""
+    return (
+        f"{_share(before)} (seeds {ranges(list(before.seeds))}) have been played before, by "
+        f"{plural(len(before.folders), 'run')} since {before.first} ({ledger.LEDGER}): the figure "
+        "is no longer one of unseen homes."
+    )
+
+
+def _share(before: Before) -> str:
+    """The part of the homes, as the subject of a sentence: "All 200 homes", "50 of 200 homes"."""
+    if len(before.seeds) < before.total:
+        return f"{len(before.seeds)} of {plural(before.total, 'home')} from seed {FIRST_SEED} on"
+    return f"All {plural(before.total, 'home')} from seed {FIRST_SEED} on"
+
+
+def _entries() -> list[Entry]:
+    """Lines of the ledger; none outside a checkout. Raises InvalidInput and Unavailable."""
+    path = ledger.ledger_path()
+    return [] if path is None else ledger.read(path)
+
+
+def _before_run(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Before | None:
+    """Earlier runs of the homes of a run; None if there are none.
+
+    Raises InvalidInput and Unavailable for a ledger that cannot be read.
+    """
+    homes = _kept((r.preset, r.seed) for r in records)
+    entries = _entries() if homes else []
+    own = [e for e in entries if _is_own(e, run) or _is_of_a_commit(e, records)]
+    return _before([e for e in entries if e not in own and _is_earlier(e, own, run)], homes)
+
+
+def _kept(homes: Iterable[Home]) -> set[Home]:
+    return {(preset, seed) for preset, seed in homes if seed >= FIRST_SEED}
+
+
+def _before(entries: Iterable[Entry], homes: set[Home]) -> Before | None:
+    """The entries that name some of the homes, oldest first; None if there are none."""
+    found, played = [], set[Home]()
+    for entry in sorted(entries, key=lambda e: e.at):
+        named = {h for h in homes if _names(entry, h)}
+        if named:
+            found.append(entry)
+            played |= named
+    if not found:
+        return None
+    return Before(tuple(found), tuple(sorted({seed for _, seed in played})), len(homes))
+
+
+def _names(entry: Entry, home: Home) -> bool:
+    preset, seed = home
+    return entry.preset == preset and entry.first_seed <= seed <= entry.last_seed
+
+
+def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:
+    """Whether an entry is a part of this run: same folder since its first start, same request."""
+    return any(
+        f.out == entry.out and (f.since is None or entry.at >= f.since) for f in folders_of(run)
+    ) and any(
+        (order["benchmark"], order["preset"]) == (entry.benchmark, entry.preset)
+        and set(entry.agents) <= set(order["agents"])
+        and int(order["seed0"]) <= entry.first_seed
+        and entry.last_seed < int(order["seed0"]) + int(order["episodes"])
+        for order in requests_of(run)
+    )
+
+
+def _is_of_a_commit(entry: Entry, records: Sequence[EpisodeRecord]) -> bool:
+    return entry.by == AFTERWARDS and entry.commit in {r.commit for r in records}
+
+
+def _is_earlier(entry: Entry, own: Sequence[Entry], run: Mapping[str, Any]) -> bool:
+    """Whether an entry is from before the last part of a run.
+
+    A run without a line and without a time is older than the ledger, so only lines that were
+    entered afterwards are from before it.
+    """
+    last = max((e.at for e in own), default=run.get("started"))
+    return entry.by == AFTERWARDS if last is None else entry.at <= str(last)
+
+
+def _out_of(command: object) -> str | None:
+    """Value of a command's --out; None without one."""
+    if not isinstance(command, list):
+        return None
+    words = [str(word) for word in command]
+    for word, after in zip(words, [*words[1:], ""], strict=True):
+        if word == "--out":
+            return after or None
+        if word.startswith("--out="):
+            return word.removeprefix("--out=")
+    return None
