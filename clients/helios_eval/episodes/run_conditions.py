@@ -59,26 +59,12 @@ def parse_condition(
         raise UsageError(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
     if sensor not in SENSORS:
         raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
-    rule = same_name(pick_rule, PICK_RULES)
-    if rule is None:
-        raise UsageError(f"--pick-rule is {pick_rule!r}; wanted {' or '.join(PICK_RULES)}")
-    if not 0 <= absent <= 1:
-        raise UsageError(f"--absent is {absent:g}; wanted a share from 0 to 1")
-    if absent and known_benchmark != "ovmm":
-        raise UsageError(f"--absent is {absent:g}; only ovmm has tasks with an absent object")
     settings = service_settings.parsed(assignments)
     if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
         settings[episode_spec.MAX_STEPS] = max_steps
     if sensor != "none":
         settings[episode_spec.SENSOR] = sensor
-    if rule != episode_spec.DEFAULT_PICK_RULE:
-        if known_benchmark != "ovmm":
-            raise UsageError(
-                f"--pick-rule {rule} is for --benchmark ovmm; {known_benchmark} picks nothing"
-            )
-        settings[episode_spec.PICK_RULE] = rule
-    if absent:
-        settings[episode_spec.ABSENT] = float(absent)
+    settings |= _of_tasks(known_benchmark, pick_rule, absent)
     if scorer is not None or episode_spec.SCORER not in settings:
         settings |= service_settings.parsed(
             [f"{episode_spec.SCORER}={scorer or episode_spec.DEFAULT_SCORER}"]
@@ -92,3 +78,24 @@ def parse_condition(
         except InvalidInput as error:
             raise UsageError(error.message) from error
     return Condition(known_agents, known_benchmark, known_semantics, preset, noise, settings)
+
+
+def _of_tasks(benchmark: Benchmark, pick_rule: str, absent: float) -> dict[str, Setting]:
+    """Settings of a record for the pick rule and absent objects, where they are not the default.
+
+    Raises UsageError.
+    """
+    rule = same_name(pick_rule, PICK_RULES)
+    if rule is None:
+        raise UsageError(f"--pick-rule is {pick_rule!r}; wanted {' or '.join(PICK_RULES)}")
+    if not 0 <= absent <= 1:
+        raise UsageError(f"--absent is {absent:g}; wanted a share from 0 to 1")
+    settings: dict[str, Setting] = {}
+    if rule != episode_spec.DEFAULT_PICK_RULE:
+        settings[episode_spec.PICK_RULE] = rule
+    if absent:
+        settings[episode_spec.ABSENT] = float(absent)
+    if settings and benchmark != "ovmm":
+        flags = ", ".join(f"--{name.replace('_', '-')} {value}" for name, value in settings.items())
+        raise UsageError(f"{flags} is for --benchmark ovmm; {benchmark} moves no object")
+    return settings

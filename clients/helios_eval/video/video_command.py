@@ -18,6 +18,7 @@ PickRule = Annotated[
 Absent = Annotated[
     float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
 ]
+Correlation = Annotated[float | None, typer.Option(help="1: errors persist, 0: drawn per frame")]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -37,9 +38,7 @@ def video(
         str | None, typer.Option("--noise", help="noise table  [default: the preset's]")
     ] = None,
     noise_level: Annotated[float, typer.Option(help="noise multiplier", min=0, max=10)] = 1.0,
-    noise_correlation: Annotated[
-        float | None, typer.Option(help="1: errors persist, 0: drawn per frame")
-    ] = None,
+    noise_correlation: Correlation = None,
     sensor: Annotated[
         str, typer.Option(help="noise of camera and pose: none or realistic")
     ] = "none",

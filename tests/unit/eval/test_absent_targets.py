@@ -187,7 +187,7 @@ def test_the_settings_of_an_episode_name_the_share_only_where_it_is_not_0() -> N
     for share in (-0.1, 1.1, float("nan")):
         with pytest.raises(UsageError, match="--absent"):
             condition(absent=share)
-    with pytest.raises(UsageError, match="only ovmm"):
+    with pytest.raises(UsageError, match="moves no object"):
         condition("objectnav", absent=0.25)
 
 

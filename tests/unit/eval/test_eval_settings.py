@@ -177,7 +177,7 @@ def test_the_world_of_an_episode_has_its_pick_rule(monkeypatch: pytest.MonkeyPat
 def test_an_unknown_or_useless_pick_rule_is_a_usage_error() -> None:
     with pytest.raises(UsageError, match="'magic'; wanted physical or ovmm"):
         with_pick_rule("magic")
-    with pytest.raises(UsageError, match="objectnav picks nothing"):
+    with pytest.raises(UsageError, match="objectnav moves no object"):
         with_pick_rule("ovmm", "objectnav")
 
 
