@@ -88,10 +88,10 @@ def test_maps_are_restored_only_after_a_start_with_the_same_origin_id(tmp_path: 
         assert set(known) <= set(objects(second))
     (tmp_path / "elsewhere.py").write_text(ELSEWHERE)
     with up(tmp_path, "elsewhere:Elsewhere") as third:
-        wait_until(lambda: not objects(third), 20, "another world holds nothing of it")
+        wait_until(lambda: not objects(third), 60, "another world holds nothing of it")
         wait_until(
             lambda: "is of another world and is not used"
             in third.services()["objectmap"]["reason"],
-            20, "the object map says why it holds nothing",
+            60, "the object map says why it holds nothing",
         )  # fmt: skip
         assert "restored" not in third.services()["objectmap"]["reason"]
