@@ -107,12 +107,6 @@ def read(path: Path) -> list[Entry]:
     return entries
 
 
-def folders_that_played(entries: Sequence[Entry], preset: str, seed: int) -> list[str]:
-    """Folders whose runs played a home, each once, oldest first."""
-    played = [e.out for e in entries if e.preset == preset and e.first_seed <= seed <= e.last_seed]
-    return list(dict.fromkeys(played))
-
-
 def _account() -> str:
     try:
         return getpass.getuser()
