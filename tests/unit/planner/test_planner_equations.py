@@ -53,7 +53,7 @@ def test_values_and_winners_of_random_states_equal_equations_8_to_10(seed, alpha
         [ChosenFrontier((x, y), float(value)) for x, y, value in chosen],
     )
     decision = by_objective(
-        [ReceptacleOption(thing(k), *map(float, row)) for k, row in enumerate(places)],
+        [ReceptacleOption(thing(k), s, ig, m) for k, (s, ig, m) in enumerate(places.tolist())],
         [FrontierOption(k, (0.0, 0.0), *map(float, row)) for k, row in enumerate(borders)],
         memory, alpha_d,
     )  # fmt: skip
