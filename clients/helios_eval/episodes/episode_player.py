@@ -84,7 +84,9 @@ def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
 
 def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
     """World of an episode; call it on the thread that will use the world."""
-    episode = episode_for(spec.benchmark, home, spec.seed, spec.target_absent)
+    episode = episode_for(
+        spec.benchmark, home, spec.seed, spec.target_absent, spec.inputs.task_classes
+    )
     return TimedWorld(
         home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule
     )
@@ -99,7 +101,9 @@ def running_stack(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessSta
     home = home_presets.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
-        with InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings) as stack:
+        with InProcessStack(
+            thread, spec.agent, spec.noise, spec.seed, spec.settings, detector=spec.inputs.detector
+        ) as stack:
             yield thread, stack
     finally:
         thread.close()
@@ -156,7 +160,9 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
             look(stack)
 
     stack: InProcessStack | None = None
-    stack = InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
+    stack = InProcessStack(
+        thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step, spec.inputs.detector
+    )
     with stack:
         began = time.perf_counter()
         task = stack.run(episode.instruction, spec.max_steps, LONGEST_S)

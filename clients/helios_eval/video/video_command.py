@@ -9,7 +9,10 @@ import typer
 
 Scorer = Annotated[
     str | None,
-    typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
+    typer.Option(
+        help="image-text scorer of the value maps  [default: simulated:itc-v1; with a real "
+        "detector lexical]"
+    ),
 ]
 PickRule = Annotated[
     str,
@@ -31,7 +34,9 @@ def video(
     ] = None,
     preset: Annotated[str, typer.Option(help="preset of the home")] = "ovmm-v1",
     agent: Annotated[str, typer.Option(help="agent to film")] = "helios",
-    semantics: Annotated[str, typer.Option(help="detections: noisy or ground-truth")] = "noisy",
+    semantics: Annotated[
+        str, typer.Option(help="detections: noisy, ground-truth or detector")
+    ] = "noisy",
     benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
     fps: Annotated[float, typer.Option(help="frames per second", min=1, max=60)] = 8.0,
     noise_table: Annotated[
@@ -49,6 +54,12 @@ def video(
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
     absent: Absent = 0.0,
+    detector: Annotated[
+        str | None, typer.Option(help="real detector of --semantics detector: onnx:FILE")
+    ] = None,
+    task_classes: Annotated[
+        str | None, typer.Option(help="classes that the task may ask for: see helios eval ovmm")
+    ] = None,
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
@@ -64,7 +75,7 @@ def video(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
-        absent=absent,
+        absent=absent, detector=detector, task_classes=task_classes,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:
@@ -78,6 +89,7 @@ def video(
         seed,
         under.noise,
         differing_settings(agent, under.settings),
+        under.inputs,
     )
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
