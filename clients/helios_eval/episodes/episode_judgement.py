@@ -46,9 +46,10 @@ def episode_for(
     """
     if classes is not None:
         rng = np.random.default_rng([seed, _AMONG])
-        return sample_among(
+        task = sample_among(
             home.receptacles, home.objects, rng, classes.objects, classes.receptacles
         )
+        return classes.words(task)
     if benchmark == "ovmm":
         return absent_episode_of(home, seed) if target_absent else episode_of(home, seed)
     return objectnav_episode_of(home, seed, description().footprint_radius_m)

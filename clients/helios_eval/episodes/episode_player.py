@@ -6,7 +6,7 @@ import statistics
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from helios_core.map_snapshot import FREE, OCCUPIED
@@ -146,13 +146,14 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     roles |= {episode.start_receptacle_class: "start", episode.object_class: "object"}
     roles.pop("", None)
     beliefs: list[Belief] = []
+    classes = spec.inputs.task_classes
+    class_of = classes.class_of if classes is not None else str
 
     def look(stack: InProcessStack) -> tuple[ObjectInstance, ...]:
         objects = tuple(stack.objects())
+        named = [replace(o, class_name=class_of(o.class_name)) for o in objects]
         step = world.progress.steps
-        beliefs.extend(
-            judge_instances(objects, thread.run(lambda w: w.object_states()), roles, step)
-        )
+        beliefs.extend(judge_instances(named, thread.run(lambda w: w.object_states()), roles, step))
         return objects
 
     def on_step() -> None:

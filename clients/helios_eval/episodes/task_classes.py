@@ -9,11 +9,12 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from helios_client.usage_errors import UsageError
+from helios_sim.home import Episode
 
 from helios_eval.episodes.real_detector import DIGITS, RealDetector
 
@@ -28,8 +29,20 @@ class TaskClasses:
     """Classes that tasks may ask for."""
 
     name: str  # as records name it: the table's name, and a digest of the classes
-    objects: tuple[str, ...]
-    receptacles: tuple[str, ...]
+    objects: dict[str, str]  # class in our homes -> the detector's word for it
+    receptacles: dict[str, str]
+
+    def words(self, episode: Episode) -> Episode:
+        """The task with an instruction in the detector's words: it refuses others."""
+        thing = self.objects[episode.object_class]
+        start = self.receptacles[episode.start_receptacle_class]
+        goal = self.receptacles[episode.goal_receptacle_class]
+        return replace(episode, instruction=f"Move the {thing} from the {start} to the {goal}")
+
+    def class_of(self, word: str) -> str:
+        """Class in our homes that the detector's word stands for; any other word as it is."""
+        both = (*self.objects.items(), *self.receptacles.items())
+        return next((name for name, said in both if said == word), word)
 
 
 def task_classes_for(
@@ -83,9 +96,12 @@ def _of_table(table: Mapping[str, Any], looks: str, path: Path) -> TaskClasses:
     part = table.get(looks)
     if not isinstance(part, dict):
         raise UsageError(f"{path} has no part [{looks}], which these homes need; {_HOW}")
-    lists = [part.get(name) for name in ("objects", "receptacles")]
-    if not all(isinstance(found, list) and found for found in lists):
-        raise UsageError(f"{path}, [{looks}]: wanted objects = [names], receptacles = [names]")
-    objects, receptacles = (tuple(sorted(map(str, found or ()))) for found in lists)
+    found = [part.get(name) for name in ("objects", "receptacles")]
+    if not all(isinstance(names, dict) and names for names in found):
+        raise UsageError(
+            f"{path}: wanted [{looks}.objects] and [{looks}.receptacles] with lines "
+            'class = "the detector\'s word"'
+        )
+    objects, receptacles = ({str(k): str(v) for k, v in sorted(names.items())} for names in found)
     digest = hashlib.sha256(repr((objects, receptacles)).encode()).hexdigest()
     return TaskClasses(f"{path.stem}@{digest[:DIGITS]}", objects, receptacles)

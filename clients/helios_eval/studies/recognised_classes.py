@@ -45,6 +45,11 @@ def has_own_name(class_name: str, names: Iterable[str]) -> bool:
     return {normalised(name) for name in names} <= accepted_names(class_name)
 
 
+def word_for(class_name: str, names: Iterable[str]) -> str:
+    """The detector's word for a class: its own name if the detector has it."""
+    return min(names, key=lambda name: (normalised(name) != normalised(class_name), name))
+
+
 def table_text(
     rows: Mapping[tuple[str, str], Row],
     right: Mapping[str, frozenset[str]],
@@ -62,9 +67,11 @@ def table_text(
         ]  # fmt: skip
         lines += ["", f"[{looks}]", f"least_rate = {statistics.median(rates.values()):.3f}"]
         for key, known in (("objects", catalog.objects), ("receptacles", catalog.receptacles)):
-            lines.append(f"{key} = [")
-            lines += [f'  "{n}",  # {rates[n]:.0%} recognised' for n in good if n in known]
-            lines.append("]")
+            lines.append(f"[{looks}.{key}]")
+            lines += [
+                f'"{n}" = "{word_for(n, right[n])}"  # {rates[n]:.0%} recognised'
+                for n in good if n in known
+            ]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
