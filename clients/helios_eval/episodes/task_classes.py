@@ -96,7 +96,7 @@ def _of_table(table: Mapping[str, Any], looks: str, path: Path) -> TaskClasses:
     part = table.get(looks)
     if not isinstance(part, dict):
         raise UsageError(f"{path} has no part [{looks}], which these homes need; {_HOW}")
-    found = [part.get(name) for name in ("objects", "receptacles")]
+    found: list[Any] = [part.get(name) for name in ("objects", "receptacles")]
     if not all(isinstance(names, dict) and names for names in found):
         raise UsageError(
             f"{path}: wanted [{looks}.objects] and [{looks}.receptacles] with lines "

@@ -17,6 +17,7 @@ from helios_eval.report import number_format, played_before
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
 from helios_eval.report.our_results import benchmarks_of
+from helios_eval.report.real_detectors import NO_SIMULATION, REAL_NOTICE, all_real, detectors
 from helios_eval.report.record_metrics import TITLES, counts_of_causes
 from helios_eval.report.report_model import Block, Command, Facts, Notice, Rows, Section, Table
 from helios_eval.report.requested_episodes import Identity, commands_of, requests_of, seeds_asked
@@ -36,12 +37,6 @@ PICK_RULES = {
     "ovmm": "a pick fails where nothing of the sought class is in reach and in view",
 }
 NO_NOISE = "ground truth: no noise"
-NO_SIMULATION = "none is simulated"
-REAL_NOTICE = (
-    "These episodes ran in the simulator of this project, with the detections of a real model in "
-    "rendered images. No figure here may be held against one of the paper: homes, images, "
-    "detector and the choice of tasks differ."
-)
 
 NOTICE = (
     "These episodes ran in the simulator of this project: homes by seed, shapes made of formulas, "
@@ -70,7 +65,7 @@ def section(
     records: Sequence[EpisodeRecord], arms: Sequence[Arm], run: Mapping[str, Any]
 ) -> Section:
     """Section with the notices, facts and commands of the run."""
-    blocks: list[Block] = [Notice(REAL_NOTICE if _all_real(records) else NOTICE)]
+    blocks: list[Block] = [Notice(REAL_NOTICE if all_real(records) else NOTICE)]
     commits = most_common(r.commit for r in records)
     warnings = [f"Commit {c} had changes that were not committed." for c in commits if _dirty(c)]
     if len(commits) > 1:
@@ -179,22 +174,6 @@ def _changed_homes(records: Sequence[EpisodeRecord]) -> list[int]:
     return sorted({seed for (_, seed), found in homes.items() if len(found - {""}) > 1})
 
 
-def _all_real(records: Sequence[EpisodeRecord]) -> bool:
-    """True if a real detector made the detections of all episodes."""
-    return all(r.semantics == "detector" for r in records)
-
-
-def _detectors(arms: Sequence[Arm]) -> list[tuple[str, str]]:
-    """Facts on real detectors and on the classes of the tasks; none without any."""
-    facts = []
-    if named := list(dict.fromkeys(a.detector for a in arms if a.detector)):
-        facts.append(("detector", f"{', '.join(named)} (after @: first digits of its SHA-256)"))
-    if any(a.task_classes for a in arms):
-        classes = dict.fromkeys(a.task_classes or "every class" for a in arms)
-        facts.append(("classes of the tasks", ", ".join(classes)))
-    return facts
-
-
 def _dirty(commit: str) -> bool:
     return commit.endswith(("-dirty", "+"))
 
@@ -225,7 +204,7 @@ def _facts(
         *played_before.fact(records, run),
         ("preset", ", ".join(_hashed([(r.preset, r.preset_hash) for r in records]))),
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
-        *_detectors(arms),
+        *detectors(arms),
         *_noise(records),
         ("image-text scorer", ", ".join(dict.fromkeys(a.scorer for a in arms))),
         *_pick_rules(arms),
@@ -257,7 +236,7 @@ def _hashed(pairs: Sequence[tuple[str, str]]) -> list[str]:
 def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
     noises = [n for n in dict.fromkeys(r.noise for r in records) if n is not None]
     if not noises:
-        return [("noise of the detector", NO_SIMULATION if _all_real(records) else NO_NOISE)]
+        return [("noise of the detector", NO_SIMULATION if all_real(records) else NO_NOISE)]
     tables = _hashed([(n.table, n.digest) for n in noises])
     levels = dict.fromkeys(f"{n.level:g}" for n in noises)
     correlations = dict.fromkeys(correlation_name(n) for n in noises)

@@ -22,6 +22,13 @@ Absent = Annotated[
     float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
 ]
 Correlation = Annotated[float | None, typer.Option(help="1: errors persist, 0: drawn per frame")]
+Semantics = Annotated[str, typer.Option(help="detections: noisy, ground-truth or detector")]
+Detector = Annotated[
+    str | None, typer.Option(help="real detector of --semantics detector: onnx:FILE")
+]
+TaskClasses = Annotated[
+    str | None, typer.Option(help="classes that the task may ask for: see helios eval ovmm")
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -34,9 +41,7 @@ def video(
     ] = None,
     preset: Annotated[str, typer.Option(help="preset of the home")] = "ovmm-v1",
     agent: Annotated[str, typer.Option(help="agent to film")] = "helios",
-    semantics: Annotated[
-        str, typer.Option(help="detections: noisy, ground-truth or detector")
-    ] = "noisy",
+    semantics: Semantics = "noisy",
     benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
     fps: Annotated[float, typer.Option(help="frames per second", min=1, max=60)] = 8.0,
     noise_table: Annotated[
@@ -54,12 +59,8 @@ def video(
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
     absent: Absent = 0.0,
-    detector: Annotated[
-        str | None, typer.Option(help="real detector of --semantics detector: onnx:FILE")
-    ] = None,
-    task_classes: Annotated[
-        str | None, typer.Option(help="classes that the task may ask for: see helios eval ovmm")
-    ] = None,
+    detector: Detector = None,
+    task_classes: TaskClasses = None,
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
@@ -82,15 +83,9 @@ def video(
         raise UsageError(f"{agent} has no maps to film; choose another agent")
     path = _checked_file(out or Path("runs/video") / f"{agent}-{seed}.mp4")
     asked = EpisodeSpec(
-        under.benchmark,
-        agent,
-        under.semantics,
-        under.preset,
-        seed,
-        under.noise,
-        differing_settings(agent, under.settings),
-        under.inputs,
-    )
+        under.benchmark, agent, under.semantics, under.preset, seed, under.noise,
+        differing_settings(agent, under.settings), under.inputs,
+    )  # fmt: skip
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
         outcome = film(asked, path, fps, on_step)
