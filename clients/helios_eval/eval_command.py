@@ -37,7 +37,18 @@ app = typer.Typer(
 
 Agents = Annotated[str, typer.Option(help="agents, separated by commas")]
 Limits = Annotated[str, typer.Option(help="pick limits, separated by commas: 1,5,unlimited")]
-Semantics = Annotated[str, typer.Option(help="detections: noisy or ground-truth")]
+Semantics = Annotated[str, typer.Option(help="detections: noisy, ground-truth or detector")]
+Detector = Annotated[
+    str | None,
+    typer.Option(help="real detector of --semantics detector: onnx:FILE or transformers:ID"),
+]
+TaskClasses = Annotated[
+    str | None,
+    typer.Option(
+        help="classes that tasks may ask for: a TOML file, yolox_nano or all  [default: all; with "
+        "a real detector the table of its file]"
+    ),
+]
 Preset = Annotated[
     str, typer.Option(help="preset of the homes; +sweethome3d: with realistic furniture")
 ]
@@ -57,7 +68,10 @@ Correlation = Annotated[
 Sensor = Annotated[str, typer.Option(help="noise of camera and pose: none or realistic")]
 Scorer = Annotated[
     str | None,
-    typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
+    typer.Option(
+        help="image-text scorer of the value maps  [default: simulated:itc-v1; with a real "
+        "detector lexical]"
+    ),
 ]
 PickRule = Annotated[
     str,
@@ -100,12 +114,14 @@ def ovmm(
     ray: Ray = None,
     why: Why = "",
     absent: Absent = 0.0,
+    detector: Detector = None,
+    task_classes: TaskClasses = None,
 ) -> None:
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
         noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps, ray, why,
-        absent,
+        absent, detector, task_classes,
     )  # fmt: skip
 
 
@@ -191,12 +207,14 @@ def _run(
     ray: str | None,
     why: str,
     absent: float = 0.0,
+    detector: str | None = None,
+    task_classes: str | None = None,
 ) -> None:
     under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
         level=level, correlation=correlation, sensor=sensor, assignments=assignments,
         max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
-        absent=absent,
+        absent=absent, detector=detector, task_classes=task_classes,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
@@ -211,6 +229,7 @@ def _run(
     asked = Run(
         under.benchmark, under.agents, limits, under.semantics, under.preset, episodes, seed0, out,
         jobs or os.cpu_count() or 1, under.noise, under.settings, ray, why,
+        under.inputs,
     )  # fmt: skip
     console = Screen()
     try:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from helios_sim.episode_tracker import episode_of, objectnav_episode_of
 from helios_sim.failure_causes import AgentReport, absent_cause, failure_cause, objectnav_cause
 from helios_sim.home import Episode, Home
+from helios_sim.home.task_sampling import sample_among
 from helios_sim.robot_model import description
 from helios_sim.world import World
 
 from helios_eval.episodes.absent_targets import absent_episode_of
 from helios_eval.episodes.episode_record import Benchmark
+from helios_eval.episodes.task_classes import TaskClasses
+
+_AMONG = 0x7A5D  # stream of the draw of a task among given classes
 
 
 @dataclass(frozen=True)
@@ -28,12 +33,23 @@ class Verdict:
 
 
 def episode_for(
-    benchmark: Benchmark, home: Home, seed: int, target_absent: bool = False
+    benchmark: Benchmark,
+    home: Home,
+    seed: int,
+    target_absent: bool = False,
+    classes: TaskClasses | None = None,
 ) -> Episode:
     """Task of a seed. Raises InvalidInput for a home without a possible task.
 
-    target_absent: ask for an object that is not in the home (`ovmm` alone).
+    target_absent: ask for an object that is not in the home (`ovmm` alone). classes: those that
+    the task may ask for (`ovmm` alone, and with a present target); None: every class.
     """
+    if classes is not None:
+        rng = np.random.default_rng([seed, _AMONG])
+        task = sample_among(
+            home.receptacles, home.objects, rng, classes.objects, classes.receptacles
+        )
+        return classes.words(task)
     if benchmark == "ovmm":
         return absent_episode_of(home, seed) if target_absent else episode_of(home, seed)
     return objectnav_episode_of(home, seed, description().footprint_radius_m)

@@ -6,7 +6,7 @@ import statistics
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from helios_core.map_snapshot import FREE, OCCUPIED
@@ -84,7 +84,9 @@ def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
 
 def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
     """World of an episode; call it on the thread that will use the world."""
-    episode = episode_for(spec.benchmark, home, spec.seed, spec.target_absent)
+    episode = episode_for(
+        spec.benchmark, home, spec.seed, spec.target_absent, spec.inputs.task_classes
+    )
     return TimedWorld(
         home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule
     )
@@ -99,7 +101,9 @@ def running_stack(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessSta
     home = home_presets.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
-        with InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings) as stack:
+        with InProcessStack(
+            thread, spec.agent, spec.noise, spec.seed, spec.settings, detector=spec.inputs.detector
+        ) as stack:
             yield thread, stack
     finally:
         thread.close()
@@ -142,13 +146,14 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     roles |= {episode.start_receptacle_class: "start", episode.object_class: "object"}
     roles.pop("", None)
     beliefs: list[Belief] = []
+    classes = spec.inputs.task_classes
+    class_of = classes.class_of if classes is not None else str
 
     def look(stack: InProcessStack) -> tuple[ObjectInstance, ...]:
         objects = tuple(stack.objects())
+        named = [replace(o, class_name=class_of(o.class_name)) for o in objects]
         step = world.progress.steps
-        beliefs.extend(
-            judge_instances(objects, thread.run(lambda w: w.object_states()), roles, step)
-        )
+        beliefs.extend(judge_instances(named, thread.run(lambda w: w.object_states()), roles, step))
         return objects
 
     def on_step() -> None:
@@ -156,7 +161,9 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
             look(stack)
 
     stack: InProcessStack | None = None
-    stack = InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
+    stack = InProcessStack(
+        thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step, spec.inputs.detector
+    )
     with stack:
         began = time.perf_counter()
         task = stack.run(episode.instruction, spec.max_steps, LONGEST_S)

@@ -23,7 +23,7 @@ EPISODES = "episodes.jsonl"
 PACKED = f"{EPISODES}.gz"  # written by `merge_runs.pack`
 
 Benchmark = Literal["ovmm", "objectnav"]
-Semantics = Literal["noisy", "ground-truth"]
+Semantics = Literal["noisy", "ground-truth", "detector"]
 Setting = str | float | int | bool
 
 
@@ -79,7 +79,7 @@ class EpisodeRecord(_Frozen):
     semantics: Semantics
     preset: str
     seed: int
-    noise: Noise | None = Field(description="None with ground-truth semantics")
+    noise: Noise | None = Field(description="None unless the semantics are noisy")
     settings: dict[str, Setting] = Field(
         default_factory=dict, description="what differs from the services' defaults"
     )

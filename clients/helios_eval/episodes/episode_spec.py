@@ -16,15 +16,27 @@ from helios_sim.manipulation import PickRule, pick_rule_named
 
 from helios_eval.episodes.absent_targets import is_drawn
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
+from helios_eval.episodes.real_detector import RealDetector
+from helios_eval.episodes.task_classes import TaskClasses
 
 WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximum
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
 # Keys in the settings of a record that are conditions of a run: they have a flag of their own.
 MAX_STEPS, SENSOR, SCORER = "max_steps", "sensor", "detector.scorer"
 PICK_RULE, ABSENT = "pick_rule", "absent"
-CONDITIONS = (MAX_STEPS, SENSOR, SCORER, PICK_RULE, ABSENT)
+DETECTOR, TASK_CLASSES = "detector.detector", "task_classes"
+CONDITIONS = (MAX_STEPS, SENSOR, SCORER, PICK_RULE, ABSENT, DETECTOR, TASK_CLASSES)
 DEFAULT_PICK_RULE: PickRule = "physical"
 DEFAULT_SCORER = "simulated:itc-v1"  # of an evaluation; served detectors have `lexical`
+REAL_SCORER = "lexical"  # of an evaluation with a real detector: no simulated error
+
+
+@dataclass(frozen=True)
+class EpisodeInputs:
+    """Content that the settings of an episode name by a digest."""
+
+    detector: RealDetector | None = None  # None: a simulated one
+    task_classes: TaskClasses | None = None  # None: tasks ask for every class
 
 
 @dataclass(frozen=True)
@@ -38,6 +50,7 @@ class EpisodeSpec:
     seed: int
     noise: Noise | None
     settings: dict[str, Setting] = field(default_factory=dict)  # as in EpisodeRecord
+    inputs: EpisodeInputs = field(default_factory=EpisodeInputs)
 
     @property
     def key(self) -> str:

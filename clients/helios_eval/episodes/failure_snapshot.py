@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 FAILED = "failed"
 MOST_KEPT = 12  # per agent
-_NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth)-\d+-[0-9a-f]{12}\.npz")
+_NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth|detector)-\d+-[0-9a-f]{12}\.npz")
 
 
 @dataclass(frozen=True)

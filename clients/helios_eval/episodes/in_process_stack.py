@@ -27,6 +27,7 @@ from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT
 from helios_core.types import ObjectInstance
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
+from helios_detector.model_set import Models, open_models
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.simulator_truth import Truth, TruthInstance
@@ -41,6 +42,7 @@ from helios_sim.simulation_thread import WorldThread
 
 from helios_eval import kernel_compilation
 from helios_eval.episodes.episode_record import Noise, Setting
+from helios_eval.episodes.real_detector import RealDetector
 from helios_eval.episodes.service_settings import of_service, of_stack
 
 NEVER_S = 86_400.0
@@ -84,10 +86,12 @@ class InProcessStack:
         seed: int,
         settings: Mapping[str, Setting],
         on_step: Callable[[], None] = lambda: None,
+        detector: RealDetector | None = None,
     ) -> None:
         """seed: for the detector's errors, and for an agent that draws. noise: None for
         ground-truth semantics. settings: those that differ from the agent's own. on_step: called
-        after each action, when every map holds the keyframe; it may query the stack.
+        after each action, when every map holds the keyframe; it may query the stack. detector: the
+        model of the detections; None for the simulated one.
         """
         settings = of_stack(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
@@ -108,7 +112,11 @@ class InProcessStack:
         objects = ObjectMapSettings(**of_service("objectmap", settings))
         self._objectmap = ObjectMapService(bus(), objects, self.healths["objectmap"])
         self._objectmap.warm_up()
-        self._detector = self._detector_service(bus(), world, noise, seed, settings)
+        models = _models(world, noise, seed, settings, detector)
+        models.warm_up()
+        self._detector = DetectorService(
+            bus(), models.detector, models.scorer, self.healths["detector"], models.depth
+        )
         self._bridge = BridgeService(
             bus(), world, BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S),
             self.healths["bridge"], first_number=0,
@@ -190,26 +198,28 @@ class InProcessStack:
     def _on_preview(self, preview: pb.Preview) -> None:
         self.camera_jpeg = preview.jpeg
 
-    def _detector_service(
-        self,
-        bus: MemoryBus,
-        world: WorldThread,
-        noise: Noise | None,
-        seed: int,
-        settings: Mapping[str, Setting],
-    ) -> DetectorService:
-        s = DetectorSettings(**of_service("detector", settings))
-        options = DetectorOptions(truth=DirectTruth(world), threads=1, noise_seed=seed)
-        name = "ground-truth"
-        if noise is not None:
-            name = "simulated"
-            options = DetectorOptions(
-                options.truth, 1, noise.table, seed, noise.level, noise.correlation
-            )
-        detector, scorer = open_detector(name, options), open_scorer(s.scorer, options)
-        detector.warm_up()
-        scorer.warm_up()
-        return DetectorService(bus, detector, scorer, self.healths["detector"])
+
+def _models(
+    world: WorldThread,
+    noise: Noise | None,
+    seed: int,
+    settings: Mapping[str, Setting],
+    real: RealDetector | None,
+) -> Models:
+    """Detector and scorer of an episode. Raises HeliosError if they cannot be opened."""
+    s = DetectorSettings(**of_service("detector", settings))
+    if real is not None:
+        real.check()
+        s = s.model_copy(update={"detector": real.spec, "threads": 1, "noise_seed": seed})
+        return open_models(s, DirectTruth(world))  # truth: for a simulated scorer alone
+    options = DetectorOptions(truth=DirectTruth(world), threads=1, noise_seed=seed)
+    name = "ground-truth"
+    if noise is not None:
+        name = "simulated"
+        options = DetectorOptions(
+            options.truth, 1, noise.table, seed, noise.level, noise.correlation
+        )
+    return Models(open_detector(name, options), open_scorer(s.scorer, options))
 
 
 def _planner_settings(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import get_args
 
 from helios_client.usage_errors import UsageError
@@ -14,6 +14,9 @@ from helios_sim.sensor_noise import SENSORS
 
 from helios_eval.episodes import episode_spec, home_presets, service_settings
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting
+from helios_eval.episodes.episode_spec import EpisodeInputs
+from helios_eval.episodes.real_detector import real_detector
+from helios_eval.episodes.task_classes import task_classes_for
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class Condition:
     preset: str
     noise: Noise | None
     settings: dict[str, Setting]
+    inputs: EpisodeInputs = field(default_factory=EpisodeInputs)
 
 
 def parse_condition(
@@ -43,10 +47,13 @@ def parse_condition(
     scorer: str | None,
     pick_rule: str = episode_spec.DEFAULT_PICK_RULE,
     absent: float = 0.0,
+    detector: str | None = None,
+    task_classes: str | None = None,
 ) -> Condition:
     """Condition from the flags of `helios eval`. table None: the preset's; scorer None: the one
     that `assignments` name, else the evaluation's default; pick_rule: one of PICK_RULES, in any
-    letter case; absent: share of the homes whose task asks for an absent object, 0 to 1. Raises
+    letter case; absent: share of the homes whose task asks for an absent object, 0 to 1; detector:
+    the real one of semantics "detector"; task_classes: see `task_classes_for`. Raises
     UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
@@ -56,7 +63,7 @@ def parse_condition(
     known_agents = tuple(episode_spec.check_agents(agents, known_benchmark))
     preset = home_presets.check_kind(preset)
     if known_semantics is None:
-        raise UsageError(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
+        raise UsageError(f"--semantics is {semantics!r}; wanted noisy, ground-truth or detector")
     if sensor not in SENSORS:
         raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     settings = service_settings.parsed(assignments)
@@ -65,10 +72,11 @@ def parse_condition(
     if sensor != "none":
         settings[episode_spec.SENSOR] = sensor
     settings |= _of_tasks(known_benchmark, pick_rule, absent)
+    inputs = _inputs(known_benchmark, known_semantics, preset, detector, task_classes, absent)
+    settings |= _named(inputs)
+    default_scorer = episode_spec.REAL_SCORER if inputs.detector else episode_spec.DEFAULT_SCORER
     if scorer is not None or episode_spec.SCORER not in settings:
-        settings |= service_settings.parsed(
-            [f"{episode_spec.SCORER}={scorer or episode_spec.DEFAULT_SCORER}"]
-        )
+        settings |= service_settings.parsed([f"{episode_spec.SCORER}={scorer or default_scorer}"])
     noise: Noise | None = None
     if known_semantics == "noisy":
         try:
@@ -77,7 +85,57 @@ def parse_condition(
             )
         except InvalidInput as error:
             raise UsageError(error.message) from error
-    return Condition(known_agents, known_benchmark, known_semantics, preset, noise, settings)
+    return Condition(
+        known_agents, known_benchmark, known_semantics, preset, noise, settings, inputs
+    )
+
+
+def _inputs(
+    benchmark: Benchmark,
+    semantics: Semantics,
+    preset: str,
+    detector: str | None,
+    task_classes: str | None,
+    absent: float,
+) -> EpisodeInputs:
+    """Real detector and classes of the tasks that the flags name. Raises UsageError."""
+    if detector is not None and semantics != "detector":
+        raise UsageError(
+            f"--detector {detector} came with --semantics {semantics}, which simulates its "
+            "detections; add --semantics detector, or leave --detector out"
+        )
+    if semantics == "detector" and benchmark != "ovmm":
+        raise UsageError(
+            f"--semantics detector is for --benchmark ovmm; {benchmark} takes noisy or ground-truth"
+        )
+    if semantics == "detector" and detector is None:
+        raise UsageError(
+            "--semantics detector came without a detector; add --detector onnx:FILE or "
+            "transformers:ID"
+        )
+    if task_classes is not None and benchmark != "ovmm":
+        raise UsageError(
+            f"--task-classes {task_classes} is for --benchmark ovmm, not for {benchmark}; leave it "
+            "out"
+        )
+    real = real_detector(detector) if detector is not None else None
+    classes = task_classes_for(task_classes, preset, real)
+    if classes is not None and absent:
+        raise UsageError(
+            f"--absent {absent:g} came with tasks of the classes {classes.name}; give "
+            "--task-classes all, or leave --absent out"
+        )
+    return EpisodeInputs(real, classes)
+
+
+def _named(inputs: EpisodeInputs) -> dict[str, Setting]:
+    """Settings of a record that name the content of the inputs."""
+    settings: dict[str, Setting] = {}
+    if inputs.detector is not None:
+        settings[episode_spec.DETECTOR] = inputs.detector.name
+    if inputs.task_classes is not None:
+        settings[episode_spec.TASK_CLASSES] = inputs.task_classes.name
+    return settings
 
 
 def _of_tasks(benchmark: Benchmark, pick_rule: str, absent: float) -> dict[str, Setting]:

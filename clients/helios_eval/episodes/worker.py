@@ -10,6 +10,7 @@ import os
 import tempfile
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
@@ -39,12 +40,20 @@ def prepare() -> None:
     cv2.setNumThreads(1)
 
 
-def play_safely(spec: EpisodeSpec, commit: str) -> PlayedEpisode | str:
-    """Result of an episode, or the reason why it could not be played.
+@dataclass(frozen=True)
+class Skipped:
+    """An episode that is not to be played, since its home has no allowed task."""
+
+    reason: str
+
+
+def play_safely(spec: EpisodeSpec, commit: str) -> PlayedEpisode | Skipped | str:
+    """Result of an episode, or the reason why it was skipped or could not be played.
 
     Raises Unavailable if no episode can be played.
     """
     from helios_core.errors import HeliosError, Unavailable
+    from helios_sim.home.task_sampling import NoTask
 
     from helios_eval.episodes.episode_player import play
 
@@ -52,6 +61,8 @@ def play_safely(spec: EpisodeSpec, commit: str) -> PlayedEpisode | str:
         return play(spec, commit)
     except Unavailable:
         raise
+    except NoTask as error:
+        return Skipped(error.message)
     except HeliosError as error:
         return error.message
     except Exception as error:

@@ -7,7 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
-from helios_eval.episodes.episode_spec import absent_share_of, pick_rule_of, scorer_of
+from helios_eval.episodes.episode_spec import (
+    DETECTOR,
+    TASK_CLASSES,
+    absent_share_of,
+    pick_rule_of,
+    scorer_of,
+)
 from helios_eval.report.requested_episodes import Identity
 
 # Order in which agents are shown; others stand between FIRST and LAST, by name.
@@ -66,7 +72,7 @@ class Arm:
         """Conditions without agent and settings: arms of one condition play the same episodes."""
         return (
             self.benchmark, self.preset, self.semantics, self.noise, self.scorer, self.pick_rule,
-            self.absent_share,
+            self.absent_share, self.detector, self.task_classes,
         )  # fmt: skip
 
     @property
@@ -78,6 +84,16 @@ class Arm:
     def pick_rule(self) -> str:
         """Name of the simulator's rule for picks."""
         return pick_rule_of(dict(self.settings))
+
+    @property
+    def detector(self) -> str:
+        """Name and digest of the real detector; empty for a simulated one."""
+        return str(dict(self.settings).get(DETECTOR, ""))
+
+    @property
+    def task_classes(self) -> str:
+        """Name and digest of the classes that tasks may ask for; empty: every class."""
+        return str(dict(self.settings).get(TASK_CLASSES, ""))
 
     @property
     def absent_share(self) -> float:
@@ -143,6 +159,8 @@ def _label(arm: Arm, arms: Sequence[Arm], most: int) -> str:
         parts.append(arm.preset)
     if arm.semantics == "ground-truth" and any(a.semantics == "noisy" for a in same):
         parts.append("ground truth")
+    if arm.semantics == "detector" and len({a.semantics for a in same}) > 1:
+        parts.append("real detector")
     if arm.noise is not None:
         noises = [a.noise for a in same if a.noise is not None]
         if len({(n.table, n.digest) for n in noises}) > 1:

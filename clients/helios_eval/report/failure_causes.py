@@ -14,7 +14,9 @@ from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import (
     CONDITIONS,
     DEFAULT_SCORER,
+    DETECTOR,
     SCORER,
+    TASK_CLASSES,
     WALKER,
     scorer_of,
 )
@@ -212,7 +214,11 @@ def _condition(record: EpisodeRecord) -> list[str]:
     for name in CONDITIONS:
         if name in settings:
             flag = name.rpartition(".")[2].replace("_", "-")
-            words += [f"--{flag}", str(settings.pop(name))]
+            value = str(settings.pop(name))
+            digested = name in (DETECTOR, TASK_CLASSES)  # the flag has no digest
+            words += [f"--{flag}", value.partition("@")[0] if digested else value]
+    if record.semantics == "detector" and TASK_CLASSES not in record.settings:
+        words += ["--task-classes", "all"]
     for key, setting in settings.items():
         words += ["--set", f"{key}={setting}"]
     return words

@@ -7,6 +7,7 @@ from typing import Any
 
 from helios_eval.episodes.episode_record import Noise, Setting
 from helios_eval.episodes.service_settings import differing_settings
+from helios_eval.report.skipped_homes import skipped_by
 
 KEYS = ("benchmark", "agents", "semantics", "preset", "noise", "settings", "seed0", "episodes")
 
@@ -34,7 +35,8 @@ def requests_of(run: Mapping[str, Any]) -> list[dict[str, Any]]:
 def seeds_asked(run: Mapping[str, Any]) -> dict[Identity, set[int]]:
     """Requested seeds of all commands, by the identity of the arm.
 
-    As in a record, a setting that equals that of the agent's stack is left out.
+    As in a record, a setting that equals that of the agent's stack is left out. So are homes that
+    have no task of the request's classes.
     """
     ran = run.get("ran_with", {})
     out: dict[Identity, set[int]] = {}
@@ -45,6 +47,7 @@ def seeds_asked(run: Mapping[str, Any]) -> dict[Identity, set[int]]:
             found = (order["benchmark"], agent, order["semantics"], order["preset"])
             changed = differing_settings(agent, order["settings"], ran.get(agent))
             settings = tuple(sorted(changed.items()))
-            seeds = range(first, first + int(order["episodes"]))
+            seeds = set(range(first, first + int(order["episodes"])))
+            seeds -= skipped_by(order, run).seeds
             out.setdefault((*found, noise, settings), set()).update(seeds)
     return out

@@ -12,18 +12,26 @@ from typing import Any
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.episodes.episode_spec import ABSENT, PICK_RULE, SCORER
+from helios_eval.episodes.episode_spec import ABSENT, DETECTOR, PICK_RULE, SCORER, TASK_CLASSES
 from helios_eval.report import number_format, played_before
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.number_format import plural, ranges
 from helios_eval.report.our_results import benchmarks_of
+from helios_eval.report.real_detectors import NO_SIMULATION, REAL_NOTICE, all_real, detectors
 from helios_eval.report.record_metrics import TITLES, counts_of_causes
 from helios_eval.report.report_model import Block, Command, Facts, Notice, Rows, Section, Table
-from helios_eval.report.requested_episodes import Identity, commands_of, seeds_asked
+from helios_eval.report.requested_episodes import Identity, commands_of, requests_of, seeds_asked
+from helios_eval.report.skipped_homes import skipped_by
 
 RUN = "run.json"
 MOST_NAMED = 6  # rows that a sentence names
-OWN_FACT = (SCORER, PICK_RULE, ABSENT)  # settings that a fact of their own names
+OWN_FACT = (
+    SCORER,
+    PICK_RULE,
+    ABSENT,
+    DETECTOR,
+    TASK_CLASSES,
+)  # settings that a fact of their own names
 PICK_RULES = {
     "physical": "a pick takes what lies at the point",
     "ovmm": "a pick fails where nothing of the sought class is in reach and in view",
@@ -57,7 +65,7 @@ def section(
     records: Sequence[EpisodeRecord], arms: Sequence[Arm], run: Mapping[str, Any]
 ) -> Section:
     """Section with the notices, facts and commands of the run."""
-    blocks: list[Block] = [Notice(NOTICE)]
+    blocks: list[Block] = [Notice(REAL_NOTICE if all_real(records) else NOTICE)]
     commits = most_common(r.commit for r in records)
     warnings = [f"Commit {c} had changes that were not committed." for c in commits if _dirty(c)]
     if len(commits) > 1:
@@ -72,6 +80,8 @@ def section(
             f"The homes of {plural(len(changed), 'seed')} ({ranges(changed)}) were not "
             "the same in all episodes; agents are not compared in them."
         )
+    skipped = [skipped_by(order, run) for order in requests_of(run)]
+    warnings += dict.fromkeys(homes.sentence() for homes in skipped if homes.seeds)
     warnings += [w for b in benchmarks_of(arms) if (w := different_homes_notice(b, arms))]
     errors = sum(r.cause == "system error" for r in records)
     if errors:
@@ -194,6 +204,7 @@ def _facts(
         *played_before.fact(records, run),
         ("preset", ", ".join(_hashed([(r.preset, r.preset_hash) for r in records]))),
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
+        *detectors(arms),
         *_noise(records),
         ("image-text scorer", ", ".join(dict.fromkeys(a.scorer for a in arms))),
         *_pick_rules(arms),
@@ -225,7 +236,7 @@ def _hashed(pairs: Sequence[tuple[str, str]]) -> list[str]:
 def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
     noises = [n for n in dict.fromkeys(r.noise for r in records) if n is not None]
     if not noises:
-        return [("noise of the detector", NO_NOISE)]
+        return [("noise of the detector", NO_SIMULATION if all_real(records) else NO_NOISE)]
     tables = _hashed([(n.table, n.digest) for n in noises])
     levels = dict.fromkeys(f"{n.level:g}" for n in noises)
     correlations = dict.fromkeys(correlation_name(n) for n in noises)

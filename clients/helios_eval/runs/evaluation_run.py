@@ -7,9 +7,9 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -22,13 +22,16 @@ from rich.console import Console
 from helios_eval import ledger, run_folder
 from helios_eval.episodes import episode_record, failure_snapshot, home_presets, service_settings
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
-from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.episodes.episode_spec import DETECTOR, TASK_CLASSES, EpisodeInputs, EpisodeSpec
+from helios_eval.episodes.real_detector import same_model
 from helios_eval.episodes.service_settings import differing_settings
+from helios_eval.episodes.worker import Skipped
 from helios_eval.provenance import commit, machine
 from helios_eval.report import played_before, write_report
 from helios_eval.report.played_before import Folder, folders_of
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
+from helios_eval.report.skipped_homes import WITHOUT_TASK, SkippedHomes, without_task_key
 from helios_eval.runs import results
 from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
@@ -55,6 +58,7 @@ class Run:
     settings: dict[str, Setting]
     ray: str | None = None
     why: str = ""  # reason for the ledger
+    inputs: EpisodeInputs = field(default_factory=EpisodeInputs)
 
     def specs(self) -> list[EpisodeSpec]:
         """Episodes ordered by home, so that an interrupted run has compared its agents."""
@@ -67,6 +71,7 @@ class Run:
                 seed,
                 self.noise,
                 differing_settings(agent, self.settings),
+                self.inputs,
             )
             for seed in range(self.seed0, self.seed0 + self.episodes)
             for agent in self.agents
@@ -86,7 +91,9 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
 
 
 def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
-    specs = asked.specs()
+    skipped = SkippedHomes(asked.preset, asked.settings, asked.seed0, asked.episodes)
+    skipped.add_known(run_of(asked.out))
+    specs = [spec for spec in asked.specs() if spec.seed not in skipped.seeds]
     there = episode_record.read(asked.out)
     check_goes_on(asked, there, run_of(asked.out))
     known = {r.key: r for r in there}
@@ -94,7 +101,7 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     here = commit()
     began = time.time()
     with run_folder.write_errors_as_unavailable(asked.out):
-        write_run_description(asked, here, began, None)
+        write_run_description(asked, here, began, None, skipped.seeds)
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     try:
@@ -104,6 +111,10 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
             ledger.enter(missing, asked.out, here, asked.why)
             with closing(_outcomes(asked, missing, here)) as outcomes, board:
                 for spec, came in outcomes:
+                    if isinstance(came, Skipped):
+                        board.skip(spec, came.reason)
+                        skipped.seeds.add(spec.seed)
+                        continue
                     played = (
                         failed_record(spec, came, here) if isinstance(came, str) else came.record
                     )
@@ -115,11 +126,13 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
                     board.add(played)
     finally:
         with run_folder.write_errors_as_unavailable(asked.out):
-            write_run_description(asked, here, began, time.time() - began)
+            write_run_description(asked, here, began, time.time() - began, skipped.seeds)
             if there := episode_record.read(asked.out):
                 results.write(asked.out, there, asked.picks)
                 write_report(asked.out)
-    return [known[spec.key] for spec in specs]
+    if skipped.seeds:
+        console.print(skipped.sentence(), highlight=False, soft_wrap=True)
+    return [known[spec.key] for spec in specs if spec.key in known]
 
 
 def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[str, Any]) -> None:
@@ -144,15 +157,27 @@ def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[st
     digest = home_presets.digest_of(asked.preset)
     for r in there:
         if r.preset == asked.preset and r.preset_hash != digest:
-            what, was, now = f"preset {r.preset}", r.preset_hash, digest
+            what, was, now = f"preset {r.preset}", r.preset_hash[:12], digest[:12]
         elif asked.noise and r.noise and _renewed(r.noise, asked.noise):
-            what, was, now = f"noise table {r.noise.table}", r.noise.digest, asked.noise.digest
+            what = f"noise table {r.noise.table}"
+            was, now = r.noise.digest[:12], asked.noise.digest[:12]
+        elif other := _other_content(r, asked):
+            what, was, now = other
         else:
             continue
         raise InvalidInput(
-            f"{asked.out} holds episodes of another {what} ({was[:12]}; here it is {now[:12]}), so "
+            f"{asked.out} holds episodes of another {what} ({was}; here it is {now}), so "
             "this run cannot go on from them; take another folder"
         )
+
+
+def _other_content(r: EpisodeRecord, asked: Run) -> tuple[str, str, str] | None:
+    """(what, name there, name here) of a detector or table of classes with another digest."""
+    for key, what in ((DETECTOR, "file of the detector"), (TASK_CLASSES, "table of classes")):
+        was, now = str(r.settings.get(key, "")), str(asked.settings.get(key, ""))
+        if was and now and was != now and same_model(was, now):
+            return what, was, now
+    return None
 
 
 def _renewed(was: Noise, now: Noise) -> bool:
@@ -173,10 +198,13 @@ def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
     )  # fmt: skip
 
 
-def write_run_description(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
+def write_run_description(
+    asked: Run, here: str, began_s: float, wall_s: float | None, skipped: Collection[int] = ()
+) -> None:
     """Write `run.json`: the request, the commands, the program's version and the machine.
 
-    `began_s` is in seconds since 1970. A new folder keeps the time of its first start.
+    `began_s` is in seconds since 1970. A new folder keeps the time of its first start. skipped:
+    seeds of homes without a task of the run's classes.
     """
     command = ["helios", *sys.argv[1:]]
     former = run_of(asked.out)
@@ -186,12 +214,17 @@ def write_run_description(asked: Run, here: str, began_s: float, wall_s: float |
         folders.append(Folder(str(asked.out), started))
     before = [c for c in commands_of(former) if c != command]
     plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
+    without = dict(former.get(WITHOUT_TASK, {}))
+    if skipped:
+        key = without_task_key(plain)
+        without[key] = sorted({*without.get(key, ()), *skipped})
     order = json.loads(json.dumps({key: plain[key] for key in KEYS}))
     description: dict[str, Any] = (
         plain
         | {k: former[k] for k in _KEPT if k in former}
         | {
             "out": str(asked.out),
+            **({WITHOUT_TASK: without} if without else {}),
             "folders": [asdict(f) for f in folders],
             "asked": [*(o for o in requests_of(former) if o != order), order],
             "ran_with": former.get("ran_with", {})

@@ -26,13 +26,14 @@ from helios_core.errors import HeliosError
 
 from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.episodes.worker import serve
+from helios_eval.episodes.worker import Skipped, serve
 
 _PREFIX = "helios-eval-"
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # for temporary files
 ATTEMPTS = 2  # per episode whose process dies
 
-Outcome = tuple[EpisodeSpec, "PlayedEpisode | str"]  # or the reason why it could not be played
+# Or that it was skipped, or the reason why it could not be played.
+Outcome = tuple[EpisodeSpec, "PlayedEpisode | Skipped | str"]
 
 
 @dataclass(eq=False)

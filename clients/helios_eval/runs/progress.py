@@ -58,6 +58,14 @@ class Board:
                 flush=True,
             )
 
+    def skip(self, spec: EpisodeSpec, reason: str) -> None:
+        """An episode that is not played: it no longer counts, and the reason is printed."""
+        self._total -= 1
+        self._wanted[spec.agent] -= 1
+        self._console.print(
+            f"{spec.agent} seed {spec.seed} skipped: {reason}", highlight=False, soft_wrap=True
+        )
+
     def __enter__(self) -> Self:
         if self._console.is_terminal:
             self._live.start()

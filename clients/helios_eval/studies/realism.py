@@ -33,6 +33,7 @@ from helios_sim.assets.asset_pack import Model
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 
+from helios_eval.episodes.real_detector import real_detector
 from helios_eval.studies.realism_judging import (
     PARAMETRIC,
     REALISTIC,
@@ -44,6 +45,7 @@ from helios_eval.studies.realism_judging import (
     table,
 )
 from helios_eval.studies.realism_views import ObserverCamera, RecordedFurnitureModels
+from helios_eval.studies.recognised_classes import write_classes
 
 LEAST_PX = 400  # smaller objects are not judged
 LEAST_OPEN_BOX, LEAST_OPEN_PIXELS = 0.75, 0.35  # nor are occluded or cut-off ones
@@ -144,6 +146,15 @@ def _measure(given: argparse.Namespace) -> None:
         "rows": [{"class": c, "looks": k} | asdict(row) for (c, k), row in sorted(rows.items())],
     }  # fmt: skip
     write_file(given.out / "realism.json", json.dumps(figures, indent=1) + "\n")
+    if given.write_classes is not None:
+        first, last = given.seeds[0], given.seeds[-1]
+        about = {
+            "detector": detector.name, "sha256": real_detector(given.detector).sha256,
+            "preset": given.preset, "seeds": f"{first}-{last}",
+            "threshold": f"{given.threshold:g}",
+        }  # fmt: skip
+        catalog = CATALOGS[PRESETS[given.preset].catalog]
+        write_classes(given.write_classes, rows, right, catalog, about)
     chart(rows, detector.name, given.out / "realism-classes.png")
     shown = album.write(given.out)
     if shown:
@@ -181,6 +192,10 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--threshold", type=float, default=0.25, help="of the detector")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and pictures")
+    parser.add_argument(
+        "--write-classes", type=Path,
+        help="TOML file to write: classes in the upper half, for helios eval --task-classes",
+    )  # fmt: skip
     return parser
 
 

@@ -9,7 +9,10 @@ import typer
 
 Scorer = Annotated[
     str | None,
-    typer.Option(help="image-text scorer of the value maps  [default: simulated:itc-v1]"),
+    typer.Option(
+        help="image-text scorer of the value maps  [default: simulated:itc-v1; with a real "
+        "detector lexical]"
+    ),
 ]
 PickRule = Annotated[
     str,
@@ -19,6 +22,13 @@ Absent = Annotated[
     float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
 ]
 Correlation = Annotated[float | None, typer.Option(help="1: errors persist, 0: drawn per frame")]
+Semantics = Annotated[str, typer.Option(help="detections: noisy, ground-truth or detector")]
+Detector = Annotated[
+    str | None, typer.Option(help="real detector of --semantics detector: onnx:FILE")
+]
+TaskClasses = Annotated[
+    str | None, typer.Option(help="classes that the task may ask for: see helios eval ovmm")
+]
 Assignments = Annotated[
     list[str] | None, typer.Option("--set", help="service setting, such as a=1")
 ]
@@ -31,7 +41,7 @@ def video(
     ] = None,
     preset: Annotated[str, typer.Option(help="preset of the home")] = "ovmm-v1",
     agent: Annotated[str, typer.Option(help="agent to film")] = "helios",
-    semantics: Annotated[str, typer.Option(help="detections: noisy or ground-truth")] = "noisy",
+    semantics: Semantics = "noisy",
     benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
     fps: Annotated[float, typer.Option(help="frames per second", min=1, max=60)] = 8.0,
     noise_table: Annotated[
@@ -49,6 +59,8 @@ def video(
         int | None, typer.Option(help="maximum actions of the episode", min=1)
     ] = None,
     absent: Absent = 0.0,
+    detector: Detector = None,
+    task_classes: TaskClasses = None,
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
@@ -64,21 +76,16 @@ def video(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
-        absent=absent,
+        absent=absent, detector=detector, task_classes=task_classes,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:
         raise UsageError(f"{agent} has no maps to film; choose another agent")
     path = _checked_file(out or Path("runs/video") / f"{agent}-{seed}.mp4")
     asked = EpisodeSpec(
-        under.benchmark,
-        agent,
-        under.semantics,
-        under.preset,
-        seed,
-        under.noise,
-        differing_settings(agent, under.settings),
-    )
+        under.benchmark, agent, under.semantics, under.preset, seed, under.noise,
+        differing_settings(agent, under.settings), under.inputs,
+    )  # fmt: skip
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
         outcome = film(asked, path, fps, on_step)

@@ -1,7 +1,7 @@
 """Random move tasks in a home: one object from one receptacle class to another."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from helios_core.errors import InvalidInput
@@ -9,6 +9,11 @@ from helios_core.errors import InvalidInput
 from helios_sim.home.home_types import Episode, Receptacle, SceneObject
 
 _EDGE_M = 0.03
+
+
+class NoTask(InvalidInput):
+    """The home has no task of the classes that tasks may ask for."""
+
 
 # Class names that in plain language also cover another class: a floor lamp is a lamp, an armchair
 # is a chair. Benchmark tasks never use them, so that success does not depend on wording.
@@ -70,6 +75,47 @@ def sample_any(
         and all(_fits(thing, host) for thing in candidates)
     }
     goal = _one_of(sorted(goals), rng)
+    return Episode(wanted, start, goal, f"Move the {wanted} from the {start} to the {goal}")
+
+
+def sample_among(
+    receptacles: tuple[Receptacle, ...],
+    objects: tuple[SceneObject, ...],
+    rng: np.random.Generator,
+    allowed_objects: Collection[str],
+    allowed_receptacles: Collection[str],
+) -> Episode:
+    """Task as of `sample_any` whose three classes are allowed ones. Raises NoTask without any.
+
+    First the object class is drawn, in proportion to its number of objects, then start and goal.
+    """
+    class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
+    hosts = set(allowed_receptacles) - AMBIGUOUS
+    instances: dict[tuple[str, str], list[SceneObject]] = {}
+    for thing in objects:
+        start = class_of[thing.receptacle]
+        good = thing.class_name in allowed_objects and thing.class_name not in AMBIGUOUS
+        if good and start in hosts and not thing.shape.rolls:
+            instances.setdefault((thing.class_name, start), []).append(thing)
+    goals = {
+        key: sorted(
+            {
+                host.class_name
+                for host in receptacles
+                if host.class_name in hosts - {key[1]} and all(_fits(t, host) for t in things)
+            }
+        )
+        for key, things in instances.items()
+    }
+    drawn = sorted(key[0] for key, things in instances.items() if goals[key] for _ in things)
+    if not drawn:
+        raise NoTask(
+            "no object of the allowed classes stands on furniture of the allowed classes with "
+            "another such piece as the goal; take another home, or allow more classes"
+        )
+    wanted = _one_of(drawn, rng)
+    start = _one_of(sorted(s for name, s in instances if name == wanted and goals[name, s]), rng)
+    goal = _one_of(goals[wanted, start], rng)
     return Episode(wanted, start, goal, f"Move the {wanted} from the {start} to the {goal}")
 
 

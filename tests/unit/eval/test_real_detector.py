@@ -1,0 +1,250 @@
+"""Tests evaluations with a real detector: options, identity of the model, classes of the tasks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from eval_constructed_records import record
+from helios_client.usage_errors import UsageError
+from helios_core.errors import InvalidInput, Unavailable
+from helios_detector.coco_classes import COCO_NAMES
+from helios_eval.episodes import episode_spec, task_classes
+from helios_eval.episodes.episode_judgement import episode_for
+from helios_eval.episodes.episode_player import PlayedEpisode, play
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.episodes.home_presets import home_of
+from helios_eval.episodes.run_conditions import Condition, parse_condition
+from helios_eval.episodes.task_classes import TaskClasses
+from helios_eval.episodes.worker import Skipped
+from helios_eval.report.failure_causes import replay
+from helios_eval.runs import evaluation_run as runs
+from helios_eval.runs.evaluation_run import Run, run
+from helios_eval.runs.process_pool import Outcome
+from helios_eval.studies.realism_judging import PARAMETRIC, Row, names_for
+from helios_eval.studies.recognised_classes import has_own_name, upper_half, write_classes
+from helios_sim.home.catalogs import CATALOGS
+from helios_sim.home.task_sampling import NoTask
+from rich.console import Console
+
+from tests.unit.detector.tiny_onnx import yolox
+
+BOX = (100.0, 100.0, 160.0, 180.0)
+OBJECTS = '"remote control" = "remote"'
+HOSTS = 'sofa = "couch"\n"TV stand" = "tv"\n"coffee table" = "dining table"'
+COUCH = COCO_NAMES.index("couch")
+
+
+def model(path: Path, score: float = 0.9) -> Path:
+    """A model that finds one couch in every image."""
+    return yolox(path, [(BOX, COUCH, score)], len(COCO_NAMES))
+
+
+def condition(detector: str | None, semantics: str = "detector", **more: Any) -> Condition:
+    given = {"benchmark": "ovmm", "scorer": None, "task_classes": "all"} | more
+    return parse_condition(
+        ["helios-paper"], given.pop("benchmark"), semantics=semantics, preset="demo-v1", table=None,
+        level=1.0, correlation=None, sensor="none", assignments=[], max_steps=None,
+        detector=detector, **given,
+    )  # fmt: skip
+
+
+def spec_of(under: Condition, seed: int = 0, steps: int = 3) -> EpisodeSpec:
+    settings = {**under.settings, "max_steps": steps}
+    return EpisodeSpec(
+        "ovmm", "helios-paper", "detector", under.preset, seed, None, settings, under.inputs
+    )
+
+
+# --- options --------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("detector", "more", "said"),
+    [
+        (None, {}, "add --detector onnx:FILE"),
+        ("onnx:FILE", {"semantics": "noisy"}, "add --semantics detector"),
+        ("simulated", {}, "no real detector"),
+        ("onnx:/no/model.onnx", {}, "is no file"),
+        ("onnx:FILE", {"benchmark": "objectnav", "task_classes": None}, "is for --benchmark ovmm"),
+        ("onnx:FILE", {"task_classes": None}, "--task-classes all"),
+        ("onnx:FILE", {"task_classes": "nothing"}, "wanted all, a TOML file, or yolox_nano"),
+        ("onnx:FILE", {"task_classes": "yolox_nano"}, "is of the model e8af"),
+    ],
+)
+def test_options_that_do_not_fit_are_usage_errors(
+    detector: str | None, more: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    spec = detector and detector.replace("FILE", str(model(tmp_path / "tiny.onnx")))
+    with pytest.raises(UsageError, match=said):
+        condition(spec, **more)
+
+
+def test_a_real_detector_comes_with_the_scorer_that_has_no_simulated_error(tmp_path: Path) -> None:
+    spec = f"onnx:{model(tmp_path / 'tiny.onnx')}"
+    assert condition(spec).settings[episode_spec.SCORER] == "lexical"
+    said = condition(spec, scorer="simulated:itc-v1")
+    assert said.settings[episode_spec.SCORER] == "simulated:itc-v1"
+
+
+def test_a_record_names_the_detector_by_its_content_not_by_its_folder(tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / name).mkdir()
+    same = [model(tmp_path / folder / "tiny.onnx") for folder in "ab"]
+    other = model(tmp_path / "c" / "tiny.onnx", 0.8)
+    names = [condition(f"onnx:{p}").settings[episode_spec.DETECTOR] for p in (*same, other)]
+    assert names[0] == names[1] != names[2]
+    assert str(names[0]).startswith("onnx:tiny.onnx@")
+
+
+def test_class_names_beside_the_file_are_part_of_the_detector(tmp_path: Path) -> None:
+    path = model(tmp_path / "tiny.onnx")
+    before = condition(f"onnx:{path}").settings
+    (tmp_path / "tiny.txt").write_text("\n".join(COCO_NAMES))
+    assert condition(f"onnx:{path}").settings != before
+
+
+def test_the_command_that_plays_an_episode_again_names_the_detector_without_its_digest() -> None:
+    settings = {episode_spec.DETECTOR: "onnx:tiny.onnx@0123", "detector.scorer": "lexical"}
+    again = replay(record(3, semantics="detector", noise=None, settings=settings))
+    assert "--detector onnx:tiny.onnx " in again
+    assert "--task-classes all" in again
+
+
+# --- the stack ------------------------------------------------------------------------------------
+def test_the_stack_works_with_the_detections_of_the_model(tmp_path: Path) -> None:
+    classes = tmp_path / "mine.toml"
+    classes.write_text(f"[parametric.objects]\n{OBJECTS}\n[parametric.receptacles]\n{HOSTS}")
+    under = condition(f"onnx:{model(tmp_path / 'tiny.onnx')}", task_classes=str(classes))
+    played = play(spec_of(under), "here").record
+    assert played.instruction.startswith("Move the remote from the couch to the ")
+    assert played.object_class == "remote control"
+    assert (played.semantics, played.noise, played.steps) == ("detector", None, 3)
+    assert "detector_detect" in played.stage_ms
+    assert "world_segmentation" not in played.stage_ms  # no ground truth is rendered for it
+
+
+def test_an_episode_refuses_a_file_that_changed_after_the_start_of_the_run(tmp_path: Path) -> None:
+    path = model(tmp_path / "tiny.onnx")
+    under = condition(f"onnx:{path}")
+    model(path, 0.5)
+    with pytest.raises(Unavailable, match="has changed since the run began"):
+        play(spec_of(under), "here")
+
+
+# --- runs -----------------------------------------------------------------------------------------
+class FakePool:
+    """Plays nothing; homes with an odd seed have no task."""
+
+    def __init__(self) -> None:
+        self.seeds: list[int] = []
+
+    def outcomes(self, _: Run, missing: Sequence[EpisodeSpec], __: str) -> Generator[Outcome]:
+        for spec in missing:
+            self.seeds.append(spec.seed)
+            if spec.seed % 2:
+                yield spec, Skipped("no object of the allowed classes")
+            else:
+                made = record(
+                    spec.seed, semantics="detector", preset=spec.preset, noise=None,
+                    settings=spec.settings, preset_hash=runs.home_presets.digest_of(spec.preset),
+                )  # fmt: skip
+                yield spec, PlayedEpisode(made)
+
+
+@pytest.fixture
+def fake_pool(monkeypatch: pytest.MonkeyPatch) -> FakePool:
+    pool = FakePool()
+    monkeypatch.setattr(runs, "_outcomes", pool.outcomes)
+    return pool
+
+
+def asked(under: Condition, out: Path) -> Run:
+    return Run(
+        "ovmm", under.agents, ("unlimited",), "detector", under.preset, 4, 0, out, 1, None,
+        under.settings, inputs=under.inputs,
+    )  # fmt: skip
+
+
+def test_a_run_continues_with_the_same_file_only(fake_pool: FakePool, tmp_path: Path) -> None:
+    path, out = model(tmp_path / "tiny.onnx"), tmp_path / "out"
+    run(asked(condition(f"onnx:{path}"), out), Console(quiet=True))
+    run(asked(condition(f"onnx:{path}"), out), Console(quiet=True))
+    assert fake_pool.seeds == [0, 1, 2, 3]
+    model(path, 0.5)
+    with pytest.raises(InvalidInput, match=r"another file of the detector \(onnx:tiny.onnx@"):
+        run(asked(condition(f"onnx:{path}"), out), Console(quiet=True))
+
+
+def test_homes_without_a_task_are_named_and_do_not_count_as_missing(
+    fake_pool: FakePool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    under = condition(f"onnx:{model(tmp_path / 'tiny.onnx')}")
+    assert len(run(asked(under, tmp_path / "out"), Console(width=200))) == 2
+    said = "2 of 4 homes have no task of the allowed classes and were skipped (seeds 1, 3)"
+    assert said in capsys.readouterr().out
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert said in report
+    assert "Not complete" not in report
+    assert "onnx:tiny.onnx@" in report
+    described = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert list(described["without_task"].values()) == [[1, 3]]
+
+
+# --- classes of the tasks -------------------------------------------------------------------------
+def test_tasks_ask_for_allowed_classes_only() -> None:
+    home = home_of("demo-v1", 0)
+    hosts = {r.name: r.class_name for r in home.receptacles}
+    thing = next(
+        o for o in home.objects
+        if not o.shape.rolls and hosts[o.receptacle] not in ("chair", "lamp")
+    )  # fmt: skip
+    receptacles = tuple(sorted({*hosts.values()}))
+    classes = TaskClasses(
+        "mine@0", {thing.class_name: "thing"}, {name: f"my {name}" for name in receptacles}
+    )
+    for seed in range(8):
+        task = episode_for("ovmm", home, seed, False, classes)
+        assert task.object_class == thing.class_name
+        assert task.instruction.startswith("Move the thing from the my ")
+        assert task.start_receptacle_class != task.goal_receptacle_class
+        assert {task.start_receptacle_class, task.goal_receptacle_class} <= set(receptacles)
+
+
+def test_a_home_without_an_allowed_task_says_so() -> None:
+    with pytest.raises(NoTask, match="take another home"):
+        episode_for("ovmm", home_of("demo-v1", 0), 0, False, TaskClasses("x@0", {"yak": "yak"}, {}))
+
+
+def test_a_committed_table_names_classes_of_the_catalog_and_its_model() -> None:
+    found = task_classes.task_classes_for("yolox_nano", "ovmm-v1", None)
+    assert found is not None
+    assert set(found.objects) <= CATALOGS["ovmm"].objects.keys()
+    assert set(found.receptacles) <= CATALOGS["ovmm"].receptacles.keys()
+
+
+def test_a_table_without_these_looks_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match=r"no part \[realistic\]"):
+        task_classes.task_classes_for("yolox_nano", "ovmm-v1+sweethome3d", None)
+
+
+def test_the_upper_half_begins_at_the_median() -> None:
+    assert upper_half({"a": 0.9, "b": 0.5, "c": 0.1}) == ["a", "b"]
+
+
+def test_a_class_that_counts_under_the_name_of_another_is_no_class_of_tasks() -> None:
+    assert has_own_name("sofa", {"couch"})
+    assert not has_own_name("armchair", {"chair", "couch"})
+
+
+def test_a_written_table_is_read_again(tmp_path: Path) -> None:
+    rates = {"mug": 9, "vase": 1, "sofa": 8, "bench": 2, "armchair": 9}
+    rows = {(name, PARAMETRIC): Row(10, n, ()) for name, n in rates.items()}
+    right = {name: names_for(name, COCO_NAMES) for name in rates}
+    path = tmp_path / "mine.toml"
+    write_classes(path, rows, right, CATALOGS["ovmm"], {"sha256": "12"})
+    found = task_classes.task_classes_for(str(path), "ovmm-v1", None)
+    assert found is not None
+    assert (found.objects, found.receptacles) == ({"mug": "cup"}, {"sofa": "couch"})
+    assert found.name.startswith("mine@")
