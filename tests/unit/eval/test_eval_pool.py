@@ -13,6 +13,7 @@ from pathlib import Path
 import eval_fake_worker
 import pytest
 from helios_core.errors import Unavailable
+from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.runs.process_pool import Outcome, play_all
 
@@ -38,7 +39,9 @@ def test_every_episode_is_played_once(tmp_path: Path) -> None:
     specs = [spec("fine", seed) for seed in range(7)]
     outcomes = list(played(specs, tmp_path, jobs=3))
     assert sorted(s.seed for s, _ in outcomes) == list(range(7))
-    assert all(not isinstance(came, str) and came.record.seed == s.seed for s, came in outcomes)
+    assert all(
+        isinstance(came, PlayedEpisode) and came.record.seed == s.seed for s, came in outcomes
+    )
     assert len(set((tmp_path / "pids").read_text().split())) <= 3
 
 
