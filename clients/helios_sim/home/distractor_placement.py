@@ -3,6 +3,9 @@
 Every object stays within reach of a free robot position, and each receptacle keeps space for one
 more object. The physics (`physics_settling`) checks that an object is at rest and visible;
 otherwise another one is placed.
+
+With the preset's `room_preference`, that share of the objects is in a room that suits the class
+(`room_affinity.py`), and the others are in rooms that do not.
 """
 
 import math
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 from helios_sim.home import freespace
 from helios_sim.home.furniture_placement import FurniturePlacer, surface_points
 from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface, Vec3
+from helios_sim.home.room_affinity import suits
 
 _EDGE_M = 0.012
 _APART_M = 0.015
@@ -28,6 +32,7 @@ _LOOK_ALIKE, _BEHIND = 0.5, 0.6  # probabilities: look-alike class; position beh
 _CROWD = 5  # largest number of objects on one surface
 _HIDDEN = 4  # number of objects placed behind taller ones
 _TALL_M, _AROUND_M = 0.13, 2.5
+_ANCHORS = 12  # anchors tried for one look-alike
 
 Point = tuple[float, float]
 
@@ -74,8 +79,9 @@ class DistractorPlacer:
                 break
             if all(thing.class_name != class_name for thing in self.objects):
                 self._place(class_name)
-        for _ in range(6 * _HIDDEN):
-            if self._hidden >= _HIDDEN or len(self.objects) >= count:
+        hidden = max(_HIDDEN, self._f.preset.hidden_objects + 1)
+        for _ in range(6 * hidden):
+            if self._hidden >= hidden or len(self.objects) >= count:
                 break
             self._hidden += self._hide()
         for _ in range(6 * count):
@@ -83,7 +89,7 @@ class DistractorPlacer:
                 break
             anchor = self.objects[int(self._rng.integers(len(self.objects)))]
             if self._rng.random() < _LOOK_ALIKE:
-                self._beside(self._like(anchor.class_name), anchor)
+                self._look_alike(anchor)
             else:
                 self._place(anchor.class_name)
 
@@ -118,10 +124,30 @@ class DistractorPlacer:
         ]
         return others[int(self._rng.integers(len(others)))]
 
+    def _look_alike(self, anchor: SceneObject) -> None:
+        """Place a look-alike next to the anchor, or next to another object whose room is right."""
+        class_name, wanted = self._like(anchor.class_name), self._room_wish()
+        for _ in range(_ANCHORS):
+            if wanted is None or self._suits(class_name, anchor.receptacle) == wanted:
+                self._beside(class_name, anchor)
+                return
+            anchor = self.objects[int(self._rng.integers(len(self.objects)))]
+            class_name = self._like(anchor.class_name)
+
+    def _room_wish(self) -> bool | None:
+        """Random: True for a room that suits the class, False for another; None: no preference."""
+        share = self._f.preset.room_preference
+        return bool(self._rng.random() < share) if share > 0 else None
+
+    def _suits(self, class_name: str, host: str) -> bool:
+        return suits(class_name, self._f.rooms[self._hosts[host].room].kind)
+
     def _place(self, class_name: str) -> bool:
         make, likely = self._f.catalog.objects[class_name]
         shape = make(self._rng, self._f.palette)
-        hosts = list(self._hosts.values())
+        hosts, wanted = list(self._hosts.values()), self._room_wish()
+        if wanted is not None:
+            hosts = [host for host in hosts if self._suits(class_name, host.name) == wanted]
         usual = [host for host in hosts if host.class_name in likely]
         if usual and self._rng.random() < _LIKELY:
             hosts = usual
@@ -142,6 +168,12 @@ class DistractorPlacer:
         thing = self.objects[int(self._rng.integers(len(self.objects)))]
         in_front = bool(self._rng.random() < 0.5)
         classes = sorted({other.class_name for other in self.objects})
+        wanted = self._room_wish()
+        if wanted is not None:
+            suit = self._suits
+            classes = [name for name in classes if suit(name, thing.receptacle) == wanted]
+            if not classes:
+                return False
         host = self._hosts[thing.receptacle]
         anchor = next(disc for disc in self._discs[host.name] if disc.name == thing.name)
         for _ in range(5):

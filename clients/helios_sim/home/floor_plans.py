@@ -42,6 +42,7 @@ _OVMM_KINDS = {
 }
 
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1 in m
+Wall = tuple[int, float, float, float]  # axis, position, start and end in m; see WallPiece
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def _partition(
     return rects
 
 
-def _shared_wall(a: Room, b: Room) -> tuple[int, float, float, float] | None:
+def shared_wall(a: Room, b: Room) -> Wall | None:
     """(axis, at, lo, hi) of the wall between two rooms; None if they share none."""
     for axis, (a0, a1, b0, b1), (c0, c1, d0, d1) in (
         (0, (a.x0, a.x1, b.x0, b.x1), (a.y0, a.y1, b.y0, b.y1)),
@@ -148,18 +149,17 @@ def _shared_wall(a: Room, b: Room) -> tuple[int, float, float, float] | None:
 def _doorways(
     rng: np.random.Generator, rooms: tuple[Room, ...], preset: HomePreset
 ) -> tuple[Doorway, ...] | None:
-    needed = preset.doorway_width_m[1] + 2 * (_DOOR_TO_CORNER_M + WALL_HALF_M)
     walls = []
     for i, a in enumerate(rooms):
         for b in rooms[i + 1 :]:
-            wall = _shared_wall(a, b)
-            if wall is not None and wall[3] - wall[2] >= needed:
+            wall = shared_wall(a, b)
+            if wall is not None and wall[3] - wall[2] >= doorway_wall_m(preset):
                 walls.append((a.index, b.index, wall))
     group = list(range(len(rooms)))
     doors: list[Doorway] = []
     extra = preset.extra_doorways
     for k in rng.permutation(len(walls)):
-        i, j, (axis, at, lo, hi) = walls[int(k)]
+        i, j, wall = walls[int(k)]
         if group[i] != group[j]:
             old, new = group[j], group[i]
             group = [new if g == old else g for g in group]
@@ -167,12 +167,25 @@ def _doorways(
             extra -= 1
         else:
             continue
-        width = round(float(rng.uniform(*preset.doorway_width_m)), 2)
-        inset = width / 2 + _DOOR_TO_CORNER_M + WALL_HALF_M
-        along = round(float(rng.uniform(lo + inset, hi - inset)), 2)
-        x, y = (at, along) if axis == 0 else (along, at)
-        doors.append(Doorway(x, y, width, axis, (i, j)))
+        doors.append(draw_doorway(rng, wall, (i, j), preset))
     return tuple(doors) if len(set(group)) == 1 else None
+
+
+def doorway_wall_m(preset: HomePreset) -> float:
+    """Shortest wall, in metres, that has space for any doorway of the preset."""
+    return preset.doorway_width_m[1] + 2 * (_DOOR_TO_CORNER_M + WALL_HALF_M)
+
+
+def draw_doorway(
+    rng: np.random.Generator, wall: Wall, rooms: tuple[int, int], preset: HomePreset
+) -> Doorway:
+    """Doorway of random width at a random position in the wall between two rooms."""
+    axis, at, lo, hi = wall
+    width = round(float(rng.uniform(*preset.doorway_width_m)), 2)
+    inset = width / 2 + _DOOR_TO_CORNER_M + WALL_HALF_M
+    along = round(float(rng.uniform(lo + inset, hi - inset)), 2)
+    x, y = (at, along) if axis == 0 else (along, at)
+    return Doorway(x, y, width, axis, rooms)
 
 
 def bounds_of(rooms: tuple[Room, ...]) -> Rect:

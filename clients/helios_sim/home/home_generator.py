@@ -9,6 +9,7 @@ import numpy as np
 from helios_core.errors import Internal, InvalidInput
 
 from helios_sim.home import (
+    corridor_plans,
     floor_plans,
     freespace,
     physics_settling,
@@ -31,6 +32,7 @@ HIDDEN_SHARE = 0.3  # a hidden object is invisible from at least this share of t
 
 _FLOORS: dict[str, str] = {"kitchen": "tiles", "bathroom": "tiles", "bedroom": "carpet"}
 _FLOORS |= {"laundry room": "tiles", "hallway": "tiles"}
+_FLOORS |= {"child's room": "carpet", "guest room": "carpet", "storage room": "tiles"}
 _FLOOR_COLORS: dict[str, tuple[Rgb, ...]] = {
     "planks": ((0.72, 0.53, 0.35), (0.58, 0.41, 0.27), (0.80, 0.66, 0.48)),
     "tiles": ((0.82, 0.81, 0.78), (0.68, 0.71, 0.73), (0.78, 0.71, 0.63)),
@@ -70,7 +72,8 @@ def _draw(
     preset: HomePreset,
     furniture_models: FurnitureModels | None,
 ) -> Home | None:
-    floor_plan = floor_plans.draw_plan(rng, preset)
+    layout = corridor_plans if preset.layout == "corridor" else floor_plans
+    floor_plan = layout.draw_plan(rng, preset)
     if floor_plan is None:
         return None
     rooms, doorways = floor_plan

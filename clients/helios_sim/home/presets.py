@@ -4,6 +4,8 @@ import hashlib
 from dataclasses import dataclass, fields
 from typing import Literal
 
+_NEWER_FIELDS = frozenset({"layout", "corridor_width_m", "floor_area_m2", "room_preference"})
+
 
 @dataclass(frozen=True)
 class HomePreset:
@@ -12,7 +14,9 @@ class HomePreset:
     `catalog` names the makers and recipes (`catalogs.py`); `min_receptacle_classes` counts the
     catalog's own classes ("demo") or the 21 classes of the OVMM benchmark ("ovmm"). `room_area_m2`
     is the mean area of a room, which sets width and depth within their limits; (0, 0): width and
-    depth are drawn directly.
+    depth are drawn directly. With the layout "corridor", `width_m` limits the long side of the home
+    and `depth_m` the short side, `room_area_m2` and `cut` are unused, and `extra_doorways` counts
+    the doors between living room, dining room and kitchen.
     """
 
     name: str
@@ -37,6 +41,11 @@ class HomePreset:
     room_area_m2: tuple[float, float] = (0.0, 0.0)
     hidden_objects: int = 0  # minimum number; see home_generator.HIDDEN_SHARE
     cut: tuple[float, float] = (0.42, 0.58)  # position of a cut, as a share of the divided length
+    # Fields from here on count in `digest` only where they differ from their default.
+    layout: Literal["partition", "corridor"] = "partition"  # floor_plans.py or corridor_plans.py
+    corridor_width_m: tuple[float, float] = (0.0, 0.0)
+    floor_area_m2: tuple[float, float] = (0.0, 0.0)  # of the whole home
+    room_preference: float = 0.0  # share of objects in a room that suits them; 0: rooms play no part
 
     @property
     def passage_radius_m(self) -> float:
@@ -44,8 +53,16 @@ class HomePreset:
         return self.robot_radius_m + self.clearance_margin_m
 
     def digest(self) -> str:
-        """First 16 hexadecimal digits of the SHA-256 of all fields by name, for reports."""
-        text = "\n".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
+        """First 16 hexadecimal digits of the SHA-256 of the fields by name, for reports.
+
+        Newer fields count only where they differ from their default. The digests of older presets
+        therefore stay the same.
+        """
+        text = "\n".join(
+            f"{f.name}={getattr(self, f.name)!r}"
+            for f in fields(self)
+            if f.name not in _NEWER_FIELDS or getattr(self, f.name) != f.default
+        )
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -84,4 +101,28 @@ OVMM_V1 = HomePreset(
     cut=(0.38, 0.62),
 )
 
-PRESETS: dict[str, HomePreset] = {preset.name: preset for preset in (DEMO_V1, OVMM_V1)}
+OVMM_LARGE_V1 = HomePreset(
+    name="ovmm-large-v1",
+    rooms=(11, 16),
+    width_m=(15.0, 30.0),
+    depth_m=(9.5, 12.5),
+    min_room_side_m=2.1,
+    doorway_width_m=(0.9, 1.05),
+    extra_doorways=1,
+    receptacles=(35, 60),
+    min_receptacle_classes=16,
+    objects=(50, 70),
+    min_object_classes=28,
+    chairs_per_table=(2, 4),
+    surface_height_m=(0.1, 1.25),
+    catalog="ovmm",
+    hidden_objects=5,
+    layout="corridor",
+    corridor_width_m=(1.5, 2.1),
+    floor_area_m2=(200.0, 350.0),
+    room_preference=0.75,
+)
+
+PRESETS: dict[str, HomePreset] = {
+    preset.name: preset for preset in (DEMO_V1, OVMM_V1, OVMM_LARGE_V1)
+}

@@ -134,7 +134,9 @@ def _bathroom(f: FurniturePlacer, room: Room) -> None:
         f.lay("rug", room, (x, y, yaw), mat)
     f.receptacle("bathtub", room, wall_placement.along_walls(f.rng))
     f.receptacle("toilet", room, wall_placement.along_walls(f.rng))
-    _laundry(f, room)
+    has_laundry_room = any(other.kind == "laundry room" for other in f.rooms)
+    if f.preset.layout == "partition" or not has_laundry_room:
+        _laundry(f, room)
 
 
 def _laundry_room(f: FurniturePlacer, room: Room) -> None:
@@ -155,6 +157,44 @@ def _hallway(f: FurniturePlacer, room: Room) -> None:
     long = room.x1 - room.x0 > room.y1 - room.y0
     runner = decoration_shapes.rug(f.rng, f.palette, (float(f.rng.uniform(1.4, 2.0)), 0.7))
     f.lay("rug", room, (*room.center_xy, 0.0 if long else np.pi / 2), runner)
+
+
+def _corridor(f: FurniturePlacer, room: Room) -> None:
+    """Place a shoe rack, and runners with gaps of about 2 m along the middle."""
+    f.receptacle("shoe rack", room, wall_placement.along_walls(f.rng))
+    along_x = room.x1 - room.x0 > room.y1 - room.y0
+    length_m = max(room.x1 - room.x0, room.y1 - room.y0)
+    count = max(1, int(length_m // 5.0))
+    runner = decoration_shapes.rug(f.rng, f.palette, (float(f.rng.uniform(2.4, 3.2)), 0.75))
+    cx, cy = room.center_xy
+    for k in range(count):
+        shift = ((k + 0.5) / count - 0.5) * length_m
+        x, y, yaw = (cx + shift, cy, 0.0) if along_x else (cx, cy + shift, np.pi / 2)
+        f.lay("rug", room, (x, y, yaw), runner)
+
+
+def _childs_room(f: FurniturePlacer, room: Room) -> None:
+    bed = f.receptacle("bed", room, wall_placement.along_walls(f.rng))
+    if bed is not None:
+        f.receptacle("nightstand", room, wall_placement.beside(f.rng, bed))
+    desk = f.receptacle("desk", room, wall_placement.along_walls(f.rng))
+    if desk is not None:
+        f.receptacle(
+            "chair", room, wall_placement.pulled_out(f.rng, desk, front_only=True), beside=desk
+        )
+    f.receptacle("trunk", room, wall_placement.along_walls(f.rng))
+    rug = decoration_shapes.rug(f.rng, f.palette, (1.6, 1.1))
+    f.lay("rug", room, (*room.center_xy, 0.0), rug)
+
+
+def _guest_room(f: FurniturePlacer, room: Room) -> None:
+    _bedroom(f, room)
+    f.receptacle("armchair", room, wall_placement.along_walls(f.rng))
+
+
+def _storage_room(f: FurniturePlacer, room: Room) -> None:
+    for name in ("shelf", "shelf", "trunk"):
+        f.receptacle(name, room, wall_placement.along_walls(f.rng))
 
 
 def _dining_room(f: FurniturePlacer, room: Room) -> None:
@@ -187,6 +227,10 @@ _RECIPES: dict[str, Callable[[FurniturePlacer, Room], None]] = {
     "laundry room": _laundry_room,
     "hallway": _hallway,
     "dining room": _dining_room,
+    "corridor": _corridor,
+    "child's room": _childs_room,
+    "guest room": _guest_room,
+    "storage room": _storage_room,
 }
 
 # Optional receptacles by room kind; "a@b": beside b if the room has one, otherwise along a wall.
@@ -199,6 +243,10 @@ _MORE: dict[str, tuple[str, ...]] = {
     "laundry room": ("shelf", "stool", "bench", "shoe rack"),
     "hallway": ("bench", "trunk", "wardrobe", "stool", "side table"),
     "dining room": ("serving cart", "bench", "armchair", "shelf", "bookcase"),
+    "corridor": ("bench", "side table", "stool", "shelf"),
+    "child's room": ("shelf", "bookcase", "stool", "dresser", "bench"),
+    "guest room": ("nightstand@bed", "bench", "stool", "shelf", "desk"),
+    "storage room": ("shoe rack", "hamper", "stool", "wardrobe"),
 }
 
 # Wall fixtures by room kind: (class, height of the frame origin in metres).
@@ -208,4 +256,6 @@ _HANGS: dict[str, tuple[tuple[str, float], ...]] = {
     "bathroom": (("towel rail", 0.75),),
     "laundry room": (("towel rail", 0.75),),
     "hallway": (("coat rack", 0.85),),
+    "corridor": (("coat rack", 0.85), ("wall clock", 1.75)),
+    "child's room": (("wall clock", 1.75),),
 }
