@@ -1,4 +1,4 @@
-"""Render docs/images/homes-*.png: ten homes of ovmm-v1 and all its classes.
+"""Render docs/images/homes-*.png: ten homes of ovmm-v1 and of ovmm-large-v1, and all classes.
 
 Run `python scripts/home_pictures.py [--only NAME]` from the repository's root. Needs Pillow, which
 reduces the images to 256 colours.
@@ -24,6 +24,7 @@ def homes(preset: str) -> Image:
 
 PICTURES = {
     "homes-ovmm": lambda: homes("ovmm-v1"),
+    "homes-large": lambda: homes("ovmm-large-v1"),
     "homes-objects": lambda: class_sheet(
         {name: make for name, (make, _) in CATALOGS["ovmm"].objects.items()}, centered=True
     ),

@@ -16,11 +16,11 @@ from helios_sim.manipulation import PickRule, pick_rule_named
 
 from helios_eval.episodes.absent_targets import is_drawn
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
+from helios_eval.episodes.home_presets import default_steps
 from helios_eval.episodes.real_detector import RealDetector
 from helios_eval.episodes.task_classes import TaskClasses
 
 WALKER = "ground-truth-walker"  # knows ground truth: shows the reachable maximum
-DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
 # Keys in the settings of a record that are conditions of a run: they have a flag of their own.
 MAX_STEPS, SENSOR, SCORER = "max_steps", "sensor", "detector.scorer"
 PICK_RULE, ABSENT = "pick_rule", "absent"
@@ -67,7 +67,7 @@ class EpisodeSpec:
     @property
     def max_steps(self) -> int:
         """Number of actions that the episode may take."""
-        return int(self.settings.get(MAX_STEPS, DEFAULT_STEPS[self.benchmark]))
+        return int(self.settings.get(MAX_STEPS, default_steps(self.preset, self.benchmark)))
 
     @property
     def sensor(self) -> str:

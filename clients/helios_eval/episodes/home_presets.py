@@ -15,7 +15,14 @@ from helios_sim.assets import FurnitureReplacement, realistic
 from helios_sim.assets.asset_pack import NAME
 from helios_sim.home import PRESETS, Home, HomePreset, generate_home
 
+from helios_eval.episodes.episode_record import Benchmark
+
 _JOINT = "+"
+# Presets with the noise table of another, and the number of actions per episode where it is not the
+# benchmark's.
+_NOISE = {"ovmm-large-v1": "ovmm-v1"}
+_STEPS: dict[tuple[str, Benchmark], int] = {("ovmm-large-v1", "ovmm"): 2500}
+_DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
 KINDS = tuple(name + end for name in sorted(PRESETS) for end in ("", f"{_JOINT}{NAME}"))
 
 
@@ -37,7 +44,13 @@ def digest_of(kind: str) -> str:
 
 def noise_of(kind: str) -> str:
     """Name of the noise table of a kind of homes."""
-    return kind.split(_JOINT)[0]
+    preset = kind.split(_JOINT)[0]
+    return _NOISE.get(preset, preset)
+
+
+def default_steps(kind: str, benchmark: Benchmark) -> int:
+    """Number of actions that an episode in a kind of homes may take, unless a run sets another."""
+    return _STEPS.get((kind.split(_JOINT)[0], benchmark), _DEFAULT_STEPS[benchmark])
 
 
 def check_kind(kind: str) -> str:

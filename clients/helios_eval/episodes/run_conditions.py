@@ -67,7 +67,7 @@ def parse_condition(
     if sensor not in SENSORS:
         raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     settings = service_settings.parsed(assignments)
-    if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
+    if max_steps is not None and max_steps != home_presets.default_steps(preset, known_benchmark):
         settings[episode_spec.MAX_STEPS] = max_steps
     if sensor != "none":
         settings[episode_spec.SENSOR] = sensor

@@ -45,9 +45,7 @@ class HomePreset:
     layout: Literal["partition", "corridor"] = "partition"  # floor_plans.py or corridor_plans.py
     corridor_width_m: tuple[float, float] = (0.0, 0.0)
     floor_area_m2: tuple[float, float] = (0.0, 0.0)  # of the whole home
-    room_preference: float = (
-        0.0  # share of objects in a room that suits them; 0: rooms play no part
-    )
+    room_preference: float = 0.0  # share of objects in rooms that suit them; 0: any room
 
     @property
     def passage_radius_m(self) -> float:

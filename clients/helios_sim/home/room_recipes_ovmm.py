@@ -10,6 +10,8 @@ from helios_sim.home.home_types import Receptacle, Room, Shape
 from helios_sim.home.room_recipes import above, free_stretch, mount, wall_use
 from helios_sim.home.wall_placement import wall_pose
 
+_MAIN_TRIES = 6  # shapes drawn for one main item of a room
+
 
 def furnish_all(f: FurniturePlacer) -> None:
     """Place door leaves, the required furniture of each room, then optional furniture and decor."""
@@ -69,8 +71,17 @@ def hang_more(f: FurniturePlacer, room: Room) -> None:
                 break
 
 
+def _main_item(f: FurniturePlacer, room: Room, class_name: str) -> Receptacle | None:
+    """Place the furniture that makes a room what it is; large homes try several times."""
+    for _ in range(_MAIN_TRIES if f.preset.layout == "corridor" else 1):
+        item = f.receptacle(class_name, room, wall_placement.along_walls(f.rng))
+        if item is not None:
+            return item
+    return None
+
+
 def _living_room(f: FurniturePlacer, room: Room) -> None:
-    sofa = f.receptacle("sofa", room, wall_placement.along_walls(f.rng))
+    sofa = _main_item(f, room, "sofa")
     if sofa is not None:
         table = f.receptacle(
             "coffee table", room, wall_placement.in_front_of(f.rng, sofa, (0.84, 0.95))
@@ -87,7 +98,7 @@ def _living_room(f: FurniturePlacer, room: Room) -> None:
 
 
 def _kitchen(f: FurniturePlacer, room: Room) -> None:
-    counter = f.receptacle("kitchen counter", room, wall_placement.along_walls(f.rng))
+    counter = _main_item(f, room, "kitchen counter")
     if counter is not None:
         for name in ("cooker", "fridge"):
             if f.fixture(name, room, wall_placement.beside(f.rng, counter)) is None:
@@ -102,7 +113,7 @@ def _kitchen(f: FurniturePlacer, room: Room) -> None:
 
 
 def _bedroom(f: FurniturePlacer, room: Room) -> None:
-    bed = f.receptacle("bed", room, wall_placement.along_walls(f.rng))
+    bed = _main_item(f, room, "bed")
     if bed is not None:
         f.receptacle("nightstand", room, wall_placement.beside(f.rng, bed))
         rug = decoration_shapes.rug(f.rng, f.palette, (bed.size_m[0] + 0.9, 1.0))
@@ -115,7 +126,7 @@ def _bedroom(f: FurniturePlacer, room: Room) -> None:
 
 
 def _office(f: FurniturePlacer, room: Room) -> None:
-    desk = f.receptacle("desk", room, wall_placement.along_walls(f.rng))
+    desk = _main_item(f, room, "desk")
     if desk is not None:
         f.receptacle(
             "chair", room, wall_placement.pulled_out(f.rng, desk, front_only=True), beside=desk
@@ -126,14 +137,14 @@ def _office(f: FurniturePlacer, room: Room) -> None:
 
 
 def _bathroom(f: FurniturePlacer, room: Room) -> None:
-    stand = f.receptacle("washstand", room, wall_placement.along_walls(f.rng))
+    stand = _main_item(f, room, "washstand")
     if stand is not None:
         above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
         mat = decoration_shapes.rug(f.rng, f.palette, (0.8, 0.5))
         x, y, yaw = next(wall_placement.in_front_of(f.rng, stand, (0.1, 0.15))(mat, room))
         f.lay("rug", room, (x, y, yaw), mat)
-    f.receptacle("bathtub", room, wall_placement.along_walls(f.rng))
-    f.receptacle("toilet", room, wall_placement.along_walls(f.rng))
+    _main_item(f, room, "bathtub")
+    _main_item(f, room, "toilet")
     has_laundry_room = any(other.kind == "laundry room" for other in f.rooms)
     if f.preset.layout == "partition" or not has_laundry_room:
         _laundry(f, room)
@@ -147,7 +158,7 @@ def _laundry(f: FurniturePlacer, room: Room) -> None:
     """Place a washing machine and a hamper, once per home."""
     there = {item.class_name for item in f.receptacles}
     if "washing machine" not in there:
-        f.receptacle("washing machine", room, wall_placement.along_walls(f.rng))
+        _main_item(f, room, "washing machine")
     if "hamper" not in there:
         f.receptacle("hamper", room, wall_placement.along_walls(f.rng))
 
@@ -174,10 +185,10 @@ def _corridor(f: FurniturePlacer, room: Room) -> None:
 
 
 def _childs_room(f: FurniturePlacer, room: Room) -> None:
-    bed = f.receptacle("bed", room, wall_placement.along_walls(f.rng))
+    bed = _main_item(f, room, "bed")
     if bed is not None:
         f.receptacle("nightstand", room, wall_placement.beside(f.rng, bed))
-    desk = f.receptacle("desk", room, wall_placement.along_walls(f.rng))
+    desk = _main_item(f, room, "desk")
     if desk is not None:
         f.receptacle(
             "chair", room, wall_placement.pulled_out(f.rng, desk, front_only=True), beside=desk

@@ -10,7 +10,7 @@ from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import AGENT_SETTINGS
 from helios_detector.simulation.frame_noise import load_noise
 from helios_eval.episodes import episode_player, episode_spec, home_presets, service_settings
-from helios_eval.episodes.episode_record import Setting
+from helios_eval.episodes.episode_record import Benchmark, Setting
 from helios_eval.episodes.run_conditions import Condition, parse_condition
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
@@ -190,6 +190,35 @@ def test_the_noise_flag_takes_each_shipped_table() -> None:
         assert under.noise is not None
         assert (under.noise.table, under.noise.level) == (name, 0.5)
         assert under.noise.digest == load_noise(name).digest
+
+
+@pytest.mark.parametrize(
+    ("preset", "benchmark", "steps"),
+    [
+        ("ovmm-v1", "ovmm", 1250),
+        ("ovmm-large-v1", "ovmm", 2500),
+        ("ovmm-large-v1+sweethome3d", "ovmm", 2500),
+        ("ovmm-large-v1", "objectnav", 500),
+    ],
+)
+def test_the_preset_sets_the_number_of_steps(preset: str, benchmark: Benchmark, steps: int) -> None:
+    spec = episode_spec.EpisodeSpec(benchmark, "helios", "noisy", preset, 0, None)
+    assert spec.max_steps == steps
+
+
+@pytest.mark.parametrize(("flag", "recorded"), [(2500, None), (1250, 1250)])
+def test_a_number_of_steps_is_recorded_if_it_is_not_the_presets(
+    flag: int, recorded: int | None
+) -> None:
+    under = parse_condition(
+        ["helios"], "ovmm", semantics="ground-truth", preset="ovmm-large-v1", table=None,
+        level=1.0, correlation=None, sensor="none", assignments=[], max_steps=flag, scorer=None,
+    )  # fmt: skip
+    assert under.settings.get("max_steps") == recorded
+
+
+def test_large_homes_have_the_noise_of_ovmm_v1() -> None:
+    assert home_presets.noise_of("ovmm-large-v1") == "ovmm-v1"
 
 
 def test_an_agent_of_another_package_is_loaded_before_the_run() -> None:

@@ -8,7 +8,11 @@ import dataclasses
 import pytest
 from helios_sim.home import PRESETS, generate_home
 
-DIGESTS = {"demo-v1": "ecdc94da560d8621", "ovmm-v1": "30d659f76a9417c5"}
+DIGESTS = {
+    "demo-v1": "ecdc94da560d8621",
+    "ovmm-v1": "30d659f76a9417c5",
+    "ovmm-large-v1": "3da5ee8cd02d5ef8",
+}
 
 # The complete home, with the poses in which objects come to rest.
 DEMO_STRUCTURE = {
@@ -42,6 +46,11 @@ OVMM_DRAWN = {
     ),
 }
 
+LARGE_DRAWN = (
+    "aea730cffaf0f5664767fdd5b23ddd384fde4e084be7dc4a7d1409fcfe753041",
+    "a9abb35c62b45fe2573344a8e0c632835b1b47191db361ebee5a3fbae065f45d",
+)
+
 
 def test_the_fields_of_published_presets_do_not_change() -> None:
     assert {name: PRESETS[name].digest() for name in DIGESTS} == DIGESTS
@@ -62,3 +71,8 @@ def test_the_homes_of_the_demo_do_not_change(seed: int) -> None:
 def test_the_homes_of_the_benchmark_do_not_change(seed: int) -> None:
     home = generate_home(seed, PRESETS["ovmm-v1"])
     assert (home.drawn_hash(), home.structure_hash()) == OVMM_DRAWN[seed]
+
+
+def test_the_large_homes_do_not_change() -> None:
+    home = generate_home(0, PRESETS["ovmm-large-v1"])
+    assert (home.drawn_hash(), home.structure_hash()) == LARGE_DRAWN
