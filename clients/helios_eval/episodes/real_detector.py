@@ -69,8 +69,8 @@ def digest_of(path: Path) -> str:
     return digest.hexdigest()
 
 
-def same_model(name: str, other: str) -> bool:
-    """True if two names of records differ in their digest alone."""
+def equal_but_for_digest(name: str, other: str) -> bool:
+    """True if two names of a record (NAME@DIGEST) have the same part before the digest."""
     return name.partition("@")[0] == other.partition("@")[0]
 
 

@@ -44,7 +44,7 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
     """Report on a folder's episodes; `run` is the content of `run.json`."""
     arms = arms_of(records, seeds_asked(run))
     title, lead = run_description.title(records, arms)
-    as_paper = _with_present_targets(arms)
+    as_paper = _with_tasks_of_the_paper(arms)
     sections = [
         *filter(None, [research_questions.section(as_paper)]),
         run_description.section(records, arms, run),
@@ -65,9 +65,9 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
     return Report(title, lead, tuple(sections))
 
 
-def _with_present_targets(arms: Sequence[Arm]) -> list[Arm]:
-    """Arms whose targets are all present, as in the paper."""
-    return [arm for arm in arms if not absent_targets.has_any(arm)]
+def _with_tasks_of_the_paper(arms: Sequence[Arm]) -> list[Arm]:
+    """Arms whose targets are all present and of any class, as in the paper."""
+    return [arm for arm in arms if not absent_targets.has_any(arm) and not arm.task_classes]
 
 
 def _glance(arms: Sequence[Arm]) -> Section:
@@ -81,7 +81,7 @@ def _glance(arms: Sequence[Arm]) -> Section:
                     "show all."
                 )
             )
-    relations = paper_comparison.relations(_with_present_targets(arms))
+    relations = paper_comparison.relations(_with_tasks_of_the_paper(arms))
     blocks.append(relations or Paragraph("No two agents were run that the paper relates."))
     return Section("glance", "At a glance", tuple(blocks))
 

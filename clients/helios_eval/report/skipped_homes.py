@@ -33,9 +33,10 @@ class SkippedHomes:
     def sentence(self) -> str:
         """What was skipped, and how many homes are left."""
         left = plural(self.episodes - len(self.seeds), "home")
+        which = f"seed{'s' * (len(self.seeds) != 1)} {ranges(sorted(self.seeds))}"
         return (
             f"{len(self.seeds)} of {plural(self.episodes, 'home')} have no task of the allowed "
-            f"classes and were skipped (seeds {ranges(sorted(self.seeds))}); {left} left."
+            f"classes and were skipped ({which}); {left} left."
         )
 
 

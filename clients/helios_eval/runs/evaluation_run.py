@@ -23,7 +23,7 @@ from helios_eval import ledger, run_folder
 from helios_eval.episodes import episode_record, failure_snapshot, home_presets, service_settings
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import DETECTOR, TASK_CLASSES, EpisodeInputs, EpisodeSpec
-from helios_eval.episodes.real_detector import same_model
+from helios_eval.episodes.real_detector import equal_but_for_digest
 from helios_eval.episodes.service_settings import differing_settings
 from helios_eval.episodes.worker import Skipped
 from helios_eval.provenance import commit, machine
@@ -112,7 +112,7 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
             with closing(_outcomes(asked, missing, here)) as outcomes, board:
                 for spec, came in outcomes:
                     if isinstance(came, Skipped):
-                        board.skip(spec, came.reason)
+                        board.skip(spec, came.reason, told=spec.seed in skipped.seeds)
                         skipped.seeds.add(spec.seed)
                         continue
                     played = (
@@ -175,7 +175,7 @@ def _other_content(r: EpisodeRecord, asked: Run) -> tuple[str, str, str] | None:
     """(what, name there, name here) of a detector or table of classes with another digest."""
     for key, what in ((DETECTOR, "file of the detector"), (TASK_CLASSES, "table of classes")):
         was, now = str(r.settings.get(key, "")), str(asked.settings.get(key, ""))
-        if was and now and was != now and same_model(was, now):
+        if was and now and was != now and equal_but_for_digest(was, now):
             return what, was, now
     return None
 

@@ -58,13 +58,13 @@ class Board:
                 flush=True,
             )
 
-    def skip(self, spec: EpisodeSpec, reason: str) -> None:
-        """An episode that is not played: it no longer counts, and the reason is printed."""
+    def skip(self, spec: EpisodeSpec, reason: str, told: bool) -> None:
+        """Count an episode no longer. told: the reason was printed for another agent."""
         self._total -= 1
         self._wanted[spec.agent] -= 1
-        self._console.print(
-            f"{spec.agent} seed {spec.seed} skipped: {reason}", highlight=False, soft_wrap=True
-        )
+        if not told:
+            said = f"seed {spec.seed} skipped: {reason}"
+            self._console.print(said, highlight=False, soft_wrap=True)
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:

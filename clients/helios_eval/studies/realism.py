@@ -194,7 +194,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and pictures")
     parser.add_argument(
         "--write-classes", type=Path,
-        help="TOML file to write: classes in the upper half, for helios eval --task-classes",
+        help="TOML file to write: classes in the upper half, for helios eval ovmm --task-classes",
     )  # fmt: skip
     return parser
 

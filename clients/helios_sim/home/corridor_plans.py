@@ -9,6 +9,7 @@ bathroom next to the bedroom may open into it alone.
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.errors import Internal
 
 from helios_sim.home import floor_plans
 from helios_sim.home.floor_plans import Rect
@@ -160,7 +161,7 @@ def _doorways(
     """A doorway from each room to the corridor or, for a closed suite, to its bedroom; then
     `extra_doorways` between living room, dining room and kitchen."""
     corridor = next(room for room in rooms if room.kind == CORRIDOR)
-    pairs = []
+    pairs: list[tuple[Room, Room]] = []
     suite = _neighbours(rooms, _SUITE, preset) if rng.random() < _SUITE_CLOSED else []
     inner = suite[int(rng.integers(len(suite)))] if suite else None
     for room in rooms:
@@ -170,12 +171,14 @@ def _doorways(
         pairs.append(inner if inner is not None and closed else (room, corridor))
     day = [pair for k in (0, 1) for pair in _neighbours(rooms, _DAY[k : k + 2], preset)]
     pairs += [day[int(k)] for k in rng.permutation(len(day))[: preset.extra_doorways]]
-    doors = []
-    for a, b in pairs:
-        wall = floor_plans.shared_wall(a, b)
-        if wall is not None:
-            doors.append(floor_plans.draw_doorway(rng, wall, (a.index, b.index), preset))
-    return tuple(doors)
+    return tuple(_doorway(rng, a, b, preset) for a, b in pairs)
+
+
+def _doorway(rng: np.random.Generator, a: Room, b: Room, preset: HomePreset) -> Doorway:
+    wall = floor_plans.shared_wall(a, b)
+    if wall is None:
+        raise Internal(f"{a.kind} {a.index} and {b.kind} {b.index} share no wall for a doorway")
+    return floor_plans.draw_doorway(rng, wall, (a.index, b.index), preset)
 
 
 def _neighbours(

@@ -126,7 +126,7 @@ class DistractorPlacer:
 
     def _look_alike(self, anchor: SceneObject) -> None:
         """Place a look-alike next to the anchor, or next to another object whose room is right."""
-        class_name, wanted = self._like(anchor.class_name), self._room_wish()
+        class_name, wanted = self._like(anchor.class_name), self._draw_room_fit()
         for _ in range(_ANCHORS):
             if wanted is None or self._suits(class_name, anchor.receptacle) == wanted:
                 self._beside(class_name, anchor)
@@ -134,7 +134,7 @@ class DistractorPlacer:
             anchor = self.objects[int(self._rng.integers(len(self.objects)))]
             class_name = self._like(anchor.class_name)
 
-    def _room_wish(self) -> bool | None:
+    def _draw_room_fit(self) -> bool | None:
         """Random: True for a room that suits the class, False for another; None: no preference."""
         share = self._f.preset.room_preference
         return bool(self._rng.random() < share) if share > 0 else None
@@ -145,7 +145,7 @@ class DistractorPlacer:
     def _place(self, class_name: str) -> bool:
         make, likely = self._f.catalog.objects[class_name]
         shape = make(self._rng, self._f.palette)
-        hosts, wanted = list(self._hosts.values()), self._room_wish()
+        hosts, wanted = list(self._hosts.values()), self._draw_room_fit()
         if wanted is not None:
             hosts = [host for host in hosts if self._suits(class_name, host.name) == wanted]
         usual = [host for host in hosts if host.class_name in likely]
@@ -168,10 +168,9 @@ class DistractorPlacer:
         thing = self.objects[int(self._rng.integers(len(self.objects)))]
         in_front = bool(self._rng.random() < 0.5)
         classes = sorted({other.class_name for other in self.objects})
-        wanted = self._room_wish()
+        wanted = self._draw_room_fit()
         if wanted is not None:
-            suit = self._suits
-            classes = [name for name in classes if suit(name, thing.receptacle) == wanted]
+            classes = [n for n in classes if self._suits(n, thing.receptacle) == wanted]
             if not classes:
                 return False
         host = self._hosts[thing.receptacle]

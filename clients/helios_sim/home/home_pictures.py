@@ -27,7 +27,6 @@ Image = NDArray[np.uint8]
 _EYE_M = 1.31
 _EYE_FOVY_DEG = 58.0
 _TILT_RAD = -0.3
-_FAR_M = 20.0  # from farther away the home is partly behind the far clipping plane of its model
 
 
 class Pictures:
@@ -51,8 +50,7 @@ class Pictures:
         camera.azimuth, camera.elevation = 90.0, -74.0
         half = max((x1 - x0) * 3 / 4, y1 - y0) / 2 + 0.5
         camera.distance = half / math.tan(math.radians(20)) + 2.0
-        if camera.distance > _FAR_M:
-            self.model.vis.map.zfar = 3 * camera.distance / self.model.stat.extent
+        self.model.vis.map.zfar = 3 * camera.distance / self.model.stat.extent
         return self._render(camera, 40.0, ceiling=False)
 
     def at_eye_level(self, x: float, y: float, yaw_rad: float) -> Image:

@@ -72,7 +72,8 @@ def hang_more(f: FurniturePlacer, room: Room) -> None:
 
 
 def _main_item(f: FurniturePlacer, room: Room, class_name: str) -> Receptacle | None:
-    """Place the furniture that makes a room what it is; large homes try several times."""
+    """Place the main item of a room along a wall; None if it has no space. A home with a corridor
+    tries several shapes."""
     for _ in range(_MAIN_TRIES if f.preset.layout == "corridor" else 1):
         item = f.receptacle(class_name, room, wall_placement.along_walls(f.rng))
         if item is not None:

@@ -21,6 +21,7 @@ from helios_eval.episodes.run_conditions import Condition, parse_condition
 from helios_eval.episodes.task_classes import TaskClasses
 from helios_eval.episodes.worker import Skipped
 from helios_eval.report.failure_causes import replay
+from helios_eval.report.report_builder import build
 from helios_eval.runs import evaluation_run as runs
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.process_pool import Outcome
@@ -248,3 +249,18 @@ def test_a_written_table_is_read_again(tmp_path: Path) -> None:
     assert found is not None
     assert (found.objects, found.receptacles) == ({"mug": "cup"}, {"sofa": "couch"})
     assert found.name.startswith("mine@")
+
+
+# --- report ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("task_classes_name", "compared"), [("yolox_nano@0", False), ("", True)])
+def test_tasks_of_chosen_classes_do_not_answer_the_questions_of_the_paper(
+    task_classes_name: str, compared: bool, tmp_path: Path
+) -> None:
+    settings = {episode_spec.TASK_CLASSES: task_classes_name} if task_classes_name else {}
+    records = [
+        record(seed, agent=agent, settings=settings)
+        for agent in ("helios-paper", "trusting")
+        for seed in range(8)
+    ]
+    titles = [section.title for section in build(tmp_path, records, {}).sections]
+    assert ("The questions and their answers" in titles) is compared

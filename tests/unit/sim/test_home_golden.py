@@ -53,7 +53,7 @@ LARGE_DRAWN = (
 
 
 def test_the_fields_of_published_presets_do_not_change() -> None:
-    assert {name: PRESETS[name].digest() for name in DIGESTS} == DIGESTS
+    assert {name: preset.digest() for name, preset in PRESETS.items()} == DIGESTS
 
 
 def test_different_presets_have_different_digests() -> None:
