@@ -43,9 +43,20 @@ class CaptureHistory:
                     body, name, home.class_of(name), body in graspable, (x, y, z)
                 )
 
-    def store(self, stamp_ns: int, qpos: NDArray[np.float64], on: Mapping[str, str]) -> None:
-        """Store the state of a capture. on: graspable object -> body on which it stands."""
+    def store(
+        self,
+        stamp_ns: int,
+        qpos: NDArray[np.float64],
+        on: Mapping[str, str],
+        ids: NDArray[np.int32] | None = None,
+    ) -> None:
+        """Store the state of a capture.
+
+        on: graspable object -> body on which it stands. ids: body ids [h, w], if already rendered.
+        """
         self._taken[stamp_ns] = (qpos.copy(), dict(on))
+        if ids is not None:
+            self._remember(qpos.tobytes(), ids)
         while len(self._taken) > MAX_STORED_CAPTURES:
             self._taken.popitem(last=False)
 
@@ -71,12 +82,14 @@ class CaptureHistory:
             self._data.qpos[:] = qpos
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_camlight(self._model, self._data)
-            ids = self._painter.body_ids(self._data)
-            ids.flags.writeable = False
-            self._painted[key] = ids
-            while len(self._painted) > _REMEMBERED_PICTURES:
-                self._painted.popitem(last=False)
+            self._remember(key, self._painter.body_ids(self._data))
         return self._painted[key]
+
+    def _remember(self, key: bytes, ids: NDArray[np.int32]) -> None:
+        ids.flags.writeable = False
+        self._painted[key] = ids
+        while len(self._painted) > _REMEMBERED_PICTURES:
+            self._painted.popitem(last=False)
 
     def _instance(self, body: int, on: Mapping[str, str]) -> VisibleBody:
         static = self._instances[body]

@@ -1,4 +1,4 @@
-"""Rendering: colour and depth in one pass, body ids in a second pass on request.
+"""Rendering: colour and depth in one pass, or depth and body ids in one pass.
 
 A `CameraRenderer` holds a GL context; only the thread that created it may use it.
 """
@@ -77,19 +77,41 @@ class CameraRenderer:
         self, data: mujoco.MjData, max_depth_m: float
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """RGB [h, w, 3] and metric depth along the optical axis [h, w], from one pass."""
-        color = np.empty((self._height, self._width, 3), np.uint8)
-        depth = np.empty((self._height, self._width), np.float32)
         self._draw(data, segment=False)
-        mujoco.mjr_readPixels(color, depth, self._viewport, self._context)
-        depth_m = metric_depth(depth, self._near_m, self._far_m, max_depth_m)
-        return np.ascontiguousarray(color[::-1]), np.ascontiguousarray(depth_m[::-1])
+        color, depth_m = self._color(), self._depth()
+        mujoco.mjr_readPixels(color, depth_m, self._viewport, self._context)
+        return np.ascontiguousarray(color[::-1]), self._metric(depth_m, max_depth_m)
+
+    def depth_and_body_ids(
+        self, data: mujoco.MjData, max_depth_m: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Same depth as `color_and_depth` and same ids as `body_ids`, from one pass without
+        colour: about half the time of the pass with colour.
+        """
+        self._draw(data, segment=True)
+        painted, depth_m = self._color(), self._depth()
+        mujoco.mjr_readPixels(painted, depth_m, self._viewport, self._context)
+        return self._metric(depth_m, max_depth_m), self._bodies(painted)
 
     def body_ids(self, data: mujoco.MjData) -> NDArray[np.int32]:
         """Body id of each pixel [h, w]; 0 for background and for the world body."""
-        color = np.empty((self._height, self._width, 3), np.uint8)
         self._draw(data, segment=True)
-        mujoco.mjr_readPixels(color, None, self._viewport, self._context)
-        painted = color[::-1]
+        painted = self._color()
+        mujoco.mjr_readPixels(painted, None, self._viewport, self._context)
+        return self._bodies(painted)
+
+    def _color(self) -> NDArray[np.uint8]:
+        return np.empty((self._height, self._width, 3), np.uint8)
+
+    def _depth(self) -> NDArray[np.float32]:
+        return np.empty((self._height, self._width), np.float32)
+
+    def _metric(self, buffer: NDArray[np.float32], max_depth_m: float) -> NDArray[np.float32]:
+        depth_m = metric_depth(buffer, self._near_m, self._far_m, max_depth_m)
+        return np.ascontiguousarray(depth_m[::-1])
+
+    def _bodies(self, segmented: NDArray[np.uint8]) -> NDArray[np.int32]:
+        painted = segmented[::-1]
         number = painted[..., 0].astype(np.uint16)
         number |= painted[..., 1].astype(np.uint16) << np.uint16(8)
         body_of = np.zeros(self._scene.ngeom + 1, np.int32)

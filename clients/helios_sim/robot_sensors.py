@@ -35,8 +35,9 @@ class RobotSensors:
         home: Home,
         graspable: Collection[int],
         sensor: SensorErrorModel,
+        colored: bool,
     ) -> None:
-        """graspable: bodies that can be picked up."""
+        """graspable: bodies that can be picked up. colored: as for `World`."""
         self._data, self._robot, self._camera = data, robot, camera
         self._sensor, self._seed = sensor, home.seed
         size = (camera.width, camera.height)
@@ -44,6 +45,7 @@ class RobotSensors:
         self._past = CaptureHistory(model, self._painter, home, graspable)
         self._drift = DriftingOdometry(sensor, home.seed, robot.pose(data))
         self._last_stamp_ns = 0
+        self._no_color = None if colored else np.zeros((camera.height, camera.width, 3), np.uint8)
 
     @property
     def T_world_base(self) -> Matrix:
@@ -72,16 +74,26 @@ class RobotSensors:
         """
         stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
-        color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
-        self._past.store(stamp_ns, self._data.qpos, on)
+        if self._no_color is None:
+            color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
+            color = sensed_color(color, self._sensor, self._seed, stamp_ns)
+            self._past.store(stamp_ns, self._data.qpos, on)
+        else:
+            color = self._no_color
+            depth_m, ids = self._painter.depth_and_body_ids(self._data, MAX_DEPTH_M)
+            self._past.store(stamp_ns, self._data.qpos, on, ids)
         return Capture(
             stamp_ns=stamp_ns,
-            color=sensed_color(color, self._sensor, self._seed, stamp_ns),
+            color=color,
             depth_m=sensed_depth(depth_m, self._camera, self._sensor, self._seed, stamp_ns),
             camera=self._camera,
             T_world_cam=self.T_estimated_true @ camera_pose(self._data, self._robot.camera),
             T_world_base=self.T_world_base,
         )
+
+    def color_image(self) -> NDArray[np.uint8]:
+        """Color image [h, w, 3], RGB, of the current view without sensor errors."""
+        return self._painter.color_and_depth(self._data, MAX_DEPTH_M)[0]
 
     def bodies_in_view(self) -> NDArray[np.int32]:
         """Body id of each pixel of the current view [h, w]. Read-only."""

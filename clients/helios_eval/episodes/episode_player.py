@@ -8,9 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 
+import cv2
 import numpy as np
 from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
+from helios_detector.service import PREVIEW_QUALITY
 from helios_sim.episode_events import PickTried
 from helios_sim.failure_causes import OBJECT_NOT_FOUND, STEP_BUDGET, AgentReport
 from helios_sim.ground_truth_solver import GroundTruthSolver
@@ -63,13 +65,12 @@ class _Outcome:
     stage_ms: Mapping[str, float]
     beliefs: tuple[Belief, ...] = ()
     believed: tuple[ObjectInstance, ...] = ()
-    camera_jpeg: bytes = b""
 
 
 def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
     """Play an episode. Raises HeliosError if it cannot be played."""
     home = home_presets.home_of(spec.preset, spec.seed)
-    thread = WorldThread(lambda: make_world(spec, home))
+    thread = WorldThread(lambda: make_world(spec, home, spec.colored))
     try:
         world = thread.run(_timed_world)
         said = (
@@ -82,24 +83,27 @@ def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
         thread.close()
 
 
-def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
-    """World of an episode; call it on the thread that will use the world."""
+def make_world(spec: EpisodeSpec, home: Home, colored: bool = True) -> TimedWorld:
+    """World of an episode; call it on the thread that will use it. colored: as for `World`."""
     episode = episode_for(
         spec.benchmark, home, spec.seed, spec.target_absent, spec.inputs.task_classes
     )
     return TimedWorld(
-        home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule
-    )
+        home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule,
+        colored=colored,
+    )  # fmt: skip
 
 
 @contextmanager
-def running_stack(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessStack]]:
+def running_stack(
+    spec: EpisodeSpec, colored: bool = True
+) -> Iterator[tuple[WorldThread, InProcessStack]]:
     """World of an episode and stack of its agent, for the duration of the block.
 
-    Raises HeliosError.
+    colored: as for `World`. Raises HeliosError.
     """
     home = home_presets.home_of(spec.preset, spec.seed)
-    thread = WorldThread(lambda: make_world(spec, home))
+    thread = WorldThread(lambda: make_world(spec, home, colored))
     try:
         with InProcessStack(
             thread, spec.agent, spec.noise, spec.seed, spec.settings, detector=spec.inputs.detector
@@ -179,7 +183,6 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
             _stages(world) | stack.stage_ms(),
             tuple(beliefs),
             tuple(o for o in objects if o.class_score >= SHOWN_CLASS_SCORE),
-            stack.camera_jpeg,
         )
 
 
@@ -230,8 +233,13 @@ def _failure_snapshot(record: EpisodeRecord, world: TimedWorld, said: _Outcome) 
             )
             for o in said.believed
         ),
-        camera_jpeg=said.camera_jpeg,
+        camera_jpeg=_jpeg(world.color_image()),
     )  # fmt: skip
+
+
+def _jpeg(rgb: NDArray[np.uint8]) -> bytes:
+    quality = [cv2.IMWRITE_JPEG_QUALITY, PREVIEW_QUALITY]
+    return cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), quality)[1].tobytes()
 
 
 def _true(world: TimedWorld, names: Mapping[str, object]) -> tuple[MarkedObject, ...]:

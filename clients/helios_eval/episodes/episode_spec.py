@@ -29,6 +29,7 @@ CONDITIONS = (MAX_STEPS, SENSOR, SCORER, PICK_RULE, ABSENT, DETECTOR, TASK_CLASS
 DEFAULT_PICK_RULE: PickRule = "physical"
 DEFAULT_SCORER = "simulated:itc-v1"  # of an evaluation; served detectors have `lexical`
 REAL_SCORER = "lexical"  # of an evaluation with a real detector: no simulated error
+SIMULATED = "simulated:"  # begins the names of scorers that read the truth instead of the image
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,15 @@ class EpisodeSpec:
     def pick_rule(self) -> PickRule:
         """Rule of the simulator for picks. Raises InvalidInput for an unknown one."""
         return pick_rule_named(pick_rule_of(self.settings))
+
+    @property
+    def colored(self) -> bool:
+        """True if a part of the stack may read the color image: a real detector, a scorer that
+        looks at it, or an agent of another package.
+        """
+        simulated_scorer = scorer_of(self.settings).startswith((SIMULATED, REAL_SCORER))
+        own_agent = self.agent in (*planner_agents(), WALKER)
+        return self.semantics == "detector" or not (simulated_scorer and own_agent)
 
     @property
     def target_absent(self) -> bool:

@@ -23,7 +23,7 @@ from helios_core.health import Health
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.task_states import ENDED
-from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
+from helios_core.topics import GET_TASK, OBJECTS, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
 from helios_core.types import ObjectInstance
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
@@ -125,8 +125,6 @@ class InProcessStack:
             bus(), _planner_settings(Path(self._folder.name), agent, seed, settings),
             self.healths["planner"],
         )  # fmt: skip
-        self.camera_jpeg = b""  # from the newest keyframe
-        self._bus.subscribe(PREVIEW, self._on_preview)
         self._bus.subscribe(TASK, self._on_task)
         self._on_step, self._last_seq = on_step, 0
         self._bus.subscribe(ROBOT_STATE, self._on_state)
@@ -194,9 +192,6 @@ class InProcessStack:
         if state.last_seq != self._last_seq:
             self._last_seq = state.last_seq
             self._on_step()
-
-    def _on_preview(self, preview: pb.Preview) -> None:
-        self.camera_jpeg = preview.jpeg
 
 
 def _models(

@@ -137,7 +137,7 @@ def _share(n: int, of: int) -> str:
 def play(spec: EpisodeSpec) -> dict[str, Any]:
     """Decisions of the global search of an episode up to the pick, as JSON. Raises HeliosError."""
     decisions: list[pb.Decision] = []
-    with running_stack(spec) as (thread, stack):
+    with running_stack(spec, colored=False) as (thread, stack):
         bus, picked = stack.bus(), threading.Event()
 
         def end_after_pick(task: pb.Task) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from helios_eval.episodes.episode_player import PlayedEpisode, play
-from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_record import EpisodeRecord, Semantics
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
 from helios_eval.runs.process_pool import play_all
 
@@ -40,6 +40,31 @@ def test_an_episode_is_the_same_in_any_process(played_episode: PlayedEpisode) ->
         assert played_episode.snapshot is not None
         assert (came.snapshot.occupancy == played_episode.snapshot.occupancy).all()
         assert came.snapshot.beliefs == played_episode.snapshot.beliefs
+
+
+def test_an_episode_is_the_same_with_color(
+    played_episode: PlayedEpisode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(EpisodeSpec, "colored", True)
+    assert facts(play(spec(), "here").record) == facts(played_episode.record)
+
+
+@pytest.mark.parametrize(
+    ("agent", "semantics", "scorer", "colored"),
+    [
+        ("helios", "noisy", "simulated:itc-v1", False),
+        ("trusting", "ground-truth", "lexical", False),
+        (WALKER, "ground-truth", "lexical", False),
+        ("helios", "detector", "lexical", True),
+        ("helios", "noisy", "blip2:some/model", True),
+        ("package:agent", "noisy", "lexical", True),
+    ],
+)
+def test_color_is_rendered_where_something_may_read_it(
+    agent: str, semantics: Semantics, scorer: str, colored: bool
+) -> None:
+    asked = EpisodeSpec("ovmm", agent, semantics, "demo-v1", 0, None, {"detector.scorer": scorer})
+    assert asked.colored is colored
 
 
 def test_the_record_describes_the_episode(played_episode: PlayedEpisode) -> None:

@@ -10,12 +10,14 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import camera_on_base, lift_pixels, project
 from helios_core.robot import Observe, Tilt, Turn
+from helios_sim.episode_tracker import episode_of
 from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.home.floor_plans import WALL_HALF_M
 from helios_sim.past_frame_truth import MAX_STORED_CAPTURES
 from helios_sim.renderer import metric_depth
 from helios_sim.robot_model import CAMERA_HEIGHT_M, MAX_DEPTH_M
+from helios_sim.sensor_noise import SENSORS
 from helios_sim.world import World
 from hypothesis import given
 from hypothesis import strategies as st
@@ -137,3 +139,33 @@ def test_the_same_seed_gives_the_same_images(make_world: Callable[[], World]):
     assert np.array_equal(shot_a.color, shot_b.color)
     assert np.array_equal(shot_a.depth_m, shot_b.depth_m)
     assert shot_a.stamp_ns == shot_b.stamp_ns
+
+
+@pytest.mark.parametrize("sensor", ["none", "realistic"])
+def test_without_color_depth_and_ground_truth_are_the_same(sim_home: Home, sensor: str):
+    colored, plain = (
+        World(sim_home, episode_of(sim_home, 0), sensor=SENSORS[sensor], colored=colored)
+        for colored in (True, False)
+    )
+    try:
+        for k in range(4):
+            shots = []
+            for world in (colored, plain):
+                world.act(Turn(0.9), f"turn {k}")
+                shots.append(world.capture())
+            a, b = shots
+            assert a.stamp_ns == b.stamp_ns
+            assert np.array_equal(a.depth_m, b.depth_m)
+            assert np.array_equal(a.T_world_cam, b.T_world_cam)
+            truth_a, truth_b = (
+                world.segmentation(shot.stamp_ns)
+                for world, shot in zip((colored, plain), shots, strict=True)
+            )
+            assert np.array_equal(truth_a.ids, truth_b.ids)
+            assert truth_a.instances == truth_b.instances
+            assert a.color.any()
+            assert not b.color.any()
+            assert np.array_equal(colored.color_image(), plain.color_image())
+    finally:
+        colored.close()
+        plain.close()

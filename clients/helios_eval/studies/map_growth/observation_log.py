@@ -41,7 +41,7 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
 
     Frames are reduced to the pixels that a map with that stride uses. Raises HeliosError.
     """
-    with running_stack(by_helios(preset, seed, {})) as (thread, stack):
+    with running_stack(by_helios(preset, seed, {}), colored=False) as (thread, stack):
         instruction = thread.run(lambda world: world.episode.instruction)
         tape = recorded(stack, instruction, max_steps, stride_px)
     if not tape:
