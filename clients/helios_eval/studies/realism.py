@@ -169,7 +169,7 @@ def _measure(given: argparse.Namespace) -> None:
         )
 
 
-def _seeds(text: str) -> tuple[int, ...]:
+def seeds(text: str) -> tuple[int, ...]:
     first, _, last = text.partition("-")
     try:
         out = tuple(range(int(first), int(last or first) + 1))
@@ -188,7 +188,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--detector", required=True, help="onnx:FILE, transformers:ID, …")
     parser.add_argument("--preset", default="ovmm-v1", choices=sorted(PRESETS))
     parser.add_argument("--furniture", default="both", choices=[PARAMETRIC, REALISTIC, "both"])
-    parser.add_argument("--seeds", type=_seeds, default=tuple(range(10)), help="3 or 0-9")
+    parser.add_argument("--seeds", type=seeds, default=tuple(range(10)), help="3 or 0-9")
     parser.add_argument("--threshold", type=float, default=0.25, help="of the detector")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and pictures")

@@ -23,6 +23,7 @@ from helios_sim.renderer import CameraRenderer
 from helios_sim.robot_model import CAMERA_HEIGHT_M, FOVY_DEG, MAX_DEPTH_M, camera_pose, pinhole
 from helios_sim.robot_sensors import DRAWN_GROUPS
 from numpy.typing import NDArray
+from scipy import ndimage
 
 THING_DISTANCES_M = (0.9, 1.5)
 FURNITURE_DISTANCES_M = (2.0, 3.0)
@@ -52,6 +53,7 @@ class View:
 
     frame: Frame
     things: tuple[Thing, ...]
+    bodies: NDArray[np.int32]  # [h, w] body id of each pixel; 0 is background
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,19 +115,24 @@ class ObserverCamera:
             FrameId("realism", self.home.seed, self._number), self._number, True, color, depth_m,
             self._pinhole, camera_pose(self._data, self._camera), np.eye(4),
         )  # fmt: skip
-        return View(frame, self._seen(self._painter.body_ids(self._data), frame.T_world_cam))
+        bodies = self._painter.body_ids(self._data)
+        return View(frame, self._seen(bodies, frame.T_world_cam), bodies)
+
+    def name_of(self, body: int) -> str:
+        """Name of a body."""
+        return self._model.body(body).name
 
     def _seen(self, bodies: NDArray[np.int32], T_world_cam: Matrix) -> tuple[Thing, ...]:
         out = []
-        for body in np.unique(bodies):
-            name = self._model.body(int(body)).name
-            if name not in self._models:
-                continue  # wall or floor
-            rows, columns = np.nonzero(bodies == body)
-            box = int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1
+        counts = np.bincount(bodies.ravel())
+        for body, part in enumerate(ndimage.find_objects(bodies), 1):
+            if part is None or (name := self.name_of(body)) not in self._models:
+                continue  # not in view, or wall or floor
+            (rows, columns), pixels = part, int(counts[body])
+            box = columns.start, rows.start, columns.stop, rows.stop
             class_name, model = self.home.class_of(name), self._models[name]
-            shares = self._open(int(body), box, len(rows), T_world_cam)
-            out.append(Thing(name, class_name, box, len(rows), *shares, model))
+            shares = self._open(body, box, pixels, T_world_cam)
+            out.append(Thing(name, class_name, box, pixels, *shares, model))
         return tuple(sorted(out, key=lambda t: -t.pixels))
 
     def _open(self, body: int, box: Box, pixels: int, T_world_cam: Matrix) -> tuple[float, float]:

@@ -1,0 +1,142 @@
+"""Judgement of detections: what a detector said of each visible object of each image."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from helios_core.geometry import Matrix
+from helios_core.types import Detection
+from numpy.typing import NDArray
+
+COVERS_IOU = 0.5  # a detection with more is of the object
+NOWHERE_IOU = 0.3  # a detection with less on every object is a false alarm
+COUNTED = 0.25  # least score of a detection that counts
+
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in pixels
+
+
+@dataclass(frozen=True)
+class Visible:
+    """An object in one image."""
+
+    name: str
+    class_name: str
+    box_xyxy: Box
+    pixels: int
+    center_m: tuple[float, float, float]  # world
+    unobstructed: bool
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """What a detector said of n visible objects, one row for each object and image."""
+
+    home: NDArray[np.int64]  # [n] seed
+    thing: NDArray[np.int64]  # [n] number of the object, unique over the homes
+    view: NDArray[np.int64]  # [n] number of the view, unique over the homes
+    class_name: NDArray[np.str_]  # [n]
+    pixels: NDArray[np.float64]  # [n] visible
+    distance_m: NDArray[np.float64]  # [n] camera to the object's middle
+    angle_rad: NDArray[np.float64]  # [n] of the camera as seen from the object, world
+    unobstructed: NDArray[np.bool_]  # [n]
+    right: NDArray[np.float64]  # [n] best score of a right name, 0 without one
+    wrong: NDArray[np.float64]  # [n] best score of a wrong name, 0 without one
+    wrong_name: NDArray[np.str_]  # [n] that name, empty without one
+    wrong_names: NDArray[np.int64]  # [n] number of wrong names with a score of `COUNTED` or more
+
+    def __len__(self) -> int:
+        return len(self.home)
+
+    def part(self, rows: NDArray) -> Sightings:
+        """These rows only."""
+        return Sightings(*(value[rows] for value in vars(self).values()))
+
+
+@dataclass(frozen=True)
+class FalseAlarms:
+    """Detections on no object, with the counts of images and of names that were asked for."""
+
+    images: int
+    asked: int  # number of names
+    score: NDArray[np.float64]  # [m]
+    name: NDArray[np.str_]  # [m]
+
+
+class SightingLog:
+    """Collects judged images of one detector."""
+
+    def __init__(self, right: Mapping[str, frozenset[str]], asked: int) -> None:
+        """right: the detector's correct names of each class of object; asked: number of names."""
+        self._right, self._asked = right, asked
+        self._things: dict[tuple[int, str], int] = {}
+        self._views: dict[tuple[int, int], int] = {}
+        self._rows: list[tuple] = []
+        self._alarms: list[tuple[float, str]] = []
+        self._images = 0
+
+    def add(
+        self,
+        home: int,
+        view: int,
+        T_world_cam: Matrix,
+        things: Sequence[Visible],
+        found: Iterable[Detection],
+    ) -> None:
+        """Judge the detections of one image. things: every object in it."""
+        self._images += 1
+        found = tuple(found)
+        covers = overlaps([t.box_xyxy for t in things], [d.box_xyxy for d in found])
+        eye_m = T_world_cam[:3, 3]
+        for row, thing in zip(covers, things, strict=True):
+            right = self._right.get(thing.class_name)
+            if right is None:
+                continue
+            here = [d for d, share in zip(found, row, strict=True) if share >= COVERS_IOU]
+            own = max((d.score for d in here if d.class_name in right), default=0.0)
+            others = [d for d in here if d.class_name not in right]
+            other = max(others, key=lambda d: d.score, default=None)
+            offset_m = eye_m - np.array(thing.center_m)
+            self._rows.append((
+                home,
+                self._things.setdefault((home, thing.name), len(self._things)),
+                self._views.setdefault((home, view), len(self._views)),
+                thing.class_name, thing.pixels, float(np.linalg.norm(offset_m)),
+                math.atan2(offset_m[1], offset_m[0]) % math.tau, thing.unobstructed,
+                own, other.score if other else 0.0, other.class_name if other else "",
+                len({d.class_name for d in others if d.score >= COUNTED}),
+            ))  # fmt: skip
+        nowhere = covers.max(0, initial=0.0) < NOWHERE_IOU
+        self._alarms += [
+            (d.score, d.class_name) for d, no in zip(found, nowhere, strict=True) if no
+        ]
+
+    def sightings(self) -> Sightings:
+        """All objects of all images so far."""
+        columns: list[Sequence[Any]] = [list(c) for c in zip(*self._rows, strict=True)]
+        kinds = (np.int64, np.int64, np.int64, np.str_, np.float64, np.float64, np.float64,
+                 np.bool_, np.float64, np.float64, np.str_, np.int64)  # fmt: skip
+        columns = columns or [[] for _ in kinds]
+        arrays: list[Any] = [np.array(c, kind) for c, kind in zip(columns, kinds, strict=True)]
+        return Sightings(*arrays)
+
+    def false_alarms(self) -> FalseAlarms:
+        """All detections on no object so far."""
+        scores, names = zip(*self._alarms, strict=True) if self._alarms else ((), ())
+        return FalseAlarms(
+            self._images, self._asked, np.array(scores, np.float64), np.array(list(names), np.str_)
+        )
+
+
+def overlaps(a: Sequence[Box], b: Sequence[Box]) -> NDArray[np.float64]:
+    """Intersection over union [n, m] of boxes."""
+    A, B = (np.array(boxes, np.float64).reshape(-1, 4) for boxes in (a, b))
+    low = np.maximum(A[:, None, :2], B[None, :, :2])
+    high = np.minimum(A[:, None, 2:], B[None, :, 2:])
+    both = np.prod(np.clip(high - low, 0, None), -1)
+    areas = [np.prod(boxes[:, 2:] - boxes[:, :2], -1) for boxes in (A, B)]
+    union = areas[0][:, None] + areas[1][None] - both
+    return np.divide(both, union, out=np.zeros_like(both), where=union > 0)
