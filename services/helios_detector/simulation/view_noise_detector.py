@@ -7,6 +7,7 @@ Names repeat across homes ("mug_3"), so each home needs its own seed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -129,9 +130,15 @@ def verdicts(
     centers_m = np.array([t.instance.center_world_m for t in things], float)
     pixels = np.array([t.pixels for t in things])
     views, distance_m = table.views(np.array(keys, np.uint64), eye_m, centers_m, pixels)
-    draws = uniform(normal_draws(views, _PURPOSE_KEYS, table.shares, stamp_ns))
+    z = normal_draws(views, _PURPOSE_KEYS, table.shares, stamp_ns)
     asked = [f"{what} {normalised(w.name)}" for w in wanted for what in ("as", "as, score")]
-    asked_draws = uniform(normal_draws(views, keys_of(asked), table.shares, stamp_ns))
+    z_asked = normal_draws(views, keys_of(asked), table.shares, stamp_ns)
+    together = table.file.score.together
+    if together:
+        first, second = PURPOSES.index("score"), PURPOSES.index("twice score")
+        z[:, second] = joined(z[:, second], z[:, first], together)
+        z_asked[:, 1::2] = joined(z_asked[:, 1::2], z[:, first, None], together)
+    draws, asked_draws = uniform(z), uniform(z_asked)
     classes = [normalised(t.instance.class_name) for t in things]
     missed = draws[:, 0] < table.miss(classes, pixels, distance_m)
     out = []
@@ -142,6 +149,13 @@ def verdicts(
             names += also_named(thing, names, table, wanted, asked_draws[k].reshape(-1, 2))
         out.append(SimulatedResult(thing, names, u))
     return out
+
+
+def joined(
+    z: NDArray[np.float64], other: NDArray[np.float64], correlation: float
+) -> NDArray[np.float64]:
+    """Standard normal numbers z [...] with a correlation to `other`, from independent ones."""
+    return correlation * other + math.sqrt(1 - correlation * correlation) * z
 
 
 def named(

@@ -98,6 +98,7 @@ class Score(_Part):
     pixels: Places
     factor_by_pixels: Probabilities
     seen_above: Probability
+    together: Annotated[float, Field(ge=-1, le=1)] = 0.0  # correlation of the names of one view
 
     @model_validator(mode="after")
     def _pairs(self) -> Score:

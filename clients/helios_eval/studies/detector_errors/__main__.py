@@ -8,7 +8,7 @@ The robot's camera looks at objects of each home from 12 sides and several dista
 each place, a few centimetres apart. Each detector is asked for all classes for which the first real
 detector has a name, and every object in the image is judged. `--frames` adds posed real frames,
 where only agreement between frames can be measured. Writes `detector-errors.md`, `.json` and
-`.png`.
+`.png`, and all judgements of the detectors in the order given (`sightings-0.npz`, …).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no display
 
 import numpy as np
-from helios_core.atomic_file import write_file
+from helios_core.atomic_file import replacing, write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from helios_detector.backend import DetectorBackend, DetectorOptions
@@ -147,11 +147,15 @@ def _measure(given: argparse.Namespace) -> None:
     classes = known_classes(given.preset, vocabulary)
     arms = [arm_of(n, classes, vocabulary if n in real else None) for n in given.detector]
     look_around(given, arms, classes)
+    given.out.mkdir(parents=True, exist_ok=True)
+    for n, arm in enumerate(arms):
+        columns = vars(arm.log.sightings())
+        with replacing(given.out / f"sightings-{n}.npz") as part, part.open("wb") as file:
+            np.savez_compressed(file, detector=arm.name, **columns)
     found = {arm.name: summary(arm.log.sightings(), arm.log.false_alarms()) for arm in arms}
     repeats = {arm.name: arm.repeats for arm in arms}
     if given.frames is not None:
         repeats[f"{real[0]} on real frames"] = real_repeats(given.frames, arms[0], given.threads)
-    given.out.mkdir(parents=True, exist_ok=True)
     text = markdown(found, repeats)
     write_file(given.out / "detector-errors.md", text)
     figures = {
