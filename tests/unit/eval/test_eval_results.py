@@ -76,7 +76,7 @@ def test_records_with_different_conditions_get_separate_rows(tmp_path: Path) -> 
 
 
 def test_absent_targets_add_their_rates() -> None:
-    """Of two present targets one is falsely reported as absent, of three absent ones two rightly."""
+    """Of two present targets one is falsely reported as absent, of three absent two rightly."""
     records = [
         record(0),
         record(1, success=False, **GAVE_UP, picks=0),
