@@ -99,6 +99,25 @@ class WorldService:
         return out
 
 
+def world_of(settings: Settings) -> World:
+    """World of the home, task, sensor and pick rule that the settings choose.
+
+    Call it on the thread that will use the world. Raises HeliosError if there is no such home, or
+    if no furniture is baked.
+    """
+    furniture_models = realistic() if settings.furniture == "realistic" else None
+    home = generate_home(settings.seed, PRESETS[settings.preset], furniture_models)
+    task_seed = settings.seed if settings.task_seed is None else settings.task_seed
+    world = World(
+        home,
+        episode_of(home, task_seed),
+        sensor=SENSORS[settings.sensor],
+        pick_rule=settings.pick_rule,
+    )
+    log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
+    return world
+
+
 class HostedWorld:
     """World process: builds the world in the background, then serves it."""
 
@@ -108,18 +127,9 @@ class HostedWorld:
         self._lock = threading.Lock()
         health.waiting(f"the home of seed {settings.seed} is being built")
 
-        def make() -> World:
-            furniture_models = realistic() if settings.furniture == "realistic" else None
-            home = generate_home(settings.seed, PRESETS[settings.preset], furniture_models)
-            task_seed = settings.seed if settings.task_seed is None else settings.task_seed
-            sensor = SENSORS[settings.sensor]
-            world = World(home, episode_of(home, task_seed), sensor=sensor)
-            log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
-            return world
-
         def build() -> None:
             try:
-                thread = WorldThread(make)
+                thread = WorldThread(lambda: world_of(settings))
             except HeliosError as error:
                 log.error("no world: %s", error.message)
                 health.degraded(error.message)

@@ -8,6 +8,7 @@ from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
 from helios_sim.home import PRESETS
+from helios_sim.manipulation import PickRule
 from helios_sim.sensor_noise import SENSORS
 
 
@@ -23,6 +24,12 @@ class Settings(ServiceSettings):
     )
 
     sensor: str = Field("none", description="sensor noise of images and poses: none or realistic")
+
+    pick_rule: PickRule = Field(
+        "physical",
+        description="which object a pick takes: physical (the one at the point, of any class) or "
+        "ovmm (of the sought class, in reach and in view, the one nearest to the point)",
+    )
 
     furniture: Literal["parametric", "realistic"] = Field(
         "parametric",

@@ -16,7 +16,7 @@ from __future__ import annotations
 import os
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -34,7 +34,13 @@ from pydantic_settings import (
 from helios_core.agent_presets import service_settings
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import robot_name, robot_names
-from helios_core.settings_spelling import OF_ALL, check_tables, check_variables, no_setting
+from helios_core.settings_spelling import (
+    OF_ALL,
+    check_tables,
+    check_variables,
+    no_setting,
+    variable,
+)
 
 
 def _robot(name: str) -> str:
@@ -151,6 +157,22 @@ class ServiceSettings(BaseSettings):
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
         return init_settings, _Variables(cls), _File(cls)
+
+
+def is_chosen(service: str, setting: str, environment: Mapping[str, str]) -> bool:
+    """True if a variable, or the settings file that a variable names, has a value for a setting.
+
+    False for a file that cannot be read: the service itself reports it.
+    """
+    values = {name.upper(): text for name, text in environment.items()}
+    if variable(service, setting) in values:
+        return True
+    path = values.get(variable(service, "config")) or values.get("HELIOS_CONFIG")
+    try:
+        table = _toml(path).get(service) if path else None
+    except InvalidInput:
+        return False
+    return isinstance(table, dict) and setting in table
 
 
 class _Variables(EnvSettingsSource):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -85,6 +86,7 @@ def up(
     """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
+    from helios_client.supervision.preset_defaults import preset_defaults
     from helios_client.supervision.service_specs import StackOptions, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
@@ -103,11 +105,12 @@ def up(
     state_dir = state or state_file.default_state_dir(port)
     if record and record_dir is None:
         record_dir = state_dir / "recordings"
+    of_preset = preset_defaults(robot, preset, detector, os.environ)
     specs = StackOptions(
         robot=robot, router_port=router_port or free_port(), state_dir=state_dir, name=name,
         port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
-        agent=agent, source=source, robot_host=spot_host, rate=rate if robot == "replay" else None,
-        record=record_dir,
+        agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
+        robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
     )  # fmt: skip
     run_up(specs, Screen())
 

@@ -28,6 +28,8 @@ class StackOptions:
     detector: str = "simulated"
     scorer: str | None = None  # None: the detector's setting
     agent: str | None = None  # of planner and object map; None: their settings
+    noise: str | None = None  # noise table of the simulated detector; None: the detector's setting
+    max_steps: int | None = None  # most actions of a task; None: the planner's setting
     robot_host: str | None = None  # address of a robot on the network; None: its driver's setting
     source: Path | None = None  # recording or data set that a replay plays
     limit: int = 0  # number of frames to replay; 0: all
@@ -85,9 +87,10 @@ class StackOptions:
         else:
             out.append(
                 self._service(
-                    "detector", "helios_detector", detector=self.detector, scorer=self.scorer
+                    "detector", "helios_detector", detector=self.detector, scorer=self.scorer,
+                    noise=self.noise,
                 )
-            )
+            )  # fmt: skip
         kept = self.state_dir if self.port is not None else None  # a replay starts with empty maps
         out.append(
             self._service(
@@ -105,6 +108,7 @@ class StackOptions:
                     "helios_planner",
                     state_dir=self._tasks_dir(),
                     agent=self.agent,
+                    max_steps=self.max_steps,
                 )
             )
             out.append(self._service("gateway", "helios_gateway", port=self.port))

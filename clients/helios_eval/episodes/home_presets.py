@@ -14,15 +14,12 @@ from helios_core.name_rules import same_name
 from helios_sim.assets import FurnitureReplacement, realistic
 from helios_sim.assets.asset_pack import NAME
 from helios_sim.home import PRESETS, Home, HomePreset, generate_home
+from helios_sim.home.presets import noise_table_of, pick_and_place_steps_of
 
 from helios_eval.episodes.episode_record import Benchmark
 
 _JOINT = "+"
-# Presets with the noise table of another, and the number of actions per episode where it is not the
-# benchmark's.
-_NOISE = {"ovmm-large-v1": "ovmm-v1"}
-_STEPS: dict[tuple[str, Benchmark], int] = {("ovmm-large-v1", "ovmm"): 2500}
-_DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
+_OBJECTNAV_STEPS = 500
 KINDS = tuple(name + end for name in sorted(PRESETS) for end in ("", f"{_JOINT}{NAME}"))
 
 
@@ -44,13 +41,14 @@ def digest_of(kind: str) -> str:
 
 def noise_of(kind: str) -> str:
     """Name of the noise table of a kind of homes."""
-    preset = kind.split(_JOINT)[0]
-    return _NOISE.get(preset, preset)
+    return noise_table_of(kind.split(_JOINT)[0])
 
 
 def default_steps(kind: str, benchmark: Benchmark) -> int:
     """Number of actions that an episode in a kind of homes may take, unless a run sets another."""
-    return _STEPS.get((kind.split(_JOINT)[0], benchmark), _DEFAULT_STEPS[benchmark])
+    if benchmark == "objectnav":
+        return _OBJECTNAV_STEPS
+    return pick_and_place_steps_of(kind.split(_JOINT)[0])
 
 
 def check_kind(kind: str) -> str:

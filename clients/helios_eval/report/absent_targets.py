@@ -1,14 +1,18 @@
-"""Report table on absent targets: tasks that ask for an object that is not in the home."""
+"""Rates and report table of absent targets: tasks for an object that is not in the home."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from helios_sim.failure_causes import WRONG_OBJECT
+from numpy.typing import NDArray
 
+from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import number_format
 from helios_eval.report.agent_groups import Arm
 from helios_eval.report.interval_statistics import wilson
+from helios_eval.report.record_metrics import value
 from helios_eval.report.report_model import Cell, Rows, Table
 
 SUCCESS = (
@@ -26,6 +30,34 @@ def has_any(arm: Arm) -> bool:
     return arm.absent_share > 0
 
 
+def rates(
+    records: Sequence[EpisodeRecord], picks: int | None = None
+) -> dict[str, NDArray[np.float64]]:
+    """Samples [n] of 0 or 1 by rate; empty if no record has an absent target.
+
+    SR_present and SR_absent: success with a present, or an absent, target. false_not_found: the
+    report "object not found" with a present one. With a limit of picks, an episode that exceeds it
+    scores 0.
+    """
+    absent = [r for r in records if r.absent]
+    present = [r for r in records if not r.absent]
+    if not absent:
+        return {}
+    found = {
+        "SR_present": [value(r, "SR", picks) for r in present],
+        "SR_absent": [value(r, "SR", picks) for r in absent],
+        "false_not_found": [
+            false_not_found(r) and (picks is None or r.picks <= picks) for r in present
+        ],
+    }
+    return {name: np.array(sample, dtype=np.float64) for name, sample in found.items()}
+
+
+def false_not_found(record: EpisodeRecord) -> bool:
+    """True if the agent reported that it found no object, although the home has it."""
+    return not record.absent and record.not_found and not record.success
+
+
 def table(arms: Sequence[Arm]) -> Table | None:
     """Table of the answers with present and with absent targets; None without such an arm."""
     rows = Rows()
@@ -35,7 +67,7 @@ def table(arms: Sequence[Arm]) -> Table | None:
         rows.add([
             arm.label,
             _share([r.success for r in present]),
-            _share([r.not_found and not r.success for r in present]),
+            _share([false_not_found(r) for r in present]),
             str(len(present)),
             _share([r.success for r in absent]),
             _share([r.cause == WRONG_OBJECT for r in absent]),

@@ -13,6 +13,13 @@ from helios_eval.report.record_metrics import values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
 TAG = "another simulator"
+_TABLES = (
+    paper_figures.TABLE_1,
+    paper_figures.TABLE_2,
+    paper_figures.TABLE_4,
+    paper_figures.TABLE_5,
+    *paper_figures.SWEEPS,
+)
 
 
 def relations(arms: Sequence[Arm]) -> Table | None:
@@ -62,9 +69,15 @@ def verdict_of(ratio: Interval, published: float) -> str:
     return "smaller here" if ratio.high < published else "the paper's lies in our interval"
 
 
-def section(arms: Sequence[Arm]) -> Section:
-    """Section with the paper's tables that have results, and the numbers of the others."""
+def section(arms: Sequence[Arm]) -> Section | None:
+    """Section with the paper's tables that have results, and the numbers of the others.
+
+    arms: those with tasks as in the paper. None if not one of them fits a row of a table.
+    """
     benchmarks = {a.benchmark for a in arms}
+    tables = [(table, _found(arms, table)) for table in _TABLES]
+    if not any(any(found.values()) for _, found in tables):
+        return None
     blocks: list[Block] = [
         Paragraph(
             "Below each figure of this run stands the published one. The paper drove a robot in "
@@ -73,14 +86,7 @@ def section(arms: Sequence[Arm]) -> Section:
         )
     ]
     missing: list[str] = []
-    for table in (
-        paper_figures.TABLE_1,
-        paper_figures.TABLE_2,
-        paper_figures.TABLE_4,
-        paper_figures.TABLE_5,
-        *paper_figures.SWEEPS,
-    ):
-        found = {id(row): _ours(arms, table, row) for row in table.rows}
+    for table, found in tables:
         always = table.number in (1, 2, 4) and table.benchmark in benchmarks
         worth_a_table = table.number < 5 or any(
             found[id(row)] for row in table.rows if row.agent == "helios-5050" or _changed(row)
@@ -92,6 +98,11 @@ def section(arms: Sequence[Arm]) -> Section:
     if missing:
         blocks.append(Paragraph(f"{number_format.NOT_RUN.capitalize()}: Table {_listed(missing)}."))
     return Section("paper", "Beside the paper", tuple(blocks))
+
+
+def _found(arms: Sequence[Arm], table: paper_figures.Table) -> dict[int, Arm | None]:
+    """Our arm for each row of a table, by the id of the row."""
+    return {id(row): _ours(arms, table, row) for row in table.rows}
 
 
 def _listed(items: Sequence[str]) -> str:

@@ -51,7 +51,7 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
         _glance(arms),
         our_results.metrics_section(arms),
         our_results.paired_section(arms),
-        paper_comparison.section(as_paper),
+        *filter(None, [paper_comparison.section(as_paper)]),
         failure_causes.causes_section(arms),
         step_timing.section(arms),
         _calibration(records),
@@ -81,8 +81,16 @@ def _glance(arms: Sequence[Arm]) -> Section:
                     "show all."
                 )
             )
-    relations = paper_comparison.relations(_with_tasks_of_the_paper(arms))
-    blocks.append(relations or Paragraph("No two agents were run that the paper relates."))
+    as_paper = _with_tasks_of_the_paper(arms)
+    blocks.append(
+        paper_comparison.relations(as_paper)
+        or Paragraph(
+            "No two agents were run that the paper relates."
+            if as_paper
+            else "The paper has no tasks like these, with absent objects or chosen classes. So "
+            "nothing is compared with it."
+        )
+    )
     return Section("glance", "At a glance", tuple(blocks))
 
 

@@ -18,6 +18,7 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.report import absent_targets
 from helios_eval.report.interval_statistics import mean_sem
 from helios_eval.report.record_metrics import NAMES, values
 
@@ -74,10 +75,12 @@ def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[st
     """Metric name -> mean, its standard error (None for a single episode), number of episodes.
 
     All records are of one benchmark. The mean is None where n is 0: a metric of present objects, if
-    every object is absent.
+    every object is absent. Records with an absent object add the rates of `absent_targets.rates`.
     """
     limit = None if picks == UNLIMITED else int(picks)
-    return {name: _summary(values(records, name, limit)) for name in NAMES[records[0].benchmark]}
+    samples = {name: values(records, name, limit) for name in NAMES[records[0].benchmark]}
+    samples |= absent_targets.rates(records, limit)
+    return {name: _summary(sample) for name, sample in samples.items()}
 
 
 def write(folder: Path, records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> None:

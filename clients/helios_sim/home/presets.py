@@ -126,3 +126,18 @@ OVMM_LARGE_V1 = HomePreset(
 PRESETS: dict[str, HomePreset] = {
     preset.name: preset for preset in (DEMO_V1, OVMM_V1, OVMM_LARGE_V1)
 }
+
+# Presets with the noise table of another, and the actions per task where they are not the paper's.
+_NOISE = {"ovmm-large-v1": "ovmm-v1"}
+_STEPS = {"ovmm-large-v1": 2500}
+_PAPERS_STEPS = 1250
+
+
+def noise_table_of(preset: str) -> str:
+    """Name of the simulated detector's noise table in the homes of a preset."""
+    return _NOISE.get(preset, preset)
+
+
+def pick_and_place_steps_of(preset: str) -> int:
+    """Number of actions that a pick-and-place task may take in the homes of a preset."""
+    return _STEPS.get(preset, _PAPERS_STEPS)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from helios_core.agent_presets import service_settings
-from helios_core.settings import RobotNames, ServiceSettings, service_config
+from helios_core.settings import RobotNames, ServiceSettings, is_chosen, service_config
 from pydantic import Field, SecretStr
 
 
@@ -33,6 +33,24 @@ def test_a_flag_overrides_the_environment_and_the_environment_overrides_the_file
     loaded = Settings.load(["--cell-m", "0.3"])
     assert loaded.cell_m == 0.3
     assert loaded.robot == "spot"
+
+
+def test_a_setting_is_chosen_by_its_variable_or_by_the_file_that_a_variable_names(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("[sample]\ncell_m = 0.1\n[other]\nwidth_m = 1.0\n")
+    for environment, chosen in (
+        ({}, False),
+        ({"HELIOS_SAMPLE_CELL_M": "0.2"}, True),
+        ({"helios_sample_cell_m": "0.2"}, True),
+        ({"HELIOS_SAMPLE_ROBOT": "spot"}, False),
+        ({"HELIOS_CONFIG": str(file)}, True),
+        ({"HELIOS_SAMPLE_CONFIG": str(file)}, True),
+        ({"HELIOS_CONFIG": str(tmp_path / "none.toml")}, False),
+    ):
+        assert is_chosen("sample", "cell_m", environment) is chosen
+    assert not is_chosen("sample", "width_m", {"HELIOS_CONFIG": str(file)})
 
 
 def test_the_agents_preset_applies_where_no_setting_is_given(

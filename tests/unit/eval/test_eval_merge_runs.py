@@ -54,7 +54,9 @@ def paper(tmp_path: Path) -> list[Path]:
 def test_several_folders_together_give_every_table_and_the_pairs(tmp_path: Path) -> None:
     folders = paper(tmp_path)
     arms = arms_of(merge_runs.episodes(folders))
-    titles = [b.title for b in paper_comparison.section(arms).blocks if isinstance(b, Table)]
+    section = paper_comparison.section(arms)
+    assert section is not None
+    titles = [b.title for b in section.blocks if isinstance(b, Table)]
     for number in (1, 2, 4, 5, 6, 7, 8):
         assert any(title.startswith(f"Table {number}:") for title in titles), titles
     found = {f"{a.label} against {b.label}" for a, b in pairs(arms)}

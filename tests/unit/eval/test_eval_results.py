@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from eval_constructed_records import record
 from helios_core.errors import InvalidInput
 from helios_eval.runs import results
 from helios_eval.runs.results import UNLIMITED
+from helios_sim.failure_causes import OBJECT_NOT_FOUND
 
+GAVE_UP: dict[str, Any] = {"state": "failed", "reported_cause": OBJECT_NOT_FOUND}
 NAMES = [
     "FindObj", "Pick", "FindRec", "Place", "SR", "partial", "collisions", "steps",
     "seconds_per_step",
@@ -70,6 +73,46 @@ def test_records_with_different_conditions_get_separate_rows(tmp_path: Path) -> 
     results.write(tmp_path, some, [UNLIMITED])
     rows = json.loads((tmp_path / results.RESULTS).read_text())
     assert [r["metrics"]["SR"]["n"] for r in rows] == [2, 1, 1, 1]
+
+
+def test_absent_targets_add_their_rates() -> None:
+    """Of two present targets one is falsely reported as absent, of three absent two rightly."""
+    records = [
+        record(0),
+        record(1, success=False, **GAVE_UP, picks=0),
+        record(2, absent=True, **GAVE_UP, picks=0),
+        record(3, absent=True, **GAVE_UP, picks=0),
+        record(4, absent=True, success=False),
+    ]
+    metrics = results.rows(records, [UNLIMITED])[0]["metrics"]
+    assert list(metrics) == [*NAMES, "SR_present", "SR_absent", "false_not_found"]
+    assert metrics["SR_present"] == {"mean": 0.5, "sem": pytest.approx(0.5), "n": 2}
+    assert metrics["SR_absent"] == {
+        "mean": pytest.approx(2 / 3),
+        "sem": pytest.approx(1 / 3),
+        "n": 3,
+    }
+    assert metrics["false_not_found"] == {"mean": 0.5, "sem": pytest.approx(0.5), "n": 2}
+    assert metrics["SR"]["mean"] == pytest.approx(3 / 5)
+
+
+def test_a_report_after_too_many_picks_is_no_false_one() -> None:
+    """The limit ends the episode before the agent can give up."""
+    records = [
+        record(0, success=False, **GAVE_UP, picks=2),
+        record(1, absent=True, picks=0),
+    ]
+    rows = results.rows(records, [1, UNLIMITED])
+    assert metric(rows, 1, "false_not_found")["mean"] == 0
+    assert metric(rows, UNLIMITED, "false_not_found")["mean"] == 1
+
+
+def test_rates_of_absent_targets_without_a_present_one() -> None:
+    metrics = results.rows([record(0, absent=True, picks=0)], [UNLIMITED])[0]["metrics"]
+    assert metrics["SR_absent"]["mean"] == 1
+    assert (
+        metrics["SR_present"] == metrics["false_not_found"] == {"mean": None, "sem": None, "n": 0}
+    )
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "many", "1.5", ""])

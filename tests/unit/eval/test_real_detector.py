@@ -262,5 +262,22 @@ def test_tasks_of_chosen_classes_do_not_answer_the_questions_of_the_paper(
         for agent in ("helios-paper", "trusting")
         for seed in range(8)
     ]
-    titles = [section.title for section in build(tmp_path, records, {}).sections]
+    report = build(tmp_path, records, {})
+    titles = [section.title for section in report.sections]
     assert ("The questions and their answers" in titles) is compared
+    assert ("Beside the paper" in titles) is compared
+    glance = next(s for s in report.sections if s.title == "At a glance")
+    assert ("The paper has no tasks like these" in str(glance)) is not compared
+
+
+def test_a_run_beside_chosen_classes_is_still_compared(tmp_path: Path) -> None:
+    chosen = {episode_spec.TASK_CLASSES: "yolox_nano@0"}
+    records = [record(seed, settings=settings) for settings in ({}, chosen) for seed in range(8)]
+    report = build(tmp_path, records, {})
+    (beside,) = [section for section in report.sections if section.title == "Beside the paper"]
+    assert "Table 1" in str(beside)
+
+
+def test_agents_that_the_paper_lacks_are_not_shown_beside_it(tmp_path: Path) -> None:
+    records = [record(seed, agent="random-frontier") for seed in range(8)]
+    assert "Beside the paper" not in [s.title for s in build(tmp_path, records, {}).sections]

@@ -16,7 +16,10 @@ from helios_sim.gripper import Graspable
 from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.manipulation import Manipulation, ManipulationFailed, PickRule, pick_rule_named
+from helios_sim.service import world_of
+from helios_sim.settings import Settings
 from helios_sim.world import World
+from pydantic import ValidationError
 
 WRONG_CLASS = "no such thing"
 
@@ -127,3 +130,25 @@ def test_pick_rules_are_named():
     assert pick_rule_named("OVMM") == "ovmm"
     with pytest.raises(InvalidInput, match="physical or ovmm"):
         pick_rule_named("magic")
+
+
+def test_the_served_world_picks_by_the_rule_of_its_settings(
+    monkeypatch: pytest.MonkeyPatch, sim_home: Home
+) -> None:
+    """The sought object is at the point, but a pick of another class is asked for."""
+    monkeypatch.setattr("helios_sim.service.generate_home", lambda *_: sim_home)
+    for rule, taken in (("physical", True), ("ovmm", False)):
+        monkeypatch.setenv("HELIOS_WORLD_PICK_RULE", rule)
+        world = world_of(Settings.load([]))
+        try:
+            assert GroundTruthSolver(world).approach(sought(world))
+            done = world.act(Pick(at(world, sought(world)), WRONG_CLASS), "pick")
+            assert done.succeeded is taken
+        finally:
+            world.close()
+
+
+def test_the_served_world_has_the_physical_rule_by_default_and_refuses_others() -> None:
+    assert Settings.load([]).pick_rule == "physical"
+    with pytest.raises(ValidationError, match="pick_rule"):
+        Settings.model_validate({"pick_rule": "magic"})
