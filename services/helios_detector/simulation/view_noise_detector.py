@@ -29,6 +29,7 @@ PURPOSES: tuple[str, ...] = (
     "miss", "confuse", "confuse as", "score", "twice", "twice score", "mask", "cut", "keep",
 )  # fmt: skip
 _PURPOSE_KEYS = keys_of(PURPOSES)
+_NAME, _SCORE, _SECOND = (PURPOSES.index(p) for p in ("confuse as", "score", "twice score"))
 
 
 @dataclass(frozen=True)
@@ -131,13 +132,15 @@ def verdicts(
     pixels = np.array([t.pixels for t in things])
     views, distance_m = table.views(np.array(keys, np.uint64), eye_m, centers_m, pixels)
     z = normal_draws(views, _PURPOSE_KEYS, table.shares, stamp_ns)
+    if table.name_shares != table.shares:
+        at = slice(_NAME, _NAME + 1)
+        z[:, at] = normal_draws(views, _PURPOSE_KEYS[at], table.name_shares, stamp_ns)
     asked = [f"{what} {normalised(w.name)}" for w in wanted for what in ("as", "as, score")]
     z_asked = normal_draws(views, keys_of(asked), table.shares, stamp_ns)
     together = table.file.score.together
     if together:
-        first, second = PURPOSES.index("score"), PURPOSES.index("twice score")
-        z[:, second] = joined(z[:, second], z[:, first], together)
-        z_asked[:, 1::2] = joined(z_asked[:, 1::2], z[:, first, None], together)
+        z[:, _SECOND] = joined(z[:, _SECOND], z[:, _SCORE], together)
+        z_asked[:, 1::2] = joined(z_asked[:, 1::2], z[:, _SCORE, None], together)
     draws, asked_draws = uniform(z), uniform(z_asked)
     classes = [normalised(t.instance.class_name) for t in things]
     missed = draws[:, 0] < table.miss(classes, pixels, distance_m)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from helios_core.errors import InvalidInput
@@ -51,19 +51,28 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Persistence(_Part):
+class VarianceShares(_Part):
     thing: Probability
     side: Probability
     view: Probability
     frame: Probability
-    sides: Literal["sectors", "smooth"] = "sectors"  # how side and view are drawn
 
     @model_validator(mode="after")
-    def _whole(self) -> Persistence:
+    def _whole(self) -> Self:
         total = self.thing + self.side + self.view + self.frame
         if abs(total - 1) > 1e-9:
             raise ValueError(f"the shares add up to {total:g}, not to 1")
         return self
+
+    @property
+    def shares(self) -> Shares:
+        """The entries as `Shares`."""
+        return Shares(self.thing, self.side, self.view, self.frame)
+
+
+class Persistence(VarianceShares):
+    sides: Literal["sectors", "smooth"] = "sectors"  # how side and view are drawn
+    name: VarianceShares | None = None  # of the choice of the wrong name; None: as for the rest
 
 
 class Scale(_Part):
@@ -144,6 +153,7 @@ class Group(_Part):
 class Confusion(_Part):
     group: tuple[Group, ...] = ()
     row: dict[Name, dict[Name, Probability]] = Field(default={})
+    factor: dict[Name, float] = Field(default={})  # of the wrong names of a class; 1 without entry
     most: Probability
     anything: Probability
 
@@ -222,6 +232,7 @@ class ViewNoiseTable:
     file: ViewTableFile
     digest: str  # hash of the file and its bases, which identifies the table in use
     shares: Shares
+    name_shares: Shares  # of the choice of the wrong name
     level: float = 1.0
 
     @property
@@ -246,9 +257,10 @@ class ViewNoiseTable:
             raise InvalidInput(f"the noise level is {level}; wanted 0 to 10")
         if correlation is not None and not 0 <= correlation <= 1:
             raise InvalidInput(f"the noise correlation is {correlation}; wanted 0 to 1")
-        own = shares_of(self.file.persistence)
-        shares = own if correlation is None else own.correlated(correlation)
-        return ViewNoiseTable(self.file, self.digest, shares, level)
+        own, of_name = _all_shares(self.file.persistence)
+        if correlation is not None:
+            own, of_name = own.correlated(correlation), of_name.correlated(correlation)
+        return ViewNoiseTable(self.file, self.digest, own, of_name, level)
 
     def rate(self, probability: float, scale: float = 1.0) -> float:
         """The rate min(1, level · scale · probability)."""
@@ -270,12 +282,18 @@ class ViewNoiseTable:
         row = self.rows.get(class_name)
         if row is None:
             return 0.0
-        return min(self.file.confusion.most, self.rate(row.total, self.file.scale.confuse))
+        rate = self.rate(row.total * self._factor(class_name), self.file.scale.confuse)
+        return min(self.file.confusion.most, rate)
 
     def second(self, class_name: str) -> float:
         """Probability that an object is also reported under a second name; the name normalised."""
         row = self.rows.get(class_name)
-        return self.rate(row.total, self.file.scale.second) if row else 0.0
+        if row is None:
+            return 0.0
+        return self.rate(row.total * self._factor(class_name), self.file.scale.second)
+
+    def _factor(self, class_name: str) -> float:
+        return self.file.confusion.factor.get(class_name, 1.0)
 
     def anything(self) -> float:
         """Probability that an object is also reported as one search class outside its row."""
@@ -332,12 +350,12 @@ class ViewNoiseTable:
         return SectorViews(keys, sectors, self.cells(sectors, pixels, distance_m)), distance_m
 
 
-def shares_of(p: Persistence) -> Shares:
-    """The table's persistence entries as `Shares`."""
-    return Shares(p.thing, p.side, p.view, p.frame)
+def _all_shares(p: Persistence) -> tuple[Shares, Shares]:
+    """Shares of all draws, and of the choice of the wrong name."""
+    return p.shares, (p.name or p).shares
 
 
 def view_table(data: dict[str, Any], digest: str) -> ViewNoiseTable:
     """The table from parsed TOML. Raises ValueError with the fault of the file."""
     file = ViewTableFile.model_validate(data)
-    return ViewNoiseTable(file, digest, shares_of(file.persistence))
+    return ViewNoiseTable(file, digest, *_all_shares(file.persistence))
