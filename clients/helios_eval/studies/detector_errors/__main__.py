@@ -152,10 +152,10 @@ def _measure(given: argparse.Namespace) -> None:
         columns = vars(arm.log.sightings())
         with replacing(given.out / f"sightings-{n}.npz") as part, part.open("wb") as file:
             np.savez_compressed(file, detector=arm.name, **columns)
-    found = {arm.name: summary(arm.log.sightings(), arm.log.false_alarms()) for arm in arms}
-    repeats = {arm.name: arm.repeats for arm in arms}
+    found = {_title(a.name): summary(a.log.sightings(), a.log.false_alarms()) for a in arms}
+    repeats = {_title(arm.name): arm.repeats for arm in arms}
     if given.frames is not None:
-        repeats[f"{real[0]} on real frames"] = real_repeats(given.frames, arms[0], given.threads)
+        repeats[f"{_title(real[0])}, real frames"] = real_repeats(given.frames, arms[0], given.threads)
     text = markdown(found, repeats)
     write_file(given.out / "detector-errors.md", text)
     figures = {
@@ -166,6 +166,11 @@ def _measure(given: argparse.Namespace) -> None:
     write_file(given.out / "detector-errors.json", json.dumps(figures, indent=1) + "\n")
     chart(found, given.out / "detector-errors.png")
     print(text)
+
+
+def _title(name: str) -> str:
+    """Name of a detector without folders."""
+    return name.rpartition("/")[2]
 
 
 def _opened(name: str, truth: CurrentTruth, seed: int, threads: int) -> DetectorBackend:
