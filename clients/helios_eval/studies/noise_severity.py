@@ -90,7 +90,7 @@ def kept(
 
 
 def scaled_table(table: str, factors: Factors) -> str:
-    """TOML text of a table based on the shipped one, with its scales multiplied.
+    """TOML text of a table based on another, with its scales multiplied.
 
     Raises InvalidInput for a table that is missing, invalid or without scales.
     """
@@ -103,7 +103,8 @@ def scaled_table(table: str, factors: Factors) -> str:
         "false": scale.false * f.false, "miss": scale.miss * f.miss,
     }  # fmt: skip
     lines = [f"{name} = {value:.6g}" for name, value in rows.items()]
-    return "\n".join([f"base = {json.dumps(table)}", "[scale]", *lines, ""])
+    base = os.path.abspath(table) if Path(table).is_file() else table
+    return "\n".join([f"base = {json.dumps(base)}", "[scale]", *lines, ""])
 
 
 def play(
@@ -127,7 +128,7 @@ def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
     for factors in map(Factors.of, asked.factors.split(",")):
         folder = asked.out / str(factors).replace(":", "-")
         folder.mkdir(parents=True, exist_ok=True)
-        table = folder / f"{asked.table}.toml"
+        table = folder / f"{Path(asked.table).stem}.toml"
         write_file(table, scaled_table(asked.table, factors))
         noisy = play(asked, noise_of(str(table), 1.0, None), folder, console)
         found += [
@@ -150,7 +151,7 @@ def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-severity", description=__doc__)
-    parser.add_argument("--table", default="ovmm-v1", help="noise table that is shipped")
+    parser.add_argument("--table", default="ovmm-v1", help="noise table, shipped or a file")
     parser.add_argument("--factors", default="1:1:1", help="on its scales: NAMES:FALSE:MISS,...")
     parser.add_argument("--scorer", default=DEFAULT_SCORER, help="image-text scorer")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")

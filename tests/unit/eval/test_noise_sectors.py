@@ -49,6 +49,17 @@ def test_the_similarity_of_views_decreases_with_their_distance_in_the_smooth_tab
     assert curve[0] > curve[1] > curve[2] > curve[3] > curve[6]
 
 
+def test_the_severity_study_scales_a_table_of_a_file(tmp_path, monkeypatch):
+    own = tmp_path / "own.toml"
+    own.write_text('base = "ovmm-v1"\nname = "own"\n[scale]\nmiss = 0.2\n')
+    monkeypatch.chdir(tmp_path)
+    for said in ("own.toml", str(own)):
+        path = tmp_path / "runs" / "1-1-2" / "own.toml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(scaled_table(said, Factors(1.0, 1.0, 2.0)))
+        assert view_table(str(path)).file.scale.miss == pytest.approx(0.4)
+
+
 @pytest.mark.parametrize("table", [SECTORS, SMOOTH], ids=lambda t: t.name)
 def test_the_severity_study_multiplies_the_scales_of_any_table_and_nothing_else(table, tmp_path):
     path = tmp_path / "scaled.toml"

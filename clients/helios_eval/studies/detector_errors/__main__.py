@@ -155,7 +155,9 @@ def _measure(given: argparse.Namespace) -> None:
     found = {_title(a.name): summary(a.log.sightings(), a.log.false_alarms()) for a in arms}
     repeats = {_title(arm.name): arm.repeats for arm in arms}
     if given.frames is not None:
-        repeats[f"{_title(real[0])}, real frames"] = real_repeats(given.frames, arms[0], given.threads)
+        repeats[f"{_title(real[0])}, real frames"] = real_repeats(
+            given.frames, arms[0], given.threads
+        )
     text = markdown(found, repeats)
     write_file(given.out / "detector-errors.md", text)
     figures = {
