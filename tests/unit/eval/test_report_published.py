@@ -58,8 +58,9 @@ def cells(table: Table, name: str) -> list[str]:
 
 
 def tables(episodes) -> dict[str, Table]:
-    blocks = paper_comparison.section(arms_of(episodes)).blocks
-    return {b.title.partition(":")[0]: b for b in blocks if isinstance(b, Table)}
+    section = paper_comparison.section(arms_of(episodes))
+    assert section is not None
+    return {b.title.partition(":")[0]: b for b in section.blocks if isinstance(b, Table)}
 
 
 def test_agents_without_a_run_are_marked_and_other_work_shows_only_the_papers_figures():
