@@ -68,8 +68,8 @@ class World(RobotDriver):
         """episode: the task to measure; None measures only steps and collisions.
 
         sensor: errors of images and poses, seeded with the seed of the home. pick_rule: which
-        object a pick takes, see `manipulation`. colored: False saves a third of a capture's time
-        where nothing reads the colour; the colour images are then black, and all else is the same.
+        object a pick takes, see `manipulation`. colored: False takes less than half of the time for
+        a capture and its ground truth. Color images are then black; all else is the same.
         """
         spec = home.spec()
         add_robot(spec)

@@ -118,15 +118,15 @@ class ObserverCamera:
         bodies = self._painter.body_ids(self._data)
         return View(frame, self._seen(bodies, frame.T_world_cam), bodies)
 
-    def name_of(self, body: int) -> str:
-        """Name of a body."""
-        return self._model.body(body).name
+    def names(self) -> dict[int, str]:
+        """Name of each body, by its id."""
+        return {body: self._model.body(body).name for body in range(self._model.nbody)}
 
     def _seen(self, bodies: NDArray[np.int32], T_world_cam: Matrix) -> tuple[Thing, ...]:
         out = []
         counts = np.bincount(bodies.ravel())
         for body, part in enumerate(ndimage.find_objects(bodies), 1):
-            if part is None or (name := self.name_of(body)) not in self._models:
+            if part is None or (name := self._model.body(body).name) not in self._models:
                 continue  # not in view, or wall or floor
             (rows, columns), pixels = part, int(counts[body])
             box = columns.start, rows.start, columns.stop, rows.stop

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -99,10 +100,15 @@ def _widening(figures: Mapping[str, Any]) -> tuple[float, float, float]:
 
 def _shares(view: float, side: float, thing: float) -> dict[str, float]:
     """Shares that add up to 1, from the correlations of ever wider relations."""
-    side, thing = min(side, view), min(thing, side, view)
+    if math.isnan(view + side + thing):
+        raise InvalidInput("too few pairs of images for the persistence; play more homes")
+    view = min(max(view, 0.0), 1.0)
+    side = min(max(side, 0.0), view)
+    thing = min(max(thing, 0.0), side)
     out = {"thing": thing, "side": side - thing, "view": view - side, "frame": 1 - view}
     out = {key: max(round(value, 2), LEAST_SHARE) for key, value in out.items()}
-    out["thing"] = round(out["thing"] + 1 - sum(out.values()), 2)
+    largest = max(out, key=lambda key: out[key])  # takes what rounding leaves
+    out[largest] = round(out[largest] + 1 - sum(out.values()), 2)
     return out
 
 

@@ -16,13 +16,13 @@ from helios_core.geometry import Matrix, Pinhole, project
 from helios_core.types import Detection, Frame
 from numpy.typing import NDArray
 
+from helios_eval.studies.detector_errors.sightings import COUNTED
+
 ANGLES_DEG = (0, 3, 10, 20, 40, 70, 110, 180)  # borders of the bands
 SAME_DISTANCE = 1.3  # largest ratio of the two distances
 VISIBLE_M = 0.15  # the depth there agrees within this
 STRIDE_PX = 4
 RIM_PX = 24  # a place nearer to the image's border does not count as seen
-LEAST_SCORE = 0.25
-ASKED_SCORE = 0.25
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,11 @@ def nothing() -> RepeatRates:
 
 
 def logged(frame: Frame, found: Sequence[Detection]) -> LoggedImage:
-    """Image with the detections from `LEAST_SCORE` on."""
+    """Image with the detections from `COUNTED` on."""
     depth_m = frame.depth_m[::STRIDE_PX, ::STRIDE_PX]
     seen = []
     for d in found:
-        point = _place(frame, depth_m, d.box_xyxy) if d.score >= LEAST_SCORE else None
+        point = _place(frame, depth_m, d.box_xyxy) if d.score >= COUNTED else None
         if point is not None:
             seen.append(SeenPlace(d.class_name, d.score, d.box_xyxy, point))
     return LoggedImage(frame.camera, frame.T_world_cam, depth_m, tuple(seen))

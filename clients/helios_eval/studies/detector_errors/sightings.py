@@ -12,8 +12,8 @@ from helios_core.geometry import Matrix
 from helios_core.types import Detection
 from numpy.typing import NDArray
 
-COVERS_IOU = 0.5  # a detection with more is of the object
-NOWHERE_IOU = 0.3  # a detection with less on every object is a false alarm
+from helios_eval.studies.realism_judging import COVERS_IOU, NOWHERE_IOU
+
 COUNTED = 0.25  # least score of a detection that counts
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in pixels

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,8 @@ from helios_sim.home.mujoco_model import structure_classes
 from helios_eval.studies.detector_errors.sightings import Visible
 from helios_eval.studies.detector_errors.viewpoints import Viewpoint, items, middle_m, viewpoints
 from helios_eval.studies.realism_views import ObserverCamera, RecordedFurnitureModels, View
+
+Point = tuple[float, float, float]  # world, metres
 
 LEAST_PX = 60  # smaller objects are not judged
 UNOBSTRUCTED_BOX, UNOBSTRUCTED_PIXELS = 0.75, 0.35  # least shares, as in the study of realism
@@ -52,9 +54,10 @@ def images_of(
     camera = ObserverCamera(home, models)
     try:
         centers_m = {thing.name: middle_m(thing) for thing in items(home)}
+        instance_of = _instances(home, camera, centers_m)
         for viewpoint in viewpoints(home, classes, most):
             view = camera.look(viewpoint.eye_xy, viewpoint.at_m)
-            truth = _truth(home, camera, view)
+            truth = _truth(view, instance_of)
             things = tuple(
                 Visible(
                     t.name, t.class_name, t.box_xyxy, t.pixels, centers_m[t.name],
@@ -68,21 +71,26 @@ def images_of(
         camera.close()
 
 
-def _truth(home: Home, camera: ObserverCamera, view: View) -> Truth:
-    """Ground truth of one view, as the simulated world gives it."""
+def _instances(
+    home: Home, camera: ObserverCamera, centers_m: Mapping[str, Point]
+) -> dict[int, TruthInstance]:
+    """Ground truth of each named body of a home, by body id."""
     graspable = {thing.name for thing in items(home) if isinstance(thing, SceneObject)}
-    centers_m = {thing.name: middle_m(thing) for thing in items(home)}
     structure = structure_classes(home.rooms, home.doorways)
-    instances = {}
-    for body in np.flatnonzero(np.bincount(view.bodies.ravel())):
-        name = camera.name_of(int(body))
+    out = {}
+    for body, name in camera.names().items():
         if name in centers_m:
             class_name, center_m = home.class_of(name), np.array(centers_m[name])
         elif name in structure:
             class_name, center_m = structure[name], np.zeros(3)
         else:
             continue
-        instances[int(body)] = TruthInstance(
-            int(body), class_name, center_m, name in graspable, name
-        )
+        out[body] = TruthInstance(body, class_name, center_m, name in graspable, name)
+    return out
+
+
+def _truth(view: View, instance_of: Mapping[int, TruthInstance]) -> Truth:
+    """Ground truth of one view, as the simulated world gives it."""
+    seen = np.flatnonzero(np.bincount(view.bodies.ravel())).tolist()
+    instances = {body: instance_of[body] for body in seen if body in instance_of}
     return Truth(view.bodies.astype(np.uint16), instances)
