@@ -324,9 +324,8 @@ class ObjectMapService:
 
         The world frame of the file is taken to be the current one.
         """
-        loaded = self._recall(request.data, same_world=False)
-        if self._superseded():
-            self._say()
+        loaded = self._recall(request.data)
+        self._say()
         return loaded
 
     def export(self, request: pb.ExportRequest) -> pb.ExportReply:
@@ -463,7 +462,7 @@ class ObjectMapService:
         try:
             found = self._kept.found()
             if found is not None:
-                self._restore(found)
+                self._recall(found.data, written=found.written)
         except InvalidInput as error:
             self._health.count("maps_refused")
             self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
@@ -472,16 +471,6 @@ class ObjectMapService:
         if self._said:
             log.warning("%s", self._said)
         self._kept.start()
-
-    def _restore(self, kept: SavedMap) -> None:
-        """Load the map file of an earlier process. Raises InvalidInput."""
-        loaded = self._recall(kept.data, same_world=True)
-        newest = self._maps.newest
-        frames = "" if newest is None else f", frames up to number {newest.seq}"
-        content = (
-            f"{counted(loaded.objects, 'object')}, {counted(loaded.gaussians, 'Gaussian')}{frames}"
-        )
-        self._restored = self._maps.current, kept.written, content
 
     def _fate(self) -> str:
         """Fate of an earlier process's map: restored, or of another world; "" if not in use."""
@@ -492,21 +481,26 @@ class ObjectMapService:
             return f"the map was restored as it was written at {written}: {content}"
         return map_autosave.of_another_world(written)
 
-    def _recall(self, data: bytes, *, same_world: bool) -> pb.ObjectMapLoaded:
-        """Replace the content of the current map with that of a file.
+    def _recall(self, data: bytes, *, written: str = "") -> pb.ObjectMapLoaded:
+        """Replace the content of the current map with that of a file. Raises InvalidInput.
 
-        same_world: True for the map of an earlier process, which is valid only in the world of the
-        file.
+        written: local time of writing if the file is the map of an earlier process, which is valid
+        only in the world of the file.
         """
         began = time.perf_counter()
         found = persistence.read(data, self._maps.current.empty_viewpoints())
         with self._lock:
             present = self._maps.current
             present.load_content(found.content)
-            if same_world and self._maps.world is None:
+            if written and self._maps.world is None:
                 self._maps.restored(found.world, found.newest)
             self._replaced()
             objects, gaussians = len(present.objects()), len(present)
+            newest = self._maps.newest
+            frames = "" if newest is None else f", frames up to number {newest.seq}"
+            content = f"{counted(objects, 'object')}, {counted(gaussians, 'Gaussian')}{frames}"
+            # Under the lock: a robot state of another world may park the map at once.
+            self._restored = (present, written, content) if written else None
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
         return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -148,6 +149,37 @@ def test_an_autosaved_map_of_another_world_is_reported_as_unused_until_a_new_map
     assert "restored" not in said
     assert again.see("tuesday", "garage").accepted
     assert again.health.state == ("ready", "")
+
+
+def test_a_robot_state_of_another_world_right_after_the_map_was_read_is_reported(
+    tmp_path: Path,
+) -> None:
+    """The robot's state can arrive between the reading of the map and the end of the start."""
+    rig_with_map(tmp_path).service.close()
+    said: list[str] = []
+
+    class StateWhenRead(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if "Gaussians read in" in record.getMessage():
+                said.append(record.getMessage())
+                state = RobotState(np.eye(4), robot_boot_id="tuesday", origin_id="garage")
+                hub_bus.publish(ROBOT_STATE, state_to_proto(state))
+
+    hub = MemoryHub()
+    hub_bus, health = MemoryBus(hub), Health()
+    handler, log = StateWhenRead(), logging.getLogger("helios_objectmap.service")
+    was = log.level
+    log.setLevel(logging.INFO)
+    log.addHandler(handler)
+    try:
+        settings = SETTINGS.model_copy(update={"state_dir": tmp_path, "save_every_s": 3600.0})
+        service = ObjectMapService(MemoryBus(hub), settings, health)
+        service.warm_up()
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(was)
+    assert said
+    assert "is of another world and is not used" in health.state[1]
 
 
 @pytest.mark.parametrize("elsewhere", [True, False])
