@@ -67,6 +67,7 @@ class GaussianStore:
         self._votes = np.empty((0, 0, sectors, 2), np.uint16)
         self._created_update = np.empty(0, np.int64)
         self._class_column = np.empty(0, np.int16)
+        self._in_core = np.empty(0, np.bool_)
         self._seen_through_views = np.empty(0, np.float32)
         self._seen_through_viewpoint = np.empty(0, np.int32)
         self._last_seen_update = np.empty(0, np.int64)
@@ -121,6 +122,11 @@ class GaussianStore:
         return self._class_column[: self._n]
 
     @property
+    def in_core(self) -> NDArray[np.bool_]:
+        """True [n] for a Gaussian of the core of its instance, False for one with faint evidence."""
+        return self._in_core[: self._n]
+
+    @property
     def seen_through_views(self) -> NDArray[np.float32]:
         """Number [n] of distinct views that saw through the Gaussian since a view last saw it."""
         return self._seen_through_views[: self._n]
@@ -161,6 +167,7 @@ class GaussianStore:
                 )
         for name, array in expected.items():
             array[:n] = arrays[name]
+        self._in_core[:n] = True
         self._n = n
         self._widest_m = float(np.max(arrays["radius_m"], initial=0.0))
         self.blocks.add(np.arange(n), self.means)
@@ -217,6 +224,7 @@ class GaussianStore:
         self._votes[rows] = 0
         self._created_update[rows] = born
         self._class_column[rows] = OTHER
+        self._in_core[rows] = True
         self._seen_through_views[rows] = 0
         self._seen_through_viewpoint[rows] = NEVER
         self._last_seen_update[rows] = born
@@ -233,7 +241,7 @@ class GaussianStore:
         for groups in (self.blocks.rows, self.instances):
             groups.move(gone, NO_GROUP)
             groups.rename(last, gaps)
-        for name in _FIELDS:
+        for name in (*_FIELDS, "in_core"):
             array = getattr(self, f"_{name}")
             array[gaps] = array[last]
         self._n = n
@@ -248,7 +256,7 @@ class GaussianStore:
         return [name for name in _FIELDS if name != "votes" or self._votes.shape[2]]
 
     def _grow(self, capacity: int) -> None:
-        for name in _FIELDS:
+        for name in (*_FIELDS, "in_core"):
             old = getattr(self, f"_{name}")
             new = np.empty((capacity, *old.shape[1:]), old.dtype)
             new[: self._n] = old[: self._n]

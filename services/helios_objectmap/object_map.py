@@ -98,8 +98,8 @@ class ObjectMap:
         if context == self._context:
             return
         store = self._store
-        classes = {r.class_name for r in self._registry.records.values()}
-        voxels = {name: self._voxel_m(name) for name in classes}
+        groups = {r.group for r in self._registry.records.values()}
+        voxels = {g.class_name: self._voxel_m(g.class_name) for g in groups}
         self._context = context
         for c in context.distinct():
             store.column(c.name)
@@ -108,9 +108,10 @@ class ObjectMap:
         self._forget_classes(
             list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
         )
-        for name in sorted(classes & self._roles.keys()):
-            if self._voxel_m(name) != voxels[name]:
-                self._registry.recluster(store, name, self._voxel_m(name))
+        for group in sorted(g for g in groups if g.class_name in self._roles):
+            voxel_m = self._voxel_m(group.class_name)
+            if voxel_m != voxels[group.class_name]:
+                self._registry.recluster(store, group, voxel_m)
         self._believe(np.arange(len(store)))
         self._described.clear()
 
@@ -183,10 +184,13 @@ class ObjectMap:
 
     def objects(self) -> tuple[ObjectInstance, ...]:
         """All instances with enough Gaussians, by id."""
-        known = self._described
-        for label in self._registry.records.keys() - known.keys():
+        known, registry = self._described, self._registry
+        for label in registry.records.keys() - known.keys():
             known[label] = self._describe(label)
-        return tuple(o for _, o in sorted(known.items()) if o is not None)
+        return tuple(
+            o for label, o in sorted(known.items())
+            if o is not None and not registry.is_beside_core(label)
+        )  # fmt: skip
 
     def class_of(self, instance_id: int) -> str:
         """Class of an instance; "" if the id is unknown."""
@@ -325,8 +329,8 @@ class ObjectMap:
         self._store.keep_votes(self._sectors)
         self._viewpoints, self._roles = content.viewpoints, content.roles
         self._updates = content.updates
-        for name in sorted({r.class_name for r in self._registry.records.values()}):
-            self._registry.recluster(self._store, name, self._voxel_m(name))
+        for group in sorted({r.group for r in self._registry.records.values()}):
+            self._registry.recluster(self._store, group, self._voxel_m(group.class_name))
 
     def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""
@@ -475,14 +479,14 @@ class ObjectMap:
         """Update the most likely class of rows, and the instances that this changes."""
         store = self._store
         s = self._settings
-        new = most_likely_columns(
+        new, in_core = most_likely_columns(
             store.class_evidence, store.total_evidence, rows, self._columns, s.prior_concentration,
-            self._n_classes, s.named_from,
+            self._n_classes, s.named_from, s.core_from,
         )  # fmt: skip
-        differs = np.flatnonzero(new != store.class_column[rows])
+        differs = np.flatnonzero((new != store.class_column[rows]) | (in_core != store.in_core[rows]))
         changed = rows[differs]
         self._registry.leave(store, changed, self._voxel_m)
-        store.class_column[changed] = new[differs]
+        store.class_column[changed], store.in_core[changed] = new[differs], in_core[differs]
         self._join(changed)
 
     def _join(self, rows: NDArray[np.integer], *, taken_out: bool = False) -> None:

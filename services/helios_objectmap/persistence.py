@@ -60,7 +60,7 @@ def arrays_of(
         "records": {
             label: [r.class_name, r.views, r.detected,
                     [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history],
-                    r.detected_at.tolist()]
+                    r.detected_at.tolist(), r.in_core]
             for label, r in content.registry.records.items()
         },
         "ended": {
@@ -141,6 +141,8 @@ def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -
     registry = InstanceRegistry()
     registry.next_label = int(header["next_label"])
     registry.records = {int(label): _record(*r) for label, r in header["records"].items()}
+    faint = [label for label, record in registry.records.items() if not record.in_core]
+    store.in_core[store.instances.rows_of(np.array(faint, np.int64))] = False
     registry.ended = {
         str(name): FormerDetections(_by_band(true), _by_band(everything))
         for name, (true, everything) in header.get("ended", {}).items()
@@ -151,13 +153,18 @@ def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -
 
 
 def _record(
-    name: str, views: float, detected: float, history: list, detected_at: list | None = None
+    name: str,
+    views: float,
+    detected: float,
+    history: list,
+    detected_at: list | None = None,
+    in_core: bool = True,
 ) -> InstanceRecord:
-    """Instance record of a file. detected_at: missing in files of earlier builds."""
+    """Instance record of a file. Files of earlier builds lack the last two fields."""
     return InstanceRecord(
         str(name), float(views), float(detected),
         _by_band([0.0, detected, 0.0] if detected_at is None else detected_at),
-        [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history],
+        [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history], bool(in_core),
     )  # fmt: skip
 
 

@@ -84,6 +84,14 @@ class ObjectMapSettings(ServiceSettings):
         lt=1,
         description="share of the evidence from which a Gaussian belongs to a class",
     )
+    core_from: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of the evidence from which a Gaussian belongs to the core of an "
+        "instance; Gaussians with less form instances of their own, which are not reported beside "
+        "a core; up to `named_from`: all belong to the core",
+    )
 
     renderer: Literal["cpu", "cuda"] = Field(
         default="cpu",

@@ -128,23 +128,25 @@ def most_likely_columns(
     prior: float,
     n_classes: int,
     named_from: float = NAMED_FROM,
-) -> NDArray[np.int16]:
-    """Column [k] of the most likely class of each of the rows [k], or OTHER.
+    core_from: float = 0.0,
+) -> tuple[NDArray[np.int16], NDArray[np.bool_]]:
+    """Column [k] of the most likely class of each of the rows [k], or OTHER, and its core flag [k].
 
     positive, asked: [n, classes in the store]; n_classes: classes of the prior with "other". The
     classes of the current context compete with each other, where the first of equal ones wins, and
     with "other", the evidence that the views of a class gave to no class. The winner's evidence
     must exceed the share `named_from` of the sum of its evidence and that of "other". If no class
     of the context wins, a class of an earlier context wins while its probability is above
-    `named_from`.
+    `named_from`. The flag says whether the winner exceeds `core_from` in the same way.
     """
     parked = [c for c in range(positive.shape[1]) if c not in context_columns]
-    believed = np.empty(len(rows), np.int16)
+    believed, in_core = np.empty(len(rows), np.int16), np.empty(len(rows), np.bool_)
     believe_kernel(
         positive, asked, rows, np.array(context_columns, np.int64), np.array(parked, np.int64),
-        prior, prior * n_classes, named_from, named_from / (1 - named_from), TIE, OTHER, believed,
+        prior, prior * n_classes, named_from, max(core_from, named_from), TIE, OTHER, believed,
+        in_core,
     )  # fmt: skip
-    return believed
+    return believed, in_core
 
 
 @dataclass(frozen=True)
@@ -200,26 +202,26 @@ def believe_kernel(
     parked,
     prior,
     prior_total,
-    likely,
-    per_other,
+    named_from,
+    core_from,
     tie,
     other,
     believed,
+    in_core,
 ):
-    """Fill believed [k] for rows [k]. present, parked: columns of the store.
-
-    per_other: evidence that a class needs for each unit of evidence for "other".
-    """
+    """Fill believed [k] and in_core [k] for rows [k]. present, parked: columns of the store."""
+    # Evidence that a class needs for each unit of evidence for "other".
+    per_other, core_per_other = named_from / (1 - named_from), core_from / (1 - core_from)
     for k in range(rows.size):
         row = rows[k]
-        believed[k] = other
+        believed[k], in_core[k] = other, True
         best, highest = 0, -1.0
         for column in parked:
             mean = (positive[row, column] + prior) / (asked[row, column] + prior_total)
             if mean > highest:
                 best, highest = column, mean
-        if highest > likely + tie:
-            believed[k] = best
+        if highest > named_from + tie:
+            believed[k], in_core[k] = best, highest > core_from + tie
         highest, spoken = -1.0, 0.0
         for j in range(present.size):
             column = present[j]
@@ -229,6 +231,7 @@ def believe_kernel(
                 best, highest = column, mean - j * tie * 0.01
         if present.size:
             everything = asked[row, best]
-            unnamed = per_other * max(everything - spoken, 0.0)
-            if positive[row, best] > unnamed + tie * (1 + everything):
+            unnamed, margin = max(everything - spoken, 0.0), tie * (1 + everything)
+            if positive[row, best] > per_other * unnamed + margin:
                 believed[k] = best
+                in_core[k] = positive[row, best] > core_per_other * unnamed + margin

@@ -163,6 +163,13 @@ class Voxels:
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         return np.array([self._label[key] for key in keys.tolist()], np.int32)[of_point]
 
+    def touches(self, label: int, other: Voxels) -> bool:
+        """True if an instance shares a voxel with an instance of `other`, or lies beside one."""
+        mine, theirs = self._of[label], other._count
+        return any(k in theirs for k in mine) or any(
+            k + step in theirs for k in mine for step in NEIGHBOURS
+        )
+
     # Parts ----------------------------------------------------------------------------------------
 
     def _may_split_at(self, key: int) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -26,6 +27,13 @@ from helios_objectmap.instances.detector_precision import (
 MOST_HISTORY = 256
 
 VoxelSize = Callable[[str], float]  # class name -> voxel size, metres
+
+
+class Group(NamedTuple):
+    """Gaussians that are clustered together: those of one class, its core and the rest apart."""
+
+    class_name: str
+    in_core: bool
 
 
 @dataclass(frozen=True)
@@ -47,6 +55,11 @@ class InstanceRecord:
     detected: float = 0.0  # the same sum, over views that detected its class
     detected_at: NDArray[np.float64] = field(default_factory=lambda: np.zeros(N_BANDS))  # per band
     history: list[Moment] = field(default_factory=list)
+    in_core: bool = True  # False if the evidence of all its Gaussians is faint
+
+    @property
+    def group(self) -> Group:
+        return Group(self.class_name, self.in_core)
 
     def note(self, moment: Moment) -> None:
         """Append to the history; a full one loses every second moment."""
@@ -81,15 +94,15 @@ class InstanceRegistry:
         self.records: dict[int, InstanceRecord] = {}
         self.next_label = NO_INSTANCE + 1
         self.ended: dict[str, FormerDetections] = {}  # class -> detections of its former instances
-        self._voxels: dict[str, Voxels] = {}  # only classes that have changed
-        self._left: dict[str, set[int]] = {}  # class -> instances that lost Gaussians since `join`
+        self._voxels: dict[Group, Voxels] = {}  # only groups that have changed
+        self._left: dict[Group, set[int]] = {}  # instances that lost Gaussians since `join`
 
     def leave(self, store: GaussianStore, rows: NDArray[np.integer], voxel_m: VoxelSize) -> None:
         """Remove rows from their instances; their positions and classes must be the old ones."""
         rows = rows[store.instance[rows] != NO_INSTANCE]
-        for name, own in _by_class(store, rows):
-            voxels = self._voxels_of(store, name, voxel_m(name))
-            self._left.setdefault(name, set()).update(distinct(store.instance[own])[0].tolist())
+        for group, own in _by_group(store, rows):
+            voxels = self._voxels_of(store, group, voxel_m(group.class_name))
+            self._left.setdefault(group, set()).update(distinct(store.instance[own])[0].tolist())
             voxels.leave(store.means[own])
             store.instances.move(own, NO_INSTANCE)
 
@@ -107,23 +120,23 @@ class InstanceRegistry:
         out of the map, and not seen to be false.
         """
         left, self._left = self._left, {}
-        joining = dict(_by_class(store, rows))
+        joining = dict(_by_group(store, rows))
         changed: set[int] = set().union(*left.values())
-        for name in sorted(left.keys() | joining.keys()):
-            own = joining.get(name, rows[:0])
-            voxels = self._voxels_of(store, name, voxel_m(name))
+        for group in sorted(left.keys() | joining.keys()):
+            own = joining.get(group, rows[:0])
+            voxels = self._voxels_of(store, group, voxel_m(group.class_name))
             regrouped, self.next_label = voxels.join(store.means[own], self.next_label)
             for label in regrouped.moved:
                 members = store.instances.rows_of(np.array([label]))
                 store.instances.move(members, voxels.labels_of(store.means[members]))
             store.instances.move(own, voxels.labels_of(store.means[own]))
-            self._renew_records(name, regrouped, taken_out)
+            self._renew_records(group, regrouped, taken_out)
             changed |= regrouped.labels
         return changed
 
-    def recluster(self, store: GaussianStore, name: str, voxel_m: float) -> None:
-        """Cluster all Gaussians of a class, whose voxels are unknown or changed their size."""
-        old = {label for label, record in self.records.items() if record.class_name == name}
+    def recluster(self, store: GaussianStore, group: Group, voxel_m: float) -> None:
+        """Cluster all Gaussians of a group, whose voxels are unknown or changed their size."""
+        old = {label for label, record in self.records.items() if record.group == group}
         rows = store.instances.rows_of(np.array(sorted(old), np.int64))
         former = store.instance[rows]
         labels, self.next_label = relabel(
@@ -134,28 +147,36 @@ class InstanceRegistry:
             ancestors: dict[int, set[int]] = {}
             for pair in distinct((labels.astype(np.int64) << 32) | former)[0].tolist():
                 ancestors.setdefault(pair >> 32, set()).add(pair & 0xFFFFFFFF)
-            self._renew_records(name, Regrouped(regrouped=old, ancestors=ancestors), False)
+            self._renew_records(group, Regrouped(regrouped=old, ancestors=ancestors), False)
             store.instances.move(rows, labels)
-        self._voxels[name] = Voxels(voxel_m)
-        self._voxels[name].fill(store.means[rows], labels)
+        self._voxels[group] = Voxels(voxel_m)
+        self._voxels[group].fill(store.means[rows], labels)
 
-    def _voxels_of(self, store: GaussianStore, name: str, voxel_m: float) -> Voxels:
-        known = self._voxels.get(name)
+    def is_beside_core(self, label: int) -> bool:
+        """True for an instance with faint evidence that touches the core of one of its class."""
+        record = self.records[label]
+        if record.in_core:
+            return False
+        faint, core = (self._voxels.get(Group(record.class_name, c)) for c in (False, True))
+        return faint is not None and core is not None and faint.touches(label, core)
+
+    def _voxels_of(self, store: GaussianStore, group: Group, voxel_m: float) -> Voxels:
+        known = self._voxels.get(group)
         if known is None or known.voxel_m != voxel_m:
-            self.recluster(store, name, voxel_m)
-        return self._voxels[name]
+            self.recluster(store, group, voxel_m)
+        return self._voxels[group]
 
-    def _renew_records(self, name: str, regrouped: Regrouped, taken_out: bool) -> None:
+    def _renew_records(self, group: Group, regrouped: Regrouped, taken_out: bool) -> None:
         fresh: dict[int, InstanceRecord] = {}
         for label, ancestors in regrouped.ancestors.items():
-            record = fresh[label] = InstanceRecord(name)
+            record = fresh[label] = InstanceRecord(group.class_name, in_core=group.in_core)
             for ancestor in sorted(ancestors):
                 record.inherit(self.records[ancestor])
         lives_on = set().union(*regrouped.ancestors.values())
         for label in regrouped.regrouped:
             record = self.records.pop(label)
             if label not in lives_on:
-                ended = self.ended.setdefault(name, FormerDetections())
+                ended = self.ended.setdefault(group.class_name, FormerDetections())
                 ended.add(record.detected_at, record.detection_rate * taken_out)
         self.records |= fresh
 
@@ -205,13 +226,20 @@ class InstanceRegistry:
         return mean_share(share, record.detected_at)
 
 
-def _by_class(
+def _by_group(
     store: GaussianStore, rows: NDArray[np.integer]
-) -> list[tuple[str, NDArray[np.integer]]]:
-    """Rows grouped by their most likely class; rows without a class are left out."""
-    believed = store.class_column[rows]
-    columns = distinct(believed)[0].tolist()
-    return [(store.class_names[c], rows[believed == c]) for c in columns if c != OTHER]
+) -> list[tuple[Group, NDArray[np.integer]]]:
+    """Rows by most likely class and core; rows without a class are left out."""
+    believed, in_core = store.class_column[rows], store.in_core[rows]
+    out = []
+    for column in distinct(believed)[0].tolist():
+        if column == OTHER:
+            continue
+        for core in (True, False):
+            own = rows[(believed == column) & (in_core == core)]
+            if len(own):
+                out.append((Group(store.class_names[column], core), own))
+    return out
 
 
 @njit(cache=True, nogil=True)

@@ -104,7 +104,7 @@ def test_score_is_the_mean_less_the_mean_deviation():
 
 def most_likely_class(positive, asked, context):
     positive, asked = np.array([positive], np.float32), np.array([asked], np.float32)
-    return most_likely_columns(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0]
+    return most_likely_columns(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0][0]
 
 
 def test_ties_go_to_other_and_then_to_the_first_class():
@@ -151,7 +151,7 @@ def test_the_most_likely_class_equals_the_reference(columns, seed, prior, named_
     asked = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
     positive, asked = (share * asked).astype(np.float32), asked.astype(np.float32)
     rows = rng.permutation(40)
-    got = most_likely_columns(positive, asked, rows, context, prior, len(context) + 1, named_from)
+    got, _ = most_likely_columns(positive, asked, rows, context, prior, len(context) + 1, named_from)
     for row, column in zip(rows, got, strict=True):
         expected, lead = reference_belief(
             positive[row].astype(float), asked[row].astype(float), context, prior, named_from

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.instances.clustering import components
-from helios_objectmap.instances.registry import InstanceRegistry
+from helios_objectmap.instances.registry import Group, InstanceRegistry
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -156,8 +156,8 @@ def test_an_instance_that_loses_all_its_gaussians_is_removed():
 
 def test_larger_voxels_join_instances_and_smaller_ones_split_them_again():
     store, registry = row_of_mugs([0.01, 0.35])
-    registry.recluster(store, "mug", 0.5)
+    registry.recluster(store, Group("mug", True), 0.5)
     assert store.instance.tolist() == [1, 1, 1, 1]
-    registry.recluster(store, "mug", 0.07)
+    registry.recluster(store, Group("mug", True), 0.07)
     assert store.instance.tolist() == [1, 1, 3, 3]
     assert registry.records.keys() == {1, 3}
