@@ -65,7 +65,7 @@ class FrameAnalyzer:
         if not context.classes:
             return Findings((), ()), ""
         detector = self.models.detector
-        asked = {c.name for c in context.classes}
+        asked = {c.name for c in context.classes} | set(context.also)
         for attempt in range(1, ATTEMPTS + 1):
             try:
                 findings, wrong = self._checked(

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import resources
 
 from helios_core.errors import InvalidInput
+from helios_core.household_names import FURNITURE
 from helios_core.types import SearchClass, SearchContext
 
 from helios_detector.coco_classes import COCO_NAMES
@@ -96,10 +97,26 @@ def open_wanted(context: SearchContext) -> tuple[SearchTarget, ...]:
     """Search classes for an open vocabulary. A class's own name matches no other class."""
     classes = context.distinct(normalised)
     exact = {normalised(c.name) for c in classes}
-    return tuple(
+    wanted = tuple(
         _wanted(c, accepted_names(c.name, c.synonyms) - (exact - {normalised(c.name)}), context)
         for c in classes
     )
+    return wanted + _also_wanted(context, wanted)
+
+
+def _also_wanted(
+    context: SearchContext, wanted: Sequence[SearchTarget]
+) -> tuple[SearchTarget, ...]:
+    """The context's other names, without those that match a class or that a class matches."""
+    taken = frozenset().union(*(w.names for w in wanted))
+    least = min((w.threshold for w in wanted), default=0.0)
+    out: list[SearchTarget] = []
+    for name in context.also:
+        names = synonyms_of(name)
+        if not (taken & names or {normalised(w.name) for w in wanted} & accepted_names(name)):
+            taken |= names
+            out.append(SearchTarget(name, names, least, name in FURNITURE, name not in FURNITURE))
+    return tuple(out)
 
 
 def fixed_wanted(
@@ -148,7 +165,9 @@ def fixed_wanted(
                 f"{c.name!r} is not among the {len(vocabulary)} classes this detector knows; "
                 f"{hint}; ask for one it knows, or use an open-vocabulary detector"
             )
-    return tuple(_wanted(c, got[c.name], context) for c in classes if c.name in got), refused
+    wanted = tuple(_wanted(c, got[c.name], context) for c in classes if c.name in got)
+    also = (replace(w, names=w.names & known.keys()) for w in _also_wanted(context, wanted))
+    return wanted + tuple(w for w in also if w.names), refused
 
 
 def refuse_unknown(refused: Mapping[str, str]) -> None:

@@ -123,7 +123,7 @@ class GaussianStore:
 
     @property
     def in_core(self) -> NDArray[np.bool_]:
-        """True [n] for a Gaussian of the core of its instance, False for one with faint evidence."""
+        """True [n] in the core of an instance, False with faint evidence."""
         return self._in_core[: self._n]
 
     @property

@@ -25,6 +25,7 @@ from helios_objectmap.instances.information_gain import (
     Expected,
     InstanceEvidence,
 )
+from helios_objectmap.instances.name_sightings import NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry, Moment
 from helios_objectmap.instances.size_prior import agreement, extents_of
 from helios_objectmap.instances.summary import (
@@ -85,6 +86,8 @@ class ObjectMap:
         self._context: SearchContext | None = None
         self._roles: dict[str, Role] = {}
         self._past = PastViews()
+        self._sightings = NameSightings()
+        self._likely: dict[int, float] = {}  # instance -> probability of its own name
         self._updates = 0
         self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
 
@@ -126,6 +129,8 @@ class ObjectMap:
             read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
             context, held, HELD_OBJECT_M,
         )  # fmt: skip
+        if s.look_alikes == "compared":
+            self._sightings.note(reading, s.stride_px, observation.detections)
         look = self._viewpoints.locate(reading.view.T_world_cam)
         projection = self._project(reading.view)
         gone = np.empty(0, np.int32)
@@ -462,6 +467,7 @@ class ObjectMap:
         descriptions."""
         for label in labels:
             self._described.pop(label, None)
+            self._likely.pop(label, None)
             belief = self._belief(label)
             record = self._registry.records[label]
             if belief is not None:
@@ -483,7 +489,9 @@ class ObjectMap:
             store.class_evidence, store.total_evidence, rows, self._columns, s.prior_concentration,
             self._n_classes, s.named_from, s.core_from,
         )  # fmt: skip
-        differs = np.flatnonzero((new != store.class_column[rows]) | (in_core != store.in_core[rows]))
+        differs = np.flatnonzero(
+            (new != store.class_column[rows]) | (in_core != store.in_core[rows])
+        )
         changed = rows[differs]
         self._registry.leave(store, changed, self._voxel_m)
         store.class_column[changed], store.in_core[changed] = new[differs], in_core[differs]
@@ -493,6 +501,7 @@ class ObjectMap:
         changed = self._registry.join(self._store, rows, self._voxel_m, taken_out=taken_out)
         for label in changed:
             self._described.pop(label, None)
+            self._likely.pop(label, None)
 
     # Parts of a query -------------------------------------------------------------------------
 
@@ -541,7 +550,7 @@ class ObjectMap:
         class_name, names = self._registry.records[label].class_name, list(self._names)
         if class_name not in names:
             names.append(class_name)
-        trust = self._trust(label)
+        trust = self._trust(label) * self._name_probability(label, rows)
         belief = self._believed(rows, class_name, names, trust)
         if s.size_agreement == "off":
             return belief
@@ -565,6 +574,17 @@ class ObjectMap:
             if trust == "full"
             else self._registry.true_detection_share(label, trust == "class-distance")
         )
+
+    def _name_probability(self, label: int, rows: NDArray[np.integer]) -> float:
+        """Probability of an instance's own name against the other names that it was called by."""
+        if self._settings.look_alikes == "ignored":
+            return 1.0
+        known = self._likely.get(label)
+        if known is None:
+            name = self._registry.records[label].class_name
+            rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
+            known = self._likely[label] = 1.0 if rates is None else rates.probability(name)
+        return known
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""

@@ -26,7 +26,7 @@ from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.keyframe_acks import MapPart
-from helios_core.map_autosave import AutosavedFile, SavedMap
+from helios_core.map_autosave import AutosavedFile
 from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
 from helios_core.topics import (

@@ -92,6 +92,11 @@ class ObjectMapSettings(ServiceSettings):
         "instance; Gaussians with less form instances of their own, which are not reported beside "
         "a core; up to `named_from`: all belong to the core",
     )
+    look_alikes: Literal["ignored", "compared"] = Field(
+        default="ignored",
+        description="detections under other names at an instance: ignored, or compared with those "
+        "under its own name",
+    )
 
     renderer: Literal["cpu", "cuda"] = Field(
         default="cpu",

@@ -19,7 +19,7 @@ OWN = (
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
     "rounds", "rounds_held", "pick_at_last", "place_at_last", "agent_seed", "place_rule",
     "vlfm_confidence", "start_receptacle_first", "confirm_from_near", "gaze_aim", "view_contours",
-    "goal_seen_before_pick",
+    "goal_seen_before_pick", "ask_also",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
 
@@ -121,6 +121,11 @@ class Settings(ServiceSettings):
     )
     od_b: float = Field(
         default=0.45, ge=0, le=1, description="detector threshold of goal receptacles (od_b)"
+    )
+    ask_also: Literal["nothing", "household"] = Field(
+        default="nothing",
+        description="names that the detector is asked for beside the task's classes: nothing, or "
+        "household (look-alikes then get their own names too)",
     )
     vlfm_confidence: float = Field(
         default=0.4, ge=0, le=1, description="detector threshold of the agent vlfm"

@@ -138,6 +138,7 @@ class SearchContext:
     id: str
     classes: tuple[SearchClass, ...]
     prompts: dict[str, str] = field(default_factory=dict)  # value layer -> prompt
+    also: tuple[str, ...] = ()  # other names to detect, to tell look-alikes of the classes apart
 
     def distinct(self, same: Callable[[str], str] = str) -> tuple[SearchClass, ...]:
         """Classes with one entry per name, in their order. A name in two roles ("from a table to

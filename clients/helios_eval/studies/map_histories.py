@@ -48,6 +48,7 @@ from helios_eval.calibration.statistics import auroc
 from helios_eval.episodes import home_presets
 from helios_eval.episodes.belief_truth import Role, is_at
 from helios_eval.episodes.episode_player import LONGEST_S, running_stack
+from helios_eval.episodes.episode_record import Setting
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, EpisodeSpec, noise_of
 from helios_eval.episodes.service_settings import of_service, of_stack, parsed
 from helios_eval.studies.realism import seeds
@@ -128,10 +129,13 @@ class Figures:
 
 
 # --- recording ------------------------------------------------------------------------------------
-def record(seed: int, agent: str, preset: str, table: str, out: Path) -> Path:
+def record(
+    seed: int, agent: str, preset: str, table: str, out: Path, extra: Mapping[str, Setting]
+) -> Path:
     """Play an episode and write its history. Raises HeliosError, OSError."""
     noise = noise_of(table or home_presets.noise_of(preset), 1.0, None)
-    spec = EpisodeSpec("ovmm", agent, "noisy", preset, seed, noise, {SCORER: DEFAULT_SCORER})
+    settings = {SCORER: DEFAULT_SCORER, **extra}
+    spec = EpisodeSpec("ovmm", agent, "noisy", preset, seed, noise, settings)
     parts: list[bytes] = []
     held, seen = "", 0
     with running_stack(spec, colored=False) as (thread, stack):
@@ -251,7 +255,12 @@ def main(argv: list[str] | None = None) -> int:
         if given.command == "record":
             given.out.mkdir(parents=True, exist_ok=True)
             play = partial(
-                record, agent=given.agent, preset=given.preset, table=given.noise, out=given.out
+                record,
+                agent=given.agent,
+                preset=given.preset,
+                table=given.noise,
+                out=given.out,
+                extra=parsed(given.set or ()),
             )
             new = [s for s in given.seeds if not _path(given.out, given.agent, s).exists()]
             for path in track(_each(play, new, given.jobs), "histories", len(new), console=console):
@@ -293,6 +302,7 @@ def _arguments() -> argparse.ArgumentParser:
     recording.add_argument("--seeds", type=seeds, required=True, help="3 or 200-209")
     recording.add_argument("--preset", default="ovmm-v1")
     recording.add_argument("--noise", default="", help="noise table; default: the preset's")
+    recording.add_argument("--set", action="append", help="settings of the agent's services")
     recording.add_argument("--out", type=Path, required=True, help="folder for the histories")
     replaying = commands.add_parser("replay", help="give histories to a new object map")
     replaying.add_argument("folder", type=Path)

@@ -51,11 +51,12 @@ def read(
     number = {c.name: 1 + i for i, c in enumerate(classes)}
     threshold = {c.name: c.threshold for c in classes}
     # Small masks are painted last, so that a table does not cover the mug on it.
-    for d in sorted(
-        observation.detections, key=lambda d: (-np.count_nonzero(d.mask), d.class_name, d.box_xyxy)
-    ):
-        if d.class_name in number and d.score >= threshold[d.class_name]:
-            labels[d.mask[grid]] = number[d.class_name]
+    counted = (
+        d for d in observation.detections
+        if d.class_name in number and d.score >= threshold[d.class_name]
+    )  # fmt: skip
+    for d in sorted(counted, key=lambda d: (-np.count_nonzero(d.mask), d.class_name, d.box_xyxy)):
+        labels[d.mask[grid]] = number[d.class_name]
     # The colours are not copied: few pixels are read later.
     return LabelImage(view.strided(stride), depth_m, frame.color[grid], labels)
 

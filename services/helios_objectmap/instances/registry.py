@@ -6,7 +6,7 @@ between the other voxels do not change, so the partition equals that of clusteri
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from helios_objectmap.instances.detector_precision import (
 
 MOST_HISTORY = 256
 
+Rows = NDArray[np.integer]
 VoxelSize = Callable[[str], float]  # class name -> voxel size, metres
 
 
@@ -83,6 +84,14 @@ class InstanceRecord:
             self.history = list(ancestor.history)
 
 
+@dataclass
+class _Crossed:
+    """Gaussians that change between the core and the rest of their class."""
+
+    former: dict[Group, Rows] = field(default_factory=dict)  # former label of each joining row
+    records: dict[int, InstanceRecord] = field(default_factory=dict)  # by former label
+
+
 class InstanceRegistry:
     """Instances by label. Labels never change their class and are never reused.
 
@@ -96,13 +105,16 @@ class InstanceRegistry:
         self.ended: dict[str, FormerDetections] = {}  # class -> detections of its former instances
         self._voxels: dict[Group, Voxels] = {}  # only groups that have changed
         self._left: dict[Group, set[int]] = {}  # instances that lost Gaussians since `join`
+        self._came_from: list[tuple[Rows, Rows]] = []  # rows that left since `join`, their labels
 
     def leave(self, store: GaussianStore, rows: NDArray[np.integer], voxel_m: VoxelSize) -> None:
         """Remove rows from their instances; their positions and classes must be the old ones."""
         rows = rows[store.instance[rows] != NO_INSTANCE]
         for group, own in _by_group(store, rows):
             voxels = self._voxels_of(store, group, voxel_m(group.class_name))
-            self._left.setdefault(group, set()).update(distinct(store.instance[own])[0].tolist())
+            labels = store.instance[own]
+            self._left.setdefault(group, set()).update(distinct(labels)[0].tolist())
+            self._came_from.append((own, labels))
             voxels.leave(store.means[own])
             store.instances.move(own, NO_INSTANCE)
 
@@ -121,6 +133,7 @@ class InstanceRegistry:
         """
         left, self._left = self._left, {}
         joining = dict(_by_group(store, rows))
+        crossed = self._crossed(joining)
         changed: set[int] = set().union(*left.values())
         for group in sorted(left.keys() | joining.keys()):
             own = joining.get(group, rows[:0])
@@ -129,8 +142,11 @@ class InstanceRegistry:
             for label in regrouped.moved:
                 members = store.instances.rows_of(np.array([label]))
                 store.instances.move(members, voxels.labels_of(store.means[members]))
-            store.instances.move(own, voxels.labels_of(store.means[own]))
-            self._renew_records(group, regrouped, taken_out)
+            labels = voxels.labels_of(store.means[own])
+            store.instances.move(own, labels)
+            self._renew_records(group, regrouped, taken_out, crossed.records)
+            if group in crossed.former:
+                self._inherit_across(labels, crossed.former[group], regrouped, crossed.records)
             changed |= regrouped.labels
         return changed
 
@@ -166,7 +182,47 @@ class InstanceRegistry:
             self.recluster(store, group, voxel_m)
         return self._voxels[group]
 
-    def _renew_records(self, group: Group, regrouped: Regrouped, taken_out: bool) -> None:
+    def _crossed(self, joining: Mapping[Group, Rows]) -> _Crossed:
+        """Rows that join the other part of their class than the one that they left."""
+        came_from, self._came_from = self._came_from, []
+        out = _Crossed()
+        if not came_from or all(group.in_core for group in (*joining, *self._voxels)):
+            return out
+        rows = np.concatenate([rows for rows, _ in came_from])
+        order = np.argsort(rows)
+        rows, labels = rows[order], np.concatenate([labels for _, labels in came_from])[order]
+        for group, own in joining.items():
+            at = np.minimum(np.searchsorted(rows, own), len(rows) - 1)
+            former = np.where(rows[at] == own, labels[at], NO_INSTANCE)
+            other = Group(group.class_name, not group.in_core)
+            for label in distinct(np.sort(former))[0].tolist():
+                record = self.records.get(label)
+                if record is not None and record.group == other:
+                    out.records[label] = record
+                else:
+                    former[former == label] = NO_INSTANCE
+            out.former[group] = former
+        return out
+
+    def _inherit_across(
+        self,
+        labels: Rows,
+        former: Rows,
+        regrouped: Regrouped,
+        records: Mapping[int, InstanceRecord],
+    ) -> None:
+        """Give new instances the views of the instances of the other part that they came from."""
+        for label in distinct(np.sort(labels))[0].tolist():
+            if regrouped.ancestors.get(label) == set():
+                for ancestor in distinct(np.sort(former[labels == label]))[0].tolist():
+                    if ancestor != NO_INSTANCE:
+                        self.records[label].inherit(records[ancestor])
+
+    def _renew_records(
+        self, group: Group, regrouped: Regrouped, taken_out: bool, crossed: Container[int] = ()
+    ) -> None:
+        """Replace the records of instances that changed. crossed: those that do not end, because
+        some of their Gaussians join the other part of the class."""
         fresh: dict[int, InstanceRecord] = {}
         for label, ancestors in regrouped.ancestors.items():
             record = fresh[label] = InstanceRecord(group.class_name, in_core=group.in_core)
@@ -175,7 +231,7 @@ class InstanceRegistry:
         lives_on = set().union(*regrouped.ancestors.values())
         for label in regrouped.regrouped:
             record = self.records.pop(label)
-            if label not in lives_on:
+            if label not in lives_on and label not in crossed:
                 ended = self.ended.setdefault(group.class_name, FormerDetections())
                 ended.add(record.detected_at, record.detection_rate * taken_out)
         self.records |= fresh

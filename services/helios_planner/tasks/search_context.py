@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
+from helios_core.household_names import HOUSEHOLD_NAMES
 from helios_core.name_rules import closest
 from helios_core.types import Role, SearchClass, SearchContext
 
@@ -31,7 +32,8 @@ def search_context(id: str, instruction: Instruction, settings: Settings) -> Sea
         prompts[PICK_LAYER] = settings.prompt.format(pick)
     if instruction.goal:
         prompts[PLACE_LAYER] = settings.prompt.format(instruction.goal)
-    return SearchContext(id, classes, prompts)
+    also = HOUSEHOLD_NAMES if settings.ask_also == "household" else ()
+    return SearchContext(id, classes, prompts, also)
 
 
 def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> Instruction:

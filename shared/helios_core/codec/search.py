@@ -12,7 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
 
 MOST_CLASSES, MOST_LAYERS, MOST_CHARACTERS = 128, 16, 300  # each layer is a map by itself
-MOST_SYNONYMS, MOST_PROMPT_CHARACTERS = 64, 2000
+MOST_SYNONYMS, MOST_PROMPT_CHARACTERS, MOST_ALSO = 64, 2000, 1024
 
 
 def vector_to_proto(v: Sequence[float] | NDArray[np.float64]) -> pb.Vector3:
@@ -34,6 +34,7 @@ def context_to_proto(context: SearchContext) -> pb.SearchContext:
             for c in context.classes
         ],
         prompts=context.prompts,
+        also=context.also,
     )
 
 
@@ -53,13 +54,19 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
         raise InvalidInput(
             f"the search context gives a class {most} synonyms; give at most {MOST_SYNONYMS}"
         )
+    if len(context.also) > MOST_ALSO:
+        raise InvalidInput(
+            f"the search context asks for {len(context.also)} other names; ask for at most "
+            f"{MOST_ALSO}"
+        )
     if (longest := max(map(len, context.prompts.values()), default=0)) > MOST_PROMPT_CHARACTERS:
         raise InvalidInput(
             f"the search context holds a prompt of {longest} characters; send at most "
             f"{MOST_PROMPT_CHARACTERS}"
         )
     synonyms = (s for c in context.classes for s in c.synonyms)
-    names = (context.id, *(c.name for c in context.classes), *synonyms, *context.prompts)
+    classes = (c.name for c in context.classes)
+    names = (context.id, *classes, *synonyms, *context.prompts, *context.also)
     if (longest := max(map(len, names))) > MOST_CHARACTERS:
         raise InvalidInput(
             f"the search context holds a name of {longest} characters; send at most "
@@ -78,6 +85,7 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
             for c in context.classes
         ),
         prompts=dict(context.prompts),
+        also=tuple(context.also),
     )
 
 

@@ -20,7 +20,7 @@ class SearchClass(_message.Message):
     def __init__(self, name: _Optional[str] = ..., role: _Optional[str] = ..., threshold: _Optional[float] = ..., synonyms: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class SearchContext(_message.Message):
-    __slots__ = ("id", "classes", "prompts")
+    __slots__ = ("id", "classes", "prompts", "also")
     class PromptsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -31,10 +31,12 @@ class SearchContext(_message.Message):
     ID_FIELD_NUMBER: _ClassVar[int]
     CLASSES_FIELD_NUMBER: _ClassVar[int]
     PROMPTS_FIELD_NUMBER: _ClassVar[int]
+    ALSO_FIELD_NUMBER: _ClassVar[int]
     id: str
     classes: _containers.RepeatedCompositeFieldContainer[SearchClass]
     prompts: _containers.ScalarMap[str, str]
-    def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ...) -> None: ...
+    also: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ..., also: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class ObjectInstance(_message.Message):
     __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate")

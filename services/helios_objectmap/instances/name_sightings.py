@@ -1,0 +1,136 @@
+"""Names that the detector gave to places, asked for or not: they tell look-alikes apart.
+
+A detector that takes a glass for a mug now and then also calls it a glass, and does so more often.
+The map paints one class per pixel and knows only the task's classes. Here every detection counts,
+under its own name: each fills the voxels of its mask, and an instance collects the detections that
+share its voxels.
+
+Views from one side repeat their errors. So the views of one viewing sector count as one side, in
+full from `side_views` views on, and the sides of one thing depend on one another
+(`SIDES_CORRELATE`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from helios_core.types import Detection
+from numpy.typing import NDArray
+
+from helios_objectmap.camera import offset
+from helios_objectmap.fusion.label_image import LabelImage
+from helios_objectmap.instances.clustering import distinct, voxel_keys
+from helios_objectmap.instances.furniture import is_furniture
+
+VOXEL_M = 0.1
+WIDTH_PX = 160  # largest width of the image from which voxels are filled
+SHARES = (
+    0.5  # of the smaller of detection and instance, from which the detection is of the instance
+)
+LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
+SECTORS = 12
+SIDES_CORRELATE = 0.4  # errors of two sides of one thing
+HIT, MISTAKEN = 0.9, 0.25  # chance of a right name, and of a look-alike's, in a view that names it
+RIVAL = 0.15  # prior odds of one other name against the own one
+kind_of = lru_cache(maxsize=4096)(is_furniture)
+
+
+@dataclass(frozen=True)
+class NameRates:
+    """How often an instance was called by each name, by side."""
+
+    names: tuple[str, ...]
+    rate: NDArray[np.float64]  # [sides, names] share of the side's views that gave the name
+    weight: NDArray[np.float64]  # [sides] in (0, 1]
+
+    def probability(self, own: str) -> float:
+        """Probability that the own name is right, against all others, each on its own."""
+        if not len(self.weight):
+            return 1.0
+        total = float(self.weight.sum())
+        independent = 1 / (1 + SIDES_CORRELATE * max(total - 1, 0.0))
+        named, unnamed = math.log(HIT / MISTAKEN), math.log((1 - HIT) / (1 - MISTAKEN))
+        support = self.weight @ (unnamed + self.rate * (named - unnamed)) * independent
+        mine = float(support[self.names.index(own)]) if own in self.names else (
+            total * unnamed * independent
+        )  # fmt: skip
+        others = [s for name, s in zip(self.names, support, strict=True) if name != own]
+        odds = sum(RIVAL * math.exp(min(s - mine, 50.0)) for s in others)
+        return 1 / (1 + odds)
+
+
+class NameSightings:
+    """All detections with their voxels."""
+
+    def __init__(self) -> None:
+        self._at: dict[int, list[int]] = {}  # voxel key -> detections
+        self._names: list[str] = []
+        self._number: dict[str, int] = {}
+        self._name: list[int] = []  # of each detection
+        self._view: list[int] = []
+        self._size: list[int] = []  # voxels of each detection
+        self._eye_m: list[NDArray[np.float64]] = []  # of each view
+
+    def note(self, reading: LabelImage, stride: int, detections: Iterable[Detection]) -> None:
+        """Add the detections of a view. stride: that of the reading, in pixels of the masks."""
+        coarse = max(1, -(-reading.view.width // WIDTH_PX))
+        first = offset(stride) + stride * offset(coarse)
+        grid = (slice(first, None, stride * coarse), slice(first, None, stride * coarse))
+        depth_m = reading.depth_m[offset(coarse) :: coarse, offset(coarse) :: coarse]
+        view = reading.view.strided(coarse)
+        self._eye_m.append(reading.view.T_world_cam[:3, 3])
+        for d in detections:
+            mask = d.mask[grid][: depth_m.shape[0], : depth_m.shape[1]] & (depth_m > 0)
+            if not mask.any():
+                continue
+            keys = distinct(np.sort(voxel_keys(view.lift(depth_m, mask), VOXEL_M)))[0].tolist()
+            number = self._number.setdefault(d.class_name, len(self._number))
+            if number == len(self._names):
+                self._names.append(d.class_name)
+            for key in keys:
+                self._at.setdefault(key, []).append(len(self._name))
+            self._name.append(number)
+            self._view.append(len(self._eye_m) - 1)
+            self._size.append(len(keys))
+
+    def rates(
+        self, points: NDArray[np.float32], class_name: str, side_views: float
+    ) -> NameRates | None:
+        """Names of the instance that has these points [n, 3]; None if nothing was detected there.
+
+        Furniture is compared with furniture only, and other things with other things.
+        """
+        keys = distinct(np.sort(voxel_keys(points, VOXEL_M)))[0].tolist()
+        found = [self._at[key] for key in keys if key in self._at]
+        if not found:
+            return None
+        ids, overlap = np.unique(np.concatenate(found), return_counts=True)
+        name, view = np.array(self._name)[ids], np.array(self._view)[ids]
+        size = np.array(self._size)[ids]
+        alike = np.array([kind_of(n) == kind_of(class_name) for n in self._names])
+        good = alike[name] & (overlap >= SHARES * np.minimum(size, len(keys)))
+        name, view, overlap = name[good], view[good], overlap[good]
+        if not len(name):
+            return None
+        views, of_view = np.unique(view, return_inverse=True)
+        largest = np.zeros(len(views))
+        np.maximum.at(largest, of_view, overlap)
+        good = overlap >= LEAST_OF_LARGEST * largest[of_view]
+        names, of_name = np.unique(name[good], return_inverse=True)
+        given = np.zeros((len(views), len(names)), bool)
+        given[of_view[good], of_name] = True
+        away = np.stack([self._eye_m[k][:2] for k in views]) - points[:, :2].mean(axis=0)
+        sector = np.floor(np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi / SECTORS)).astype(int)
+        sides, of_side = np.unique(sector, return_inverse=True)
+        count = np.bincount(of_side).astype(float)
+        rate = np.zeros((len(sides), len(names)))
+        np.add.at(rate, of_side, given)
+        return NameRates(
+            tuple(self._names[k] for k in names),
+            rate / count[:, None],
+            np.minimum(count / side_views, 1.0),
+        )
