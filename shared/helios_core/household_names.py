@@ -7,7 +7,12 @@ synonyms.
 
 from __future__ import annotations
 
-OBJECTS = frozenset(
+
+def _names(text: str) -> frozenset[str]:
+    return frozenset(" ".join(name.split()) for name in text.split(","))
+
+
+OBJECTS = _names(
     """
     apple, banana, orange, lemon, pear, peach, tomato, potato, carrot, onion, bread, cake, egg,
     bottle, wine bottle, can, jar, cup, mug, glass, wine glass, bowl, plate, pan, pot, kettle,
@@ -22,9 +27,9 @@ OBJECTS = frozenset(
     umbrella, watch, wallet, keys, glasses, toothbrush, toothpaste, towel, toilet paper, soap,
     shampoo bottle, hairbrush, comb, hair dryer, perfume bottle, hammer, screwdriver, flashlight,
     drill, bucket, watering can
-    """.replace("\n", " ").strip().split(", ")
-)  # fmt: skip
-FURNITURE = frozenset(
+    """
+)
+FURNITURE = _names(
     """
     chair, armchair, stool, bench, ottoman, sofa, bed, coffee table, dining table, side table, desk,
     console table, nightstand, dresser, cabinet, wardrobe, bookcase, shoe rack, tv stand,
@@ -32,6 +37,6 @@ FURNITURE = frozenset(
     oven, stove, dishwasher, washing machine, dryer, microwave, filing cabinet, trolley,
     laundry basket, trash can, storage chest, wall cabinet, fireplace, piano, radiator, rug, mirror,
     floor lamp, crib, sideboard, shower, door, window, curtain
-    """.replace("\n", " ").strip().split(", ")
-)  # fmt: skip
+    """
+)
 HOUSEHOLD_NAMES = tuple(sorted(OBJECTS | FURNITURE))

@@ -74,8 +74,9 @@ def ghosts(
     purposes = keys_of([f"{what} {normalised(w.name)}" for w in wanted for what in WHAT])
     z = normal_draws(views, purposes[:: len(WHAT)], table.shares, frame.stamp_ns)
     out = []
+    on = _Limits(cells, table)
     for k, want in enumerate(wanted):
-        limit = _limits(cells, table, want)
+        limit = on.of(want)
         for n in np.flatnonzero(z[:, k] < limit):
             own = views.part(slice(n, n + 1))
             rest = purposes[len(WHAT) * k + 1 : len(WHAT) * (k + 1)]
@@ -132,19 +133,34 @@ def surface_cells(
     return Cells(keys, voxels[first], instances, of_point.ravel(), points_m, pixels)
 
 
-def _limits(cells: Cells, table: ViewNoiseTable, want: SearchTarget) -> NDArray[np.float64]:
-    """[n] a cell's draw below this makes a false positive; -inf on surfaces of the wanted class."""
-    f = table.file.false_positive
-    limit = [
-        _STANDARD.inv_cdf(p) if 0 < p < 1 else math.copysign(math.inf, p - 0.5)
-        for p in (table.false(structure, want.is_object) for structure in (False, True))
-    ]
-    own = {i.class_name: normalised(i.class_name) for i in cells.instances}
-    by_class = {
-        raw: -math.inf if name in want.names else limit[name in f.structure]
-        for raw, name in own.items()
-    }
-    return np.array([by_class[i.class_name] for i in cells.instances])
+class _Limits:
+    """Draws of cells below which a false positive appears, by search class."""
+
+    def __init__(self, cells: Cells, table: ViewNoiseTable) -> None:
+        f = table.file.false_positive
+        raw = {i.class_name: normalised(i.class_name) for i in cells.instances}
+        names = [raw[i.class_name] for i in cells.instances]
+        on_structure = np.array([name in f.structure for name in names])
+        self._names, self._of_cell = np.unique(names, return_inverse=True)
+        self._limit = {
+            is_object: np.where(
+                on_structure,
+                _limit(table.false(True, is_object)),
+                _limit(table.false(False, is_object)),
+            )
+            for is_object in (True, False)
+        }
+
+    def of(self, want: SearchTarget) -> NDArray[np.float64]:
+        """[cells] a cell's draw below this makes a false positive; -inf on surfaces of the class
+        itself."""
+        limit = self._limit[want.is_object]
+        own = [name in want.names for name in self._names]
+        return np.where(np.array(own)[self._of_cell], -math.inf, limit) if any(own) else limit
+
+
+def _limit(rate: float) -> float:
+    return _STANDARD.inv_cdf(rate) if 0 < rate < 1 else math.copysign(math.inf, rate - 0.5)
 
 
 def _blob(

@@ -192,11 +192,9 @@ def also_named(
     """
     known = {normalised(name) for name, _ in names} | {normalised(thing.instance.class_name)}
     return tuple(
-        (w.name, table.score("confused", u_score, thing.pixels))
-        for w, (u, u_score) in zip(wanted, draws.tolist(), strict=True)
-        if u < table.anything()
-        and w.is_object == thing.instance.graspable
-        and known.isdisjoint(w.names)
+        (wanted[k].name, table.score("confused", float(draws[k, 1]), thing.pixels))
+        for k in np.flatnonzero(draws[:, 0] < table.anything())
+        if wanted[k].is_object == thing.instance.graspable and known.isdisjoint(wanted[k].names)
     )
 
 

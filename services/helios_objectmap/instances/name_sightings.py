@@ -33,9 +33,9 @@ SHARES = (
 )
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
 SECTORS = 12
-SIDES_CORRELATE = 0.4  # errors of two sides of one thing
-HIT, MISTAKEN = 0.9, 0.25  # chance of a right name, and of a look-alike's, in a view that names it
-RIVAL = 0.15  # prior odds of one other name against the own one
+SIDES_CORRELATE = 0.2  # errors of two sides of one thing
+HIT, MISTAKEN = 0.95, 0.1  # chance of a right name, and of a look-alike's, in a view that names it
+RIVAL = 0.02  # prior odds of one other name against the own one
 kind_of = lru_cache(maxsize=4096)(is_furniture)
 
 
