@@ -248,20 +248,14 @@ def observation_to_proto(observation: Observation, frame: pb.Frame | None = None
     return out
 
 
-def observation_from_proto(
-    observation: pb.Observation, *, with_detections: bool = True
-) -> Observation:
-    """Observation. with_detections: False leaves them out, whose masks take time to unpack.
-
-    Raises InvalidInput like `frame_from_proto`, and on masks that do not fit.
-    """
+def observation_from_proto(observation: pb.Observation) -> Observation:
+    """Observation. Raises InvalidInput like `frame_from_proto`, and on masks that do not fit."""
     frame = frame_from_proto(observation.frame)
     shape = (frame.camera.height, frame.camera.width)
-    detections = observation.detections if with_detections else ()
     return Observation(
         frame=frame,
         context_id=observation.context_id,
-        detections=tuple(detection_from_proto(d, shape) for d in detections),
+        detections=tuple(detection_from_proto(d, shape) for d in observation.detections),
         layer_scores={k: v for k, v in observation.layer_scores.items() if math.isfinite(v)},
         detector=observation.detector,
         scorer=observation.scorer,
