@@ -224,7 +224,7 @@ class DetectorService:
                 findings = Findings((), ())
                 if context is not None:
                     findings, _ = self._analyst.detect(frame, context)
-                self._publish_preview(message, frame, findings)
+                self._publish_preview(message, frame, findings, context)
                 self._analyst.timed("preview", began)
             except Exception as error:
                 self._refuse("previews_refused", message, typed(error))
@@ -256,17 +256,25 @@ class DetectorService:
         self._health.count("keyframes_answered")
         sent()
         try:
-            self._publish_preview(message, frame, findings)
+            self._publish_preview(message, frame, findings, context)
         except Exception as error:  # the keyframe is already answered
             self._refuse("previews_refused", message, typed(error))
 
-    def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
+    def _publish_preview(
+        self, message: pb.Frame, frame: Frame, findings: Findings, context: SearchContext | None
+    ) -> None:
+        """Publish the image with the boxes of the context's classes."""
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)
         quality = [cv2.IMWRITE_JPEG_QUALITY, PREVIEW_QUALITY]
         good, jpeg = cv2.imencode(".jpg", bgr, quality)
         if not good:
             raise InvalidInput(f"the colour image of frame {frame.id} cannot be made a JPEG")
-        boxes = [detection_to_proto(d, with_mask=False) for d in findings.detections]
+        asked = {c.name for c in context.classes} if context is not None else set[str]()
+        boxes = [
+            detection_to_proto(d, with_mask=False)
+            for d in findings.detections
+            if d.class_name in asked
+        ]
         self._bus.publish(PREVIEW, pb.Preview(id=message.id, jpeg=jpeg.tobytes(), detections=boxes))
         self._health.count("previews")
 

@@ -31,6 +31,7 @@ class SearchTarget:
     threshold: float
     keep_surface: bool  # True if one of its roles is a receptacle
     is_object: bool  # True if one of its roles is the task's object
+    is_also: bool = False  # True for one of the context's other names
 
 
 @lru_cache(maxsize=4096)
@@ -94,7 +95,8 @@ def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Se
 
 
 def open_wanted(context: SearchContext) -> tuple[SearchTarget, ...]:
-    """Search classes for an open vocabulary. A class's own name matches no other class."""
+    """Search classes for an open vocabulary, then the context's other names. A class's own name
+    matches no other class."""
     classes = context.distinct(normalised)
     exact = {normalised(c.name) for c in classes}
     wanted = tuple(
@@ -115,7 +117,8 @@ def _also_wanted(
         names = synonyms_of(name)
         if not (taken & names or {normalised(w.name) for w in wanted} & accepted_names(name)):
             taken |= names
-            out.append(SearchTarget(name, names, least, name in FURNITURE, name not in FURNITURE))
+            large = name in FURNITURE
+            out.append(SearchTarget(name, names, least, large, not large, is_also=True))
     return tuple(out)
 
 
@@ -124,7 +127,8 @@ def fixed_wanted(
     vocabulary: tuple[str, ...],
     similar: Callable[[str], str | None] | None = None,  # most similar name of the vocabulary
 ) -> tuple[tuple[SearchTarget, ...], Mapping[str, str]]:
-    """(findable classes, class name -> reason of its refusal) for a fixed vocabulary.
+    """(findable classes and then other names, class name -> reason of its refusal) for a fixed
+    vocabulary.
 
     Each detector name serves one search class. Exact names are served first, then synonyms and
     narrower kinds, then neighbours, then similar names.

@@ -82,8 +82,13 @@ class HfDetector(DetectorBackend):
         found = self._finder.find(frame.color, phrases.texts, floors)
         scores = phrases.by_class(found.scores)
         asked, limits = len(phrases.wanted), phrases.thresholds
-        # Landmarks are filtered apart from search classes: detections do not depend on the scorer.
-        chosen = one_class_each(found.boxes, scores[:, :asked], limits[:asked])
+        classes = sum(not w.is_also for w in phrases.wanted)
+        # Each kind is filtered apart, so that no other name takes a box of a search class.
+        chosen = [
+            (i, first + c)
+            for first, end in ((0, classes), (classes, asked))
+            for i, c in one_class_each(found.boxes, scores[:, first:end], limits[first:end])
+        ]
         marks = one_class_each(found.boxes, scores[:, asked:], limits[asked:])
         picks = [
             (i, c, box) for i, c in chosen if (box := _clipped(found.boxes[i], frame)) is not None

@@ -201,9 +201,16 @@ def test_a_mask_outside_the_image_is_refused() -> None:
 
 def test_a_search_context_round_trips_through_its_message() -> None:
     context = SearchContext(
-        "id", (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),), {"pick": "a mug ahead"}
-    )
+        "id", (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),), {"pick": "a mug ahead"},
+        ("glass", "vase"),
+    )  # fmt: skip
     assert context_from_proto(context_to_proto(context)) == context
+
+
+def test_a_search_context_with_too_many_other_names_is_refused() -> None:
+    context = SearchContext("id", (), also=tuple(f"name {k}" for k in range(2000)))
+    with pytest.raises(InvalidInput, match="2000 other names; ask for at most 1024"):
+        context_from_proto(context_to_proto(context))
 
 
 def test_an_outline_with_an_incomplete_point_is_refused() -> None:

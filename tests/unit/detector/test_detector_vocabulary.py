@@ -91,3 +91,24 @@ def test_two_roles_of_a_class_merge_with_the_lower_threshold_and_keep_the_surfac
 def test_near_matches_share_words_or_letters():
     assert near_matches("wine bottle", COCO_NAMES)[:2] == ["bottle", "wine glass"]
     assert near_matches("qqq", COCO_NAMES) == []
+
+
+def also(*names: str) -> SearchContext:
+    classes = (SearchClass("mug", Role.OBJECT, 0.3), SearchClass("sofa", Role.GOAL_RECEPTACLE, 0.2))
+    return SearchContext("c", classes, also=names)
+
+
+def test_other_names_are_sought_unless_they_match_a_class():
+    asked = {w.name: w for w in open_wanted(also("glass", "couch", "cup", "bed", "tumbler"))}
+    assert set(asked) == {"mug", "sofa", "glass", "bed"}  # a couch is a sofa, a tumbler a glass
+    assert [asked[n].is_also for n in ("mug", "sofa", "glass", "bed")] == [False] * 2 + [True] * 2
+    assert asked["glass"].threshold == 0.2
+    assert (asked["bed"].keep_surface, asked["glass"].keep_surface) == (True, False)
+
+
+def test_a_fixed_vocabulary_seeks_the_other_names_that_it_knows_and_refuses_none():
+    found, refused = fixed_wanted(also("bed", "couch", "teapot", "bowl"), COCO_NAMES)
+    assert {w.name: w.names for w in found if w.is_also} == {
+        "bed": frozenset({"bed"}), "bowl": frozenset({"bowl"}),
+    }  # fmt: skip
+    assert not refused

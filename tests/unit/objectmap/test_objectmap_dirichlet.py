@@ -151,7 +151,9 @@ def test_the_most_likely_class_equals_the_reference(columns, seed, prior, named_
     asked = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
     positive, asked = (share * asked).astype(np.float32), asked.astype(np.float32)
     rows = rng.permutation(40)
-    got, _ = most_likely_columns(positive, asked, rows, context, prior, len(context) + 1, named_from)
+    got, _ = most_likely_columns(
+        positive, asked, rows, context, prior, len(context) + 1, named_from
+    )
     for row, column in zip(rows, got, strict=True):
         expected, lead = reference_belief(
             positive[row].astype(float), asked[row].astype(float), context, prior, named_from

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from helios_core.household_names import HOUSEHOLD_NAMES
 from helios_planner.decisions import global_search
 from helios_planner.decisions.acceptance import paper
 from helios_planner.instruction.parser import parse
@@ -45,3 +46,11 @@ def test_objects_are_judged_by_tau_g_and_goals_by_tau_b() -> None:
     thing = ObjectSearch(tools, "mug", "table", global_search.by_objective, paper)
     assert thing.threshold == 0.6
     assert ReceptacleSearch(tools, "counter", None, paper).threshold == 0.7
+
+
+def test_household_names_are_asked_for_beside_the_classes_if_the_setting_says_so() -> None:
+    assert search_context("c", parse(MOVE), Settings()).also == ()
+    also = search_context("c", parse(MOVE), Settings(ask_also="household")).also
+    assert also == HOUSEHOLD_NAMES
+    assert len(set(also)) == len(also)
+    assert {"glass", "coffee table"} < set(also)

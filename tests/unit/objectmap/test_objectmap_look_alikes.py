@@ -1,0 +1,77 @@
+"""Detections under other names at an instance lower its score."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_core.types import Detection
+from helios_objectmap.instances.name_sightings import NameRates
+from helios_objectmap.object_map import ObjectMap
+from hypothesis import given
+from hypothesis import strategies as st
+from objectmap_scene import CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe
+
+COMPARED = SETTINGS.model_copy(update={"look_alikes": "compared", "side_views": 1.0})
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+EYES = ((0.0, 0.0), (0.4, -1.2), (0.4, 1.2), (2.6, -0.8), (2.6, 0.8), (1.4, 1.6))
+
+
+def mug_score(settings, others: dict[str, int], own_views: int = 6) -> float:
+    """Score of the mug after six views; others: name -> number of views that give it as well."""
+    objects = ObjectMap(settings)
+    for seq, eye in enumerate(EYES):
+        seen = observe(SCENE, looking_at(*eye, (1.2, 0.0, 0.8)), seq=seq)
+        mug = next(d for d in seen.detections if d.class_name == "mug")
+        also = [Detection(n, 0.6, mug.box_xyxy, mug.mask) for n, k in others.items() if seq < k]
+        own = tuple(d for d in seen.detections if d is not mug or seq < own_views)
+        objects.update(replace(seen, detections=own + tuple(also)), CONTEXT)
+    return max((o.score for o in objects.objects() if o.class_name == "mug"), default=0.0)
+
+
+def test_a_thing_called_glass_more_often_than_mug_loses_its_score() -> None:
+    as_seen = mug_score(COMPARED, {}, own_views=3)
+    assert mug_score(COMPARED, {"glass": 6}, own_views=3) < 0.5 * as_seen
+    assert mug_score(COMPARED, {"glass": 1}, own_views=3) == pytest.approx(as_seen, rel=0.1)
+
+
+def test_different_other_names_count_less_than_one_that_repeats() -> None:
+    scattered = {"glass": 2, "candle": 2, "vase": 2}
+    assert mug_score(COMPARED, scattered) > mug_score(COMPARED, {"glass": 6})
+
+
+@pytest.mark.parametrize("name", ["bookcase", "cabinet"])
+def test_furniture_is_no_look_alike_of_a_mug(name: str) -> None:
+    assert mug_score(COMPARED, {name: 6}) == mug_score(COMPARED, {})
+
+
+def test_by_default_other_names_change_nothing() -> None:
+    assert mug_score(SETTINGS, {"glass": 6}) == mug_score(SETTINGS, {})
+
+
+def rates(own: list[float], other: list[float], weight: float = 1.0) -> NameRates:
+    return NameRates(("mug", "glass"), np.array([own, other]).T, np.full(len(own), weight))
+
+
+def test_the_probability_compares_the_names_side_by_side() -> None:
+    assert rates([1.0], [0.0]).probability("mug") > 0.99
+    assert rates([0.2, 0.2], [1.0, 1.0]).probability("mug") < 0.5
+    one, three = rates([0.3], [0.9]), rates([0.3] * 3, [0.9] * 3)
+    assert three.probability("mug") < one.probability("mug")  # more sides say more
+    assert rates([0.3], [0.9], 0.1).probability("mug") > one.probability("mug")
+    assert NameRates((), np.zeros((0, 0)), np.zeros(0)).probability("mug") == 1.0
+
+
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=12))
+def test_the_probability_falls_as_the_other_name_gets_more_frequent(sides) -> None:
+    own, other = [a for a, _ in sides], [b for _, b in sides]
+    value = rates(own, other).probability("mug")
+    assert 0 < value <= 1
+    more = rates(own, [min(1.0, b + 0.1) for b in other]).probability("mug")
+    assert more <= value + 1e-12
+
+
+def test_a_name_that_was_never_given_is_less_likely_than_any_given_one() -> None:
+    seen = NameRates(("glass",), np.array([[0.8]]), np.ones(1))
+    assert seen.probability("mug") < rates([0.5], [0.8]).probability("mug")
