@@ -87,7 +87,7 @@ class ObjectMap:
         self._roles: dict[str, Role] = {}
         self._past = PastViews()
         self._sightings = NameSightings()
-        self._likely: dict[int, float] = {}  # instance -> probability of its own name
+        self._beliefs: dict[int, Belief | None] = {}  # while no row is renumbered
         self._updates = 0
         self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
 
@@ -116,7 +116,7 @@ class ObjectMap:
             if voxel_m != voxels[group.class_name]:
                 self._registry.recluster(store, group, voxel_m)
         self._believe(np.arange(len(store)))
-        self._described.clear()
+        self._drop_all()
 
     def update(
         self, observation: Observation, context: SearchContext, held: str = ""
@@ -152,7 +152,9 @@ class ObjectMap:
         if weights is not None:
             self._past.note(reading, self._names, weights)
         self._updates += 1
-        store.remove(gone)
+        if len(gone):
+            store.remove(gone)
+            self._beliefs.clear()
         self._remove(surplus(store.class_column, store.last_seen_update, s.max_gaussians))
         return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
 
@@ -458,7 +460,7 @@ class ObjectMap:
             store.instance[rows], kappa[took], weights[took], projection.depth_m[took], names
         )
         if s.detector_trust != "full":
-            self._described.clear()  # the learnt detector precision changes every score
+            self._drop_all()  # the learnt detector precision changes every score
         self._note_moments(given, stamp_ns)
         return len(rows)
 
@@ -466,8 +468,7 @@ class ObjectMap:
         """Append to the history of instances that received evidence, and drop their cached
         descriptions."""
         for label in labels:
-            self._described.pop(label, None)
-            self._likely.pop(label, None)
+            self._drop(label)
             belief = self._belief(label)
             record = self._registry.records[label]
             if belief is not None:
@@ -480,6 +481,7 @@ class ObjectMap:
             self._registry.leave(self._store, rows, self._voxel_m)
             self._join(rows[:0], taken_out=True)
             self._store.remove(rows)
+            self._beliefs.clear()
 
     def _believe(self, rows: NDArray[np.integer]) -> None:
         """Update the most likely class of rows, and the instances that this changes."""
@@ -500,8 +502,7 @@ class ObjectMap:
     def _join(self, rows: NDArray[np.integer], *, taken_out: bool = False) -> None:
         changed = self._registry.join(self._store, rows, self._voxel_m, taken_out=taken_out)
         for label in changed:
-            self._described.pop(label, None)
-            self._likely.pop(label, None)
+            self._drop(label)
 
     # Parts of a query -------------------------------------------------------------------------
 
@@ -541,8 +542,22 @@ class ObjectMap:
         large = self._is_receptacle(class_name) or is_furniture(class_name)
         return s.receptacle_voxel_m if large else s.object_voxel_m
 
+    def _drop(self, label: int) -> None:
+        """Forget the computed belief and description of an instance, which has changed."""
+        self._described.pop(label, None)
+        self._beliefs.pop(label, None)
+
+    def _drop_all(self) -> None:
+        self._described.clear()
+        self._beliefs.clear()
+
     def _belief(self, label: int) -> Belief | None:
         """Belief that an instance is of its own class; None if it is too small to be reported."""
+        if label not in self._beliefs:
+            self._beliefs[label] = self._new_belief(label)
+        return self._beliefs[label]
+
+    def _new_belief(self, label: int) -> Belief | None:
         store, s = self._store, self._settings
         rows = store.instances.rows_of(np.array([label]))
         if len(rows) < MIN_GAUSSIANS:
@@ -579,12 +594,9 @@ class ObjectMap:
         """Probability of an instance's own name against the other names that it was called by."""
         if self._settings.look_alikes == "ignored":
             return 1.0
-        known = self._likely.get(label)
-        if known is None:
-            name = self._registry.records[label].class_name
-            rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
-            known = self._likely[label] = 1.0 if rates is None else rates.probability(name)
-        return known
+        name = self._registry.records[label].class_name
+        rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
+        return 1.0 if rates is None else rates.probability(name)
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""

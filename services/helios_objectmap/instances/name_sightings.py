@@ -13,6 +13,7 @@ full from `side_views` views on, and the sides of one thing depend on one anothe
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -63,16 +64,33 @@ class NameRates:
         return 1 / (1 + odds)
 
 
+class _Column:
+    """Growing array of integers."""
+
+    def __init__(self) -> None:
+        self._values, self._n = np.empty(1024, np.int32), 0
+
+    def append(self, value: int) -> None:
+        if self._n == len(self._values):
+            self._values = np.concatenate([self._values, self._values])
+        self._values[self._n] = value
+        self._n += 1
+
+    def __len__(self) -> int:
+        return self._n
+
+    @property
+    def values(self) -> NDArray[np.int32]:
+        return self._values[: self._n]
+
+
 class NameSightings:
     """All detections with their voxels."""
 
     def __init__(self) -> None:
-        self._at: dict[int, list[int]] = {}  # voxel key -> detections
-        self._names: list[str] = []
-        self._number: dict[str, int] = {}
-        self._name: list[int] = []  # of each detection
-        self._view: list[int] = []
-        self._size: list[int] = []  # voxels of each detection
+        self._at: dict[int, array[int]] = {}  # voxel key -> detections
+        self._names: dict[str, int] = {}  # name -> its number
+        self._name, self._view, self._size = _Column(), _Column(), _Column()  # of each detection
         self._eye_m: list[NDArray[np.float64]] = []  # of each view
 
     def note(self, reading: LabelImage, stride: int, detections: Iterable[Detection]) -> None:
@@ -81,21 +99,22 @@ class NameSightings:
         first = offset(stride) + stride * offset(coarse)
         grid = (slice(first, None, stride * coarse), slice(first, None, stride * coarse))
         depth_m = reading.depth_m[offset(coarse) :: coarse, offset(coarse) :: coarse]
-        view = reading.view.strided(coarse)
+        measured = depth_m > 0
+        points = reading.view.strided(coarse).lift(depth_m, measured)
+        keys, of_point = distinct(voxel_keys(points, VOXEL_M))
+        voxel = np.full(depth_m.shape, -1)
+        voxel[measured] = of_point
         self._eye_m.append(reading.view.T_world_cam[:3, 3])
         for d in detections:
-            mask = d.mask[grid][: depth_m.shape[0], : depth_m.shape[1]] & (depth_m > 0)
-            if not mask.any():
+            mine = voxel[d.mask[grid][: voxel.shape[0], : voxel.shape[1]]]
+            filled = np.flatnonzero(np.bincount(mine[mine >= 0], minlength=len(keys)))
+            if not len(filled):
                 continue
-            keys = distinct(np.sort(voxel_keys(view.lift(depth_m, mask), VOXEL_M)))[0].tolist()
-            number = self._number.setdefault(d.class_name, len(self._number))
-            if number == len(self._names):
-                self._names.append(d.class_name)
-            for key in keys:
-                self._at.setdefault(key, []).append(len(self._name))
-            self._name.append(number)
+            for key in keys[filled].tolist():
+                self._at.setdefault(key, array("i")).append(len(self._name))
+            self._name.append(self._names.setdefault(d.class_name, len(self._names)))
             self._view.append(len(self._eye_m) - 1)
-            self._size.append(len(keys))
+            self._size.append(len(filled))
 
     def rates(
         self, points: NDArray[np.float32], class_name: str, side_views: float
@@ -104,33 +123,34 @@ class NameSightings:
 
         Furniture is compared with furniture only, and other things with other things.
         """
-        keys = distinct(np.sort(voxel_keys(points, VOXEL_M)))[0].tolist()
-        found = [self._at[key] for key in keys if key in self._at]
+        keys = distinct(voxel_keys(points, VOXEL_M))[0].tolist()
+        found = [np.frombuffer(self._at[key], np.int32) for key in keys if key in self._at]
         if not found:
             return None
-        ids, overlap = np.unique(np.concatenate(found), return_counts=True)
-        name, view = np.array(self._name)[ids], np.array(self._view)[ids]
-        size = np.array(self._size)[ids]
+        overlap = np.bincount(np.concatenate(found))
+        ids = np.flatnonzero(overlap)
+        overlap, size = overlap[ids], self._size.values[ids]
         alike = np.array([kind_of(n) == kind_of(class_name) for n in self._names])
-        good = alike[name] & (overlap >= SHARES * np.minimum(size, len(keys)))
-        name, view, overlap = name[good], view[good], overlap[good]
-        if not len(name):
+        good = alike[self._name.values[ids]] & (overlap >= SHARES * np.minimum(size, len(keys)))
+        ids, overlap = ids[good], overlap[good]
+        if not len(ids):
             return None
-        views, of_view = np.unique(view, return_inverse=True)
+        views, of_view = np.unique(self._view.values[ids], return_inverse=True)
         largest = np.zeros(len(views))
         np.maximum.at(largest, of_view, overlap)
         good = overlap >= LEAST_OF_LARGEST * largest[of_view]
-        names, of_name = np.unique(name[good], return_inverse=True)
-        given = np.zeros((len(views), len(names)), bool)
+        numbers, of_name = np.unique(self._name.values[ids[good]], return_inverse=True)
+        given = np.zeros((len(views), len(numbers)), bool)
         given[of_view[good], of_name] = True
         away = np.stack([self._eye_m[k][:2] for k in views]) - points[:, :2].mean(axis=0)
         sector = np.floor(np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi / SECTORS)).astype(int)
         sides, of_side = np.unique(sector, return_inverse=True)
         count = np.bincount(of_side).astype(float)
-        rate = np.zeros((len(sides), len(names)))
+        rate = np.zeros((len(sides), len(numbers)))
         np.add.at(rate, of_side, given)
+        names = list(self._names)
         return NameRates(
-            tuple(self._names[k] for k in names),
+            tuple(names[k] for k in numbers),
             rate / count[:, None],
             np.minimum(count / side_views, 1.0),
         )
