@@ -42,6 +42,9 @@ SAYS = {  # what a setting decides, in a few words
     "planner.tau_b": "score from which the robot places",
     "objectmap.evidence": "unit of evidence",
     "objectmap.named_from": "share of evidence from which a Gaussian has a class",
+    "objectmap.core_from": "share of evidence from which a Gaussian is in the core of an instance",
+    "objectmap.look_alikes": "names of look-alikes at an instance",
+    "planner.ask_also": "names that the detector is asked for beside the task's",
     "objectmap.receptacle_voxel_m": "voxels that join receptacles, m",
     "objectmap.size_agreement": "weight by the usual size of the class",
 }
