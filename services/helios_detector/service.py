@@ -14,7 +14,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import cv2
@@ -25,7 +25,7 @@ from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
-from helios_core.types import Frame, Observation, SearchContext
+from helios_core.types import Detection, Frame, Observation, SearchContext
 
 from helios_detector.backend import DepthBackend, DetectorBackend, Findings, ScorerBackend
 from helios_detector.exception_guard import typed
@@ -40,6 +40,15 @@ log = logging.getLogger(__name__)
 
 PREVIEW_QUALITY = 80  # JPEG, percent
 CONTEXT_RETRY_S = 2.0  # pause before a context that the back end could not take is retried
+
+
+def by_class(
+    detections: Sequence[Detection], context: SearchContext | None
+) -> tuple[tuple[Detection, ...], tuple[Detection, ...]]:
+    """(detections of the context's classes, those under its other names)."""
+    asked = {c.name for c in context.classes} if context is not None else set[str]()
+    mine = tuple(d for d in detections if d.class_name in asked)
+    return mine, tuple(d for d in detections if d.class_name not in asked)
 
 
 class DetectorService:
@@ -242,10 +251,12 @@ class DetectorService:
         judged, wrong = self._analyst.judge(frame, findings, context)
         self._say_trouble("scored", wrong)
         models = self._models
+        mine, others = by_class(findings.detections, context)
         out = observation_to_proto(
             Observation(
-                frame, context.id, findings.detections, judged.scores,
+                frame, context.id, mine, judged.scores,
                 models.detector.name, models.scorer.name, judged.image,
+                others,
             ),
             message,
         )  # fmt: skip
@@ -269,12 +280,8 @@ class DetectorService:
         good, jpeg = cv2.imencode(".jpg", bgr, quality)
         if not good:
             raise InvalidInput(f"the colour image of frame {frame.id} cannot be made a JPEG")
-        asked = {c.name for c in context.classes} if context is not None else set[str]()
-        boxes = [
-            detection_to_proto(d, with_mask=False)
-            for d in findings.detections
-            if d.class_name in asked
-        ]
+        mine, _ = by_class(findings.detections, context)
+        boxes = [detection_to_proto(d, with_mask=False) for d in mine]
         self._bus.publish(PREVIEW, pb.Preview(id=message.id, jpeg=jpeg.tobytes(), detections=boxes))
         self._health.count("previews")
 

@@ -244,7 +244,7 @@ class Map2DService:
                 self._maps.map_for(frame).integrate_frame(frame, holding=holding)
 
     def _fold_values(self, message: pb.Observation) -> None:
-        observation = observation_from_proto(message)
+        observation = observation_from_proto(message, with_others=False)
         with self._lock:
             if self._maps is not None:
                 state = self._maps.map_for(observation.frame, observation)

@@ -130,7 +130,8 @@ class ObjectMap:
             context, held, HELD_OBJECT_M,
         )  # fmt: skip
         if s.look_alikes == "compared":
-            self._sightings.note(reading, s.stride_px, observation.detections)
+            detections = (*observation.detections, *observation.others)
+            self._sightings.note(reading, s.stride_px, detections)
         look = self._viewpoints.locate(reading.view.T_world_cam)
         projection = self._project(reading.view)
         gone = np.empty(0, np.int32)

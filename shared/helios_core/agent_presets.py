@@ -4,7 +4,8 @@ An agent decides in the planner, but depends on the content of the maps. The def
 settings are Table 3 of the paper and our rules where an agent of your own needs some. The agents of
 the paper turn these rules off (`PRINTED_RULES`). `helios` has its own settings, which go beyond the
 paper: it uses weak detections, weighs evidence by viewing sectors and with past views, and compares
-objects with the usual size of their class. docs/reference/agents.md lists all values.
+objects with the usual size of their class and with look-alikes. docs/reference/agents.md lists all
+values.
 """
 
 from __future__ import annotations
@@ -60,8 +61,11 @@ _HELIOS: dict[str, Value] = {
     "planner.cs_b": 0.2,
     "planner.tau_g": 0.15,
     "planner.tau_b": 0.28,
+    "planner.ask_also": "household",
     "objectmap.evidence": "hindsight",
     "objectmap.named_from": 0.15,
+    "objectmap.core_from": 0.3,
+    "objectmap.look_alikes": "compared",
     "objectmap.receptacle_voxel_m": 0.2,
     "objectmap.size_agreement": "large",
 }

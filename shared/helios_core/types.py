@@ -103,6 +103,7 @@ class Observation:
     detector: str
     scorer: str = ""
     image_embedding: Embedding | None = None  # to score a later prompt
+    others: tuple[Detection, ...] = ()  # under the other names of the search context
 
 
 class Role(StrEnum):

@@ -96,7 +96,7 @@ class Watcher:
         self._change(path_m=np.array(plan.path_m, np.float64).reshape(-1, 2))
 
     def _on_observation(self, message: pb.Observation) -> None:
-        seen = observation_from_proto(message)
+        seen = observation_from_proto(message, with_others=False)
         self._change(color=seen.frame.color, detections=seen.detections)
 
     def _on_state(self, message: pb.RobotState) -> None:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from helios_core.types import Detection, Frame, Observation
 
-ENOUGH_PX = 2000  # of a box; of a larger one, pixels at a wider step are read
-
 
 @dataclass(frozen=True)
 class DetectedClass:
@@ -40,15 +38,14 @@ def _place(
 ) -> tuple[float, float] | None:
     """Median world x, y (m) of a detection's pixels; None if none has depth."""
     x0, y0, x1, y1 = detection.box_xyxy
-    step = max(1, math.isqrt((x1 - x0) * (y1 - y0) // ENOUGH_PX))
-    depth_m = frame.depth_m[y0:y1:step, x0:x1:step]
+    depth_m = frame.depth_m[y0:y1, x0:x1]
     with np.errstate(invalid="ignore"):
-        good = (depth_m > min_depth_m) & (depth_m < max_depth_m)
-    v, u = np.nonzero(good & detection.mask[y0:y1:step, x0:x1:step])
+        good = detection.mask[y0:y1, x0:x1] & (depth_m > min_depth_m) & (depth_m < max_depth_m)
+    v, u = np.nonzero(good)
     if not len(v):
         return None
     z, camera = depth_m[v, u].astype(np.float64), frame.camera
-    points_cam = np.stack([(u * step + x0 - camera.cx) / camera.fx * z,
-                           (v * step + y0 - camera.cy) / camera.fy * z, z])  # fmt: skip
+    points_cam = np.stack([(u + x0 - camera.cx) / camera.fx * z,
+                           (v + y0 - camera.cy) / camera.fy * z, z])  # fmt: skip
     x, y = frame.T_world_cam[:2, :3] @ points_cam + frame.T_world_cam[:2, 3:]
     return float(np.median(x)), float(np.median(y))

@@ -143,7 +143,7 @@ class MessageBuffer:
         )  # fmt: skip
         if message.context_id == self._context_id:
             try:
-                found = sightings_of(observation_from_proto(message))
+                found = sightings_of(observation_from_proto(message, with_others=False))
             except HeliosError as error:
                 log.warning("observation %d refused: %s", message.frame.id.seq, error.message)
                 ack.accepted, ack.reason = False, error.message

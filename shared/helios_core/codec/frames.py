@@ -242,14 +242,18 @@ def observation_to_proto(observation: Observation, frame: pb.Frame | None = None
         layer_scores=observation.layer_scores,
         detector=observation.detector,
         scorer=observation.scorer,
+        others=[detection_to_proto(d) for d in observation.others],
     )
     if observation.image_embedding is not None:
         out.image_embedding.CopyFrom(embedding_to_proto(observation.image_embedding))
     return out
 
 
-def observation_from_proto(observation: pb.Observation) -> Observation:
-    """Observation. Raises InvalidInput like `frame_from_proto`, and on masks that do not fit."""
+def observation_from_proto(observation: pb.Observation, *, with_others: bool = True) -> Observation:
+    """Observation. with_others: False leaves `others` empty, whose masks take time to unpack.
+
+    Raises InvalidInput like `frame_from_proto`, and on masks that do not fit.
+    """
     frame = frame_from_proto(observation.frame)
     shape = (frame.camera.height, frame.camera.width)
     return Observation(
@@ -264,4 +268,5 @@ def observation_from_proto(observation: pb.Observation) -> Observation:
             if observation.HasField("image_embedding")
             else None
         ),
+        others=tuple(detection_from_proto(d, shape) for d in observation.others if with_others),
     )

@@ -3,12 +3,13 @@
 import cv2
 import numpy as np
 from detector_rig import CONTEXT_1, Faulty, Rig
-from detector_scene import MUG, SceneTruth
+from detector_scene import MUG, SceneTruth, context_of
 from helios_core import proto as pb
 from helios_core.codec import context_to_proto, frame_to_proto, observation_from_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, VOCABULARY
+from helios_core.types import SearchContext
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.service import DetectorService
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
@@ -28,6 +29,18 @@ def test_every_keyframe_is_answered_with_its_frame_context_masks_and_scores():
     np.testing.assert_array_equal(mug.mask, rig.truth.ids[10**8] == MUG.id)
     assert observation.layer_scores.keys() == {"pick", "place"}
     assert observation.layer_scores["pick"] > observation.layer_scores["place"]
+    assert rig.health.state == ("ready", "")
+
+
+def test_detections_under_other_names_stand_apart_and_get_no_box():
+    rig = Rig()
+    rig.look_for(SearchContext("c1", context_of("mug").classes, also=("dining table", "sofa")))
+    rig.bus.publish(KEYFRAME, rig.frame())
+    observation = observation_from_proto(rig.observations[0])
+    assert [d.class_name for d in observation.detections] == ["mug"]
+    assert [d.class_name for d in observation.others] == ["dining table"]
+    assert observation_from_proto(rig.observations[0], with_others=False).others == ()
+    assert [d.class_name for d in rig.previews[0].detections] == ["mug"]
     assert rig.health.state == ("ready", "")
 
 

@@ -26,7 +26,7 @@ def mug_score(settings, others: dict[str, int], own_views: int = 6) -> float:
         mug = next(d for d in seen.detections if d.class_name == "mug")
         also = [Detection(n, 0.6, mug.box_xyxy, mug.mask) for n, k in others.items() if seq < k]
         own = tuple(d for d in seen.detections if d is not mug or seq < own_views)
-        objects.update(replace(seen, detections=own + tuple(also)), CONTEXT)
+        objects.update(replace(seen, detections=own, others=tuple(also)), CONTEXT)
     return max((o.score for o in objects.objects() if o.class_name == "mug"), default=0.0)
 
 

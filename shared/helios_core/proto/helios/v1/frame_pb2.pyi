@@ -74,7 +74,7 @@ class Detection(_message.Message):
     def __init__(self, class_name: _Optional[str] = ..., score: _Optional[float] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ...) -> None: ...
 
 class Observation(_message.Message):
-    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer", "image_embedding")
+    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer", "image_embedding", "others")
     class LayerScoresEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -90,6 +90,7 @@ class Observation(_message.Message):
     DETECT_MS_FIELD_NUMBER: _ClassVar[int]
     SCORER_FIELD_NUMBER: _ClassVar[int]
     IMAGE_EMBEDDING_FIELD_NUMBER: _ClassVar[int]
+    OTHERS_FIELD_NUMBER: _ClassVar[int]
     frame: Frame
     context_id: str
     detections: _containers.RepeatedCompositeFieldContainer[Detection]
@@ -98,7 +99,8 @@ class Observation(_message.Message):
     detect_ms: float
     scorer: str
     image_embedding: Embedding
-    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ..., image_embedding: _Optional[_Union[Embedding, _Mapping]] = ...) -> None: ...
+    others: _containers.RepeatedCompositeFieldContainer[Detection]
+    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ..., image_embedding: _Optional[_Union[Embedding, _Mapping]] = ..., others: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ...) -> None: ...
 
 class DepthRequest(_message.Message):
     __slots__ = ("raw_color", "compressed_color", "calibration")
