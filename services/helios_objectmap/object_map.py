@@ -129,10 +129,10 @@ class ObjectMap:
             read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
             context, held, HELD_OBJECT_M,
         )  # fmt: skip
-        if s.look_alikes == "compared":
+        look = self._viewpoints.locate(reading.view.T_world_cam)
+        if s.look_alikes == "compared" and self._is_new(look):
             detections = (*observation.detections, *observation.others)
             self._sightings.note(reading, s.stride_px, detections)
-        look = self._viewpoints.locate(reading.view.T_world_cam)
         projection = self._project(reading.view)
         gone = np.empty(0, np.int32)
         if s.creation_rule != "paper":
@@ -174,6 +174,7 @@ class ObjectMap:
         receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
         inside &= ~np.isin(store.class_column[near], receptacles)
         gone = np.union1d(member, near[inside])
+        self._sightings.forget_at(store.means[member])
         self._remove(gone)
         self._past.forget(lambda name: not self._is_receptacle(name))
         return len(gone)
@@ -410,6 +411,14 @@ class ObjectMap:
         it."""
         if self._settings.evidence != "hindsight":
             return None
+        return self._weights_at_first_sight(look)
+
+    def _is_new(self, look: ViewpointMatch) -> bool:
+        """True for a view that differs from all earlier ones of the search."""
+        return bool(self._weights_at_first_sight(look).any())
+
+    def _weights_at_first_sight(self, look: ViewpointMatch) -> NDArray[np.float32]:
+        """Weight of a view [names] beside all earlier ones."""
         return self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
 
     def _add_hindsight_votes(self, rows: NDArray[np.int32]) -> None:

@@ -34,6 +34,7 @@ SHARES = (
 )
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
 SECTORS = 12
+MOST_VIEWS = 2048  # about 6 kB each
 SIDES_CORRELATE = 0.2  # errors of two sides of one thing
 HIT, MISTAKEN = 0.95, 0.1  # chance of a right name, and of a look-alike's, in a view that names it
 RIVAL = 0.02  # prior odds of one other name against the own one
@@ -72,12 +73,16 @@ class _Column:
 
     def append(self, value: int) -> None:
         if self._n == len(self._values):
-            self._values = np.concatenate([self._values, self._values])
+            self._values = np.concatenate([self._values, np.empty(1024 + self._n, np.int32)])
         self._values[self._n] = value
         self._n += 1
 
     def __len__(self) -> int:
         return self._n
+
+    def drop(self, count: int) -> None:
+        """Remove the first values."""
+        self._values, self._n = self.values[count:].copy(), self._n - count
 
     @property
     def values(self) -> NDArray[np.int32]:
@@ -85,16 +90,24 @@ class _Column:
 
 
 class NameSightings:
-    """All detections with their voxels."""
+    """Detections of the latest views, with their voxels."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_views: int = MOST_VIEWS) -> None:
+        """most_views: beyond, the older half is dropped."""
+        self._most_views = most_views
         self._at: dict[int, array[int]] = {}  # voxel key -> detections
         self._names: dict[str, int] = {}  # name -> its number
         self._name, self._view, self._size = _Column(), _Column(), _Column()  # of each detection
         self._eye_m: list[NDArray[np.float64]] = []  # of each view
 
+    def __len__(self) -> int:
+        """Number of views."""
+        return len(self._eye_m)
+
     def note(self, reading: LabelImage, stride: int, detections: Iterable[Detection]) -> None:
         """Add the detections of a view. stride: that of the reading, in pixels of the masks."""
+        if len(self._eye_m) == self._most_views:
+            self._forget_views(self._most_views // 2)
         coarse = max(1, -(-reading.view.width // WIDTH_PX))
         first = offset(stride) + stride * offset(coarse)
         grid = (slice(first, None, stride * coarse), slice(first, None, stride * coarse))
@@ -115,6 +128,26 @@ class NameSightings:
             self._name.append(self._names.setdefault(d.class_name, len(self._names)))
             self._view.append(len(self._eye_m) - 1)
             self._size.append(len(filled))
+
+    def forget_at(self, points: NDArray[np.float32]) -> None:
+        """Drop what was detected in the voxels of points [n, 3], where a thing was taken away."""
+        for key in distinct(voxel_keys(points, VOXEL_M))[0].tolist():
+            self._at.pop(key, None)
+
+    def _forget_views(self, count: int) -> None:
+        """Drop the oldest views and their detections."""
+        gone = int(np.searchsorted(self._view.values, count))
+        for key, detections in list(self._at.items()):
+            kept = np.frombuffer(detections, np.int32)
+            kept = kept[kept >= gone] - gone
+            if len(kept):
+                self._at[key] = array("i", kept.tolist())
+            else:
+                del self._at[key]
+        for column in (self._name, self._view, self._size):
+            column.drop(gone)
+        self._view.values[:] -= count
+        del self._eye_m[:count]
 
     def rates(
         self, points: NDArray[np.float32], class_name: str, side_views: float

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.types import Detection
-from helios_objectmap.instances.name_sightings import NameRates
+from helios_objectmap.fusion.label_image import read
+from helios_objectmap.instances.name_sightings import NameRates, NameSightings
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given
 from hypothesis import strategies as st
@@ -75,3 +76,47 @@ def test_the_probability_falls_as_the_other_name_gets_more_frequent(sides) -> No
 def test_a_name_that_was_never_given_is_less_likely_than_any_given_one() -> None:
     seen = NameRates(("glass",), np.array([[0.8]]), np.ones(1))
     assert seen.probability("mug") < rates([0.5], [0.8]).probability("mug")
+
+
+def views_of_mug(objects: ObjectMap, eyes, name: str = "glass") -> None:
+    for seq, eye in enumerate(eyes):
+        seen = observe(SCENE, looking_at(*eye, (1.2, 0.0, 0.8)), seq=seq)
+        mug = next(d for d in seen.detections if d.class_name == "mug")
+        other = Detection(name, 0.6, mug.box_xyxy, mug.mask)
+        objects.update(replace(seen, others=(other,)), CONTEXT)
+
+
+def test_a_camera_at_rest_repeats_no_name() -> None:
+    once, often = ObjectMap(COMPARED), ObjectMap(COMPARED)
+    views_of_mug(once, EYES[:2])
+    views_of_mug(often, (EYES[0],) * 5 + (EYES[1],) * 5)
+    assert len(once._sightings) == len(often._sightings) == 2
+
+
+def test_names_at_the_place_of_a_picked_object_are_forgotten() -> None:
+    objects = ObjectMap(COMPARED)
+    views_of_mug(objects, EYES)
+    (mug,) = (o for o in objects.objects() if o.class_name == "mug")
+    points = objects.gaussians(mug.id).means
+    assert objects._sightings.rates(points, "mug", 1.0) is not None
+    objects.retire(mug.id)
+    assert objects._sightings.rates(points, "mug", 1.0) is None
+
+
+@pytest.mark.parametrize("most_views", [2, 4, 6])
+def test_only_the_latest_views_are_kept(most_views: int) -> None:
+    sightings = NameSightings(most_views)
+    mug = np.full((1, 3), np.nan, np.float32)
+    for seq, eye in enumerate(EYES):
+        seen = observe(SCENE, looking_at(*eye, (1.2, 0.0, 0.8)), seq=seq)
+        mug_seen = next(d for d in seen.detections if d.class_name == "mug")
+        reading = read(seen, CONTEXT, 1, 0.2, 8.0)
+        mug = reading.view.lift(reading.depth_m, mug_seen.mask)
+        named = Detection(f"name {seq}", 0.9, mug_seen.box_xyxy, mug_seen.mask)
+        sightings.note(reading, 1, (named,))
+        assert len(sightings) <= most_views
+    rates = sightings.rates(mug, "mug", 1.0)
+    assert rates is not None
+    kept = {f"name {seq}" for seq in range(len(EYES) - len(sightings), len(EYES))}
+    assert set(rates.names) <= kept
+    assert f"name {len(EYES) - 1}" in rates.names
