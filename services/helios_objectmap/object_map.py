@@ -153,8 +153,8 @@ class ObjectMap:
         if weights is not None:
             self._past.note(reading, self._names, weights)
         self._updates += 1
+        store.remove(gone)
         if len(gone):
-            store.remove(gone)
             self._beliefs.clear()
         self._remove(surplus(store.class_column, store.last_seen_update, s.max_gaussians))
         return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))

@@ -230,7 +230,7 @@ def moments_of(objects: Sequence[ObjectInstance], truth: Truth) -> list[Moment]:
 
 def figures_of(histories: Sequence[Sequence[Moment]]) -> dict[Role, Figures]:
     """Figures of each role over histories."""
-    out = {role: Figures() for role in ROLES}
+    out: dict[Role, Figures] = {role: Figures() for role in ROLES}
     for moments in histories:
         highest: dict[Role, dict[str, float]] = {role: {} for role in ROLES}
         for moment in moments:

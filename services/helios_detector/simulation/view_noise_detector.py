@@ -193,7 +193,7 @@ def also_named(
     known = {normalised(name) for name, _ in names} | {normalised(thing.instance.class_name)}
     return tuple(
         (wanted[k].name, table.score("confused", float(draws[k, 1]), thing.pixels))
-        for k in np.flatnonzero(draws[:, 0] < table.anything())
+        for k in np.flatnonzero(draws[:, 0] < table.anything()).tolist()
         if wanted[k].is_object == thing.instance.graspable and known.isdisjoint(wanted[k].names)
     )
 

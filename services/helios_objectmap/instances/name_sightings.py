@@ -115,7 +115,7 @@ class NameSightings:
         measured = depth_m > 0
         points = reading.view.strided(coarse).lift(depth_m, measured)
         keys, of_point = distinct(voxel_keys(points, VOXEL_M))
-        voxel = np.full(depth_m.shape, -1)
+        voxel: NDArray[np.int64] = np.full(depth_m.shape, -1, np.int64)
         voxel[measured] = of_point
         self._eye_m.append(reading.view.T_world_cam[:3, 3])
         for d in detections:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -78,7 +79,9 @@ def test_a_name_that_was_never_given_is_less_likely_than_any_given_one() -> None
     assert seen.probability("mug") < rates([0.5], [0.8]).probability("mug")
 
 
-def views_of_mug(objects: ObjectMap, eyes, name: str = "glass") -> None:
+def views_of_mug(
+    objects: ObjectMap, eyes: Sequence[tuple[float, float]], name: str = "glass"
+) -> None:
     for seq, eye in enumerate(eyes):
         seen = observe(SCENE, looking_at(*eye, (1.2, 0.0, 0.8)), seq=seq)
         mug = next(d for d in seen.detections if d.class_name == "mug")
