@@ -20,8 +20,9 @@ Float32 = NDArray[np.float32]
 
 
 def sector_of(means: NDArray[np.floating], eye_m: NDArray[np.floating]) -> NDArray[np.intp]:
-    """Viewing sector [n] of a camera at eye_m [3], seen from Gaussians at [n, 3]; world, z up."""
-    x, y = float(eye_m[0]) - means[:, 0], float(eye_m[1]) - means[:, 1]
+    """Viewing sector [n] of cameras at eye_m [3] or [n, 3], seen from means [n, 3] or [3]; world,
+    z up."""
+    x, y = (np.asarray(eye_m[..., k], means.dtype) - means[..., k] for k in (0, 1))
     return np.floor(np.arctan2(y, x) * (SECTORS / math.tau)).astype(np.intp) % SECTORS
 
 

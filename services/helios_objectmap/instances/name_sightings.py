@@ -1,9 +1,8 @@
-"""Names that the detector gave to places, asked for or not: they tell look-alikes apart.
+"""Names that the detector gave to places: they tell look-alikes apart.
 
-A detector that takes a glass for a mug now and then also calls it a glass, and does so more often.
-The map paints one class per pixel and knows only the task's classes. Here every detection counts,
-under its own name: each fills the voxels of its mask, and an instance collects the detections that
-share its voxels.
+A detector that sometimes calls a glass a mug calls it a glass more often. The map paints one class
+per pixel and knows only the task's classes. Here every detection counts under its own name. It
+fills the voxels of its mask, and an instance collects the detections that share its voxels.
 
 Views from one side repeat their errors. So the views of one viewing sector count as one side, in
 full from `side_views` views on, and the sides of one thing depend on one another
@@ -24,21 +23,19 @@ from numpy.typing import NDArray
 
 from helios_objectmap.camera import offset
 from helios_objectmap.fusion.label_image import LabelImage
+from helios_objectmap.fusion.viewing_sectors import sector_of
 from helios_objectmap.instances.clustering import distinct, voxel_keys
 from helios_objectmap.instances.furniture import is_furniture
 
 VOXEL_M = 0.1
 WIDTH_PX = 160  # largest width of the image from which voxels are filled
-SHARES = (
-    0.5  # of the smaller of detection and instance, from which the detection is of the instance
-)
+OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
-SECTORS = 12
 MOST_VIEWS = 2048  # about 6 kB each
 SIDES_CORRELATE = 0.2  # errors of two sides of one thing
 HIT, MISTAKEN = 0.95, 0.1  # chance of a right name, and of a look-alike's, in a view that names it
 RIVAL = 0.02  # prior odds of one other name against the own one
-kind_of = lru_cache(maxsize=4096)(is_furniture)
+_is_furniture = lru_cache(maxsize=4096)(is_furniture)
 
 
 @dataclass(frozen=True)
@@ -163,8 +160,10 @@ class NameSightings:
         overlap = np.bincount(np.concatenate(found))
         ids = np.flatnonzero(overlap)
         overlap, size = overlap[ids], self._size.values[ids]
-        alike = np.array([kind_of(n) == kind_of(class_name) for n in self._names])
-        good = alike[self._name.values[ids]] & (overlap >= SHARES * np.minimum(size, len(keys)))
+        alike = np.array([_is_furniture(n) == _is_furniture(class_name) for n in self._names])
+        good = alike[self._name.values[ids]] & (
+            overlap >= OWN_OVERLAP * np.minimum(size, len(keys))
+        )
         ids, overlap = ids[good], overlap[good]
         if not len(ids):
             return None
@@ -175,8 +174,8 @@ class NameSightings:
         numbers, of_name = np.unique(self._name.values[ids[good]], return_inverse=True)
         given = np.zeros((len(views), len(numbers)), bool)
         given[of_view[good], of_name] = True
-        away = np.stack([self._eye_m[k][:2] for k in views]) - points[:, :2].mean(axis=0)
-        sector = np.floor(np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi / SECTORS)).astype(int)
+        eyes_m = np.stack([self._eye_m[k] for k in views])
+        sector = sector_of(points.mean(axis=0), eyes_m)
         sides, of_side = np.unique(sector, return_inverse=True)
         count = np.bincount(of_side).astype(float)
         rate = np.zeros((len(sides), len(numbers)))
