@@ -3,18 +3,15 @@ reads."""
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
-import os
 import secrets
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from helios_core.atomic_file import unwritable_reason, write_file
 from helios_core.errors import Conflict, InvalidInput
+from helios_core.private_file import FILE_MODE, alone_in
 
 from helios_client.usage_errors import UsageError
 
@@ -36,7 +33,7 @@ def add_key(file: Path, name: str, scope: str) -> str:
     if why := unwritable_reason(file):
         raise UsageError(why)
     try:
-        with _alone_in(file.parent):
+        with alone_in(file.parent):
             _add(file, name, entry)
     except OSError as error:
         raise InvalidInput(f"{file} cannot be written: {error.strerror}") from error
@@ -57,15 +54,4 @@ def _add(file: Path, name: str, entry: str) -> None:
         ) from error
     if name in names:
         raise Conflict(f"{file} already has a key {name!r}; remove it, or choose another name")
-    write_file(file, text + added, mode=0o600)
-
-
-@contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Hold a lock on the folder, so that two processes can add keys at once. Raises OSError."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
+    write_file(file, text + added, mode=FILE_MODE)
