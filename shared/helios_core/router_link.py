@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,10 +61,24 @@ def session_file(certs: Path, service: str, robot: str) -> Path:
             f"{own} does not exist; name the right one of its neighbours with --certs FILE: "
             + ", ".join(file.name for file in others)
         )
+    how = "init DIR"
+    if certs.is_dir():
+        how = "add DIR --simulation" if service == "world" else f"add DIR --robots {robot}"
     raise InvalidInput(
-        f"{own} does not exist; create it with helios certs on the machine that has ca.key, and "
-        "copy it here"
+        f"{own} does not exist; create it on the machine that has ca.key (helios certs {how}), "
+        "and copy it here"
     )
+
+
+def listen_port(certs: Path) -> int:
+    """Port on which the router of a folder of `helios certs` listens. Raises InvalidInput."""
+    file = certs / ROUTER_FILE
+    check_readable(file)
+    try:
+        [endpoint] = json.loads(file.read_bytes())["listen"]["endpoints"]
+        return int(endpoint.rpartition(":")[2])
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InvalidInput(f"{file} is damaged ({error}); see helios certs renew") from error
 
 
 def check_readable(file: Path) -> None:

@@ -52,7 +52,7 @@ def init(
     ] = None,
 ) -> None:
     """Create an authority, all certificates, and Zenoh's files for the router and each client."""
-    _check_library()
+    check_library()
     from helios_core.name_rules import robot_names
 
     from helios_client.certs.authority import CA_DAYS, LEAF_DAYS
@@ -83,7 +83,7 @@ def add(
     simulation: Simulation = False,
 ) -> None:
     """Add certificates of robots, operators or the simulation. Restart the router afterwards."""
-    _check_library()
+    check_library()
     from helios_core.name_rules import robot_names
 
     from helios_client.certs import folder as files
@@ -117,7 +117,7 @@ def renew(
 ) -> None:
     """Replace certificates and keys; their names stay. Restart the router and the services
     afterwards."""
-    _check_library()
+    check_library()
     from helios_client.certs import folder as files
     from helios_client.certs.names import Names, checked_hosts
     from helios_client.usage_errors import UsageError
@@ -136,7 +136,7 @@ def renew(
 @app.command()
 def show(folder: Folder, as_json: Json = False) -> None:
     """Show all certificates with their expiry. Warns 30 days before."""
-    _check_library()
+    check_library()
     from helios_client.certs.folder import stale_rules, validities
     from helios_client.terminal_output import plain_table
 
@@ -194,7 +194,7 @@ def _say_changed(folder: Path, names: tuple[str, ...]) -> None:
     print(f"restart the router; copy new files from {folder / 'sessions'} to their machines")
 
 
-def _check_library() -> None:
+def check_library() -> None:
     """Raise Unavailable without the library of the certificates."""
     try:
         import cryptography  # noqa: F401
