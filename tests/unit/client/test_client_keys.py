@@ -37,7 +37,7 @@ def test_every_key_name_is_refused_or_read_back_unchanged(
 def test_a_key_name_may_contain_any_printable_characters(tmp_path: Path) -> None:
     file = tmp_path / "keys.toml"
     for name in ("Küche", "🤖", 'a "b" \\c'):
-        add_key(file, name, "operate")
+        add_key(file, name, "robot")
     names = [entry["name"] for entry in tomllib.loads(file.read_text("utf-8"))["key"]]
     assert names == ["Küche", "🤖", 'a "b" \\c']
     with pytest.raises(Conflict, match="🤖"):
