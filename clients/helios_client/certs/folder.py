@@ -33,6 +33,7 @@ from helios_client.certs.authority import (
     new_router,
 )
 from helios_client.certs.names import ROUTER, Names, from_toml, to_toml
+from helios_client.usage_errors import UsageError
 
 AUTHORITY, AUTHORITY_KEY, NAMES = "ca.pem", "ca.key", "names.toml"
 LOOPBACK = ("localhost", "127.0.0.1", "::1")  # `helios up` connects to the router by these
@@ -112,14 +113,14 @@ def renew(
     """Issue certificates with new keys under their old names; which: empty for all.
 
     change: of hosts or validity. Also writes the access rules anew. Returns the names. Raises
-    InvalidInput for an unknown name and for a folder that cannot be used.
+    UsageError for an unknown name, InvalidInput for a folder that cannot be used.
     """
     with _changing(folder):
         names = change(read_names(folder))
         known = (ROUTER, *(c.name for c in names.certificates))
         chosen = tuple(dict.fromkeys(which)) or known
         if unknown := sorted(set(chosen) - set(known)):
-            raise InvalidInput(
+            raise UsageError(
                 f"no certificate is called {', '.join(unknown)}; helios certs show lists them"
             )
         _issue(folder, _authority(folder, now), names, chosen, now)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from helios_core.errors import Unavailable
 
 from helios_client.commands.shared_options import Json, console, print_json, print_line
 
@@ -60,14 +61,15 @@ def init(
     from helios_client.certs.names import Names, checked_hosts
     from helios_client.usage_errors import UsageError
 
-    named = robot_names(robots)
-    if not named:
-        raise UsageError("--robots names no robot; wanted names such as spot-1,spot-2")
-    names = (
-        Names(checked_hosts(_listed(hosts)), port, days or LEAF_DAYS)
-        .with_robots(named, _listed(shared), simulation)
-        .with_operators(_listed(operators))
-    )
+    with _usage():
+        named = robot_names(robots)
+        if not named:
+            raise UsageError("--robots names no robot; wanted names such as spot-1,spot-2")
+        names = (
+            Names(checked_hosts(_listed(hosts)), port, days or LEAF_DAYS)
+            .with_robots(named, _listed(shared), simulation)
+            .with_operators(_listed(operators))
+        )
     create(folder, names, ca_days or CA_DAYS, _now())
     print(f"{len(names.certificates) + 1} certificates are in {folder}")
     print(f"keep {folder / 'ca.key'} secret; whoever has it can create certificates")
@@ -90,16 +92,18 @@ def add(
     from helios_client.certs.names import Names
     from helios_client.usage_errors import UsageError
 
-    named, people = robot_names(robots), _listed(operators)
+    with _usage():
+        named, people = robot_names(robots), _listed(operators)
     if not (named or people or simulation):
         raise UsageError("nothing to add; name --robots or --operators, or use --simulation")
 
     def extend(names: Names) -> Names:
-        if named:
-            names = names.with_robots(named, _listed(shared), simulation)
-        elif simulation:
-            names = names.with_simulation()
-        return names.with_operators(people)
+        with _usage():
+            if named:
+                names = names.with_robots(named, _listed(shared), simulation)
+            elif simulation:
+                names = names.with_simulation()
+            return names.with_operators(people)
 
     _say_changed(folder, files.add(folder, extend, _now()))
 
@@ -128,7 +132,8 @@ def renew(
 
     def change(before: Names) -> Names:
         after = replace(before, days=days or before.days)
-        return replace(after, hosts=checked_hosts(machines)) if machines else after
+        with _usage():
+            return replace(after, hosts=checked_hosts(machines)) if machines else after
 
     _say_changed(folder, files.renew(folder, names or (), _now(), change))
 
@@ -199,10 +204,25 @@ def check_library() -> None:
     try:
         import cryptography  # noqa: F401
     except ImportError as error:
+        from helios_core.errors import Unavailable
+
         raise Unavailable(
             f"certificates need the library cryptography ({error}); pip install "
             "'helios-ovmm[certs]'"
         ) from error
+
+
+@contextmanager
+def _usage() -> Iterator[None]:
+    """Turn InvalidInput of a typed word into UsageError."""
+    from helios_core.errors import InvalidInput
+
+    from helios_client.usage_errors import UsageError
+
+    try:
+        yield
+    except InvalidInput as error:
+        raise UsageError(error.message) from error
 
 
 def _listed(text: str) -> tuple[str, ...]:

@@ -66,9 +66,9 @@ class Finding:
 
 def examine(
     port: int,
-    certs: Path | None = None,
     has_package: Callable[[str], bool] = lambda name: importlib.util.find_spec(name) is not None,
     find_library: Callable[[str], str | None] = ctypes.util.find_library,
+    certs: Path | None = None,
 ) -> list[Finding]:
     """Checks of all that `helios up` with the simulator needs, then of optional parts.
 

@@ -62,7 +62,7 @@ def doctor(port: Port = 8080, certs: Certs = None, as_json: Json = False) -> Non
 
     from helios_client.commands.doctor import examine
 
-    findings = examine(port, certs)
+    findings = examine(port, certs=certs)
     if as_json:
         print_json({"findings": [asdict(finding) for finding in findings]})
     for finding in [] if as_json else findings:
