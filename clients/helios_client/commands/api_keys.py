@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import secrets
 import tomllib
 from collections.abc import Callable
@@ -73,8 +74,10 @@ def remove_key(file: Path, name: str) -> None:
 
     def removed(text: str, entries: list[dict[str, Any]]) -> str:
         at = text.index(_hash(file, name, entries))
-        start, end = text.rindex("[[", 0, at), text.find("[[", at)
-        before, after = text[:start].rstrip("\n"), text[end:] if end >= 0 else ""
+        tables = [found.start() for found in re.finditer(r"^\s*\[\[", text, re.MULTILINE)]
+        start = max((place for place in tables if place < at), default=0)
+        end = min((place for place in tables if place > at), default=len(text))
+        before, after = text[:start].rstrip("\n"), text[end:].lstrip("\n")
         out = f"{before}\n\n{after}" if before and after else after or (before and f"{before}\n")
         wanted = [entry for entry in entries if entry.get("name") != name]
         if tomllib.loads(out).get("key", []) != wanted:
