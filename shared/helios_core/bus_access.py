@@ -51,10 +51,6 @@ def _process(service: str) -> Access:
     )
 
 
-def _every_status() -> Topics:
-    return (t.ANY_STATUS, *(t.status_topic(name) for name in SERVICES))
-
-
 SERVICES = (
     "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder",
 )  # fmt: skip
@@ -78,7 +74,7 @@ ACCESS: dict[str, Access] = {
     # themselves. ANY_STATUS: the player waits for the maps. Watching: the driver of Spot.
     "bridge": _process("bridge") | Access(
         publishes=(t.FRAME, t.KEYFRAME, t.ROBOT_STATE, t.ROBOT_DESCRIPTION, t.CONTEXT),
-        subscribes=(t.DETECTOR_ACK, *_ACKS, t.CONTEXT, *_every_status()),
+        subscribes=(t.DETECTOR_ACK, *_ACKS, t.CONTEXT, t.ANY_STATUS),
         serves=(t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.GET_STATE, t.PUSH),
         calls=(t.ESTIMATE_DEPTH, *_WORLD),
         watches=True,
@@ -136,14 +132,14 @@ ACCESS: dict[str, Access] = {
         watches=True,
     ),
     "recorder": _process("recorder") | Access(
-        subscribes=(*t.TOPICS, *_every_status()), calls=(t.SNAPSHOT, t.OBJECTS)
+        subscribes=(*t.TOPICS, t.ANY_STATUS), calls=(t.SNAPSHOT, t.OBJECTS)
     ),
     "supervisor": Access(
         publishes=(t.SUPERVISOR,), subscribes=tuple(t.status_topic(name) for name in SERVICES)
     ),
     # A person with a tool on the bus: sees everything but the truth, and may stop the robot.
     "operator": Access(
-        subscribes=(*t.TOPICS, *_every_status()), calls=(*_READING, t.STOP), watches=True
+        subscribes=(*t.TOPICS, t.ANY_STATUS), calls=(*_READING, t.STOP), watches=True
     ),
     "evaluation": Access(calls=(*_READING, t.SUBMIT, t.STOP, *_TRUTH), watches=True),
 }  # fmt: skip

@@ -15,6 +15,7 @@ import zenoh
 from helios_core.access_control import Identity
 from helios_core.bus_access import FLEET, FLEET_BUS, FLEET_TOKEN, SERVICES, Access, access_of
 from helios_core.topics import (
+    ANY_STATUS,
     METHODS,
     ROOT,
     TOPICS,
@@ -71,7 +72,9 @@ def allowed_attempts(identities: Iterable[Identity], simulated: Iterable[str]) -
 
 
 def _allowed(name: str, access: Access, robot: str) -> set[Attempt]:
-    heard_topics = [t for t in access.subscribes if "*" not in t.name]
+    heard_topics = [t for t in access.subscribes if t != ANY_STATUS]
+    if ANY_STATUS in access.subscribes:
+        heard_topics += [status_topic(name) for name in SERVICES]
     sent, got = _caches(access.publishes, robot), _caches(heard_topics, robot)
     of = {
         "put": (*(t.key(robot) for t in access.publishes), *sent),
