@@ -60,6 +60,7 @@ _WORLD = (
     t.WORLD_DESCRIBE, t.WORLD_STATE, t.WORLD_CAPTURE, t.WORLD_ACT, t.WORLD_STOP, t.WORLD_CLEAR_STOP,
 )  # fmt: skip
 _TRUTH = tuple(method for method in t.METHODS if method.truth)
+_OF_SERVICES = tuple(m for m in t.METHODS if not m.truth and m not in _WORLD)
 _READING = (
     t.GET_STATE, t.VOCABULARY, t.OBJECTS, t.GAUSSIANS, t.OBJECT_DETAIL, t.EXPORT_OBJECTS,
     t.RENDER_OBJECTS, t.SNAPSHOT, t.PICTURE, t.SIGHT, t.MAP_CHANGES, t.PATH_COST, t.RECALL,
@@ -140,6 +141,10 @@ ACCESS: dict[str, Access] = {
     # A person with a tool on the bus: sees everything but the truth, and may stop the robot.
     "operator": Access(
         subscribes=(*t.TOPICS, t.ANY_STATUS), calls=(*_READING, t.STOP), watches=True
+    ),
+    # A program of your own that may drive the robot and change the maps.
+    "program": Access(
+        subscribes=(*t.TOPICS, t.ANY_STATUS), calls=_OF_SERVICES, watches=True
     ),
     "evaluation": Access(calls=(*_READING, t.SUBMIT, t.STOP, *_TRUTH), watches=True),
 }  # fmt: skip

@@ -33,7 +33,7 @@ NAMES = (
     Names(("127.0.0.1",), 7447, 5)
     .with_robots(("r",), (), simulated=True)
     .with_robots(("other",), (), simulated=False)
-    .with_operators(("ann",))
+    .with_people(("ann",), ("drive",))
 )
 TARGETS = Targets.of(("r", "other", FLEET_BUS))
 ALLOWED = attempts.allowed_attempts(NAMES.identities, ("r",))

@@ -1,4 +1,4 @@
-"""Names of certificates: one for each service of a robot, for the robot, and for each operator.
+"""Names of certificates: one for each service of a robot, each operator and each program.
 
 `names.toml` in the folder of the certificates lists them:
 
@@ -34,7 +34,7 @@ ROBOT_SERVICES = (
 )  # fmt: skip
 SIMULATION = ("world", "evaluation")
 SHARED = ("detector", "gateway")  # one process may serve several robots
-OPERATOR = "operator"  # of all robots
+OPERATOR, PROGRAM = "operator", "program"  # for all robots
 LONGEST = 64  # characters of a name in a certificate
 _PART = re.compile(r"[A-Za-z0-9]([A-Za-z0-9_.-]*[A-Za-z0-9_-])?")
 _HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]*\.)*[A-Za-z0-9_-]*")
@@ -55,7 +55,7 @@ class Names:
 
     @property
     def identities(self) -> tuple[Identity, ...]:
-        """All certificates; an operator's are for all robots."""
+        """All certificates; an operator's or a program's are for all robots."""
         robots = self.robots
         return tuple(replace(c, robots=c.robots or robots) for c in self.certificates)
 
@@ -97,9 +97,13 @@ class Names:
         added = tuple(c for c in new if c.name not in there)
         return replace(self, certificates=(*self.certificates, *added))
 
-    def with_operators(self, people: Iterable[str]) -> Names:
-        """Add operators. Raises InvalidInput for a wrong name, Conflict for a known one."""
-        new = tuple(_identity(OPERATOR, person, ()) for person in people)
+    def with_people(self, operators: Iterable[str], programs: Iterable[str] = ()) -> Names:
+        """Add operators and programs of all robots.
+
+        Raises InvalidInput for a wrong name, Conflict for a known one.
+        """
+        new = tuple(_identity(OPERATOR, name, ()) for name in operators)
+        new += tuple(_identity(PROGRAM, name, ()) for name in programs)
         there = {c.name for c in self.certificates}
         if known := [c.name for c in new if c.name in there]:
             raise Conflict(f"{', '.join(known)} is there already; helios certs renew replaces it")

@@ -26,6 +26,9 @@ app = typer.Typer(
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the certificates")]
 Robots = Annotated[str, typer.Option(help="names of robots, separated by commas")]
 Operators = Annotated[str, typer.Option(help="names of operators, separated by commas")]
+Programs = Annotated[
+    str, typer.Option(help="names of programs of your own that may drive, separated by commas")
+]
 Shared = Annotated[
     str,
     typer.Option(help="services of which one process serves several robots: detector,gateway"),
@@ -44,6 +47,7 @@ def init(
     ] = "127.0.0.1",
     robots: Robots = "robot",
     operators: Operators = "",
+    programs: Programs = "",
     shared: Shared = "",
     simulation: Simulation = False,
     port: Annotated[int, typer.Option(help="port of the router", min=1, max=65535)] = 7447,
@@ -68,7 +72,7 @@ def init(
         names = (
             Names(checked_hosts(_listed(hosts)), port, days or LEAF_DAYS)
             .with_robots(named, _listed(shared), simulation)
-            .with_operators(_listed(operators))
+            .with_people(_listed(operators), _listed(programs))
         )
     create(folder, names, ca_days or CA_DAYS, _now())
     print(f"{len(names.certificates) + 1} certificates are in {folder}")
@@ -81,10 +85,12 @@ def add(
     folder: Folder,
     robots: Robots = "",
     operators: Operators = "",
+    programs: Programs = "",
     shared: Shared = "",
     simulation: Simulation = False,
 ) -> None:
-    """Add certificates of robots, operators or the simulation. Restart the router afterwards."""
+    """Add certificates of robots, operators, programs or the simulation. Restart the router
+    afterwards."""
     check_library()
     from helios_core.name_rules import robot_names
 
@@ -93,9 +99,11 @@ def add(
     from helios_client.usage_errors import UsageError
 
     with _usage():
-        named, people = robot_names(robots), _listed(operators)
-    if not (named or people or simulation):
-        raise UsageError("nothing to add; name --robots or --operators, or use --simulation")
+        named = robot_names(robots)
+    if not (named or _listed(operators) or _listed(programs) or simulation):
+        raise UsageError(
+            "nothing to add; name --robots, --operators or --programs, or use --simulation"
+        )
 
     def extend(names: Names) -> Names:
         with _usage():
@@ -103,7 +111,7 @@ def add(
                 names = names.with_robots(named, _listed(shared), simulation)
             elif simulation:
                 names = names.with_simulation()
-            return names.with_operators(people)
+            return names.with_people(_listed(operators), _listed(programs))
 
     _say_changed(folder, files.add(folder, extend, _now()))
 

@@ -49,14 +49,28 @@ def mode(path: Path) -> int:
 def test_init_creates_one_name_per_service_robot_and_operator(tmp_path: Path) -> None:
     out = tmp_path / "a" / "certs"
     command = ["certs", "init", str(out), "--hosts", "10.0.0.2,hub", "--robots", "r1,r2"]
-    assert run([*command, "--operators", "ann,ben", "--simulation", "--shared", "gateway"]) == 0
+    assert (
+        run(
+            [
+                *command,
+                "--operators",
+                "ann,ben",
+                "--programs",
+                "drive",
+                "--simulation",
+                "--shared",
+                "gateway",
+            ]
+        )
+        == 0
+    )
     names = {file.stem for file in (out / "sessions").iterdir()}
     per_robot = (
         "bridge", "detector", "objectmap", "map2d", "planner", "recorder", "supervisor", "robot",
         "world", "evaluation",
     )  # fmt: skip
     assert names == {f"{s}.{r}" for s in per_robot for r in ("r1", "r2")} | {
-        "gateway.r1", "operator.ann", "operator.ben",
+        "gateway.r1", "operator.ann", "operator.ben", "program.drive",
     }  # fmt: skip
     for file in (out / "sessions").iterdir():
         [cn] = certificate(file).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
@@ -192,7 +206,7 @@ def test_concurrent_adds_lose_no_name(folder: Path) -> None:
     people = [f"p{i}" for i in range(6)]
 
     def add(person: str) -> None:
-        files.add(folder, lambda names: names.with_operators((person,)), NOW)
+        files.add(folder, lambda names: names.with_people((person,)), NOW)
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(add, people))
@@ -320,7 +334,7 @@ def test_names_survive_the_file(
     robots: list[str], people: list[str], shared: set[str], simulated: bool, port: int
 ) -> None:
     names = Names(("10.0.0.2", "hub"), port, 365).with_robots(robots, tuple(shared), simulated)
-    names = names.with_operators(people)
+    names = names.with_people(people, ["drive"])
     assert from_toml(to_toml(names)) == names
     assert len({c.name for c in names.certificates}) == len(names.certificates)
     for identity in names.identities:
@@ -341,7 +355,7 @@ def test_a_robot_or_operator_cannot_be_added_twice() -> None:
     with pytest.raises(Conflict):
         NAMES.with_robots(("robot",), (), False)
     with pytest.raises(Conflict):
-        NAMES.with_operators(("ann",)).with_operators(("ann",))
+        NAMES.with_people(("ann",)).with_people(("ann",))
 
 
 # --- what the services read -----------------------------------------------------------------------

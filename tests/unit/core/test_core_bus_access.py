@@ -83,11 +83,11 @@ def test_only_the_evaluation_and_a_simulated_robots_detector_may_use_the_truth()
     assert servers == {"world"}
 
 
-def test_only_planner_and_gateway_may_move_the_robot() -> None:
+def test_only_planner_gateway_and_programs_may_move_the_robot() -> None:
     movers = {name for name, a in ACCESS.items() if topics.ACT in a.calls}
-    assert movers == {"planner", "gateway"}
+    assert movers == {"planner", "gateway", "program"}
     stoppers = {name for name, a in ACCESS.items() if topics.STOP in a.calls}
-    assert stoppers == {"planner", "gateway", "operator", "evaluation"}
+    assert stoppers == {"planner", "gateway", "program", "operator", "evaluation"}
 
 
 def test_the_table_has_every_service_with_settings() -> None:
