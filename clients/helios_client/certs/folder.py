@@ -13,7 +13,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,12 +119,24 @@ def renew(
         names = change(read_names(folder))
         known = (ROUTER, *(c.name for c in names.certificates))
         chosen = tuple(dict.fromkeys(which)) or known
-        if unknown := sorted(set(chosen) - set(known)):
-            raise UsageError(
-                f"no certificate is called {', '.join(unknown)}; helios certs show lists them"
-            )
+        _check_known(chosen, known)
         _issue(folder, _authority(folder, now), names, chosen, now)
     return chosen
+
+
+def remove(folder: Path, which: Iterable[str], now: dt.datetime) -> None:
+    """Remove certificates and their rights. Whoever kept a copy may do nothing with it.
+
+    Raises UsageError for an unknown name, InvalidInput for a folder that cannot be used.
+    """
+    gone = set(which)
+    with _changing(folder):
+        names = read_names(folder)
+        _check_known(gone, [c.name for c in names.certificates])
+        kept = tuple(c for c in names.certificates if c.name not in gone)
+        _issue(folder, _authority(folder, now), replace(names, certificates=kept), (), now)
+        for name in gone:
+            (folder / SESSIONS / f"{name}.json5").unlink(missing_ok=True)
 
 
 def validities(folder: Path) -> list[Validity]:
@@ -171,6 +183,13 @@ def credentials_of(file: Path) -> Credentials:
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInput(f"{file} has no certificate; helios certs renew writes it") from error
+
+
+def _check_known(chosen: Iterable[str], known: Iterable[str]) -> None:
+    if unknown := sorted(set(chosen) - set(known)):
+        raise UsageError(
+            f"no certificate is called {', '.join(unknown)}; helios certs show lists them"
+        )
 
 
 @contextmanager

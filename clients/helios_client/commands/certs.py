@@ -147,6 +147,21 @@ def renew(
 
 
 @app.command()
+def remove(
+    folder: Folder,
+    names: Annotated[list[str], typer.Argument(help="certificates, such as operator.ann")],
+) -> None:
+    """Remove certificates and their rights. Restart the router afterwards."""
+    check_library()
+    from helios_client.certs import folder as files
+
+    files.remove(folder, names, _now())
+    for name in names:
+        print(f"removed: {name}")
+    print("restart the router; until then the certificates keep their rights")
+
+
+@app.command()
 def show(folder: Folder, as_json: Json = False) -> None:
     """Show all certificates with their expiry. Warns 30 days before."""
     check_library()

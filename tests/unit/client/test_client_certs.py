@@ -230,6 +230,19 @@ def test_renew_replaces_keys_and_keeps_names(folder: Path) -> None:
     assert values["connect"]["endpoints"] == ["tls/10.9.9.9:7447"]
 
 
+def test_remove_takes_the_file_and_the_rights(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["certs", "add", str(folder), "--operators", "ann"]) == 0
+    assert run(["certs", "remove", str(folder), "operator.ann", "robot.robot"]) == 0
+    left = {file.stem for file in (folder / "sessions").iterdir()}
+    assert not left & {"operator.ann", "robot.robot"}
+    access = json.loads((folder / "router.json5").read_text())["access_control"]
+    assert {subject["id"] for subject in access["subjects"]} == left
+    assert run(["certs", "remove", str(folder), "router"]) == 2
+    assert "no certificate is called router" in capsys.readouterr().err
+
+
 def test_renew_needs_known_names_and_the_authoritys_private_key(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
