@@ -49,7 +49,8 @@ def tables() -> str:
         _names(a for a in ACCESS if settings_method("objectmap") in ACCESS[a].calls),
     )  # fmt: skip
     return "\n".join([
-        "Data, below `helios/v1/<robot>/`. `recorder`, `operator` and `program` receive everything:\n",
+        "Data, below `helios/v1/<robot>/`. `recorder`, `operator` and `program` receive "
+        "everything:\n",
         table(("data", "message", "quality of service", "from", "to"), (*data, of_status)),
         "Methods, below `helios/v1/<robot>/svc/` (`truth`: `helios/v1/<robot>/truth/svc/`). The "
         "first word is the service that answers; `robot` also answers `world/…`, without the "
