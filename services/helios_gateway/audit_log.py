@@ -16,9 +16,10 @@ import logging
 import os
 import queue
 import sys
+from io import TextIOWrapper
 from logging.handlers import QueueListener, RotatingFileHandler
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from helios_core.errors import InvalidInput
 from helios_core.printable_text import printable
@@ -75,11 +76,12 @@ class AuditLog:
 class _File(RotatingFileHandler):
     """Lines in a file that only its owner may read."""
 
-    def _open(self) -> TextIO:
+    def _open(self) -> TextIOWrapper:
         def private(path: str, flags: int) -> int:
             return os.open(path, flags, FILE_MODE)
 
-        return open(self.baseFilename, self.mode, encoding=self.encoding, opener=private)
+        raw = open(self.baseFilename, "ab", opener=private)  # noqa: SIM115  the handler closes it
+        return TextIOWrapper(raw, encoding=self.encoding)
 
     def handleError(self, record: logging.LogRecord) -> None:
         log.error("a line of the record of changes is lost: %s", sys.exc_info()[1])

@@ -259,7 +259,7 @@ def watched(witness: zenoh.Session, sessions: Sessions, targets: Targets) -> set
         for key in (*(t for t in tokens), *WILD, f"{ROOT}/*/alive/*/*", "**/@adv/**"):
             through |= {(name, "watch", seen) for seen in _tokens(session, key)}
         seen: set[str] = set()
-        hear = zenoh.handlers.Callback(lambda sample, seen=seen: seen.add(str(sample.key_expr)))
+        hear = zenoh.handlers.Callback(_adder(seen))
         watching = [
             session.liveliness().declare_subscriber(key, hear, history=True)
             for key in (*tokens, *WILD, f"{ROOT}/*/alive/*/*", "**/@adv/**")
@@ -271,6 +271,10 @@ def watched(witness: zenoh.Session, sessions: Sessions, targets: Targets) -> set
     for token in declared:
         token.undeclare()
     return {attempt for attempt in through if not attempt[2].startswith("test/")}
+
+
+def _adder(seen: set[str]) -> Callable[[zenoh.Sample], None]:
+    return lambda sample: seen.add(str(sample.key_expr))
 
 
 def _ask(session: zenoh.Session, key: str, payload: str) -> bool:

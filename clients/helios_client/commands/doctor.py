@@ -95,9 +95,9 @@ def examine(
     out.append(Finding(f"port {port} free", trouble is None, remedy, optional=True))
     state_dir = state_file.default_state_dir(port)
     out.append(_state_dir(state_dir))
-    known = (state_file.read(state_dir) or {}).get("certs")
-    if certs is not None or known:
-        out += _certificates(certs or Path(known))
+    certs = certs or _certs_in_use(state_dir)
+    if certs is not None:
+        out += _certificates(certs)
     for package, (extra, purpose) in FURTHER.items():
         what = f"package {package}, for {purpose}"
         remedy = f"pip install 'helios-ovmm[{extra}]'"
@@ -117,6 +117,12 @@ def _plugins() -> list[Finding]:
                 remedy = error.message
             out.append(Finding(what, not remedy, remedy, optional=True))
     return out
+
+
+def _certs_in_use(state_dir: Path) -> Path | None:
+    """Folder of certificates of the running `helios up`, if it has one."""
+    known = (state_file.read(state_dir) or {}).get("certs")
+    return Path(known) if known else None
 
 
 def _certificates(folder: Path) -> list[Finding]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime as dt
 import json
 import stat
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,9 +51,7 @@ class Recorded:
 
 
 @pytest.fixture
-def recorded(
-    hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path
-) -> Iterator[Recorded]:
+def recorded(hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path) -> Recorded:
     return Recorded(hub, live, tmp_path)
 
 
