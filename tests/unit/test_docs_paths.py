@@ -30,7 +30,8 @@ OF_THE_READER = {
     "report.md", "calibration.md", "attributions.md", "realism.md", "beliefs.json",
     "summary.json", "objects.json", "psi.png", "gaussians.png", "map.yaml", "bench.json",
     "drive.py", "current/ATTRIBUTIONS.md", "memory.json", "memory.md", "memory.png",
-    "helios_core.proto", "foxglove/RawImage.proto",
+    "helios_core.proto", "foxglove/RawImage.proto", "names.toml", "router.json5",
+    "sessions/NAME.json5", "certs/sessions/NAME.json5", "certs/sessions/bridge.robot.json5",
 }  # fmt: skip
 PATH = re.compile(
     rf"[\w.-]+(?:/[\w.-]+)*\.(?:{'|'.join(SUFFIXES)})|(?:{'|'.join(FOLDERS)})/[\w./-]+"

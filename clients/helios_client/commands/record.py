@@ -17,9 +17,10 @@ ROUTER_PORT = 7447  # Zenoh's default, which the containers use
 
 def record(
     out: Path, port: int, state: Path | None, router: str | None, name: str | None,
-    url: str | None = None,
+    url: str | None = None, certs: Path | None = None,
 ) -> NoReturn:  # fmt: skip
-    """Replace this process by the recorder, which then receives its signals. url: wins over port,
+    """Replace this process by the recorder, which then receives its signals. certs: folder of
+    certificates. url: wins over port,
     as for all commands. Raises Unavailable if no router is named or known, UsageError if the URL
     names another machine, whose router is not known."""
     if url and router is None and state is None:
@@ -28,8 +29,10 @@ def record(
             f"tcp/HOST:{ROUTER_PORT}, or run `helios record` there",
         )  # fmt: skip
     known = state_file.read(state or state_file.default_state_dir(port)) or {}
+    if router is None and certs is None and known.get("certs"):
+        certs = Path(known["certs"])
     router = router or known.get("router")
-    if router is None:
+    if router is None and certs is None:
         where = f"at {url}" if url and state is None else f"with --port {port}"
         ports = [p for p in state_file.running_ports() if p != port]
         others = " (one runs with --port " + " and one with --port ".join(map(str, ports)) + ")"
@@ -37,6 +40,8 @@ def record(
             f"no `helios up` runs {where}{others if ports else ''}; start one, or name a router: "
             "--router tcp/HOST:PORT"
         )
-    argv = ["--router", router, "--robot", name or known.get("robot", "robot"), "--out", str(out)]
+    argv = ["--robot", name or known.get("robot", "robot"), "--out", str(out)]
+    argv += ["--router", router] if router else []
+    argv += ["--certs", str(certs)] if certs else []
     print(f"recording to {out.resolve()}; Ctrl-C ends it", file=sys.stderr, flush=True)
     os.execv(sys.executable, [sys.executable, "-m", "helios_recorder", *argv])

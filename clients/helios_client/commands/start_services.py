@@ -8,13 +8,18 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import Port, State, TypedPort, Url, console
+from helios_client.commands.shared_options import Certs, Port, State, TypedPort, Url, console
 
 app = typer.Typer()
+LOOPBACK = "127.0.0.1"
 
 
 RobotKind = Annotated[
-    str, typer.Option(help="driver: sim, replay, spot, bus, push or package:Class")
+    str,
+    typer.Option(
+        help="driver: sim, replay, spot, bus, push or package:Class; remote: it runs on another "
+        "machine"
+    ),
 ]
 Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
 Preset = Annotated[str, typer.Option(help="preset of the simulated home")]
@@ -59,7 +64,16 @@ SpotHost = Annotated[
     str | None, typer.Option(help="host of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
 ]
 RouterPort = Annotated[
-    int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
+    int | None,
+    typer.Option(
+        help="port of the router  [default: a free one; open to other machines: that of --certs]",
+        min=1,
+        max=65535,
+    ),
+]
+RouterHost = Annotated[
+    str,
+    typer.Option(help="address that the router listens on; 0.0.0.0: for other machines, too"),
 ]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
@@ -81,9 +95,13 @@ def up(
     record_dir: RecordDir = None,
     spot_host: SpotHost = None,
     router_port: RouterPort = None,
+    router_host: RouterHost = LOOPBACK,
+    certs: Certs = None,
     name: BusName = "robot",
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
+    from helios_core.router_link import listen_port
+
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
     from helios_client.supervision.preset_defaults import preset_defaults
@@ -94,6 +112,12 @@ def up(
     robot = flag_checks.check_robot(robot)
     flag_checks.check_name(name)
     flag_checks.check_together(robot, spot_host, source)
+    flag_checks.check_router(router_host, certs)
+    if certs is not None:
+        certs = certs.absolute()
+        listed_port = listen_port(certs)
+        if router_host != LOOPBACK:
+            router_port = router_port or listed_port
     if detector is None:
         detector = default_detector(robot, source)
     detector = flag_checks.check_detector(detector)
@@ -111,6 +135,7 @@ def up(
         port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
         agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
         robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
+        certs=certs, router_host=router_host,
     )  # fmt: skip
     run_up(specs, Screen())
 
@@ -124,6 +149,7 @@ def record(
         str | None,
         typer.Option(help="router, tcp/HOST:PORT  [default: that of the running helios up]"),
     ] = None,
+    certs: Certs = None,
     name: Annotated[
         str | None, typer.Option(help="name of the robot  [default: that of the running helios up]")
     ] = None,
@@ -137,7 +163,7 @@ def record(
     address = None
     if router is None and state is None:
         port, address = chosen_address(port, url)
-    run_record(out, port or PORT, state, router, name, None if port else address)
+    run_record(out, port or PORT, state, router, name, None if port else address, certs)
 
 
 @app.command()

@@ -13,12 +13,13 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.name_rules import robot_name, same_name
 from helios_core.settings_spelling import nearest
 
-from helios_client.supervision.service_specs import RECORDED_DETECTOR
+from helios_client.supervision.service_specs import LOOPBACK, RECORDED_DETECTOR, REMOTE
 from helios_client.usage_errors import UsageError
 
-ROBOTS = ("sim", "replay", "spot", "bus", "push")
+ROBOTS = ("sim", "replay", "spot", "bus", "push", REMOTE)
 _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
 _SCORERS = ("lexical", "minilm")
+ROUTER_HOSTS = (LOOPBACK, "0.0.0.0", "::")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
 
@@ -44,6 +45,21 @@ def check_together(robot: str, spot_host: str | None, source: Path | None) -> No
         raise UsageError("--robot replay needs --source, the recording or data set to play")
     if source is not None and robot != "replay":
         raise UsageError("--source is valid only with --robot replay")
+
+
+def check_router(host: str, certs: Path | None) -> None:
+    """Raise UsageError for an address that the services of this machine could not reach, and if
+    the router would be open to other machines without certificates."""
+    if host not in ROUTER_HOSTS:
+        raise UsageError(
+            f"--router-host {host} does not work here; wanted {LOOPBACK} for this machine alone, "
+            "or 0.0.0.0 for other machines, too"
+        )
+    if certs is None and host != LOOPBACK:
+        raise UsageError(
+            f"--router-host {host} opens the bus to other machines, so certificates are needed: "
+            "helios certs init DIR, then --certs DIR"
+        )
 
 
 def check_detector(detector: str) -> str:

@@ -7,9 +7,12 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from helios_core.router_link import RouterLink, router_link
+
 from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
+REMOTE = "remote"  # the robot's driver runs on another machine
 RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 
 
@@ -17,7 +20,7 @@ RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 class StackOptions:
     """Options of the stack that `helios up` or `helios replay` starts."""
 
-    robot: str  # sim, replay, spot, bus, push or package:Class
+    robot: str  # sim, replay, spot, bus, push, remote or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # name of the robot in every bus key
@@ -42,11 +45,26 @@ class StackOptions:
     record: Path | None = None  # folder for recordings; None: no recorder
     lockstep: bool = False
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
+    certs: Path | None = None  # folder of `helios certs`; None: the bus is not encrypted
+    router_host: str = LOOPBACK  # address that the router listens on
 
     @property
     def router(self) -> str:
-        """Endpoint of the router."""
-        return f"tcp/{LOOPBACK}:{self.router_port}"
+        """Endpoint of the router for the services of this machine."""
+        return self._endpoint(LOOPBACK)
+
+    @property
+    def listen(self) -> str:
+        """Endpoint that the router listens on."""
+        host = self.router_host
+        return self._endpoint(f"[{host}]" if ":" in host else host)
+
+    def link(self, service: str) -> RouterLink:
+        """Connection of a service to the router. Raises InvalidInput without its certificate."""
+        return router_link(self.router, self.certs, service, self.name)
+
+    def _endpoint(self, host: str) -> str:
+        return f"{'tcp' if self.certs is None else 'tls'}/{host}:{self.router_port}"
 
     @property
     def address(self) -> str:
@@ -61,7 +79,9 @@ class StackOptions:
         """Processes, in the order of the process table; they may start in any order."""
         out = [
             ProcessSpec(
-                "router", _python("helios_core.router", "--listen", self.router), ends_last=True
+                "router",
+                _python("helios_core.router", "--listen", self.listen, *self._certs()),
+                ends_last=True,
             )
         ]
         if self.robot == "sim":
@@ -71,17 +91,8 @@ class StackOptions:
                     furniture=self.furniture,
                 )
             )  # fmt: skip
-        out.append(
-            self._service(
-                "bridge", "helios_bridge", driver=self.robot, address=self.robot_host,
-                source=self.source,
-                limit=self.limit or None, from_s=self.from_s, to_s=self.to_s, rate=self.rate,
-                topics=self.topics,
-                contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
-                strict=self.strict or None, lockstep=self.lockstep or None,
-                ack_timeout_s=self.ack_timeout_s,
-            )
-        )  # fmt: skip
+        if self.robot != REMOTE:
+            out.append(self._bridge())
         if self.detector == RECORDED_DETECTOR:
             out.append(self._service("detector", "helios_replay", source=self.source))
         else:
@@ -111,10 +122,24 @@ class StackOptions:
                     max_steps=self.max_steps,
                 )
             )
-            out.append(self._service("gateway", "helios_gateway", port=self.port))
+            audit = self.state_dir / "audit.jsonl"
+            out.append(self._service("gateway", "helios_gateway", port=self.port, audit=audit))
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         return tuple(out)
+
+    def _bridge(self) -> ProcessSpec:
+        return self._service(
+            "bridge", "helios_bridge", driver=self.robot, address=self.robot_host,
+            source=self.source, limit=self.limit or None, from_s=self.from_s, to_s=self.to_s,
+            rate=self.rate, topics=self.topics,
+            contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
+            strict=self.strict or None, lockstep=self.lockstep or None,
+            ack_timeout_s=self.ack_timeout_s,
+        )  # fmt: skip
+
+    def _certs(self) -> tuple[str, ...]:
+        return () if self.certs is None else ("--certs", str(self.certs))
 
     def _tasks_dir(self) -> Path:
         """State folder of the planner. Each simulated home has its own, as the tasks of one home
@@ -125,7 +150,7 @@ class StackOptions:
         return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
-        argv = ["--router", self.router, "--robot", self.name]
+        argv = ["--router", self.router, "--robot", self.name, *self._certs()]
         for flag, value in flags.items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")

@@ -12,6 +12,7 @@ from difflib import SequenceMatcher
 from helios_core.settings_spelling import PREFIX, SERVICES, variable
 
 SHARED_VARIABLES = (
+    "HELIOS_CERTS",
     "HELIOS_CONFIG",
     "HELIOS_URL",
     "HELIOS_API_KEY",
