@@ -110,7 +110,10 @@ def _allow(out: Keys, access: Access, robot: str) -> None:
         allow("ingress", ("query",), (method.key(robot),))
         allow("egress", ("reply", "declare_queryable"), (method.key(robot),))
     alive = f"{ROOT}/{robot}/alive"
-    allow("ingress", ("liveliness_token",), tuple(f"{alive}/{name}/*" for name in access.announces))
+    own = tuple(f"{alive}/{name}/*" for name in access.announces)
+    # A service may ask for its own tokens: its health check does.
+    allow("ingress", ("liveliness_token", "liveliness_query"), own)
+    allow("egress", ("liveliness_token",), own)
     if access.watches:
         allow("ingress", ("liveliness_query", "declare_liveliness_subscriber"), (f"{alive}/*/*",))
         allow("egress", ("liveliness_token",), (f"{alive}/*/*",))

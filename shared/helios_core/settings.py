@@ -192,6 +192,23 @@ def is_chosen(service: str, setting: str, environment: Mapping[str, str]) -> boo
     return isinstance(table, dict) and setting in table
 
 
+def common_settings(service: str, environment: Mapping[str, str]) -> ServiceSettings:
+    """Settings that every service has, with the values that a service takes from its variables and
+    from the settings file. Raises InvalidInput."""
+    values = {name.upper(): text for name, text in environment.items()}
+    path = values.get(variable(service, "config")) or values.get("HELIOS_CONFIG")
+    tables = _toml(path) if path else {}
+    names = [name for name in ServiceSettings.model_fields if name != "config"]
+    given: dict[str, Any] = {}
+    for table in (tables.get(OF_ALL), tables.get(service)):
+        given |= table if isinstance(table, dict) else {}
+    given |= {n: values[variable(service, n)] for n in names if variable(service, n) in values}
+    try:
+        return ServiceSettings(**{n: v for n, v in given.items() if n in names})
+    except ValidationError as error:
+        raise InvalidInput(f"wrong setting of {service}: {error.errors()[0]['msg']}") from error
+
+
 class _Variables(EnvSettingsSource):
     """Source: the environment. Raises InvalidInput for a variable without a setting."""
 

@@ -76,13 +76,14 @@ def _allowed(name: str, access: Access, robot: str) -> set[Attempt]:
     if ANY_STATUS in access.subscribes:
         heard_topics += [status_topic(name) for name in SERVICES]
     sent, got = _caches(access.publishes, robot), _caches(heard_topics, robot)
+    own = [alive_key(robot, s, "x") for s in access.announces]
     of = {
         "put": (*(t.key(robot) for t in access.publishes), *sent),
         "subscribe": (*(t.key(robot) for t in heard_topics), *got),
         "serve": (*(m.key(robot) for m in access.serves), *sent),
         "call": (*(m.key(robot) for m in access.calls), *got),
-        "announce": (*(alive_key(robot, s, "x") for s in access.announces), *sent),
-        "watch": got,
+        "announce": (*own, *sent),
+        "watch": (*own, *got),
     }
     if access.watches:
         of["watch"] = (*got, *(alive_key(robot, s, "x") for s in EVERY_TOKEN))
