@@ -23,6 +23,7 @@ from helios_client.commands.robot import app as robot_app
 from helios_client.commands.shared_options import print_line
 from helios_client.commands.start_services import app as run_app
 from helios_client.commands.tasks import app as tasks_app
+from helios_client.commands.view import app as view_app
 from helios_client.commands.why import app as why_app
 from helios_client.interrupt_signals import NUMBERS, BurstHandler, ignore_interrupts
 from helios_client.leading_options import EVERYWHERE, leading
@@ -39,7 +40,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for part in (
-    run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app
+    run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app,
+    view_app,
 ):  # fmt: skip
     app.add_typer(part)
 

@@ -1,0 +1,47 @@
+"""Layout of Rerun's viewer: images on the left, the world in 3D, tasks and decisions on the
+right."""
+
+from __future__ import annotations
+
+import rerun.blueprint as rrb
+
+from helios_viewers.rerun_entities import CAMERA, KEYFRAME, MAP, WORLD
+
+APPLICATION = "helios"
+WITHOUT_DEPTH = [f"- /{CAMERA}/depth/**", f"- /{KEYFRAME}/**"]  # the depth would cover the maps
+
+
+def layout() -> rrb.Blueprint:
+    """The layout that `helios view --rerun` sends, and that deploy/viewers has as a file."""
+    images = rrb.Vertical(
+        rrb.Spatial2DView(
+            origin=CAMERA, contents=[f"+ /{CAMERA}/**", f"- /{CAMERA}/depth/**"], name="Camera"
+        ),
+        rrb.Spatial2DView(
+            origin=KEYFRAME, contents=[f"+ /{KEYFRAME}/depth/**"], name="Keyframe: depth"
+        ),
+        rrb.TimeSeriesView(origin="timing", name="Updates of the maps (ms)"),
+    )
+    worlds = rrb.Tabs(
+        rrb.Spatial3DView(
+            origin=WORLD, name="World",
+            contents=[f"+ /{WORLD}/**", *WITHOUT_DEPTH, f"- /{MAP}value/**",
+                      f"- /{MAP}obstacles", f"- /{MAP}path"],
+        ),
+        rrb.Spatial3DView(
+            origin=WORLD, name="Values",
+            contents=[f"+ /{WORLD}/**", *WITHOUT_DEPTH, f"- /{MAP}occupancy",
+                      f"- /{MAP}gaussians", f"- /{MAP}path"],
+        ),
+    )  # fmt: skip
+    texts = rrb.Vertical(
+        rrb.TextDocumentView(origin="task", name="Task"),
+        rrb.TextDocumentView(origin="decision", name="Decision"),
+        rrb.TextLogView(origin="log", name="Log"),
+        row_shares=[1, 2, 2],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(images, worlds, texts, column_shares=[2, 4, 2]),
+        rrb.TimePanel(timeline="time", state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
+    )  # fmt: skip
