@@ -8,6 +8,8 @@ import rerun.blueprint as rrb
 from helios_viewers.rerun_entities import CAMERA, KEYFRAME, MAP, WORLD
 
 APPLICATION = "helios"
+TIMELINE = "time"  # time of the recorder's clock
+EYE = rrb.EyeControls3D(position=(-3.0, -7.0, 9.0), look_target=(2.0, 0.0, 0.0))  # m, from above
 WITHOUT_DEPTH = [f"- /{CAMERA}/depth/**", f"- /{KEYFRAME}/**"]  # the depth would cover the maps
 
 
@@ -17,19 +19,24 @@ def layout() -> rrb.Blueprint:
         rrb.Spatial2DView(
             origin=CAMERA, contents=[f"+ /{CAMERA}/**", f"- /{CAMERA}/depth/**"], name="Camera"
         ),
-        rrb.Spatial2DView(
-            origin=KEYFRAME, contents=[f"+ /{KEYFRAME}/depth/**"], name="Keyframe: depth"
+        rrb.Tabs(
+            rrb.Spatial2DView(
+                origin=KEYFRAME, contents=[f"+ /{KEYFRAME}/depth"], name="Keyframe: depth"
+            ),
+            rrb.Spatial2DView(
+                origin=KEYFRAME, contents=[f"+ /{KEYFRAME}/color"], name="Keyframe: colour"
+            ),
         ),
         rrb.TimeSeriesView(origin="timing", name="Updates of the maps (ms)"),
     )
     worlds = rrb.Tabs(
         rrb.Spatial3DView(
-            origin=WORLD, name="World",
+            origin=WORLD, name="World", eye_controls=EYE, line_grid=False,
             contents=[f"+ /{WORLD}/**", *WITHOUT_DEPTH, f"- /{MAP}value/**",
                       f"- /{MAP}obstacles", f"- /{MAP}path"],
         ),
         rrb.Spatial3DView(
-            origin=WORLD, name="Values",
+            origin=WORLD, name="Values", eye_controls=EYE, line_grid=False,
             contents=[f"+ /{WORLD}/**", *WITHOUT_DEPTH, f"- /{MAP}occupancy",
                       f"- /{MAP}gaussians", f"- /{MAP}path"],
         ),
@@ -42,6 +49,6 @@ def layout() -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(images, worlds, texts, column_shares=[2, 4, 2]),
-        rrb.TimePanel(timeline="time", state="collapsed"),
+        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
     )  # fmt: skip

@@ -11,11 +11,10 @@ from helios_core.errors import InvalidInput
 from helios_core.viewing.entry import Entry
 
 from helios_viewers.rerun_entities import entities_of, fixed_entities
-from helios_viewers.rerun_layout import APPLICATION, layout
+from helios_viewers.rerun_layout import APPLICATION, TIMELINE, layout
 
 log = logging.getLogger(__name__)
 
-TIMELINE = "time"  # time of the recorder's clock
 FLUSH_WITHIN_S = 10.0
 
 

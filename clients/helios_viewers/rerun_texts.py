@@ -20,7 +20,7 @@ def decision_text(decision: pb.Decision) -> str:
     """The reason, and the best candidates with their terms; the chosen one is bold."""
     shown = sorted(decision.candidates, key=lambda c: -c.terms.get("total", 0.0))
     terms = list(dict.fromkeys(name for c in shown for name in c.terms))[-MOST_TERMS:]
-    head = f"{decision.index}. {decision.why}\n\n"
+    head = f"Decision {decision.index}: {decision.why}\n\n"
     if not shown:
         return head
     table = [f"| candidate | {' | '.join(terms)} |", f"|---|{'--:|' * len(terms)}"]
