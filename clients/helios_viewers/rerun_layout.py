@@ -1,7 +1,11 @@
-"""Layout of Rerun's viewer: images on the left, the world in 3D, tasks and decisions on the
-right."""
+"""Layout of Rerun's viewer: images on the left, the world in 3D, tasks and decisions on the right.
+
+`python -m helios_viewers.rerun_layout` writes it to deploy/viewers.
+"""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import rerun.blueprint as rrb
 
@@ -52,3 +56,7 @@ def layout() -> rrb.Blueprint:
         rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
     )  # fmt: skip
+
+
+if __name__ == "__main__":
+    layout().save(APPLICATION, Path("deploy/viewers/rerun-layout.rbl"))

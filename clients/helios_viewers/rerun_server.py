@@ -13,6 +13,8 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
 
 from helios_client.supervision import parent_watch
 from helios_core.errors import Conflict, Unavailable
@@ -34,7 +36,7 @@ class RerunServer:
         self.url = f"rerun+http://{HOST}:{port}/proxy"
         self.page = f"http://{HOST}:{web_port}/?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{port}%2Fproxy"
         watch = (sys.executable, parent_watch.__file__, str(os.getpid()))
-        serve = (sys.executable, "-m", "rerun", "--serve-web", "--bind", HOST)
+        serve = (str(program()), "--serve-web", "--bind", HOST)
         ports = ("--port", str(port), "--web-viewer-port", str(web_port))
         self._process = subprocess.Popen(
             [*watch, *serve, *ports], env=os.environ | NO_USAGE_DATA, start_new_session=True,
@@ -66,6 +68,17 @@ class RerunServer:
                     f"Rerun's server did not start on port {port}; run `rerun --serve-web` to see "
                     "why, or save a file with --save"
                 )
+
+
+def program() -> Path:
+    """Rerun's program in its package. `python -m rerun` starts it as a further process, which a
+    signal to the first one does not end. Raises Unavailable if it is not there."""
+    found = find_spec("rerun_cli")
+    folder = Path(found.origin).parent if found and found.origin else Path()
+    for name in ("rerun", "rerun.exe"):
+        if (folder / name).is_file():
+            return folder / name
+    raise Unavailable("Rerun's program is missing; pip install --force-reinstall rerun-sdk")
 
 
 def _check_free(port: int, flag: str) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
@@ -69,15 +68,18 @@ def test_the_gaussians_are_splats_with_colour_and_size(recorded: Path, tmp_path:
 
 def test_a_receiver_of_the_server_gets_every_entity(recorded: Path, tmp_path: Path) -> None:
     """The receiver is Rerun's program, which stores what the server sends."""
+    from helios_viewers.rerun_server import program
+
     port, out = free_port(), tmp_path / "received.rrd"
     flags = ("--rerun-port", str(port), "--web-port", str(free_port()))
-    process = start_view(str(recorded), "--rerun", *flags)
+    process = start_view(str(recorded), "--rerun", *flags, stderr=subprocess.PIPE)
     receiver: subprocess.Popen[bytes] | None = None
     try:
-        wait_until(lambda: _listens(port), 60, "the server listens")
+        assert process.stderr is not None
+        while "has all of" not in (said := process.stderr.readline()):
+            assert said, "it has ended"
         receiver = subprocess.Popen(
-            [sys.executable, "-m", "rerun", f"rerun+http://127.0.0.1:{port}/proxy", "--save",
-             str(out)],
+            [program(), f"rerun+http://127.0.0.1:{port}/proxy", "--save", out, "--port", "auto"],
             env=os.environ | {"CI": "true"}, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         wait_until(lambda: rows_of(out).keys() >= ENTITIES, 60, "every entity has arrived")
@@ -87,11 +89,3 @@ def test_a_receiver_of_the_server_gets_every_entity(recorded: Path, tmp_path: Pa
         if receiver is not None:
             receiver.terminate()
             receiver.wait(ENDS_WITHIN_S)
-
-
-def _listens(port: int) -> bool:
-    import socket
-
-    with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
-        return True
-    return False

@@ -74,10 +74,10 @@ def publish_all(bus: Bus, maps: FakeMaps, seq: int) -> None:
     maps.change(maps.snapshot)
 
 
-def start_view(*args: str) -> subprocess.Popen[str]:
+def start_view(*args: str, stderr: int | None = None) -> subprocess.Popen[str]:
     """Start `helios view` with these arguments."""
     argv = [sys.executable, "-m", "helios_client", "view", *args]
-    return subprocess.Popen(argv, stderr=subprocess.DEVNULL, text=True)
+    return subprocess.Popen(argv, stderr=stderr, text=True)
 
 
 def say_of(*args: str) -> tuple[int, str]:
