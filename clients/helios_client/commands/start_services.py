@@ -13,6 +13,7 @@ from helios_client.commands.shared_options import Port, State, TypedPort, Url, c
 app = typer.Typer()
 
 
+MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 RobotKind = Annotated[
     str, typer.Option(help="driver: sim, replay, spot, bus, push or package:Class")
 ]
@@ -86,6 +87,7 @@ def up(
     """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
+    from helios_client.supervision.model_check import check_models
     from helios_client.supervision.preset_defaults import preset_defaults
     from helios_client.supervision.service_specs import StackOptions, free_port
     from helios_client.supervision.up import Screen
@@ -98,6 +100,7 @@ def up(
         detector = default_detector(robot, source)
     detector = flag_checks.check_detector(detector)
     scorer = None if scorer is None else flag_checks.check_scorer(scorer)
+    check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
     agent = None if agent is None else flag_checks.check_agent(agent)
     preset, furniture = flag_checks.check_home(robot, preset, furniture)
     if source is not None:
@@ -185,11 +188,13 @@ def replay(
         from helios_client.replay.run import PlaybackOptions, ReplayJob
         from helios_client.replay.run import replay as run_replay
         from helios_client.supervision.flag_checks import check_detector
+        from helios_client.supervision.model_check import check_models
 
         screen = console()
         check_source(dataset)
         context, detector = search_and_detector(dataset, classes, thresholds, detector)
         detector = check_detector(detector)
+        check_models((detector,))
         pace = PlaybackOptions(limit, from_s, to_s, rate, free_running, topics, strict)
         job = ReplayJob(dataset, context, detector, out, pace, agent)
         results = run_replay(job, interrupts, screen)
