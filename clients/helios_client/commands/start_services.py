@@ -188,13 +188,11 @@ def replay(
         from helios_client.replay.run import PlaybackOptions, ReplayJob
         from helios_client.replay.run import replay as run_replay
         from helios_client.supervision.flag_checks import check_detector
-        from helios_client.supervision.model_check import check_models
 
         screen = console()
         check_source(dataset)
         context, detector = search_and_detector(dataset, classes, thresholds, detector)
         detector = check_detector(detector)
-        check_models((detector,))
         pace = PlaybackOptions(limit, from_s, to_s, rate, free_running, topics, strict)
         job = ReplayJob(dataset, context, detector, out, pace, agent)
         results = run_replay(job, interrupts, screen)

@@ -11,8 +11,6 @@ from helios_client.commands.shared_options import State, TypedPort, Url
 
 app = typer.Typer()
 
-LISTEN = {"min": 1, "max": 65535}
-
 
 @app.command()
 def view(
@@ -27,9 +25,13 @@ def view(
     save: Annotated[
         Path | None, typer.Option(help="with --rerun: write this .rrd file instead of serving")
     ] = None,
-    foxglove_port: Annotated[int, typer.Option(help="port for Foxglove", **LISTEN)] = 8765,
-    rerun_port: Annotated[int, typer.Option(help="port for Rerun's viewers", **LISTEN)] = 9876,
-    web_port: Annotated[int, typer.Option(help="port of Rerun's web page", **LISTEN)] = 9090,
+    foxglove_port: Annotated[int, typer.Option(help="port for Foxglove", min=1, max=65535)] = 8765,
+    rerun_port: Annotated[
+        int, typer.Option(help="port for Rerun's viewers", min=1, max=65535)
+    ] = 9876,
+    web_port: Annotated[
+        int, typer.Option(help="port of Rerun's web page", min=1, max=65535)
+    ] = 9090,
     speed: Annotated[
         float, typer.Option(help="speed of a recording in Foxglove; 1: as recorded", min=0.01)
     ] = 1.0,
