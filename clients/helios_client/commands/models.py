@@ -33,6 +33,7 @@ MB = 1e6
 def list_models(folder: Folder = None, as_json: Json = False) -> None:
     """List the models that the documents recommend, and those fetched, with size and licence."""
     from helios_core.models.model_folder import default_folder
+    from rich.markup import escape
     from rich.table import Table
 
     from helios_client.models.listing import rows
@@ -44,11 +45,13 @@ def list_models(folder: Folder = None, as_json: Json = False) -> None:
         return
     table = Table("model", "for", "size", "licence", "here", "note")
     for row in found:
-        table.add_row(row.id, row.use, row.size, row.licence, row.state, row.note)
+        cells = (row.id, row.use, row.size, row.licence, row.state, row.note)
+        table.add_row(*map(escape, cells))
     console().print(table)
+    print_line(f"folder: {folder}")
     print_line(
-        f"folder: {folder}\nsizes with ~ are estimates, 4 bytes for each parameter by the "
-        "publisher's page; the others are exact"
+        "sizes with ~ are estimates, 4 bytes for each parameter by the publisher's page; the "
+        "others are exact"
     )
 
 

@@ -11,6 +11,10 @@ from helios_client.commands.shared_options import State, TypedPort, Url
 
 app = typer.Typer()
 
+FoxglovePort = Annotated[int, typer.Option(help="port for Foxglove", min=1, max=65535)]
+RerunPort = Annotated[int, typer.Option(help="port for Rerun's viewers", min=1, max=65535)]
+WebPort = Annotated[int, typer.Option(help="port of Rerun's web page", min=1, max=65535)]
+
 
 @app.command()
 def view(
