@@ -6,7 +6,7 @@ A viewer that connects late gets the last message of each channel.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import foxglove
 from foxglove.channel import Channel
@@ -19,6 +19,7 @@ from foxglove.websocket import (
     PlaybackStatus,
     ServerListener,
 )
+from google.protobuf.message import Message
 from helios_core.errors import Conflict
 from helios_core.viewing.channel_schema import ENCODING, schema_of
 from helios_core.viewing.entry import Entry
@@ -32,13 +33,18 @@ Control = Callable[[bool, float, int | None], PlayerState]  # as `Player.control
 class FoxgloveSink:
     """A running server. `show` is for one thread; the server's threads only answer viewers."""
 
-    def __init__(self, port: int, name: str, range_ns: tuple[int, int] | None = None) -> None:
-        """name: shown by the app. range_ns: begin and end of a recording that the app can control.
-
-        Raises Conflict if the port is in use.
+    def __init__(
+        self,
+        port: int,
+        name: str,  # shown by the app
+        channels: Mapping[str, type[Message]],
+        range_ns: tuple[int, int] | None = None,  # of a recording, which the app can then control
+    ) -> None:
+        """channels: those known before. The SDK announces a later channel before it accepts
+        subscriptions of it, and so refuses a quick viewer. Raises Conflict if the port is in use.
         """
         self._context = foxglove.Context()
-        self._channels: dict[str, Channel] = {}
+        self._channels = {name: self._declared(name, kind) for name, kind in channels.items()}
         self._last: dict[str, tuple[bytes, int]] = {}  # channel -> message and its log time
         self._lock = threading.Lock()
         self._state: PlayerState | None = None
@@ -63,17 +69,18 @@ class FoxgloveSink:
         """Send an entry to all viewers, on a channel of its own type."""
         channel = self._channels.get(entry.channel)
         if channel is None:
-            kind = type(entry.message)
-            schema = foxglove.Schema(
-                name=kind.DESCRIPTOR.full_name, encoding=ENCODING, data=schema_of(kind)
-            )
-            channel = self._channels[entry.channel] = Channel(
-                entry.channel, schema=schema, message_encoding=ENCODING, context=self._context
-            )
+            channel = self._declared(entry.channel, type(entry.message))
+            self._channels[entry.channel] = channel
         data = entry.message.SerializeToString()
         with self._lock:
             self._last[entry.channel] = data, log_time_ns
         channel.log(data, log_time=log_time_ns)
+
+    def _declared(self, name: str, kind: type[Message]) -> Channel:
+        schema = foxglove.Schema(
+            name=kind.DESCRIPTOR.full_name, encoding=ENCODING, data=schema_of(kind)
+        )
+        return Channel(name, schema=schema, message_encoding=ENCODING, context=self._context)
 
     def report(self, state: PlayerState) -> None:
         """Tell the viewers where the playback of a recording is."""

@@ -10,14 +10,13 @@ from pathlib import Path
 
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
-from helios_core import viewing
 from helios_core.errors import InvalidInput
-from helios_core.viewing import gaussian_cloud, message_entries, plan_entries
+from helios_core.viewing import channels
 from helios_core.viewing.entry import Entry
 from helios_replay.format_detection import mcap_files
 from helios_replay.mcap_file import Found, McapFile
 
-KNOWN = (viewing, gaussian_cloud, message_entries, plan_entries)  # their imports declare all types
+KNOWN = channels.CHANNELS  # importing it declares the types
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,10 @@ class RecordedSource:
         self.unreadable = 0  # number of messages that could not be read
 
     @property
-    def channels(self) -> frozenset[str]:
-        return frozenset(e.found.topic for e in self.entries)
+    def channels(self) -> dict[str, type[Message]]:
+        """Channels with their message types."""
+        schemas = {e.found.topic: e.found.schema for e in self.entries}
+        return {topic: kind for topic, name in schemas.items() if (kind := message_type(name))}
 
     @property
     def range_ns(self) -> tuple[int, int]:

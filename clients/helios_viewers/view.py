@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+from google.protobuf.message import Message
 from helios_core.errors import Unavailable
+from helios_core.viewing.channels import CHANNELS
 from helios_core.viewing.entry import Entry
 from helios_core.zenoh_bus import ZenohBus
+
+if TYPE_CHECKING:
+    from helios_viewers.foxglove_sink import FoxgloveSink
 
 Say = Callable[[str], None]
 
@@ -58,7 +63,7 @@ def _view_robot(
 
     sinks = _rerun_sinks(options, stopping, say, opened)
     if options.foxglove_port is not None:
-        sinks.append(_foxglove(options, options.foxglove_port, None, say, opened))
+        sinks.append(_foxglove(options, options.foxglove_port, CHANNELS, None, say, opened))
     bus = ZenohBus(options.router, options.robot)
     source = opened.enter_context(closing(LiveSource(bus)))
     say("showing the running robot; Ctrl-C ends it")
@@ -79,7 +84,9 @@ def _view_recording(
     if options.foxglove_port is not None:
         from helios_viewers.playback import Player
 
-        foxglove = _foxglove(options, options.foxglove_port, source.range_ns, say, opened)
+        foxglove = _foxglove(
+            options, options.foxglove_port, source.channels, source.range_ns, say, opened
+        )
         player = Player(source, foxglove.show, foxglove.report, options.speed)
         foxglove.control = player.control
     if sinks:
@@ -100,13 +107,14 @@ def _view_recording(
 
 
 def _foxglove(
-    options: ViewOptions, port: int, range_ns: tuple[int, int] | None, say: Say, opened: ExitStack
-):  # its module needs the extra
+    options: ViewOptions, port: int, channels: Mapping[str, type[Message]],
+    range_ns: tuple[int, int] | None, say: Say, opened: ExitStack,
+) -> FoxgloveSink:  # fmt: skip
     try:
         from helios_viewers.foxglove_sink import FoxgloveSink
     except ImportError as error:
         raise missing_extra("foxglove", error) from error
-    sink = opened.enter_context(closing(FoxgloveSink(port, options.name, range_ns)))
+    sink = opened.enter_context(closing(FoxgloveSink(port, options.name, channels, range_ns)))
     say(f"Foxglove: open connection {sink.address}; layout: deploy/viewers/foxglove-layout.json")
     return sink
 
