@@ -13,6 +13,13 @@ app = typer.Typer()
 
 FoxglovePort = Annotated[int, typer.Option(help="port for Foxglove", min=1, max=65535)]
 RerunPort = Annotated[int, typer.Option(help="port for Rerun's viewers", min=1, max=65535)]
+Router = Annotated[
+    str | None,
+    typer.Option(help="router, tcp/HOST:PORT  [default: that of the running helios up]"),
+]
+Name = Annotated[
+    str | None, typer.Option(help="name of the robot  [default: that of the running helios up]")
+]
 WebPort = Annotated[int, typer.Option(help="port of Rerun's web page", min=1, max=65535)]
 
 
@@ -41,13 +48,8 @@ def view(
     ] = 1.0,
     port: TypedPort = None,
     state: State = None,
-    router: Annotated[
-        str | None,
-        typer.Option(help="router, tcp/HOST:PORT  [default: that of the running helios up]"),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="name of the robot  [default: that of the running helios up]")
-    ] = None,
+    router: Router = None,
+    name: Name = None,
     url: Url = None,
 ) -> None:
     """Show a running robot, or a recording, in Foxglove or Rerun until Ctrl-C. Both listen on this
