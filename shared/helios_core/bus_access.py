@@ -133,7 +133,7 @@ ACCESS: dict[str, Access] = {
         watches=True,
     ),
     "recorder": _process("recorder") | Access(
-        subscribes=(*t.TOPICS, t.ANY_STATUS), calls=(t.SNAPSHOT, t.OBJECTS)
+        subscribes=(*t.TOPICS, t.ANY_STATUS), calls=(t.SNAPSHOT, t.OBJECTS, t.GAUSSIANS)
     ),
     "supervisor": Access(
         publishes=(t.SUPERVISOR,), subscribes=tuple(t.status_topic(name) for name in SERVICES)

@@ -14,6 +14,7 @@ app = typer.Typer()
 LOOPBACK = "127.0.0.1"
 
 
+MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 RobotKind = Annotated[
     str,
     typer.Option(
@@ -104,6 +105,7 @@ def up(
 
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
+    from helios_client.supervision.model_check import check_models
     from helios_client.supervision.preset_defaults import preset_defaults
     from helios_client.supervision.service_specs import StackOptions, free_port
     from helios_client.supervision.up import Screen
@@ -122,6 +124,7 @@ def up(
         detector = default_detector(robot, source)
     detector = flag_checks.check_detector(detector)
     scorer = None if scorer is None else flag_checks.check_scorer(scorer)
+    check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
     agent = None if agent is None else flag_checks.check_agent(agent)
     preset, furniture = flag_checks.check_home(robot, preset, furniture)
     if source is not None:
@@ -156,14 +159,10 @@ def record(
     url: Url = None,
 ) -> None:
     """Record every topic of a running robot into MCAP, until Ctrl-C."""
+    from helios_client.commands.record import bus_address
     from helios_client.commands.record import record as run_record
-    from helios_client.commands.shared_options import chosen_address
-    from helios_client.http.address import PORT
 
-    address = None
-    if router is None and state is None:
-        port, address = chosen_address(port, url)
-    run_record(out, port or PORT, state, router, name, None if port else address, certs)
+    run_record(out, bus_address("helios record", port, state, router, certs, name, url))
 
 
 @app.command()

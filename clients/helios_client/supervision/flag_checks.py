@@ -9,7 +9,9 @@ from pathlib import Path
 
 from helios_core import plugins
 from helios_core.agent_presets import AGENT_NAMES
-from helios_core.errors import HeliosError, InvalidInput
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.models.catalogue import known, missing_sentence
+from helios_core.models.model_folder import onnx_file
 from helios_core.name_rules import robot_name, same_name
 from helios_core.settings_spelling import nearest
 
@@ -64,7 +66,7 @@ def check_router(host: str, certs: Path | None) -> None:
 
 def check_detector(detector: str) -> str:
     """Detector as the services spell it. Checks that the name can exist, and that a model file
-    does. Raises UsageError."""
+    does. Raises UsageError, or Unavailable for a recommended model that is not fetched."""
     kind, _, model = detector.partition(":")
     if kind == "onnx":
         _check_model(model)
@@ -117,11 +119,13 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
 
 
 def _check_model(file: str) -> None:
-    path = Path(file)
+    path = onnx_file(file)
     if not file:
         raise UsageError("--detector onnx: names no file; wanted onnx:FILE, a YOLOX model")
     if path.is_dir():
         raise UsageError(f"--detector onnx:{file}: that is a folder; name the model file in it")
+    if not path.is_file() and known(file):
+        raise Unavailable(missing_sentence(file))
     if not path.is_file():
         near = nearest(path.name, (p.name for p in _beside(path)))
         hint = f"did you mean {near}?" if near else "name an existing file"

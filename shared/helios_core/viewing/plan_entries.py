@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator
 
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+
 from helios_core import proto as pb
 from helios_core.recording_format import CANDIDATES, PATH, PLAN
-
-from helios_recorder.entry import Entry
-from helios_recorder.foxglove_scene import (
+from helios_core.viewing.entry import Entry
+from helios_core.viewing.foxglove_scene import (
     WORLD,
     Rgb,
     Xyz,

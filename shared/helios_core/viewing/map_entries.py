@@ -15,6 +15,8 @@ from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from numpy.typing import NDArray
+
 from helios_core import proto as pb
 from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, MapView
 from helios_core.recording_format import (
@@ -25,10 +27,8 @@ from helios_core.recording_format import (
     TRAJECTORY,
     VALUES,
 )
-from numpy.typing import NDArray
-
-from helios_recorder.entry import Entry
-from helios_recorder.foxglove_scene import (
+from helios_core.viewing.entry import Entry
+from helios_core.viewing.foxglove_scene import (
     WORLD,
     Rgb,
     add_ball,
@@ -61,7 +61,7 @@ POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), *RGBA])
 VALUE_CELL = np.dtype([*RGBA, ("value", "<f4")])
 NUMERIC = {
     "|u1": PackedElementField.UINT8, "|i1": PackedElementField.INT8,
-    "<f4": PackedElementField.FLOAT32,
+    "<f4": PackedElementField.FLOAT32, "<u4": PackedElementField.UINT32,
 }  # fmt: skip
 LEAST_BOX_M = 0.02  # keeps flat boxes visible
 
@@ -107,7 +107,7 @@ def obstacle_cloud(view: MapView, stamp_ns: int) -> PointCloud:
         timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((0.0, 0.0, 0.0)),
         point_stride=POINT.itemsize, data=points.tobytes(),
     )  # fmt: skip
-    _name_fields(out, POINT)
+    name_fields(out, POINT)
     return out
 
 
@@ -212,10 +212,11 @@ def _grid(view: MapView, cells: NDArray[np.void], z_m: float, stamp_ns: int) -> 
         data=cells.tobytes(),
     )  # fmt: skip
     out.cell_size.x = out.cell_size.y = view.cell_m
-    _name_fields(out, cells.dtype)
+    name_fields(out, cells.dtype)
     return out
 
 
-def _name_fields(out: Grid | PointCloud, kind: np.dtype) -> None:
+def name_fields(out: Grid | PointCloud, kind: np.dtype) -> None:
+    """Declare the fields of a structured type in a grid or a point cloud."""
     for name, (field, offset, *_) in (kind.fields or {}).items():
         out.fields.add(name=name, offset=offset, type=NUMERIC[field.str])

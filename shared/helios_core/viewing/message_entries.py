@@ -1,4 +1,4 @@
-"""Conversion of one bus message to the entries that a recording stores for it. No I/O."""
+"""Conversion of one bus message to the entries that a recording or a viewer gets. No I/O."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
+
 from helios_core import proto as pb
 from helios_core.recording_format import (
     ANNOTATIONS,
@@ -24,10 +25,9 @@ from helios_core.recording_format import (
     split_frame,
 )
 from helios_core.topics import DECISION, PLAN, PREVIEW, TASK
-
-from helios_recorder.entry import Entry
-from helios_recorder.foxglove_scene import stamp
-from helios_recorder.plan_entries import candidate_entry, plan_entries
+from helios_core.viewing.entry import Entry
+from helios_core.viewing.foxglove_scene import stamp
+from helios_core.viewing.plan_entries import candidate_entry, plan_entries
 
 ORANGE = (1.0, 0.55, 0.0, 1.0)
 

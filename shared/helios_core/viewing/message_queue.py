@@ -1,4 +1,4 @@
-"""Queue of messages for the disk: bounded in bytes; a put never blocks."""
+"""Queue of messages: bounded in bytes; a put never blocks."""
 
 from __future__ import annotations
 

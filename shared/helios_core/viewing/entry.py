@@ -1,4 +1,4 @@
-"""Entry of a recording."""
+"""Message on a channel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from google.protobuf.message import Message
 
 @dataclass(frozen=True)
 class Entry:
-    """Message with the channel on which it is recorded."""
+    """Message with the channel on which it is recorded or shown."""
 
     channel: str
     message: Message
