@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home import freespace
-from helios_sim.home.furniture_placement import FurniturePlacer, surface_points
+from helios_sim.home.furnished_floor import FurnishedFloor, surface_points
 from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface, Vec3
 from helios_sim.home.room_affinity import suits
 
@@ -49,7 +49,7 @@ class _Disc:
 class DistractorPlacer:
     """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
-    def __init__(self, furnisher: FurniturePlacer) -> None:
+    def __init__(self, furnisher: FurnishedFloor) -> None:
         self._f, self._rng = furnisher, furnisher.rng
         passable = furnisher.passable()
         self._reach = {

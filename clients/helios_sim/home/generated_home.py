@@ -87,7 +87,7 @@ class Home:
         """
         digest = self._drawn()
         for thing in self.objects:
-            _feed(digest, thing.name, *thing.position_m, thing.yaw_rad, *thing.size_m)
+            feed(digest, thing.name, *thing.position_m, thing.yaw_rad, *thing.size_m)
         return digest.hexdigest()
 
     def drawn_hash(self) -> str:
@@ -101,13 +101,20 @@ class Home:
 
     def _drawn(self) -> "hashlib._Hash":
         digest = hashlib.sha256()
-        for room in self.rooms:
-            _feed(digest, room.kind, room.x0, room.y0, room.x1, room.y1)
-        for door in self.doorways:
-            _feed(digest, str(door.axis), door.x, door.y, door.width_m)
+        self._feed_structure(digest)
         for item in (*self.receptacles, *self.fixtures):
-            _feed(digest, item.name, item.x, item.y, item.yaw_rad, *item.size_m)
+            feed(digest, item.name, item.x, item.y, item.yaw_rad, *item.size_m)
         return digest
+
+    def _feed_structure(self, digest: "hashlib._Hash") -> None:
+        for room in self.rooms:
+            feed(digest, room.kind, room.x0, room.y0, room.x1, room.y1)
+        for door in self.doorways:
+            feed(digest, str(door.axis), door.x, door.y, door.width_m)
+
+    def obstacles(self) -> list[freespace.Obstacle]:
+        """Walls, and footprints of all furniture that blocks a robot."""
+        return freespace.obstacles(self.rooms, self.doorways, self.receptacles, self.fixtures)
 
     def free_space(
         self, radius_m: float, cell_m: float = 0.05
@@ -116,11 +123,7 @@ class Home:
 
         The centre of cell (iy, ix) is origin + ((ix + 0.5) cell_m, (iy + 0.5) cell_m).
         """
-        clearance = freespace.clearance_m(
-            self.bounds,
-            freespace.obstacles(self.rooms, self.doorways, self.receptacles, self.fixtures),
-            cell_m,
-        )
+        clearance = freespace.clearance_m(self.bounds, self.obstacles(), cell_m)
         return clearance > radius_m, (self.bounds[0], self.bounds[1])
 
     def sample_episode(self, rng: np.random.Generator) -> Episode:
@@ -130,6 +133,7 @@ class Home:
         return task_sampling.sample(self.receptacles, self.objects, rng)
 
 
-def _feed(digest: "hashlib._Hash", name: str, *values: float) -> None:
+def feed(digest: "hashlib._Hash", name: str, *values: float) -> None:
+    """Add a name and lengths (m) or angles (rad), rounded to thousandths, to a digest."""
     rounded = ",".join(str(round(value * 1000)) for value in values)
     digest.update(f"{name}:{rounded}\n".encode())
