@@ -93,6 +93,10 @@ class DistractorPlacer:
             else:
                 self._place(anchor.class_name)
 
+    def put_on(self, class_name: str, shape: Shape, host: Receptacle) -> SceneObject | None:
+        """Place an object at a random free spot of a receptacle; None if there is none."""
+        return self.objects[-1] if self._anywhere(class_name, shape, host) else None
+
     def keep(self, settled: Sequence[SceneObject]) -> None:
         """Replace the objects by `settled`, a subset of them at their rest poses."""
         names = {thing.name for thing in settled}

@@ -186,6 +186,11 @@ def _inside(rect: Obstacle, room: Room) -> bool:
     )
 
 
+def stays_apart(a: Obstacle, b: Obstacle, gap_m: float) -> bool:
+    """True if two rotated rectangles are at least about `gap_m` apart."""
+    return not _overlap(a, b, gap_m)
+
+
 def _overlap(a: Obstacle, b: Obstacle, gap_m: float) -> bool:
     """True if two rotated rectangles are closer than about `gap_m` (separating axis test)."""
     ca, cb = _corners(a, gap_m / 2), _corners(b, gap_m / 2)

@@ -66,10 +66,13 @@ class Home:
 
     @cached_property
     def _classes(self) -> dict[str, str]:
-        classes = mujoco_model.structure_classes(self.rooms, self.doorways)
+        classes = self._structure_classes()
         for thing in (*self.receptacles, *self.fixtures, *self.objects):
             classes[thing.name] = thing.class_name
         return classes
+
+    def _structure_classes(self) -> dict[str, str]:
+        return mujoco_model.structure_classes(self.rooms, self.doorways)
 
     def receptacle(self, name: str) -> Receptacle:
         """Receptacle of that body name. Raises KeyError if there is none."""

@@ -158,11 +158,14 @@ def _home(furnisher: FurniturePlacer, seed: int, objects: Sequence[SceneObject])
         fixtures=tuple(furnisher.fixtures),
         start_pose=start,
         bounds=furnisher.bounds,
-        styles=tuple(_style(furnisher.rng, room, furnisher.palette) for room in furnisher.rooms),
+        styles=tuple(
+            floor_style(furnisher.rng, room, furnisher.palette) for room in furnisher.rooms
+        ),
     )
 
 
-def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
+def floor_style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
+    """Wall colour and floor of a room, drawn from the palette."""
     pattern = _FLOORS.get(room.kind, "planks")
     colors = _FLOOR_COLORS[pattern]
     return RoomStyle(

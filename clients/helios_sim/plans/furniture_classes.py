@@ -11,6 +11,7 @@ import json
 import re
 import tomllib
 import unicodedata
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -55,8 +56,18 @@ def opening_kind(catalog_id: str, name: str, z_m: float, height_m: float) -> Ope
 @cache
 def word_class(name: str) -> str:
     """Class of the longest known word in a name; empty if there is none."""
+    return _longest_word(name, known_words())
+
+
+@cache
+def room_kind(name: str) -> str:
+    """Kind of a room by its name, such as "kitchen"; empty for an unknown name."""
+    return _longest_word(name, known_words("rooms"))
+
+
+def _longest_word(name: str, words_of: Mapping[str, tuple[str, ...]]) -> str:
     plain, best, found = f" {plain_name(name)} ", 0, ""
-    for class_name, words in known_words().items():
+    for class_name, words in words_of.items():
         for word in words:
             if len(word) <= best:
                 continue
@@ -98,9 +109,10 @@ def _by_size(found: str, size_m: Vec3, z_m: float) -> str:
 
 
 @cache
-def known_words() -> dict[str, tuple[str, ...]]:
-    """Words of `furniture_words.toml` by class, as `plain_name` writes them."""
-    classes = tomllib.loads(_WORDS.read_text(encoding="utf-8"))["classes"]
+def known_words(part: str = "classes") -> dict[str, tuple[str, ...]]:
+    """Words of a part of `furniture_words.toml`, "classes" or "rooms", as `plain_name` writes
+    them."""
+    classes = tomllib.loads(_WORDS.read_text(encoding="utf-8"))[part]
     return {name: tuple(plain_name(word) for word in words) for name, words in classes.items()}
 
 

@@ -90,9 +90,7 @@ def _chosen_level(home: Element, wanted: str, file: str) -> tuple[_Level, list[_
         except _Unusable:
             continue
         name, key = element.attributes.get("name", ""), element.attributes.get("id", "")
-        at = next(
-            (v for v in levels if abs(v.elevation_cm - elevation) < _SAME_ELEVATION_CM), None
-        )
+        at = next((v for v in levels if abs(v.elevation_cm - elevation) < _SAME_ELEVATION_CM), None)
         if at is None:
             at = _Level(elevation)
             levels.append(at)
