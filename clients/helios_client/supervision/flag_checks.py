@@ -21,6 +21,7 @@ _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
 _SCORERS = ("lexical", "minilm")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
+LIKE_PLANS = "ovmm-v1"  # preset whose noise and number of actions the home of a plan has
 
 
 def check_robot(robot: str) -> str:
@@ -98,6 +99,33 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
         except HeliosError as error:
             raise UsageError(f"--furniture realistic: {error.message}") from error
     return preset, furniture
+
+
+def check_plan(robot: str, preset: str, home: Path | None, level: str | None) -> str:
+    """Name of a plan with a digest of its content; empty without one.
+
+    Raises UsageError for a plan that cannot be used, and for flags that contradict it.
+    """
+    if home is None:
+        if level is not None:
+            raise UsageError(f"--level {level} came without a plan; add --home FILE.sh3d")
+        return ""
+    if robot != "sim":
+        raise UsageError("--home is valid only with --robot sim")
+    if preset != DEFAULT_PRESET:
+        raise UsageError(f"--home {home} and --preset {preset} both name the home; leave one out")
+    try:
+        from helios_sim.plans import PlanSource, drawn_home  # late import: it takes half a second
+    except ImportError as error:
+        raise UsageError(
+            f"--home needs the simulator ({error}): pip install 'helios-ovmm[sim]'"
+        ) from error
+    try:
+        source = PlanSource.of(home, level or "")
+        drawn_home(source)
+    except HeliosError as error:
+        raise UsageError(f"--home: {error.message}") from error
+    return source.kind
 
 
 def _check_model(file: str) -> None:

@@ -115,7 +115,7 @@ def _drawn(
     if not hosts:
         there = ", ".join(sorted({host.class_name for host in floor.receptacles})) or "none"
         raise InvalidInput(
-            f"no {thing.on!r} within the robot's reach carries a {class_name}; within reach: {there}"
+            f"no {thing.on!r} within the robot's reach carries a {class_name}; there: {there}"
         )
     for k in floor.rng.permutation(len(hosts)):
         if (found := placer.put_on(class_name, shape, hosts[int(k)])) is not None:

@@ -41,6 +41,7 @@ _THINGS = (4, 30)
 _CLASSES = 12
 _FEWER = 0.75
 _LEAF_GAP_M = 0.02
+_LEAF_TAKES_M2 = 1.2  # most free floor that an open leaf may take
 # By the furniture of a room whose name says nothing, in this order.
 _KIND_OF = (
     ("toilet", "bathroom"), ("bathtub", "bathroom"), ("shower", "bathroom"), ("bed", "bedroom"),
@@ -194,8 +195,8 @@ class _Builder:
         start = start_pose(floor)
         if start is None or not floor.passable().any():
             raise InvalidInput(
-                f"{_where(plan)} has no free floor where the robot, 0.6 m wide, can stand and turn; "
-                "draw larger rooms or less furniture"
+                f"{_where(plan)} has no free floor where the robot, 0.6 m wide, can stand and "
+                "turn; draw larger rooms or less furniture"
             )
         home = PlanHome(
             seed=0, preset=self._preset, rooms=rooms, doorways=(),
@@ -232,34 +233,36 @@ class _Builder:
                 pose = (wall[0], wall[1], opening.yaw_rad)
                 room = self._nearest(opening, rooms, area)
                 self._hang(floor, "window", pose, shape, max(opening.z_m, 0.0), room)
-        furniture = [placed.footprint for placed in furnishing.pieces if placed.blocks]
-        main = floor.passable()
+        self._open_leaves(floor, doors, area, furnishing)
+
+    def _open_leaves(
+        self, floor: FurnishedFloor, doors: Doors, area: FloorArea, furnishing: Furnishing
+    ) -> None:
+        """Hang the open leaf of each door where it neither touches furniture nor blocks a way."""
+        taken = [placed.footprint for placed in furnishing.pieces if placed.blocks]
         for door, opening in zip(doors.open_doors, doors.opened, strict=True):
 
             def fits(shape: Shape, pose: Pose) -> bool:
                 rect = _rect(shape, pose)
-                away = freespace.distance_m(floor.bounds, rect, CELL_M)
-                left = freespace.largest_region(
-                    np.minimum(floor.clearance, away) > self._preset.passage_radius_m
-                )
-                lost = int(main.sum()) - int(left.sum())
-                return (
-                    _on_floor(rect, area)
-                    and not any(not stays_apart(rect, other, _LEAF_GAP_M) for other in furniture)
-                    and lost < 1.2 / CELL_M**2
-                    and self._still_reached(floor, left)
-                )
+                free = all(stays_apart(rect, other, _LEAF_GAP_M) for other in taken)
+                return free and _on_floor(rect, area) and self._stays_passable(floor, rect)
 
             leaf = plan_openings.open_leaf(door, opening, self._palette, self._rng, fits)
             if leaf is not None:
                 shape, pose = leaf
-                room = room_of(pose[0], pose[1], rooms, area) or 0
+                room = room_of(pose[0], pose[1], floor.rooms, area) or 0
                 item = self._hang(floor, "door", pose, shape, 0.0, room, blocks=True)
-                rect = freespace.footprint(item)
-                furniture.append(rect)
-                away = freespace.distance_m(floor.bounds, rect, CELL_M)
+                taken.append(freespace.footprint(item))
+                away = freespace.distance_m(floor.bounds, taken[-1], CELL_M)
                 np.minimum(floor.clearance, away, out=floor.clearance)
-                main = floor.passable()
+
+    def _stays_passable(self, floor: FurnishedFloor, rect: Obstacle) -> bool:
+        away = freespace.distance_m(floor.bounds, rect, CELL_M)
+        left = freespace.largest_region(
+            np.minimum(floor.clearance, away) > self._preset.passage_radius_m
+        )
+        lost = int(floor.passable().sum()) - int(left.sum())
+        return lost < _LEAF_TAKES_M2 / CELL_M**2 and self._still_reached(floor, left)
 
     @staticmethod
     def _still_reached(floor: FurnishedFloor, passable: NDArray[np.bool_]) -> bool:

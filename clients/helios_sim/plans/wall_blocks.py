@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -65,7 +66,7 @@ def whole_blocks(walls: Sequence[Wall]) -> list[WallBlock]:
     for k, (wall, points) in enumerate(runs):
         others = [run for j, run in enumerate(runs) if j != k]
         first, last = (_overlap_m(wall, end, others) for end in (points[0], points[-1]))
-        pieces = list(zip(points, points[1:], strict=False))
+        pieces = list(itertools.pairwise(points))
         for i, (a, b) in enumerate(pieces):
             inner = 0.0 if len(pieces) == 1 else wall.thickness_m / 2 * math.tan(_ARC_STEP_RAD / 2)
             before = first if i == 0 else inner
@@ -113,7 +114,7 @@ def _overlap_m(wall: Wall, end: Xy, others: Iterable[tuple[Wall, list[Xy]]]) -> 
     """How far a wall reaches beyond this end of its axis, to close the corner with another."""
     reach = 0.0
     for other, points in others:
-        near = min(_to_segment(end, a, b) for a, b in zip(points, points[1:], strict=False))
+        near = min(_to_segment(end, a, b) for a, b in itertools.pairwise(points))
         if near <= other.thickness_m / 2 + _TOUCH_M:
             reach = max(reach, min(wall.thickness_m, other.thickness_m) / 2)
     return reach
@@ -132,7 +133,7 @@ def cut(blocks: Iterable[WallBlock], doors: Sequence[Opening]) -> list[WallBlock
         spans = [(*span, door) for door in doors if (span := crossing(block, door)) is not None]
         half = block.length_m / 2
         marks = sorted({-half, half, *(u for lo, hi, _ in spans for u in (lo, hi))})
-        for lo, hi in zip(marks, marks[1:], strict=False):
+        for lo, hi in itertools.pairwise(marks):
             over = [door for a, b, door in spans if a < (lo + hi) / 2 < b]
             bottom = max((d.z_m + d.height_m for d in over), default=block.z0_m)
             if hi - lo > 1e-4 and bottom < block.z1_m - 0.01:
