@@ -61,13 +61,13 @@ _PIECES = (
     (1010, 130, _RIGHT, "Bücherregal", "", 100, 34, 190, 0),
     (790, 250, _LEFT, "Sessel", "eTeks#armchair", 80, 78, 77, 0),
     (58, 560, _LEFT, "Sofa", "eTeks#sofa", 190, 87, 87, 0),
-    (165, 560, _UP, "Couchtisch", "eTeks#coffeeTable", 60, 100, 42, 0),
-    (165, 560, _UP, "Teppich", "", 180, 240, 1, 0),
-    (535, 640, _RIGHT, "TV-Schrank", "", 150, 42, 50, 0),
-    (535, 640, _RIGHT, "Fernseher", "eTeks#flatTV", 110, 12, 66, 50),
-    (320, 640, _UP, "Esstisch", "eTeks#table", 140, 80, 75, 0),
-    (320, 575, _UP, "Stuhl", "eTeks#chair", 40, 42, 90, 0),
-    (320, 705, _DOWN, "Stuhl", "eTeks#chair", 40, 42, 90, 0),
+    (220, 560, _UP, "Couchtisch", "eTeks#coffeeTable", 60, 100, 42, 0),
+    (220, 560, _UP, "Teppich", "", 180, 240, 1, 0),
+    (535, 560, _RIGHT, "TV-Schrank", "", 120, 42, 50, 0),
+    (535, 560, _RIGHT, "Fernseher", "eTeks#flatTV", 110, 12, 66, 50),
+    (400, 655, _UP, "Esstisch", "eTeks#table", 120, 70, 75, 0),
+    (400, 600, _UP, "Stuhl", "eTeks#chair", 40, 42, 90, 0),
+    (400, 710, _DOWN, "Stuhl", "eTeks#chair", 40, 42, 90, 0),
     (40, 370, _LEFT, "Zimmerpflanze", "eTeks#plant", 50, 50, 110, 0),
     (250, 345, _UP, "Kommode", "eTeks#chest", 110, 40, 85, 0),
     (800, 640, _DOWN, "Doppelbett", "eTeks#bed140x190", 158, 208, 70, 0),
@@ -77,7 +77,7 @@ _PIECES = (
     (745, 720, _DOWN, "Wecker", "", 10, 8, 9, 50),
     (800, 540, _UP, "Deckenlampe", "eTeks#pendantLamp", 50, 50, 60, 190),
 )  # fmt: skip
-_BENCH = (480, 735, _DOWN, "Fensterbank mit Lehne", "", 100, 28, 46, 0)
+_BENCH = (140, 735, _DOWN, "Sitzbank", "", 100, 28, 46, 0)
 _SASH = (
     "<sash xAxis='0.05464481' yAxis='0.5862069' width='0.89071035' startAngle='0.0' "
     "endAngle='-1.5707964'/>"

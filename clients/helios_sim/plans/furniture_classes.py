@@ -25,6 +25,7 @@ _NAMES = Path(__file__).with_name("catalogue_names.json")
 _COMPOUND_LETTERS = 5
 _WITHOUT_SPACES = re.compile(r"[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]")
 _DOOR_SILL_M = 0.25
+_SMALL_M = 0.35  # a piece with an unknown name and no longer side is a household thing
 _LEAST_DOOR_M = 1.5
 
 
@@ -36,7 +37,9 @@ def class_of(catalog_id: str, name: str, size_m: Vec3, z_m: float = 0.0) -> str:
     ids, names = _catalogue()
     plain = plain_name(name)
     found = ids.get(catalog_id) or names.get(plain) or word_class(name)
-    return _by_size(found, size_m, z_m) if found else UNKNOWN
+    if not found:
+        return SMALL if max(size_m) < _SMALL_M else UNKNOWN
+    return _by_size(found, size_m, z_m)
 
 
 def opening_kind(catalog_id: str, name: str, z_m: float, height_m: float) -> OpeningKind:
