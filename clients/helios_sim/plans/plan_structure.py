@@ -133,12 +133,12 @@ def _sheet(bounds: Bounds, z: float, *, up: bool) -> Mesh:
     """Horizontal sheet over the bounds that its texture covers once; seen from above or below."""
     x0, y0, x1, y1 = bounds
     size = (x1 - x0, y1 - y0)
-    edges = ((size[0], 0.0, 0.0), (0.0, size[1], 0.0))
+    along_x, along_y = (size[0], 0.0, 0.0), (0.0, size[1], 0.0)
+    nx, ny = _cells(size[0]), _cells(size[1])
     if not up:
-        edges = edges[::-1]
-    cells = (_cells(size[0]), _cells(size[1]))
-    mesh = mesh_primitives.quad((x0, y0, z), *edges, *(cells if up else cells[::-1]))
-    return mesh_primitives.covered_once(mesh, size) if up else mesh
+        return mesh_primitives.quad((x0, y0, z), along_y, along_x, ny, nx)
+    mesh = mesh_primitives.quad((x0, y0, z), along_x, along_y, nx, ny)
+    return mesh_primitives.covered_once(mesh, size)
 
 
 def floor_picture(

@@ -21,7 +21,7 @@ def summary(drawn: DrawnHome) -> list[str]:
     lines = [f"{plan.file_name}{level}, SHA-256 {plan.sha256}"]
     if others:
         lines.append(f"not used: the level{'s' * (len(others) > 1)} {', '.join(others)}")
-    lines.append(f"{len(home.rooms)} rooms: {'; '.join(_room(drawn, r) for r in home.rooms)}")
+    lines.append(f"rooms, {len(home.rooms)}: {'; '.join(_room(drawn, r) for r in home.rooms)}")
     lines.append(_doors(drawn))
     closed = sum(block.length_m for block in drawn.area.closing)
     if closed > _CLOSED_FROM_M:
@@ -50,12 +50,12 @@ def _room(drawn: DrawnHome, room: Room) -> str:
 def _doors(drawn: DrawnHome) -> str:
     doors = drawn.doors
     windows = sum(opening.kind == "window" for opening in drawn.plan.openings)
-    parts = [f"{len(doors.open_doors)} doors between rooms, which stand open"]
+    parts = [f"doors between rooms, open: {len(doors.open_doors)}"]
     if doors.shut:
-        parts.append(f"{len(doors.shut)} that lead outdoors and stay shut")
+        parts.append(f"doors to the outside, shut: {len(doors.shut)}")
     if doors.nowhere:
-        parts.append(f"{len(doors.nowhere)} in no wall, left out")
-    return f"{', '.join(parts)}; {windows} windows"
+        parts.append(f"doors in no wall, left out: {len(doors.nowhere)}")
+    return f"{'; '.join(parts)}; windows: {windows}"
 
 
 def unreachable_sentences(drawn: DrawnHome) -> list[str]:

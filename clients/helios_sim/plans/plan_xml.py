@@ -57,7 +57,7 @@ def parse(data: bytes, name: str) -> Element:
     parser = expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
-    parser.UnparsedEntityDeclHandler = parser.ExternalEntityRefHandler = refuse
+    parser.UnparsedEntityDeclHandler = refuse
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, LookupError, ValueError) as error:
