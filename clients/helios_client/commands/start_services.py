@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -109,7 +110,9 @@ def up(
     scorer = None if scorer is None else flag_checks.check_scorer(scorer)
     agent = None if agent is None else flag_checks.check_agent(agent)
     preset, furniture = flag_checks.check_home(robot, preset, furniture)
-    plan_name = flag_checks.check_plan(robot, preset, home, level)
+    plan_name, remarks = flag_checks.check_plan(robot, preset, home, level)
+    for remark in remarks:
+        print(f"helios: {remark}", file=sys.stderr)
     if source is not None:
         check_source(source)
     state_dir = state or state_file.default_state_dir(port)

@@ -101,31 +101,36 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
     return preset, furniture
 
 
-def check_plan(robot: str, preset: str, home: Path | None, level: str | None) -> str:
-    """Name of a plan with a digest of its content; empty without one.
+def check_plan(
+    robot: str, preset: str, home: Path | None, level: str | None
+) -> tuple[str, list[str]]:
+    """Name of a plan with a digest of its content, and sentences on rooms that the robot cannot
+    reach; empty without a plan.
 
     Raises UsageError for a plan that cannot be used, and for flags that contradict it.
     """
     if home is None:
         if level is not None:
             raise UsageError(f"--level {level} came without a plan; add --home FILE.sh3d")
-        return ""
+        return "", []
     if robot != "sim":
         raise UsageError("--home is valid only with --robot sim")
     if preset != DEFAULT_PRESET:
         raise UsageError(f"--home {home} and --preset {preset} both name the home; leave one out")
     try:
-        from helios_sim.plans import PlanSource, drawn_home  # late import: it takes half a second
+        # late imports: they take half a second
+        from helios_sim.plans import PlanSource, drawn_home
+        from helios_sim.plans.plan_summary import unreachable_sentences
     except ImportError as error:
         raise UsageError(
             f"--home needs the simulator ({error}): pip install 'helios-ovmm[sim]'"
         ) from error
     try:
         source = PlanSource.of(home, level or "")
-        drawn_home(source)
+        remarks = unreachable_sentences(drawn_home(source))
     except HeliosError as error:
         raise UsageError(f"--home: {error.message}") from error
-    return source.kind
+    return source.kind, remarks
 
 
 def _check_model(file: str) -> None:

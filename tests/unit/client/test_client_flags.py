@@ -118,9 +118,10 @@ def test_a_plan_is_checked_before_anything_starts(folder: Path) -> None:
     ):
         with pytest.raises(UsageError, match=said):
             flag_checks.check_plan(robot, preset, home, level)
-    name = flag_checks.check_plan("sim", "demo-v1", FLAT, None)
+    name, remarks = flag_checks.check_plan("sim", "demo-v1", FLAT, None)
+    assert remarks == []
     assert name.startswith("flat.sh3d@")
-    assert flag_checks.check_plan("sim", "demo-v1", None, None) == ""
+    assert flag_checks.check_plan("sim", "demo-v1", None, None) == ("", [])
     options = StackOptions(
         "sim", 7447, folder, port=8080, home=FLAT, level="Ground", home_name=name
     )

@@ -15,9 +15,13 @@ from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
 from helios_eval.episodes.plan_homes import plan_homes
 from helios_eval.episodes.run_conditions import parse_condition
 from helios_eval.report.failure_causes import replay
-from helios_eval.runs.evaluation_run import Run, run
+from helios_eval.runs.evaluation_run import (
+    Run,
+    check_goes_on,
+    failed_record,
+    write_run_description,
+)
 from helios_sim.plans.plan_source import file_sha256
-from rich.console import Console
 
 from scripts.generate_example_flat import OUT as FLAT
 from tests.unit.sim.plan_files import LEFT, TWO_ROOMS, door, piece, room, write_plan
@@ -36,16 +40,17 @@ def _small(path: Path) -> Path:
     return write_plan(path, (TWO_ROOMS, room("Kitchen", LEFT), door(400, 250), table, stand))
 
 
-def test_a_record_carries_the_name_and_the_digest_of_its_plan() -> None:
-    under = _parse(FLAT)
+def test_a_record_carries_the_name_and_the_digest_of_its_plan(tmp_path: Path) -> None:
+    plan = _small(tmp_path / "flat.sh3d")
+    under = _parse(plan)
     spec = EpisodeSpec("ovmm", WALKER, "ground-truth", under.preset, 3, None, {}, under.inputs)
-    assert spec.home_file == f"flat.sh3d sha256:{file_sha256(FLAT)}"
-    assert under.preset == f"flat.sh3d@{file_sha256(FLAT)[:12]}"
+    assert spec.home_file == f"flat.sh3d sha256:{file_sha256(plan)}"
+    assert under.preset == f"flat.sh3d@{file_sha256(plan)[:12]}"
     assert spec.max_steps == 1250
     record = play(spec, "here").record
     assert record.success
     assert record.home_file == spec.home_file
-    assert record.preset_hash == file_sha256(FLAT)
+    assert record.preset_hash == file_sha256(plan)
     assert "--homes flat.sh3d" in replay(record)
 
 
@@ -73,28 +78,33 @@ def test_flags_that_contradict_each_other_and_plans_that_cannot_be_used(tmp_path
             _parse(homes, level, preset)
 
 
-def test_a_run_resumes_and_its_description_names_the_plan(tmp_path: Path) -> None:
-    under = _parse(_small(tmp_path / "a.sh3d"))
+def test_a_run_names_its_plan_and_goes_on_only_with_the_same_content(tmp_path: Path) -> None:
+    plan = _small(tmp_path / "a.sh3d")
+    under = _parse(plan)
     asked = Run(
-        "ovmm", under.agents, ("unlimited",), "ground-truth", under.preset, 1, 5, tmp_path / "out",
-        1, None, under.settings, inputs=under.inputs,
+        "ovmm", under.agents, ("unlimited",), "ground-truth", under.preset, 1, 5, tmp_path, 1, None,
+        under.settings, inputs=under.inputs,
     )  # fmt: skip
-    (record,) = run(asked, Console(quiet=True))
-    written = json.loads((tmp_path / "out/run.json").read_text())
-    assert written["homes"] == [record.home_file]
+    write_run_description(asked, "here", 0.0, None)
+    written = json.loads((tmp_path / "run.json").read_text())
+    assert written["homes"] == [f"a.sh3d sha256:{file_sha256(plan)}"]
     assert written["preset"] == under.preset
-    lines = (tmp_path / "out/episodes.jsonl").read_text()
-    assert run(asked, Console(quiet=True))[0].key == record.key
-    assert (tmp_path / "out/episodes.jsonl").read_text() == lines
+    (spec,) = asked.specs()
+    record = failed_record(spec, "no reason", "here")
+    assert record.key == spec.key
+    assert record.home_file == spec.home_file
+    check_goes_on(asked, [record], written)
+    with pytest.raises(InvalidInput, match="another preset"):
+        check_goes_on(asked, [record.model_copy(update={"preset_hash": "0" * 64})], written)
 
 
 def test_the_command_prints_what_it_takes_and_writes_a_picture(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plan, picture = _small(tmp_path / "a.sh3d"), tmp_path / "a.png"
-    assert cli.main(["eval", "plan", str(plan), "--out", str(picture)]) == 0
+    assert cli.run(["eval", "plan", str(plan), "--out", str(picture)]) == 0
     said = capsys.readouterr().out
     assert "can carry things: 1 desk, 1 dining table" in said
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    assert cli.main(["eval", "plan", str(tmp_path / "none.sh3d")]) == 2
+    assert cli.run(["eval", "plan", str(tmp_path / "none.sh3d")]) == 2
     assert "does not exist" in capsys.readouterr().err
