@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,13 @@ RobotKind = Annotated[
 ]
 Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
 Preset = Annotated[str, typer.Option(help="preset of the simulated home")]
+Home = Annotated[
+    Path | None,
+    typer.Option(help="home of --robot sim that you drew in Sweet Home 3D, a .sh3d file"),
+]
+Level = Annotated[
+    str | None, typer.Option(help="level of --home  [default: the one with the most rooms]")
+]
 Furniture = Annotated[
     str | None,
     typer.Option(
@@ -85,6 +93,8 @@ def up(
     port: Port = 8080,
     seed: Seed = 0,
     preset: Preset = "demo-v1",
+    home: Home = None,
+    level: Level = None,
     furniture: Furniture = None,
     state: State = None,
     detector: Detector = None,
@@ -127,15 +137,21 @@ def up(
     check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
     agent = None if agent is None else flag_checks.check_agent(agent)
     preset, furniture = flag_checks.check_home(robot, preset, furniture)
+    plan_name, remarks = flag_checks.check_plan(robot, preset, home, level)
+    for remark in remarks:
+        print(f"helios: {remark}", file=sys.stderr)
     if source is not None:
         check_source(source)
     state_dir = state or state_file.default_state_dir(port)
     if record and record_dir is None:
         record_dir = state_dir / "recordings"
-    of_preset = preset_defaults(robot, preset, detector, os.environ)
+    of_preset = preset_defaults(
+        robot, flag_checks.LIKE_PLANS if home else preset, detector, os.environ
+    )
     specs = StackOptions(
         robot=robot, router_port=router_port or free_port(), state_dir=state_dir, name=name,
-        port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
+        port=port, seed=seed, preset=preset, home=home and home.resolve(), level=level,
+        home_name=plan_name, furniture=furniture, detector=detector, scorer=scorer,
         agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
         robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
         certs=certs, router_host=router_host,

@@ -24,6 +24,7 @@ _SCORERS = ("lexical", "minilm")
 ROUTER_HOSTS = (LOOPBACK, "0.0.0.0", "::")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
+LIKE_PLANS = "ovmm-v1"  # preset whose noise and number of actions the home of a plan has
 
 
 def check_robot(robot: str) -> str:
@@ -116,6 +117,38 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
         except HeliosError as error:
             raise UsageError(f"--furniture realistic: {error.message}") from error
     return preset, furniture
+
+
+def check_plan(
+    robot: str, preset: str, home: Path | None, level: str | None
+) -> tuple[str, list[str]]:
+    """Name of a plan with a digest of its content, and sentences on rooms that the robot cannot
+    reach; empty without a plan.
+
+    Raises UsageError for a plan that cannot be used, and for flags that contradict it.
+    """
+    if home is None:
+        if level is not None:
+            raise UsageError(f"--level {level} came without a plan; add --home FILE.sh3d")
+        return "", []
+    if robot != "sim":
+        raise UsageError("--home is valid only with --robot sim")
+    if preset != DEFAULT_PRESET:
+        raise UsageError(f"--home {home} and --preset {preset} both name the home; leave one out")
+    try:
+        # late imports: they take half a second
+        from helios_sim.plans import PlanSource, drawn_home
+        from helios_sim.plans.plan_summary import unreachable_sentences
+    except ImportError as error:
+        raise UsageError(
+            f"--home needs the simulator ({error}): pip install 'helios-ovmm[sim]'"
+        ) from error
+    try:
+        source = PlanSource.of(home, level or "")
+        remarks = unreachable_sentences(drawn_home(source))
+    except HeliosError as error:
+        raise UsageError(f"--home: {error.message}") from error
+    return source.kind, remarks
 
 
 def _check_model(file: str) -> None:

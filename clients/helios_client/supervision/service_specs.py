@@ -27,6 +27,9 @@ class StackOptions:
     port: int | None = None  # port of the gateway; None: neither gateway nor planner
     seed: int = 0
     preset: str = "demo-v1"
+    home: Path | None = None  # plan of the simulated home, instead of a preset
+    level: str | None = None  # level of the plan; None: the one with the most rooms
+    home_name: str = ""  # name of the plan with a digest of its content
     furniture: str | None = None  # kind of furniture in the home; None: the simulator's setting
     detector: str = "simulated"
     scorer: str | None = None  # None: the detector's setting
@@ -88,7 +91,7 @@ class StackOptions:
             out.append(
                 self._service(
                     "world", "helios_sim", seed=self.seed, preset=self.preset,
-                    furniture=self.furniture,
+                    home=self.home, level=self.level, furniture=self.furniture,
                 )
             )  # fmt: skip
         if self.robot != REMOTE:
@@ -147,7 +150,8 @@ class StackOptions:
         tasks = self.state_dir / "planner"
         if self.robot != "sim":
             return tasks
-        return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
+        home = self.home_name or self.preset
+        return tasks / f"sim-{home}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name, *self._certs()]
