@@ -21,13 +21,18 @@ from helios_core.zenoh_config import router_config, router_config_of_file
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
 
-def main() -> int:
+def arguments() -> argparse.ArgumentParser:
+    """Command line of the router."""
     parser = argparse.ArgumentParser(prog="helios-router", description=__doc__)
     parser.add_argument(
         "--listen", help=f"endpoint to listen on; default {DEFAULT_LISTEN}, or that of --certs"
     )
     parser.add_argument("--certs", type=Path, help="folder of helios certs: TLS, access control")
-    args = parser.parse_args()
+    return parser
+
+
+def main() -> int:
+    args = arguments().parse_args()
     stopped = threading.Event()
     stop_on_signals(stopped)
     try:

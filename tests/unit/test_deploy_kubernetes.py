@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helios_core.router import arguments as router_arguments
 
 from tests.support import settings_of
 
@@ -60,6 +61,15 @@ def test_each_service_accepts_the_settings(name: str, monkeypatch: pytest.Monkey
     module, *flags = container["args"]
     settings = settings_of(module).load(flags)
     assert settings.router == SETTINGS["all"]["router"]
+
+
+def test_the_router_takes_its_flags() -> None:
+    [container] = pod("router")["containers"]
+    module, *flags = container["args"]
+    assert module == "helios_core.router"
+    folder = router_arguments().parse_args(flags).certs
+    [copy] = pod("router")["initContainers"]
+    assert copy["command"][-1] == f"{folder}/router.json5"
 
 
 def test_the_settings_are_of_services_that_run_here() -> None:

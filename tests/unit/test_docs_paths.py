@@ -27,6 +27,7 @@ SUFFIXES = ("py", "proto", "toml", "json5", "yaml", "sh", "md", "json", "png", "
 # Files that a reader writes, a command creates, or another package contains; none is ours.
 OF_THE_READER = {
     "keys.toml", "helios.toml", "meta.json", "result.json", "results.json", "run.json",
+    "sbom.cdx.json",
     "models.lock.json",
     "report.md", "calibration.md", "attributions.md", "realism.md", "beliefs.json",
     "summary.json", "objects.json", "psi.png", "gaussians.png", "map.yaml", "bench.json",
