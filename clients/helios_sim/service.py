@@ -21,7 +21,9 @@ from helios_core.health import Health
 from helios_core.topics import (
     TRUTH_EPISODE,
     TRUTH_METRICS,
+    TRUTH_OBJECTS,
     TRUTH_SEGMENTATION,
+    TRUTH_TRACE,
     WORLD_ACT,
     WORLD_CAPTURE,
     WORLD_CLEAR_STOP,
@@ -36,7 +38,9 @@ from helios_sim.episode_tracker import episode_of
 from helios_sim.ground_truth_messages import (
     episode_to_proto,
     metrics_to_proto,
+    objects_to_proto,
     segmentation_to_proto,
+    trace_to_proto,
 )
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.sensor_noise import SENSORS
@@ -49,7 +53,7 @@ T = TypeVar("T")
 
 
 class WorldService:
-    """Request handlers of a world; all except stop, clear-stop and describe run on its thread."""
+    """Request handlers of a world; all except stop, clear-stop, describe and the trace run on its thread."""
 
     def __init__(self, bus: Bus, thread: WorldThread, health: Health) -> None:
         self._thread, self._health = thread, health
@@ -63,6 +67,10 @@ class WorldService:
             TRUTH_EPISODE, lambda _: thread.run(lambda w: episode_to_proto(w.home, w.episode))
         )
         bus.serve(TRUTH_METRICS, lambda _: thread.run(lambda w: metrics_to_proto(w.progress)))
+        bus.serve(
+            TRUTH_OBJECTS, lambda _: thread.run(lambda w: objects_to_proto(w.object_states()))
+        )
+        bus.serve(TRUTH_TRACE, lambda request: trace_to_proto(thread.trace, request.since_ns))
         # Served last: once a client finds the description, all other queries are served.
         bus.serve(WORLD_DESCRIBE, lambda _: description_to_proto(thread.describe()))
         health.ready()
@@ -113,6 +121,7 @@ def world_of(settings: Settings) -> World:
         episode_of(home, task_seed),
         sensor=SENSORS[settings.sensor],
         pick_rule=settings.pick_rule,
+        pace=settings.pace,
     )
     log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
     return world

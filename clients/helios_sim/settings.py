@@ -31,6 +31,13 @@ class Settings(ServiceSettings):
         "ovmm (of the sought class, in reach and in view, the one nearest to the point)",
     )
 
+    pace: float = Field(
+        0.0,
+        ge=0,
+        description="simulated seconds per second of a drive: 1 for the speed of a real robot, 0 for "
+        "as fast as possible",
+    )
+
     furniture: Literal["parametric", "realistic"] = Field(
         "parametric",
         description="shapes of furniture: parametric, or realistic (models baked by `helios "

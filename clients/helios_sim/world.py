@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from helios_sim.action_executor import ActionExecutor, Outcome
 from helios_sim.action_limits import limit_violation
+from helios_sim.drive_trace import DriveTrace
 from helios_sim.episode_events import Event
 from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.ground_truth import Segmentation, TrueObjectState
@@ -64,12 +65,14 @@ class World(RobotDriver):
         sensor: SensorErrorModel = SENSORS["none"],
         pick_rule: PickRule = "physical",
         colored: bool = True,
+        pace: float = 0.0,
     ) -> None:
         """episode: the task to measure; None measures only steps and collisions.
 
         sensor: errors of images and poses, seeded with the seed of the home. pick_rule: which
         object a pick takes, see `manipulation`. colored: False takes less than half of the time for
         a capture and its ground truth. Color images are then black; all else is the same.
+        pace: simulated seconds per second of a drive; 0 for as fast as possible.
         """
         spec = home.spec()
         add_robot(spec)
@@ -96,8 +99,9 @@ class World(RobotDriver):
         self._sensors = RobotSensors(
             model, self._data, robot, camera, home, movable, sensor, colored
         )
+        self.trace = DriveTrace(pace)
         self._executor = ActionExecutor(
-            model, self._data, robot, home, self._sensors, self._tracker, pick_rule
+            model, self._data, robot, home, self._sensors, self._tracker, pick_rule, self.trace
         )
 
     # --- driver interface ---------------------------------------------------------------------
@@ -141,6 +145,7 @@ class World(RobotDriver):
         if isinstance(action, Forward | Turn):
             result = replace(result, moved_m=moved_m, turned_rad=turned_rad)
         self._results[action_id] = result
+        self.trace.actions += 1
         while len(self._results) > _REMEMBERED_ACTIONS:
             self._results.popitem(last=False)
         return result

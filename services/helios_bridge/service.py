@@ -54,6 +54,7 @@ from helios_bridge.lease import Lease
 from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
 from helios_bridge.recording_player import RecordingPlayer
 from helios_bridge.settings import Settings
+from helios_bridge.stop_latch import StopLatch
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +63,8 @@ LONGEST_ID = 200
 END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
 MOST_REASONS = 200  # length of all stop reasons together, characters
+STOP_AGAIN_S = 0.5  # period at which the stop of a robot that has not confirmed it is repeated
+UNCONFIRMED = "the robot has not confirmed the stop and may still move"
 
 
 class BridgeService:
@@ -87,12 +90,14 @@ class BridgeService:
         self._health = BridgeHealth(health)
         self._driver = GuardedDriver(driver, self._health)
         self._turn = threading.Lock()  # lock on the driver
-        self._stopped_why = ""  # all stop reasons, oldest first; "" if not stopped
+        self._latch = StopLatch(settings.state_dir)
+        self._stopped_why = self._latch.read()  # all stop reasons, oldest first; "" if not stopped
+        self._stop_confirmed = False  # the driver has come back from its stop
         self._last_stop_why = ""
         self._busy_until_s: float | None = None  # deadline of the running action
         self._stop_call: Future[None] | None = None  # last call of the driver's stop
         self._stop_lock = threading.Lock()
-        self._stops = 0
+        self._stops, self._clearing = 0, False
         self._stop_late = False
         self._ending = threading.Event()
         self._executor = executor or DriverExecutor()
@@ -134,6 +139,9 @@ class BridgeService:
             self._executor.start("play", lambda: player.run(self._ending, self._publish_state))
         elif self._push_queue is None and self._settings.stream_hz > 0:
             self._executor.start("stream", self._stream)
+        if self._stopped_why:
+            log.warning("stopped since before the start: %s", self._stopped_why)
+            self._stop_again()
         self._publish_state()
         self._health.ready("waits for frames: POST /v1/frames" if self._push_queue else "")
 
@@ -177,6 +185,7 @@ class BridgeService:
             if not self._stop_hangs():
                 self._stop_call = self._executor.begin("stop", self._stop)
             call = self._stop_call
+            self._latch.keep(self._stopped_why)
         assert call is not None
         futures.wait((call,), self._settings.stop_timeout_s)
         if not call.done():
@@ -196,11 +205,16 @@ class BridgeService:
         with self._stop_lock:
             if self._stop_hangs():
                 raise Conflict("the driver has not come back from its stop; see to the robot first")
-            stops = self._stops
-        self._driver.clear_stop()  # may take long: the robot may be remote
+            stops, self._clearing = self._stops, True
+        try:
+            self._driver.clear_stop()  # may take long: the robot may be remote
+        finally:
+            self._clearing = False
         with self._stop_lock:
             anew = self._last_stop_why if self._stops != stops else ""
-            self._stopped_why = anew
+            self._stopped_why, self._stop_confirmed = anew, False
+            if not anew:
+                self._latch.clear()
         if anew:  # the driver may have cleared it too; no action can have begun
             self.stop(pb.StopRequest(reason=anew))
             raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
@@ -216,17 +230,22 @@ class BridgeService:
         return reply
 
     def state(self) -> RobotState:
-        """Robot state from the driver, completed by the bridge."""
+        """Robot state from the driver, completed by the bridge.
+
+        `stopped` is true only if the robot has confirmed its stop.
+        """
         s = self._driver.state()
+        why = self._stopped_why
+        stopped = s.stopped or bool(why and self._stop_confirmed)
         return RobotState(
             T_world_base=s.T_world_base,
             tilt_rad=s.tilt_rad,
             held=s.held,
             moving=self._busy_until_s is not None,
-            stopped=s.stopped or bool(self._stopped_why),
+            stopped=stopped,
             world_epoch=s.world_epoch,
             robot_boot_id=self._publisher.boot_id(s),
-            message=self._stopped_why or s.message,
+            message=f"{why}; {UNCONFIRMED}" if why and not stopped else why or s.message,
             finished=self._publisher.finished,
             last_seq=self._publisher.last_keyframe,
             last_action_id=self._actions.last_id,
@@ -252,6 +271,7 @@ class BridgeService:
     def _stop(self) -> None:
         try:
             self._driver.stop(self._stopped_why)
+            self._stop_confirmed = bool(self._stopped_why)
         except Exception as error:
             if self._stop_late:  # the caller of stop no longer waits
                 log.error("the stop failed: %s", error)
@@ -262,6 +282,12 @@ class BridgeService:
             log.warning("the driver has come back from its stop after all")
         self._health.stop_works()
         self._publish_state()
+
+    def _stop_again(self) -> None:
+        with self._stop_lock:
+            unconfirmed = bool(self._stopped_why) and not self._stop_confirmed
+            if unconfirmed and not self._clearing and not self._stop_hangs():
+                self._stop_call = self._executor.begin("stop", self._stop)
 
     def _stop_hangs(self) -> bool:
         return self._stop_call is not None and not self._stop_call.done()
@@ -339,8 +365,13 @@ class BridgeService:
             self._publish_state()
 
     def _watchdog(self) -> None:
-        """Stop the robot if an action still runs at its deadline."""
+        """Stop the robot if an action still runs at its deadline, and repeat a stop until the robot
+        confirms it."""
+        again_s = time.monotonic() + STOP_AGAIN_S
         while not self._ending.wait(0.05):
+            if self._stopped_why and not self._stop_confirmed and time.monotonic() >= again_s:
+                again_s = time.monotonic() + STOP_AGAIN_S
+                self._stop_again()
             until = self._busy_until_s
             if until is not None and time.monotonic() > until and not self._stopped_why:
                 try:

@@ -79,6 +79,11 @@ class Settings(ServiceSettings):
         description="longest wait for the driver's stop; then the bridge reports that the "
         "robot may still move",
     )
+    state_dir: Path | None = Field(
+        default=None,
+        description="folder that keeps a stop over restarts of the bridge; unset: keep nothing, for "
+        "robots that keep their stop themselves",
+    )
     autoplay: bool = Field(
         default=True, description="play a recording as soon as the maps are ready"
     )

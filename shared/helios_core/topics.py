@@ -148,6 +148,8 @@ TRUTH_SEGMENTATION = Method(
 )
 TRUTH_EPISODE = Method("world/episode", pb.Empty, pb.TruthEpisode, truth=True)
 TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
+TRUTH_OBJECTS = Method("world/objects", pb.Empty, pb.TruthObjects, truth=True)
+TRUTH_TRACE = Method("world/trace", pb.TruthTraceRequest, pb.TruthTrace, truth=True)
 
 TOPICS: tuple[Topic, ...] = (
     FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, DETECTOR_ACK, PREVIEW, CLAIM,
@@ -160,5 +162,5 @@ METHODS: tuple[Method, ...] = (
     SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
     WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
-    TRUTH_EPISODE, TRUTH_METRICS,
+    TRUTH_EPISODE, TRUTH_METRICS, TRUTH_OBJECTS, TRUTH_TRACE,
 )  # fmt: skip

@@ -291,3 +291,27 @@ class TruthMetrics(_message.Message):
     collided_with: _containers.RepeatedScalarFieldContainer[str]
     path_m: float
     def __init__(self, find_object: bool = ..., pick: bool = ..., find_receptacle: bool = ..., place: bool = ..., success: bool = ..., collision: bool = ..., collisions: _Optional[int] = ..., steps: _Optional[int] = ..., collided_with: _Optional[_Iterable[str]] = ..., path_m: _Optional[float] = ...) -> None: ...
+
+class TruthObjects(_message.Message):
+    __slots__ = ("instances",)
+    INSTANCES_FIELD_NUMBER: _ClassVar[int]
+    instances: _containers.RepeatedCompositeFieldContainer[TruthInstance]
+    def __init__(self, instances: _Optional[_Iterable[_Union[TruthInstance, _Mapping]]] = ...) -> None: ...
+
+class TruthTraceRequest(_message.Message):
+    __slots__ = ("since_ns",)
+    SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    since_ns: int
+    def __init__(self, since_ns: _Optional[int] = ...) -> None: ...
+
+class TruthTrace(_message.Message):
+    __slots__ = ("actions", "after_s", "x_m", "y_m")
+    ACTIONS_FIELD_NUMBER: _ClassVar[int]
+    AFTER_S_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    actions: int
+    after_s: _containers.RepeatedScalarFieldContainer[float]
+    x_m: _containers.RepeatedScalarFieldContainer[float]
+    y_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, actions: _Optional[int] = ..., after_s: _Optional[_Iterable[float]] = ..., x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ...) -> None: ...
