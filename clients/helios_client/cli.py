@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from helios_client.commands.assets import app as assets_app
+from helios_client.commands.chaos import app as chaos_app
 from helios_client.commands.evaluation import app as judge_app
 from helios_client.commands.hangup_signal import HungUp
 from helios_client.commands.map import app as map_app
@@ -39,7 +40,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for part in (
-    run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app
+    run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, chaos_app,
+    assets_app,
 ):  # fmt: skip
     app.add_typer(part)
 

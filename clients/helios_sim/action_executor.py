@@ -63,9 +63,7 @@ class ActionExecutor:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
-        self._base = Base(
-            model, data, robot, movable, self._gripper.step, trace or DriveTrace()
-        )
+        self._base = Base(model, data, robot, movable, self._gripper.step, trace or DriveTrace())
         classes = {thing.name: thing.class_name for thing in home.objects}
         self._manipulation = Manipulation(
             data, self._gripper, things, senses.bodies_in_view, classes, pick_rule

@@ -19,7 +19,7 @@ NEWEST = 50_000  # physics steps kept
 class DriveTrace:
     """Records each physics step of a drive. Thread-safe for readers.
 
-    `actions` counts the executed actions.
+    `begun` and `actions` count the actions that have begun and ended.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class DriveTrace:
         self._lock = threading.Lock()
         self._steps: deque[tuple[int, float, float]] = deque(maxlen=NEWEST)
         self._began_ns, self._began_s = 0, 0.0
-        self.actions = 0
+        self.begun = self.actions = 0
 
     def begin(self, simulated_s: float, x_m: float, y_m: float) -> None:
         """Note the start of a drive, at this time of the physics."""

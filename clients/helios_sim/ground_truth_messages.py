@@ -78,5 +78,9 @@ def objects_to_proto(states: Iterable[TrueObjectState]) -> pb.TruthObjects:
 def trace_to_proto(trace: DriveTrace, since_ns: int) -> pb.TruthTrace:
     steps = trace.since(since_ns)
     return pb.TruthTrace(
-        actions=trace.actions, after_s=steps[:, 0], x_m=steps[:, 1], y_m=steps[:, 2]
+        begun=trace.begun,
+        actions=trace.actions,
+        after_s=steps[:, 0],
+        x_m=steps[:, 1],
+        y_m=steps[:, 2],
     )

@@ -138,6 +138,7 @@ class World(RobotDriver):
         why_not = self._refusal(action)
         if why_not:
             return ActionResult(False, why_not, steps=self.progress.steps)
+        self.trace.begun += 1
         outcome = self._executor.execute(action, lambda: self._stop_reason)
         self._measure(outcome)
         moved_m, turned_rad = self._sensors.update_odometry()

@@ -44,7 +44,13 @@ class Net:
         wait_until(lambda: self.alive.get("one"), 10, "the token is there")
 
     def start_router(self) -> None:
-        argv = [sys.executable, "-m", "helios_core.router", "--listen", f"tcp/127.0.0.1:{self.port}"]
+        argv = [
+            sys.executable,
+            "-m",
+            "helios_core.router",
+            "--listen",
+            f"tcp/127.0.0.1:{self.port}",
+        ]
         self._router = subprocess.Popen(argv)
 
     def kill_router(self) -> None:

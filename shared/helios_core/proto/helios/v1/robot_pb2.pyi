@@ -305,13 +305,15 @@ class TruthTraceRequest(_message.Message):
     def __init__(self, since_ns: _Optional[int] = ...) -> None: ...
 
 class TruthTrace(_message.Message):
-    __slots__ = ("actions", "after_s", "x_m", "y_m")
+    __slots__ = ("actions", "after_s", "x_m", "y_m", "begun")
     ACTIONS_FIELD_NUMBER: _ClassVar[int]
     AFTER_S_FIELD_NUMBER: _ClassVar[int]
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
+    BEGUN_FIELD_NUMBER: _ClassVar[int]
     actions: int
     after_s: _containers.RepeatedScalarFieldContainer[float]
     x_m: _containers.RepeatedScalarFieldContainer[float]
     y_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, actions: _Optional[int] = ..., after_s: _Optional[_Iterable[float]] = ..., x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ...) -> None: ...
+    begun: int
+    def __init__(self, actions: _Optional[int] = ..., after_s: _Optional[_Iterable[float]] = ..., x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ..., begun: _Optional[int] = ...) -> None: ...
