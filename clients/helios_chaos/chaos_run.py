@@ -51,7 +51,7 @@ class ChaosPlan:
 def run_chaos(plan: ChaosPlan, able: Abilities, say: Say) -> ChaosResult:
     """Play the plan and write its JSON. Raises HeliosError if HELIOS does not start."""
     kinds = able.playable(plan.kinds)
-    with _run_folder() as out:
+    with run_folder() as out:
         stack_plan = plan_for(able, out, plan.seed)
         stack_plan = replace(stack_plan, clock="clock" in kinds)
         say("starting HELIOS in a simulated home")
@@ -168,7 +168,7 @@ def _told(number: int, fault: PlayedFault) -> str:
 
 
 @contextmanager
-def _run_folder() -> Iterator[Path]:
+def run_folder() -> Iterator[Path]:
     """Temporary folder; a file system that the run has mounted in it goes, too."""
     out = Path(tempfile.mkdtemp(prefix="helios-chaos-"))
     try:

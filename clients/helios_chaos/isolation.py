@@ -104,4 +104,3 @@ def _rate_fault() -> str:
 
 def _tc(*args: str) -> None:
     subprocess.run(["tc", *args], check=True, capture_output=True, text=True)
-

@@ -169,5 +169,9 @@ def _environment(process: psutil.Process) -> dict[str, str]:
 def plan_for(able: Abilities, out: Path, seed: int) -> StackPlan:
     """Plan that uses all abilities of this run."""
     return StackPlan(
-        out, seed, clock="clock" not in able.skipped, small_disk=able.isolated, own_memory=able.isolated
+        out,
+        seed,
+        clock="clock" not in able.skipped,
+        small_disk=able.isolated,
+        own_memory=able.isolated,
     )

@@ -51,6 +51,22 @@ def chaos(
     _end(result.misses(), json_path)
 
 
+@app.command(name="stop-distance")
+def stop_distance(
+    json_path: JsonFile,
+    trials: Annotated[int, typer.Option(help="trials of each cause", min=1)] = 100,
+    seed: Seed = 0,
+) -> None:
+    """Measure in a simulated home how far the robot drives after a stop, and after the loss of
+    planner, gateway, the bridge's link and the router; check that a stop outlives every service.
+    Exit status 1 if a limit is not met."""
+    able = _load("isolation").enter(sys.argv[1:])
+    from helios_chaos.stop_distance import run_stop_distance
+
+    result = run_stop_distance(trials, seed, json_path, able, _say)
+    _end(result.misses(), json_path)
+
+
 def _kinds(text: str) -> tuple[Kind, ...]:
     from helios_chaos.schedule import KINDS
 
