@@ -18,7 +18,9 @@ from helios_core.codec import (
 )
 from helios_core.errors import HeliosError
 from helios_core.health import Health
+from helios_core.heartbeat import SILENCE_S, Deadman
 from helios_core.topics import (
+    BRIDGE_HEARTBEAT,
     TRUTH_EPISODE,
     TRUTH_METRICS,
     TRUTH_OBJECTS,
@@ -55,8 +57,12 @@ T = TypeVar("T")
 class WorldService:
     """Request handlers of a world; all except stop, clear-stop, describe and the trace run on its thread."""
 
-    def __init__(self, bus: Bus, thread: WorldThread, health: Health) -> None:
+    def __init__(
+        self, bus: Bus, thread: WorldThread, health: Health, heartbeat_s: float = SILENCE_S
+    ) -> None:
+        """heartbeat_s: a drive ends when the bridge is silent for this long; 0: never."""
         self._thread, self._health = thread, health
+        self._deadman = Deadman(bus, BRIDGE_HEARTBEAT, heartbeat_s, thread.halt)
         bus.serve(WORLD_STATE, lambda _: state_to_proto(thread.state()))
         bus.serve(WORLD_CAPTURE, self._capture)
         bus.serve(WORLD_ACT, self._act)
@@ -83,7 +89,8 @@ class WorldService:
 
     def _act(self, request: pb.WorldActRequest) -> pb.ActionResult:
         action = action_from_proto(request.action)
-        done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
+        with self._deadman.watching(request.action_id, request.beats):
+            done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
         self._health.count("actions")
         return result_to_proto(done, request.action_id)
 
@@ -151,7 +158,7 @@ class HostedWorld:
                 if self._ending.is_set():
                     thread.close()
                 else:
-                    self._service = WorldService(bus, thread, health)
+                    self._service = WorldService(bus, thread, health, settings.heartbeat_s)
 
         threading.Thread(target=build, name="build", daemon=True).start()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from helios_core.heartbeat import SILENCE_S
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
@@ -36,6 +37,13 @@ class Settings(ServiceSettings):
         ge=0,
         description="simulated seconds per second of a drive: 1 for the speed of a real robot, 0 for "
         "as fast as possible",
+    )
+
+    heartbeat_s: float = Field(
+        SILENCE_S,
+        ge=0,
+        le=60,
+        description="a drive ends when the bridge is silent for this long; 0: never",
     )
 
     furniture: Literal["parametric", "realistic"] = Field(

@@ -66,6 +66,10 @@ class WorldThread(RobotDriver):
     def stop(self, reason: str) -> None:
         self._world.stop(reason)  # not through the queue: an action may be running on the thread
 
+    def halt(self, reason: str) -> None:
+        """End the running drive, without a latch."""
+        self._world.halt(reason)
+
     def clear_stop(self) -> None:
         self._world.clear_stop()
 

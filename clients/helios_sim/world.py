@@ -93,6 +93,7 @@ class World(RobotDriver):
         self._boot_id = boot_id or uuid.uuid4().hex
         self._stop_lock = threading.Lock()
         self._stop_reason: str | None = None
+        self._halt_reason: str | None = None  # ends the running action alone
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._settle()
         movable = [int(model.body(thing.name).id) for thing in home.objects]
@@ -139,7 +140,8 @@ class World(RobotDriver):
         if why_not:
             return ActionResult(False, why_not, steps=self.progress.steps)
         self.trace.begun += 1
-        outcome = self._executor.execute(action, lambda: self._stop_reason)
+        self._halt_reason = None  # of an action before
+        outcome = self._executor.execute(action, lambda: self._stop_reason or self._halt_reason)
         self._measure(outcome)
         moved_m, turned_rad = self._sensors.update_odometry()
         result = replace(outcome.result, collided=bool(outcome.touched), steps=self.progress.steps)
@@ -155,6 +157,10 @@ class World(RobotDriver):
         """End a drive within one physics step and latch the stop. Thread-safe."""
         with self._stop_lock:
             self._stop_reason = reason or "stop-now"
+
+    def halt(self, reason: str) -> None:
+        """End the running drive within one physics step, without a latch. Thread-safe."""
+        self._halt_reason = reason
 
     def clear_stop(self) -> None:
         with self._stop_lock:

@@ -28,6 +28,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.heartbeat import Deadman
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
 from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
@@ -38,6 +39,7 @@ from helios_core.topics import (
     LEASE,
     MAP2D_ACK,
     OBJECTMAP_ACK,
+    PLANNER_HEARTBEAT,
     PUSH,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
@@ -99,6 +101,8 @@ class BridgeService:
         self._stop_lock = threading.Lock()
         self._stops, self._clearing = 0, False
         self._stop_late = False
+        self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
+        self._deadman = Deadman(bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt)
         self._ending = threading.Event()
         self._executor = executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
@@ -292,6 +296,31 @@ class BridgeService:
     def _stop_hangs(self) -> bool:
         return self._stop_call is not None and not self._stop_call.done()
 
+    def _halt(self, why: str) -> None:
+        """End the running action, because its sender is away. It is no latched stop."""
+        with self._stop_lock:
+            if not self._stopped_why and self._halt_call is None:
+                log.warning("the running action is ended: %s", why)
+                self._health.count("halts")
+                self._halt_call = self._executor.begin("halt", lambda: self._driver.stop(why))
+
+    def _end_halt(self) -> None:
+        """Allow actions again after a halt, unless a stop has come meanwhile. A driver that does
+        not come back from it keeps the robot stopped."""
+        call, self._halt_call = self._halt_call, None
+        if call is None:
+            return
+        futures.wait((call,), self._settings.stop_timeout_s)
+        try:
+            if not call.done():
+                raise DeadlineExceeded("the driver has not come back from ending an action")
+            call.result()
+            with self._stop_lock:
+                if not self._stopped_why:
+                    self._driver.clear_stop()
+        except HeliosError as error:
+            log.error("the robot stays stopped: %s", error.message)
+
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:
         self._check_may_drive(request)
@@ -303,11 +332,13 @@ class BridgeService:
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
-                done = self._actions.robot_result(
-                    request.action_id, lambda: self._driver.act(action, request.action_id)
-                )
+                with self._deadman.watching(request.action_id, request.beats):
+                    done = self._actions.robot_result(
+                        request.action_id, lambda: self._driver.act(action, request.action_id)
+                    )
             finally:
                 self._busy_until_s = None
+                self._end_halt()
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
             self._publish_state()  # publish the held object before the image that shows it
             out = result_to_proto(done, request.action_id)

@@ -24,12 +24,14 @@ from helios_core.errors import (
     InvalidInput,
 )
 from helios_core.geometry import Matrix
+from helios_core.heartbeat import HALTED, Heart
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, MapPart
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
 from helios_core.topics import (
     OBJECTS,
+    PLANNER_HEARTBEAT,
     RETIRE,
     SNAPSHOT,
     WHAT_IF,
@@ -89,7 +91,9 @@ class RobotClient(RobotInterface):
         self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
         self._detector, self._returns = DetectorStatus(bus), ServiceReturns(bus)
         self._line = line
-        self._driver = ActionSender(line, settings, task_id, self._on_pause)
+        self._driver = ActionSender(
+            line, settings, task_id, self._on_pause, Heart(bus, PLANNER_HEARTBEAT)
+        )
         self.description = description_from_proto(description)
         self._context_id, self._max_steps = context_id, max_steps
         self.listener = self._listener = listener
@@ -179,7 +183,9 @@ class RobotClient(RobotInterface):
         self._state = None
         result = result_from_proto(reply)
         self.collisions += int(result.collided)
-        self.cut_short = not result.succeeded and self._driver.wait_while_stopped()
+        self.cut_short = not result.succeeded and (
+            self._driver.wait_while_stopped() or HALTED in result.reason
+        )
         if not reply.HasField("keyframe"):
             raise TaskFailed(Cause.SYSTEM_ERROR, "the robot sent no keyframe after an action")
         frame = frame_id_from_proto(reply.keyframe)

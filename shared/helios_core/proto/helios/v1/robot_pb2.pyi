@@ -129,18 +129,26 @@ class Action(_message.Message):
     def __init__(self, forward: _Optional[_Union[Action.Forward, _Mapping]] = ..., turn: _Optional[_Union[Action.Turn, _Mapping]] = ..., tilt: _Optional[_Union[Action.Tilt, _Mapping]] = ..., pick: _Optional[_Union[Action.Pick, _Mapping]] = ..., place: _Optional[_Union[Action.Place, _Mapping]] = ..., observe: _Optional[_Union[Action.Observe, _Mapping]] = ...) -> None: ...
 
 class ActionRequest(_message.Message):
-    __slots__ = ("action_id", "lease_token", "time_remaining_s", "action", "no_keyframe")
+    __slots__ = ("action_id", "lease_token", "time_remaining_s", "action", "no_keyframe", "beats")
     ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     TIME_REMAINING_S_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
     NO_KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    BEATS_FIELD_NUMBER: _ClassVar[int]
     action_id: str
     lease_token: int
     time_remaining_s: float
     action: Action
     no_keyframe: bool
-    def __init__(self, action_id: _Optional[str] = ..., lease_token: _Optional[int] = ..., time_remaining_s: _Optional[float] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., no_keyframe: bool = ...) -> None: ...
+    beats: bool
+    def __init__(self, action_id: _Optional[str] = ..., lease_token: _Optional[int] = ..., time_remaining_s: _Optional[float] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., no_keyframe: bool = ..., beats: bool = ...) -> None: ...
+
+class Heartbeat(_message.Message):
+    __slots__ = ("action_id",)
+    ACTION_ID_FIELD_NUMBER: _ClassVar[int]
+    action_id: str
+    def __init__(self, action_id: _Optional[str] = ...) -> None: ...
 
 class ActionResult(_message.Message):
     __slots__ = ("action_id", "succeeded", "reason", "moved_m", "turned_rad", "collided", "steps", "keyframe", "T_world_base")
@@ -193,12 +201,14 @@ class StopRequest(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class WorldActRequest(_message.Message):
-    __slots__ = ("action_id", "action")
+    __slots__ = ("action_id", "action", "beats")
     ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
+    BEATS_FIELD_NUMBER: _ClassVar[int]
     action_id: str
     action: Action
-    def __init__(self, action_id: _Optional[str] = ..., action: _Optional[_Union[Action, _Mapping]] = ...) -> None: ...
+    beats: bool
+    def __init__(self, action_id: _Optional[str] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., beats: bool = ...) -> None: ...
 
 class WorldCapture(_message.Message):
     __slots__ = ("color", "depth_mm", "camera", "T_world_cam", "T_world_base", "stamp_ns")
