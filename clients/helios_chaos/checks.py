@@ -56,8 +56,11 @@ def map_faults(helios: Helios, truth: pb.TruthObjects) -> list[str]:
         objects = helios.objects()
     except HeliosError as error:
         return [f"the maps cannot be read: {error.message}"]
-    out = [f"the array {n} has values that are not finite" for n, values in occupancy.items()
-           if np.issubdtype(values.dtype, np.floating) and not np.isfinite(values).all()]  # fmt: skip
+    out = [
+        f"the array {name} has values that are not finite"
+        for name, values in occupancy.items()
+        if np.issubdtype(values.dtype, np.floating) and not np.isfinite(values).all()
+    ]
     if info["explored_m2"] <= 0 and not any((v != 0).any() for v in occupancy.values()):
         out.append("the 2D map is empty")
     return out + misplaced(objects, truth)

@@ -47,7 +47,7 @@ def enter(argv: list[str]) -> Abilities:
         return abilities(False, reason)
     os.environ[MARK] = "1"
     sys.stdout.flush()
-    os.execvp(prefix[0], [*prefix, sys.executable, "-m", "helios_client", *argv])
+    return os.execvp(prefix[0], [*prefix, sys.executable, "-m", "helios_client", *argv])
 
 
 def abilities(isolated: bool, reason: str) -> Abilities:

@@ -54,8 +54,15 @@ class StackPlan:
 class Stack:
     """A running stack. Create it with `running_stack`."""
 
-    def __init__(self, plan: StackPlan, process: subprocess.Popen[bytes], port: int,
-                 router_port: int, links: dict[str, Relay], clock: WallClock | None) -> None:  # fmt: skip
+    def __init__(
+        self,
+        plan: StackPlan,
+        process: subprocess.Popen[bytes],
+        port: int,
+        router_port: int,
+        links: dict[str, Relay],
+        clock: WallClock | None,
+    ) -> None:
         self.plan, self.process, self.port, self.links = plan, process, port, links
         self.state_dir = plan.out / "state"
         self.router = f"tcp/127.0.0.1:{router_port}"

@@ -171,7 +171,7 @@ class _Scene:
         while True:
             with suppress(HeliosError), self._helios.teleop() as drive:
                 while time.monotonic() < deadline_s:
-                    drive(0.0, self._random.choice((-1.0, 1.0)), for_s=0.3)
+                    drive(0.0, 1.0, for_s=self._random.uniform(0.3, 4.0))  # away from a wall
                     for _ in range(20):
                         if self._witness.wait_driving(0.1, 0.0):
                             at_s = time.monotonic()

@@ -55,7 +55,7 @@ T = TypeVar("T")
 
 
 class WorldService:
-    """Request handlers of a world; all except stop, clear-stop, describe and the trace run on its thread."""
+    """Request handlers of a world; those that act or look run on its thread."""
 
     def __init__(
         self, bus: Bus, thread: WorldThread, health: Health, heartbeat_s: float = SILENCE_S

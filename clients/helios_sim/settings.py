@@ -35,8 +35,8 @@ class Settings(ServiceSettings):
     pace: float = Field(
         0.0,
         ge=0,
-        description="simulated seconds per second of a drive: 1 for the speed of a real robot, 0 for "
-        "as fast as possible",
+        description="simulated seconds per second of a drive: 1 for the speed of a real robot, 0 "
+        "for as fast as possible",
     )
 
     heartbeat_s: float = Field(

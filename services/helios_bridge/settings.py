@@ -77,7 +77,8 @@ class Settings(ServiceSettings):
         default=SILENCE_S,
         ge=0,
         le=60,
-        description="a drive of the planner ends when the planner is silent for this long; 0: never",
+        description="an action of the planner ends when the planner is silent for this long; "
+        "0: never",
     )
     stop_timeout_s: float = Field(
         default=0.8,
@@ -88,8 +89,8 @@ class Settings(ServiceSettings):
     )
     state_dir: Path | None = Field(
         default=None,
-        description="folder that keeps a stop over restarts of the bridge; unset: keep nothing, for "
-        "robots that keep their stop themselves",
+        description="folder that keeps a stop over restarts of the bridge; unset: keep nothing, "
+        "for robots that keep their stop themselves",
     )
     autoplay: bool = Field(
         default=True, description="play a recording as soon as the maps are ready"

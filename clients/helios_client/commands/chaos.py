@@ -67,6 +67,29 @@ def stop_distance(
     _end(result.misses(), json_path)
 
 
+@app.command()
+def soak(
+    out: Annotated[Path, typer.Option(help="folder for the results")],
+    hours: Annotated[float, typer.Option(help="duration", min=0.01)] = 2.0,
+    load: Annotated[
+        bool, typer.Option("--load", help="measure under load, in a few minutes, instead")
+    ] = False,
+    seed: Seed = 0,
+) -> None:
+    """Run tasks and idle in turn for hours, and check that memory, handles and the state folder do
+    not grow. With --load: compare the services' times with and without many clients. Exit status 1
+    if a limit is not met."""
+    from helios_core.errors import InvalidInput
+
+    if out.exists() and not out.is_dir():
+        raise InvalidInput(f"{out} is a file; name a folder with --out")
+    if load:
+        run = _load("load_run").run_load(seed, out, _say)
+        _end(run.misses(), out / "load.json")
+    run = _load("soak_run").run_soak(hours, seed, out, _say)
+    _end(run.misses(), out / "soak.json")
+
+
 def _kinds(text: str) -> tuple[Kind, ...]:
     from helios_chaos.schedule import KINDS
 

@@ -1,4 +1,4 @@
-"""A stop counts only when the robot confirms it, is repeated until then, and outlives the bridge."""
+"""A stop counts when the robot confirms it, is repeated until then, and outlives the bridge."""
 
 from __future__ import annotations
 
