@@ -94,17 +94,15 @@ class BridgeService:
         self._turn = threading.Lock()  # lock on the driver
         self._latch = StopLatch(settings.state_dir)
         self._stopped_why = self._latch.read()  # all stop reasons, oldest first; "" if not stopped
-        self._stop_confirmed = False  # the driver has come back from its stop
+        self._stop_confirmed = self._stop_late = False  # by the driver; after its time limit
         self._last_stop_why = ""
         self._busy_until_s: float | None = None  # deadline of the running action
         self._stop_call: Future[None] | None = None  # last call of the driver's stop
         self._stop_lock = threading.Lock()
         self._stops, self._clearing = 0, False
-        self._stop_late = False
         self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
         self._deadman = Deadman(bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt)
-        self._ending = threading.Event()
-        self._executor = executor or DriverExecutor()
+        self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
