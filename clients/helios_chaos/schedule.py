@@ -44,7 +44,7 @@ def schedule(seed: int, kinds: Sequence[Kind] = KINDS, most_s: float = 15.0) -> 
     targets = {kind: _rounds(random_, _targets(kind)) for kind in KINDS}
     jumps = _rounds(random_, JUMPS_S)
     while True:
-        round_ = [kind for kind in kinds for _ in range(WEIGHTS.get(kind, 1))]
+        round_: list[Kind] = [kind for kind in kinds for _ in range(WEIGHTS.get(kind, 1))]
         random_.shuffle(round_)
         for kind in round_:
             low_s, high_s = _range_s(kind)

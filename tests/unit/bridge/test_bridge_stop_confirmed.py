@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
+from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
 from helios_core.topics import CLEAR_STOP, GET_STATE, STOP
 
@@ -39,7 +40,8 @@ def stop(stage: Stage, error: type[HeliosError] | None) -> None:
 
 
 def test_a_robot_whose_stop_fails_is_not_told_as_stopped_until_a_repeated_stop_succeeds() -> None:
-    stage = Stage(Away())
+    robot = Away()
+    stage = Stage(robot)
     stage.bridge.start()
     try:
         stop(stage, Unavailable)
@@ -48,7 +50,7 @@ def test_a_robot_whose_stop_fails_is_not_told_as_stopped_until_a_repeated_stop_s
         assert "a child; the robot has not confirmed the stop" in state.message
         with pytest.raises(Conflict, match="a child"):
             stage.drive("a")
-        stage.robot.away = False
+        robot.away = False
         wait_until(lambda: stage.bridge.state().stopped, 5, "the stop is repeated")
         assert stage.bridge.state().message == "a child"
         assert stage.robot.stopped == "a child"
@@ -155,7 +157,7 @@ def _opens(router: str) -> bool:
     return True
 
 
-def _state(bus) -> pb.RobotState | None:
+def _state(bus: Bus) -> pb.RobotState | None:
     try:
         return bus.call(GET_STATE, pb.Empty(), 5)
     except HeliosError:

@@ -13,8 +13,6 @@ from helios_chaos import isolation, wall_clock
 from helios_chaos.schedule import KINDS
 from helios_chaos.wall_clock import WallClock
 
-from tests.support import wait_until
-
 TELL = """
 import sys, time
 for _ in sys.stdin:
@@ -45,10 +43,10 @@ def test_the_wall_clock_jumps_and_the_monotonic_clock_does_not(tmp_path: Path) -
         [sys.executable, "-c", TELL], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         env=os.environ | clock.environment,
     )  # fmt: skip
-    assert process.stdin is not None
-    assert process.stdout is not None
 
     def told() -> tuple[float, float]:
+        assert process.stdin is not None
+        assert process.stdout is not None
         process.stdin.write("\n")
         process.stdin.flush()
         wall_s, monotonic_s = map(float, process.stdout.readline().split())
@@ -59,5 +57,4 @@ def test_the_wall_clock_jumps_and_the_monotonic_clock_does_not(tmp_path: Path) -
             clock.jump_to(offset_s)
             assert told() == pytest.approx((offset_s, 0.0), abs=2.0)
     finally:
-        process.stdin.close()
-        wait_until(lambda: process.poll() is not None, 10, "it ends")
+        process.communicate(timeout=10)

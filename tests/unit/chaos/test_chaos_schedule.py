@@ -59,5 +59,5 @@ def test_durations_keep_their_limits(seed: int, most_s: float) -> None:
 
 @given(SEEDS, st.sets(st.sampled_from(KINDS), min_size=1))
 def test_only_the_wanted_kinds_are_played(seed: int, kinds: set[Kind]) -> None:
-    wanted = tuple(kind for kind in KINDS if kind in kinds)
+    wanted: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind in kinds)
     assert {fault.kind for fault in first(2 * ROUND, seed, wanted)} == kinds
