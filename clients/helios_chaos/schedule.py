@@ -23,7 +23,7 @@ FREEZE_S = (0.5, 15.0)  # range of the duration
 CUT_S, HOLD_S, SLOW_S, RATE_S, DISK_S = (0.2, 4.0), (0.5, 4.0), (3.0, 8.0), (3.0, 8.0), (2.0, 6.0)
 REST_S = (1.0, 4.0)  # between two faults
 JUMPS_S = (-3600.0, -30.0, -2.0, 2.0, 30.0, 3600.0)
-RATES_MBIT = (5, 20)
+RATES_MBIT = (50, 200)  # shared by all links, for images that are not compressed
 
 
 @dataclass(frozen=True)
