@@ -23,12 +23,14 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 from helios_eval.provenance import commit, machine
 
+from helios_chaos.load_clients import REQUESTS_PER_S
 from helios_chaos.stack import Stack, StackPlan, running_stack
 
 TASKS, EXPLORE_S, STREAM_HZ = 20, 12.0, "30"
 TASKS_WITHIN_S = 900.0
 POLL_S = 1.0
 MOST_SLOWER = 0.10
+LATE_SHARE = 0.05  # of requests that the clients could not send in time
 FIGURE = re.compile(r'^helios_service_figure\{name="(\w+)",robot="\w+",service="(\w+)"\} (\S+)$')
 PLAIN = re.compile(r'^(helios_event_\w+)\{robot="\w+"\} (\S+)$')
 Say = Callable[[str], None]
@@ -73,6 +75,11 @@ class LoadResult:
                 out.append(f"{run.ended} of {TASKS} tasks ended")
         if self.loaded.clients.get("failed"):
             out.append(f"{self.loaded.clients['failed']} requests failed")
+        if self.loaded.clients.get("late", 0) > LATE_SHARE * self.loaded.clients["requests"]:
+            out.append(
+                f"the clients sent only {self.loaded.clients['requests_per_s']:g} requests a "
+                f"second of {REQUESTS_PER_S}; use a machine with more cores"
+            )
         return out
 
     def as_json(self) -> dict[str, Any]:

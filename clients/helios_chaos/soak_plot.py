@@ -26,11 +26,11 @@ def plot(samples: Sequence[Sample], path: Path) -> None:
     axes = figure.subplots(len(PANELS) + 1, 1, sharex=True)
     services = list(dict.fromkeys(s.service for s in samples))
     for panel, (title, value) in zip(axes, PANELS, strict=False):
-        for service in services:
+        for n, service in enumerate(services):
             pairs = [(s.at_s / 60, value(s)) for s in samples if s.service == service]
             points = [(at, y) for at, y in pairs if y is not None]
             if points:
-                panel.plot(*zip(*points, strict=True), label=service, linewidth=1.2)
+                panel.plot(*zip(*points, strict=True), label=service, color=f"C{n}", linewidth=1.2)
         panel.set_ylabel(title)
         panel.set_ylim(bottom=0)
         panel.grid(alpha=0.3)

@@ -121,3 +121,10 @@ def test_a_step_that_slows_by_more_than_a_tenth_is_named() -> None:
     load = Run(TASKS, TASKS, 12.0, {"map2d/fuse": 11.5, "bridge/act": 109.0, "tiny/x": 1.0})
     [said] = LoadResult(base, load).misses()
     assert "map2d/fuse takes 1.15 times" in said
+
+
+def test_clients_that_could_not_send_their_requests_are_told() -> None:
+    run = Run(TASKS, TASKS, 10.0)
+    slow = Run(TASKS, TASKS, 10.0, clients={"requests": 100, "late": 90, "requests_per_s": 105.0})
+    [said] = LoadResult(run, slow).misses()
+    assert "only 105 requests a second of 200" in said
