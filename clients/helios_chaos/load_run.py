@@ -75,7 +75,7 @@ class LoadResult:
                 out.append(f"{run.ended} of {TASKS} tasks ended")
         if self.loaded.clients.get("failed"):
             out.append(f"{self.loaded.clients['failed']} requests failed")
-        if self.loaded.clients.get("late", 0) > LATE_SHARE * self.loaded.clients["requests"]:
+        if self.loaded.clients.get("late", 0) > LATE_SHARE * self.loaded.clients.get("requests", 0):
             out.append(
                 f"the clients sent only {self.loaded.clients['requests_per_s']:g} requests a "
                 f"second of {REQUESTS_PER_S}; use a machine with more cores"
