@@ -15,6 +15,7 @@ from helios_core.geometry import wrap_angle
 from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
 
 from helios_sim.base_motion import Base, Drive
+from helios_sim.drive_trace import DriveTrace
 from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Home
@@ -52,6 +53,7 @@ class ActionExecutor:
         senses: RobotSensors,
         tracker: EpisodeTracker,
         pick_rule: PickRule = "physical",
+        trace: DriveTrace | None = None,
     ) -> None:
         """tracker: records picks and places. pick_rule: see `manipulation`."""
         self._model, self._data, self._robot = model, data, robot
@@ -61,7 +63,7 @@ class ActionExecutor:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
-        self._base = Base(model, data, robot, movable, self._gripper.step)
+        self._base = Base(model, data, robot, movable, self._gripper.step, trace or DriveTrace())
         classes = {thing.name: thing.class_name for thing in home.objects}
         self._manipulation = Manipulation(
             data, self._gripper, things, senses.bodies_in_view, classes, pick_rule

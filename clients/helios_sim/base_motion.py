@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import mujoco
 
+from helios_sim.drive_trace import DriveTrace
 from helios_sim.robot_model import RobotIndex
 
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 0.8, 2.0
@@ -39,11 +40,12 @@ class Base:
         robot: RobotIndex,
         movable: frozenset[int],
         step: Callable[[], None],
+        trace: DriveTrace,
     ) -> None:
-        """step: function that advances the physics by one step."""
+        """step: function that advances the physics by one step. trace: records the drives."""
         self._model, self._data, self._robot = model, data, robot
         self._movable = movable
-        self._step = step
+        self._advance, self._trace = step, trace
 
     def forward(self, distance_m: float, stop_asked: Callable[[], bool]) -> Drive:
         """Drive straight, backward if negative, until the base arrives, is blocked or stopped."""
@@ -87,6 +89,7 @@ class Base:
         speed = rate = 0.0
         touched: set[int] = set()
         arrived = stopped = False
+        self._trace.begin(float(data.time), *start[:2])
         for _ in range(math.ceil(slowest_s / dt)):
             x, y, yaw = robot.pose(data)
             dx, dy, turn = goal[0] - x, goal[1] - y, goal[2] - yaw
@@ -125,6 +128,10 @@ class Base:
             stopped=stopped,
             touched=frozenset(touched),
         )
+
+    def _step(self) -> None:
+        self._advance()
+        self._trace.step(float(self._data.time), *self._robot.pose(self._data)[:2])
 
     def _control(self, vx_m_s: float, vy_m_s: float, rate_rad_s: float) -> None:
         for control, value in zip(self._robot.controls, (vx_m_s, vy_m_s, rate_rad_s), strict=True):

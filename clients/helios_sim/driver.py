@@ -16,8 +16,10 @@ from helios_core.codec import (
     result_from_proto,
     state_from_proto,
 )
+from helios_core.heartbeat import Heart
 from helios_core.robot import Action, ActionResult, Capture, RobotDriver
 from helios_core.topics import (
+    BRIDGE_HEARTBEAT,
     WORLD_ACT,
     WORLD_CAPTURE,
     WORLD_CLEAR_STOP,
@@ -37,7 +39,7 @@ class SimDriver(RobotDriver):
     """Robot driver over the bus. Every call raises Unavailable while no world process runs."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus = bus
+        self._bus, self._heart = bus, Heart(bus, BRIDGE_HEARTBEAT)
 
     def describe(self) -> RobotDescription:
         return description_from_proto(self._bus.call(WORLD_DESCRIBE, pb.Empty(), CALL_TIMEOUT_S))
@@ -49,8 +51,11 @@ class SimDriver(RobotDriver):
         return capture_from_proto(self._bus.call(WORLD_CAPTURE, pb.Empty(), CALL_TIMEOUT_S))
 
     def act(self, action: Action, action_id: str) -> ActionResult:
-        request = pb.WorldActRequest(action_id=action_id, action=action_to_proto(action))
-        return result_from_proto(self._bus.call(WORLD_ACT, request, ACT_TIMEOUT_S))
+        request = pb.WorldActRequest(
+            action_id=action_id, action=action_to_proto(action), beats=True
+        )
+        with self._heart.beating(action_id):
+            return result_from_proto(self._bus.call(WORLD_ACT, request, ACT_TIMEOUT_S))
 
     def stop(self, reason: str) -> None:
         self._bus.call(WORLD_STOP, pb.StopRequest(reason=reason), CALL_TIMEOUT_S)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from helios_core import proto as pb
 from helios_core.codec import vector_to_proto
 
-from helios_sim.ground_truth import Segmentation
+from helios_sim.drive_trace import DriveTrace
+from helios_sim.ground_truth import Segmentation, TrueObjectState
 from helios_sim.home import Episode, Home
 from helios_sim.ovmm_metrics import Progress
 
@@ -54,4 +57,30 @@ def metrics_to_proto(progress: Progress) -> pb.TruthMetrics:
         steps=progress.steps,
         collided_with=progress.collided_with,
         path_m=progress.path_m,
+    )
+
+
+def objects_to_proto(states: Iterable[TrueObjectState]) -> pb.TruthObjects:
+    return pb.TruthObjects(
+        instances=[
+            pb.TruthInstance(
+                name=state.name,
+                class_name=state.class_name,
+                graspable=state.graspable,
+                center_m=vector_to_proto(state.center_m),
+                on=state.on,
+            )
+            for state in states
+        ]
+    )
+
+
+def trace_to_proto(trace: DriveTrace, since_ns: int) -> pb.TruthTrace:
+    steps = trace.since(since_ns)
+    return pb.TruthTrace(
+        begun=trace.begun,
+        actions=trace.actions,
+        after_s=steps[:, 0],
+        x_m=steps[:, 1],
+        y_m=steps[:, 2],
     )

@@ -18,10 +18,14 @@ from helios_core.codec import (
 )
 from helios_core.errors import HeliosError
 from helios_core.health import Health
+from helios_core.heartbeat import SILENCE_S, Deadman
 from helios_core.topics import (
+    BRIDGE_HEARTBEAT,
     TRUTH_EPISODE,
     TRUTH_METRICS,
+    TRUTH_OBJECTS,
     TRUTH_SEGMENTATION,
+    TRUTH_TRACE,
     WORLD_ACT,
     WORLD_CAPTURE,
     WORLD_CLEAR_STOP,
@@ -36,7 +40,9 @@ from helios_sim.episode_tracker import episode_of
 from helios_sim.ground_truth_messages import (
     episode_to_proto,
     metrics_to_proto,
+    objects_to_proto,
     segmentation_to_proto,
+    trace_to_proto,
 )
 from helios_sim.home import PRESETS, Episode, Home, generate_home
 from helios_sim.home.task_sampling import NoTask
@@ -52,10 +58,14 @@ T = TypeVar("T")
 
 
 class WorldService:
-    """Request handlers of a world; all except stop, clear-stop and describe run on its thread."""
+    """Request handlers of a world; those that act or look run on its thread."""
 
-    def __init__(self, bus: Bus, thread: WorldThread, health: Health) -> None:
+    def __init__(
+        self, bus: Bus, thread: WorldThread, health: Health, heartbeat_s: float = SILENCE_S
+    ) -> None:
+        """heartbeat_s: a drive ends when the bridge is silent for this long; 0: never."""
         self._thread, self._health = thread, health
+        self._deadman = Deadman(bus, BRIDGE_HEARTBEAT, heartbeat_s, thread.halt)
         bus.serve(WORLD_STATE, lambda _: state_to_proto(thread.state()))
         bus.serve(WORLD_CAPTURE, self._capture)
         bus.serve(WORLD_ACT, self._act)
@@ -66,6 +76,10 @@ class WorldService:
             TRUTH_EPISODE, lambda _: thread.run(lambda w: episode_to_proto(w.home, w.episode))
         )
         bus.serve(TRUTH_METRICS, lambda _: thread.run(lambda w: metrics_to_proto(w.progress)))
+        bus.serve(
+            TRUTH_OBJECTS, lambda _: thread.run(lambda w: objects_to_proto(w.object_states()))
+        )
+        bus.serve(TRUTH_TRACE, lambda request: trace_to_proto(thread.trace, request.since_ns))
         # Served last: once a client finds the description, all other queries are served.
         bus.serve(WORLD_DESCRIBE, lambda _: description_to_proto(thread.describe()))
         health.ready()
@@ -78,7 +92,8 @@ class WorldService:
 
     def _act(self, request: pb.WorldActRequest) -> pb.ActionResult:
         action = action_from_proto(request.action)
-        done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
+        with self._deadman.watching(request.action_id, request.beats):
+            done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
         self._health.count("actions")
         return result_to_proto(done, request.action_id)
 
@@ -122,6 +137,7 @@ def world_of(settings: Settings) -> World:
         _task_of(home, task_seed),
         sensor=SENSORS[settings.sensor],
         pick_rule=settings.pick_rule,
+        pace=settings.pace,
     )
     log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
     return world
@@ -160,7 +176,7 @@ class HostedWorld:
                 if self._ending.is_set():
                     thread.close()
                 else:
-                    self._service = WorldService(bus, thread, health)
+                    self._service = WorldService(bus, thread, health, settings.heartbeat_s)
 
         threading.Thread(target=build, name="build", daemon=True).start()
 

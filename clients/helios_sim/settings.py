@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from helios_core.heartbeat import SILENCE_S
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
@@ -30,6 +31,20 @@ class Settings(ServiceSettings):
         "physical",
         description="which object a pick takes: physical (the one at the point, of any class) or "
         "ovmm (of the sought class, in reach and in view, the one nearest to the point)",
+    )
+
+    pace: float = Field(
+        0.0,
+        ge=0,
+        description="simulated seconds per second of a drive: 1 for the speed of a real robot, 0 "
+        "for as fast as possible",
+    )
+
+    heartbeat_s: float = Field(
+        SILENCE_S,
+        ge=0,
+        le=60,
+        description="a drive ends when the bridge is silent for this long; 0: never",
     )
 
     furniture: Literal["parametric", "realistic"] = Field(

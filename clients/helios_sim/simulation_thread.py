@@ -12,6 +12,7 @@ from helios_core.errors import Unavailable
 from helios_core.robot import Action, ActionResult, Capture, RobotDriver
 from helios_core.types import RobotDescription, RobotState
 
+from helios_sim.drive_trace import DriveTrace
 from helios_sim.world import World
 
 T = TypeVar("T")
@@ -65,8 +66,17 @@ class WorldThread(RobotDriver):
     def stop(self, reason: str) -> None:
         self._world.stop(reason)  # not through the queue: an action may be running on the thread
 
+    def halt(self, reason: str) -> None:
+        """End the running drive, without a latch."""
+        self._world.halt(reason)
+
     def clear_stop(self) -> None:
         self._world.clear_stop()
+
+    @property
+    def trace(self) -> DriveTrace:
+        """True positions of the base; readable during an action."""
+        return self._world.trace
 
     def close(self) -> None:
         """End the thread after its current call. Waiting calls raise Unavailable."""

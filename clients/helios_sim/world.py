@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from helios_sim.action_executor import ActionExecutor, Outcome
 from helios_sim.action_limits import limit_violation
+from helios_sim.drive_trace import DriveTrace
 from helios_sim.episode_events import Event
 from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.ground_truth import Segmentation, TrueObjectState
@@ -64,12 +65,14 @@ class World(RobotDriver):
         sensor: SensorErrorModel = SENSORS["none"],
         pick_rule: PickRule = "physical",
         colored: bool = True,
+        pace: float = 0.0,
     ) -> None:
         """episode: the task to measure; None measures only steps and collisions.
 
         sensor: errors of images and poses, seeded with the seed of the home. pick_rule: which
         object a pick takes, see `manipulation`. colored: False takes less than half of the time for
         a capture and its ground truth. Color images are then black; all else is the same.
+        pace: simulated seconds per second of a drive; 0 for as fast as possible.
         """
         spec = home.spec()
         add_robot(spec)
@@ -90,14 +93,16 @@ class World(RobotDriver):
         self._boot_id = boot_id or uuid.uuid4().hex
         self._stop_lock = threading.Lock()
         self._stop_reason: str | None = None
+        self._halt_reason: str | None = None  # ends the running action alone
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._settle()
         movable = [int(model.body(thing.name).id) for thing in home.objects]
         self._sensors = RobotSensors(
             model, self._data, robot, camera, home, movable, sensor, colored
         )
+        self.trace = DriveTrace(pace)
         self._executor = ActionExecutor(
-            model, self._data, robot, home, self._sensors, self._tracker, pick_rule
+            model, self._data, robot, home, self._sensors, self._tracker, pick_rule, self.trace
         )
 
     # --- driver interface ---------------------------------------------------------------------
@@ -134,13 +139,16 @@ class World(RobotDriver):
         why_not = self._refusal(action)
         if why_not:
             return ActionResult(False, why_not, steps=self.progress.steps)
-        outcome = self._executor.execute(action, lambda: self._stop_reason)
+        self.trace.begun += 1
+        self._halt_reason = None  # of an action before
+        outcome = self._executor.execute(action, lambda: self._stop_reason or self._halt_reason)
         self._measure(outcome)
         moved_m, turned_rad = self._sensors.update_odometry()
         result = replace(outcome.result, collided=bool(outcome.touched), steps=self.progress.steps)
         if isinstance(action, Forward | Turn):
             result = replace(result, moved_m=moved_m, turned_rad=turned_rad)
         self._results[action_id] = result
+        self.trace.actions += 1
         while len(self._results) > _REMEMBERED_ACTIONS:
             self._results.popitem(last=False)
         return result
@@ -149,6 +157,10 @@ class World(RobotDriver):
         """End a drive within one physics step and latch the stop. Thread-safe."""
         with self._stop_lock:
             self._stop_reason = reason or "stop-now"
+
+    def halt(self, reason: str) -> None:
+        """End the running drive within one physics step, without a latch. Thread-safe."""
+        self._halt_reason = reason
 
     def clear_stop(self) -> None:
         with self._stop_lock:

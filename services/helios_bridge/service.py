@@ -28,6 +28,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.heartbeat import Deadman
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
 from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
@@ -38,6 +39,7 @@ from helios_core.topics import (
     LEASE,
     MAP2D_ACK,
     OBJECTMAP_ACK,
+    PLANNER_HEARTBEAT,
     PUSH,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
@@ -54,6 +56,7 @@ from helios_bridge.lease import Lease
 from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
 from helios_bridge.recording_player import RecordingPlayer
 from helios_bridge.settings import Settings
+from helios_bridge.stop_latch import StopLatch
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +65,8 @@ LONGEST_ID = 200
 END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
 MOST_REASONS = 200  # length of all stop reasons together, characters
+STOP_AGAIN_S = 0.5  # period at which the stop of a robot that has not confirmed it is repeated
+UNCONFIRMED = "the robot has not confirmed the stop and may still move"
 
 
 class BridgeService:
@@ -87,15 +92,17 @@ class BridgeService:
         self._health = BridgeHealth(health)
         self._driver = GuardedDriver(driver, self._health)
         self._turn = threading.Lock()  # lock on the driver
-        self._stopped_why = ""  # all stop reasons, oldest first; "" if not stopped
+        self._latch = StopLatch(settings.state_dir)
+        self._stopped_why = self._latch.read()  # all stop reasons, oldest first; "" if not stopped
+        self._stop_confirmed = self._stop_late = False  # by the driver; after its time limit
         self._last_stop_why = ""
         self._busy_until_s: float | None = None  # deadline of the running action
         self._stop_call: Future[None] | None = None  # last call of the driver's stop
         self._stop_lock = threading.Lock()
-        self._stops = 0
-        self._stop_late = False
-        self._ending = threading.Event()
-        self._executor = executor or DriverExecutor()
+        self._stops, self._clearing = 0, False
+        self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
+        self._deadman = Deadman(bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt)
+        self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
@@ -134,6 +141,9 @@ class BridgeService:
             self._executor.start("play", lambda: player.run(self._ending, self._publish_state))
         elif self._push_queue is None and self._settings.stream_hz > 0:
             self._executor.start("stream", self._stream)
+        if self._stopped_why:
+            log.warning("stopped since before the start: %s", self._stopped_why)
+            self._stop_again()
         self._publish_state()
         self._health.ready("waits for frames: POST /v1/frames" if self._push_queue else "")
 
@@ -177,6 +187,7 @@ class BridgeService:
             if not self._stop_hangs():
                 self._stop_call = self._executor.begin("stop", self._stop)
             call = self._stop_call
+            self._latch.keep(self._stopped_why)
         assert call is not None
         futures.wait((call,), self._settings.stop_timeout_s)
         if not call.done():
@@ -196,11 +207,16 @@ class BridgeService:
         with self._stop_lock:
             if self._stop_hangs():
                 raise Conflict("the driver has not come back from its stop; see to the robot first")
-            stops = self._stops
-        self._driver.clear_stop()  # may take long: the robot may be remote
+            stops, self._clearing = self._stops, True
+        try:
+            self._driver.clear_stop()  # may take long: the robot may be remote
+        finally:
+            self._clearing = False
         with self._stop_lock:
             anew = self._last_stop_why if self._stops != stops else ""
-            self._stopped_why = anew
+            self._stopped_why, self._stop_confirmed = anew, False
+            if not anew:
+                self._latch.clear()
         if anew:  # the driver may have cleared it too; no action can have begun
             self.stop(pb.StopRequest(reason=anew))
             raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
@@ -216,17 +232,22 @@ class BridgeService:
         return reply
 
     def state(self) -> RobotState:
-        """Robot state from the driver, completed by the bridge."""
+        """Robot state from the driver, completed by the bridge.
+
+        `stopped` is true only if the robot has confirmed its stop.
+        """
         s = self._driver.state()
+        why = self._stopped_why
+        stopped = s.stopped or bool(why and self._stop_confirmed)
         return RobotState(
             T_world_base=s.T_world_base,
             tilt_rad=s.tilt_rad,
             held=s.held,
             moving=self._busy_until_s is not None,
-            stopped=s.stopped or bool(self._stopped_why),
+            stopped=stopped,
             world_epoch=s.world_epoch,
             robot_boot_id=self._publisher.boot_id(s),
-            message=self._stopped_why or s.message,
+            message=f"{why}; {UNCONFIRMED}" if why and not stopped else why or s.message,
             finished=self._publisher.finished,
             last_seq=self._publisher.last_keyframe,
             last_action_id=self._actions.last_id,
@@ -252,6 +273,7 @@ class BridgeService:
     def _stop(self) -> None:
         try:
             self._driver.stop(self._stopped_why)
+            self._stop_confirmed = bool(self._stopped_why)
         except Exception as error:
             if self._stop_late:  # the caller of stop no longer waits
                 log.error("the stop failed: %s", error)
@@ -263,8 +285,39 @@ class BridgeService:
         self._health.stop_works()
         self._publish_state()
 
+    def _stop_again(self) -> None:
+        with self._stop_lock:
+            unconfirmed = bool(self._stopped_why) and not self._stop_confirmed
+            if unconfirmed and not self._clearing and not self._stop_hangs():
+                self._stop_call = self._executor.begin("stop", self._stop)
+
     def _stop_hangs(self) -> bool:
         return self._stop_call is not None and not self._stop_call.done()
+
+    def _halt(self, why: str) -> None:
+        """End the running action, because its sender is away. It is no latched stop."""
+        with self._stop_lock:
+            if not self._stopped_why and self._halt_call is None:
+                log.warning("the running action is ended: %s", why)
+                self._health.count("halts")
+                self._halt_call = self._executor.begin("halt", lambda: self._driver.stop(why))
+
+    def _end_halt(self) -> None:
+        """Allow actions again after a halt, unless a stop has come meanwhile. A driver that does
+        not come back from it keeps the robot stopped."""
+        call, self._halt_call = self._halt_call, None
+        if call is None:
+            return
+        futures.wait((call,), self._settings.stop_timeout_s)
+        try:
+            if not call.done():
+                raise DeadlineExceeded("the driver has not come back from ending an action")
+            call.result()
+            with self._stop_lock:
+                if not self._stopped_why:
+                    self._driver.clear_stop()
+        except HeliosError as error:
+            log.error("the robot stays stopped: %s", error.message)
 
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:
@@ -277,11 +330,13 @@ class BridgeService:
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
-                done = self._actions.robot_result(
-                    request.action_id, lambda: self._driver.act(action, request.action_id)
-                )
+                with self._deadman.watching(request.action_id, request.beats):
+                    done = self._actions.robot_result(
+                        request.action_id, lambda: self._driver.act(action, request.action_id)
+                    )
             finally:
                 self._busy_until_s = None
+                self._end_halt()
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
             self._publish_state()  # publish the held object before the image that shows it
             out = result_to_proto(done, request.action_id)
@@ -339,8 +394,13 @@ class BridgeService:
             self._publish_state()
 
     def _watchdog(self) -> None:
-        """Stop the robot if an action still runs at its deadline."""
+        """Stop the robot if an action still runs at its deadline, and repeat a stop until the robot
+        confirms it."""
+        again_s = time.monotonic() + STOP_AGAIN_S
         while not self._ending.wait(0.05):
+            if self._stopped_why and not self._stop_confirmed and time.monotonic() >= again_s:
+                again_s = time.monotonic() + STOP_AGAIN_S
+                self._stop_again()
             until = self._busy_until_s
             if until is not None and time.monotonic() > until and not self._stopped_why:
                 try:

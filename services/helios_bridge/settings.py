@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Literal
 
+from helios_core.heartbeat import SILENCE_S
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
 
@@ -72,12 +73,24 @@ class Settings(ServiceSettings):
     lease_s: float = Field(
         default=10.0, gt=0, description="a lease expires after this long without an action"
     )
+    heartbeat_s: float = Field(
+        default=SILENCE_S,
+        ge=0,
+        le=60,
+        description="an action of the planner ends when the planner is silent for this long; "
+        "0: never",
+    )
     stop_timeout_s: float = Field(
         default=0.8,
         gt=0,
         le=60,
         description="longest wait for the driver's stop; then the bridge reports that the "
         "robot may still move",
+    )
+    state_dir: Path | None = Field(
+        default=None,
+        description="folder that keeps a stop over restarts of the bridge; unset: keep nothing, "
+        "for robots that keep their stop themselves",
     )
     autoplay: bool = Field(
         default=True, description="play a recording as soon as the maps are ready"

@@ -12,7 +12,7 @@ import contextlib
 import threading
 import uuid
 from collections import deque
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -77,11 +77,24 @@ class EventHub:
         self._max_viewers = max_viewers
         self._keepalive_s = keepalive_s
         self._closed = False
+        self._dropped = 0
 
     @property
     def viewers(self) -> int:
         with self._lock:
             return len(self._viewers)
+
+    @property
+    def dropped(self) -> int:
+        """Number of subscribers that were disconnected because they fell behind."""
+        with self._lock:
+            return self._dropped
+
+    @property
+    def longest_queue(self) -> int:
+        """Most events that wait for one subscriber now; at most twice the backlog."""
+        with self._lock:
+            return max((viewer.queue.qsize() for viewer in self._viewers), default=0)
 
     def publish(
         self,
@@ -115,9 +128,15 @@ class EventHub:
                 viewer.put(None)
 
     def watch(
-        self, last_id: str | None = None, wanted: EventFilter = EventFilter()
+        self,
+        last_id: str | None = None,
+        wanted: EventFilter = EventFilter(),
+        on_drop: Callable[[], None] = lambda: None,
     ) -> AsyncGenerator[Event | None]:
         """Event stream of one subscriber; yields None at the start and as a keepalive.
+
+        on_drop: called on the event loop when the subscriber has fallen too far behind. Its
+        connection accepts no data then, so the stream itself cannot end it.
 
         Raises Unavailable for too many subscribers and after `close`.
         """
@@ -129,12 +148,17 @@ class EventHub:
                     f"{len(self._viewers)} event streams are open and no more are taken; "
                     "close one, or raise --max-viewers"
                 )
-        return self._stream(last_id, wanted)
+        return self._stream(last_id, wanted, on_drop)
 
     async def _stream(
-        self, last_id: str | None, wanted: EventFilter
+        self, last_id: str | None, wanted: EventFilter, on_drop: Callable[[], None]
     ) -> AsyncGenerator[Event | None]:
-        viewer = _Subscriber(asyncio.get_running_loop(), 2 * self._backlog, wanted)
+        def drop() -> None:
+            with self._lock:
+                self._dropped += 1
+            on_drop()
+
+        viewer = _Subscriber(asyncio.get_running_loop(), 2 * self._backlog, wanted, drop)
         with self._lock:
             for event in self._backlog_since(last_id):
                 if wanted(event):
@@ -170,9 +194,16 @@ class EventHub:
 class _Subscriber:
     """Queue of one stream. A subscriber that falls too far behind is disconnected."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, depth: int, wanted: EventFilter) -> None:
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        depth: int,
+        wanted: EventFilter,
+        drop: Callable[[], None],
+    ) -> None:
         self.queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._loop, self._depth, self._wanted = loop, depth, wanted
+        self._drop, self._dropped = drop, False
 
     def put(self, event: Event | None) -> None:
         if event is not None and not self._wanted(event):
@@ -181,8 +212,11 @@ class _Subscriber:
             self._loop.call_soon_threadsafe(self._accept, event)
 
     def _accept(self, event: Event | None) -> None:
-        if self.queue.qsize() > self._depth:
-            event = None
+        if self._dropped:
+            return
+        if self.queue.qsize() >= self._depth and event is not None:
+            self._dropped, event = True, None
+            self._drop()
         self.queue.put_nowait(event)
 
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable
 
 from prometheus_client import CollectorRegistry, Counter, Histogram
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -58,6 +58,13 @@ class _Services(Collector):
             labels=["robot", "service", "name"],
         )  # fmt: skip
         viewers = GaugeMetricFamily("helios_event_viewers", "open event streams", labels=["robot"])
+        dropped = CounterMetricFamily(
+            "helios_event_viewers_dropped", "event streams ended because their reader fell behind",
+            labels=["robot"],
+        )  # fmt: skip
+        queue = GaugeMetricFamily(
+            "helios_event_queue", "most events that wait for one reader", labels=["robot"]
+        )
         for robot, served in self._robots.robots.items():
             status = served.monitor.status()
             ready.add_metric([robot], float(status.ready))
@@ -69,7 +76,9 @@ class _Services(Collector):
                 for name, value in values.items():
                     figures.add_metric([robot, service, name], value)
             viewers.add_metric([robot], served.monitor.events.viewers)
-        return [ready, stopped, up, restarts, figures, viewers]
+            dropped.add_metric([robot], served.monitor.events.dropped)
+            queue.add_metric([robot], served.monitor.events.longest_queue)
+        return [ready, stopped, up, restarts, figures, viewers, dropped, queue]
 
 
 class RequestMetrics:

@@ -68,14 +68,20 @@ _READING = (
 )  # fmt: skip
 
 ACCESS: dict[str, Access] = {
-    "world": _process("world") | Access(serves=(*_WORLD, *_TRUTH)),
+    "world": _process("world") | Access(
+        serves=(*_WORLD, *_TRUTH), subscribes=(t.BRIDGE_HEARTBEAT,)
+    ),
     # A robot of your own on the bus, in any language.
-    "robot": Access(serves=_WORLD, announces=("robot",)),
+    "robot": Access(
+        serves=_WORLD, subscribes=(t.BRIDGE_HEARTBEAT,), announces=("robot",)
+    ),
     # CONTEXT: a driver that plays a recording, and frames pushed over HTTP, begin the search
     # themselves. ANY_STATUS: the player waits for the maps. Watching: the driver of Spot.
     "bridge": _process("bridge") | Access(
-        publishes=(t.FRAME, t.KEYFRAME, t.ROBOT_STATE, t.ROBOT_DESCRIPTION, t.CONTEXT),
-        subscribes=(t.DETECTOR_ACK, *_ACKS, t.CONTEXT, t.ANY_STATUS),
+        publishes=(
+            t.FRAME, t.KEYFRAME, t.ROBOT_STATE, t.ROBOT_DESCRIPTION, t.CONTEXT, t.BRIDGE_HEARTBEAT,
+        ),
+        subscribes=(t.DETECTOR_ACK, *_ACKS, t.CONTEXT, t.ANY_STATUS, t.PLANNER_HEARTBEAT),
         serves=(t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.GET_STATE, t.PUSH),
         calls=(t.ESTIMATE_DEPTH, *_WORLD),
         watches=True,
@@ -107,7 +113,7 @@ ACCESS: dict[str, Access] = {
         calls=(t.EMBED_TEXT,),
     ),
     "planner": _process("planner") | Access(
-        publishes=(t.CONTEXT, t.TASK, t.DECISION, t.PLAN),
+        publishes=(t.CONTEXT, t.TASK, t.DECISION, t.PLAN, t.PLANNER_HEARTBEAT),
         subscribes=(t.ROBOT_DESCRIPTION, *_ACKS, t.OBSERVATION, t.status_topic("detector")),
         serves=(
             t.SUBMIT, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME, t.DECISIONS, t.RESERVE,

@@ -11,7 +11,8 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.types import FrameId
 
-LOOKS_S = 0.2  # period at which `KeyframeAcks.wait` checks its `ending` event
+LOOKS_S = 0.2  # period at which `KeyframeAcks.wait` checks its `ending` event and `lost`
+GRACE_S = 0.5  # for acknowledgements that are on their way
 
 
 class MapPart(StrEnum):
@@ -86,17 +87,22 @@ class KeyframeAcks:
         parts: Collection[str],
         timeout_s: float,
         ending: threading.Event | None = None,
+        lost: Callable[[], bool] = lambda: False,
     ) -> list[str]:
         """Wait until all `parts` have acknowledged a frame. Returns the parts that have not.
 
-        The wait also ends at the timeout, at `end`, or when `ending` is set.
+        The wait also ends at the timeout, at `end`, when `ending` is set, and `GRACE_S` after
+        `lost` has become true: what is on its way then arrives, and the rest never does.
+        `ending` and `lost` are read every `LOOKS_S`.
         """
-        deadline = time.monotonic() + timeout_s
+        deadline, is_lost = time.monotonic() + timeout_s, False
         with self._changed:
             while True:
                 missing = [part for part in parts if part not in self._answers.get(id, {})]
+                if not is_lost and lost():
+                    is_lost, deadline = True, min(deadline, time.monotonic() + GRACE_S)
                 left_s = deadline - time.monotonic()
                 over = self.ended or (ending is not None and ending.is_set())
                 if not missing or left_s <= 0 or over:
                     return missing
-                self._changed.wait(left_s if ending is None else min(left_s, LOOKS_S))
+                self._changed.wait(min(left_s, LOOKS_S))

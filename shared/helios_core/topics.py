@@ -65,6 +65,7 @@ FRAME = Topic("bridge/frame", pb.Frame, QoS.LATEST_WINS)
 KEYFRAME = Topic("bridge/keyframe", pb.Frame, QoS.NEVER_DROP)
 ROBOT_STATE = Topic("bridge/state", pb.RobotState, QoS.RETAINED)
 ROBOT_DESCRIPTION = Topic("bridge/description", pb.RobotDescription, QoS.RETAINED)
+BRIDGE_HEARTBEAT = Topic("bridge/heartbeat", pb.Heartbeat, QoS.LATEST_WINS)  # to the robot
 ACT = Method("bridge/act", pb.ActionRequest, pb.ActionResult)
 LEASE = Method("bridge/lease", pb.LeaseRequest, pb.LeaseReply)
 STOP = Method("bridge/stop", pb.StopRequest, pb.Empty)
@@ -107,6 +108,7 @@ RESET_MAP2D = Method("map2d/reset", pb.Empty, pb.Empty)
 
 # --- planner --------------------------------------------------------------------------------
 CONTEXT = Topic("planner/context", pb.SearchContext, QoS.RETAINED)
+PLANNER_HEARTBEAT = Topic("planner/heartbeat", pb.Heartbeat, QoS.LATEST_WINS)  # to the bridge
 TASK = Topic("planner/task", pb.Task, QoS.RETAINED)
 DECISION = Topic("planner/decision", pb.Decision, QoS.NEVER_DROP)
 PLAN = Topic("planner/plan", pb.Plan, QoS.RETAINED)
@@ -148,10 +150,13 @@ TRUTH_SEGMENTATION = Method(
 )
 TRUTH_EPISODE = Method("world/episode", pb.Empty, pb.TruthEpisode, truth=True)
 TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
+TRUTH_OBJECTS = Method("world/objects", pb.Empty, pb.TruthObjects, truth=True)
+TRUTH_TRACE = Method("world/trace", pb.TruthTraceRequest, pb.TruthTrace, truth=True)
 
 TOPICS: tuple[Topic, ...] = (
     FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, DETECTOR_ACK, PREVIEW, CLAIM,
-    OBJECTMAP_ACK, RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
+    OBJECTMAP_ACK, RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR, BRIDGE_HEARTBEAT,
+    PLANNER_HEARTBEAT,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
@@ -160,5 +165,5 @@ METHODS: tuple[Method, ...] = (
     SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
     WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
-    TRUTH_EPISODE, TRUTH_METRICS,
+    TRUTH_EPISODE, TRUTH_METRICS, TRUTH_OBJECTS, TRUTH_TRACE,
 )  # fmt: skip

@@ -39,7 +39,7 @@ QUEUE_DEPTH = 256
 SERVE_THREADS = 4  # per method, started when needed
 RETAINED_HEARTBEAT_S = 0.5  # a subscriber notices within this time that it missed a message
 DISCOVERY_S = 0.25  # longest search for a service that serves a method
-MEETING_S = 1.0  # the same for a new session, which has yet to discover the services
+MEETING_S = 1.0  # the same after meeting a router, whose services have yet to come
 READERS_END_WITHIN_S = 0.3
 
 
@@ -58,7 +58,7 @@ class ZenohBus(Bus):
                 f"no router at {router} ({_cause(error)}); `helios up --router-port PORT` starts "
                 "one with all services, `python -m helios_core.router` one alone"
             ) from error
-        self._opened_s = time.monotonic()
+        self._met_s, self._routers = time.monotonic(), self._router_ids()
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
         self._repeater = Repeater(self._start_reader)
@@ -142,15 +142,30 @@ class ZenohBus(Bus):
         return self._keep(undo)
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
-        now_s = time.monotonic()
-        deadline = min(now_s + timeout_s, max(now_s + DISCOVERY_S, self._opened_s + MEETING_S))
+        began_s = time.monotonic()
         while (reply := self._ask(method, request, timeout_s)) is None:
-            if time.monotonic() > deadline:
+            self._note_router()
+            search_s = max(DISCOVERY_S, self._met_s + MEETING_S - began_s)
+            if time.monotonic() > began_s + min(timeout_s, search_s):
                 raise Unavailable(
                     f"nobody serves {method.name}; start that service, then try again"
                 )
             time.sleep(0.02)
         return reply
+
+    def _note_router(self) -> None:
+        """Note the time if the session has met another router since the last call in vain.
+
+        A query right after that gets no reply: the services are still on their way to the router.
+        """
+        routers = self._router_ids()
+        if routers != self._routers:
+            self._routers = routers
+            if routers:
+                self._met_s = time.monotonic()
+
+    def _router_ids(self) -> frozenset[str]:
+        return frozenset(str(id) for id in self._session.info.routers_zid())
 
     def _ask(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep | None:
         """Reply of one query; None without any reply, as from a service that is just starting."""

@@ -9,8 +9,12 @@ import pytest
 from helios_core.topics import METHODS, TOPICS
 
 ROOT = Path(__file__).resolve().parents[2]
-MAY_READ = ("services/helios_detector", "clients/helios_sim", "clients/helios_eval")
-TRUTH_NAMES = {"TRUTH_SEGMENTATION", "TRUTH_EPISODE", "TRUTH_METRICS"}
+MAY_READ = (
+    "services/helios_detector", "clients/helios_sim", "clients/helios_eval", "clients/helios_chaos"
+)  # fmt: skip
+TRUTH_NAMES = {
+    "TRUTH_SEGMENTATION", "TRUTH_EPISODE", "TRUTH_METRICS", "TRUTH_OBJECTS", "TRUTH_TRACE"
+}  # fmt: skip
 FILES = sorted(
     p
     for folder in ("services", "clients")

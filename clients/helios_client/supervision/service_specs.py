@@ -138,7 +138,7 @@ class StackOptions:
             rate=self.rate, topics=self.topics,
             contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
             strict=self.strict or None, lockstep=self.lockstep or None,
-            ack_timeout_s=self.ack_timeout_s,
+            ack_timeout_s=self.ack_timeout_s, state_dir=self._stop_dir(),
         )  # fmt: skip
 
     def _certs(self) -> tuple[str, ...]:
@@ -152,6 +152,10 @@ class StackOptions:
             return tasks
         home = self.home_name or self.preset
         return tasks / f"sim-{home}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
+
+    def _stop_dir(self) -> Path | None:
+        """State folder of the bridge. A simulated robot keeps its stop itself, and ends with it."""
+        return None if self.port is None or self.robot == "sim" else self.state_dir / "bridge"
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name, *self._certs()]

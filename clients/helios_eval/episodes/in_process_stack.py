@@ -118,7 +118,8 @@ class InProcessStack:
             bus(), models.detector, models.scorer, self.healths["detector"], models.depth
         )
         self._bridge = BridgeService(
-            bus(), world, BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S),
+            bus(), world,
+            BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0),
             self.healths["bridge"], first_number=0,
         )  # fmt: skip
         self._planner = PlannerService(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable, Mapping
 from typing import Annotated
 
 import anyio
@@ -15,6 +15,7 @@ from helios_core import proto as pb
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import GET_TASK
 from starlette.requests import HTTPConnection
+from starlette.types import Send
 
 from helios_gateway import message_conversion
 from helios_gateway.api_keys import Scope
@@ -46,6 +47,24 @@ TaskId = Annotated[
 router = APIRouter(tags=["events"])
 
 
+class EventResponse(StreamingResponse):
+    """Response that `ending` breaks off, also while the connection accepts no data."""
+
+    def __init__(
+        self,
+        content: AsyncGenerator[bytes],
+        ending: anyio.CancelScope,
+        media_type: str,
+        headers: Mapping[str, str],
+    ) -> None:
+        super().__init__(content, media_type=media_type, headers=headers)
+        self._ending = ending
+
+    async def stream_response(self, send: Send) -> None:
+        with self._ending:
+            await super().stream_response(send)
+
+
 @router.get(
     "/events",
     summary="Receive events as server-sent events",
@@ -73,8 +92,13 @@ async def events(
     The same stream over a WebSocket: `/v1/events/ws?last_event_id=…`. Each message is
     `{"id", "type", "data"}`; an empty text is a keepalive.
     """
-    return StreamingResponse(
-        as_sse(await _watch(request, robot, state.settings, last_event_id, types, task_id)),
+    ending = anyio.CancelScope()
+    stream = await _watch(
+        request, robot, state.settings, last_event_id, types, task_id, ending.cancel
+    )
+    return EventResponse(
+        as_sse(stream),
+        ending,
         media_type="text/event-stream",
         headers={"cache-control": "no-store", "x-accel-buffering": "no"},
     )
@@ -94,13 +118,21 @@ async def socket(
         ),
     ] = None,
 ) -> None:
+    ending = anyio.CancelScope()
     try:
         check(socket, Scope.READ)
-        stream = await _watch(socket, robot, state.settings, last_event_id, types, task_id)
+        stream = await _watch(
+            socket, robot, state.settings, last_event_id, types, task_id, ending.cancel
+        )
     except HeliosError as error:
         await socket.send_denial_response(problem_of(error))
         return
     await socket.accept()
+    with ending:
+        await _send(socket, stream)
+
+
+async def _send(socket: WebSocket, stream: AsyncGenerator[Event | None]) -> None:
     async with contextlib.aclosing(stream), anyio.create_task_group() as group:
 
         async def leave_when_gone() -> None:
@@ -123,16 +155,17 @@ async def _watch(
     last_id: str | None,
     types: str,
     task_id: str,
+    on_drop: Callable[[], None],
 ) -> AsyncGenerator[Event | None]:
-    """Events that a subscriber requested; None is a keepalive.
+    """Events that a subscriber requested; None is a keepalive. on_drop: see `EventHub.watch`.
 
     Raises InvalidInput, NotFound, Unavailable.
     """
     wanted = EventFilter(_types(types), task_id)
     if not task_id:
-        stream = robot.monitor.events.watch(last_id, wanted)
+        stream = robot.monitor.events.watch(last_id, wanted, on_drop)
     else:
-        stream = robot.monitor.events.watch(last_id, wanted.with_tasks())
+        stream = robot.monitor.events.watch(last_id, wanted.with_tasks(), on_drop)
         await anext(stream)  # from here on the stream includes the end of the task
         try:
             first = await anyio.to_thread.run_sync(

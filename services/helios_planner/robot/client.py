@@ -24,12 +24,14 @@ from helios_core.errors import (
     InvalidInput,
 )
 from helios_core.geometry import Matrix
+from helios_core.heartbeat import HALTED, Heart
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, MapPart
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
 from helios_core.topics import (
     OBJECTS,
+    PLANNER_HEARTBEAT,
     RETIRE,
     SNAPSHOT,
     WHAT_IF,
@@ -43,6 +45,7 @@ from helios_planner.robot.detections import DETECTIONS, MessageBuffer, Sighting
 from helios_planner.robot.detector_status import DetectorStatus
 from helios_planner.robot.interface import Frontier, ProgressListener, RobotInterface, WhatIf
 from helios_planner.robot.rpc import RETRY_S, ActionSender, RobotConnection, system_error
+from helios_planner.robot.service_returns import ServiceReturns
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 
@@ -86,9 +89,11 @@ class RobotClient(RobotInterface):
         acknowledged before the next action (`ANSWERED_BY`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
         self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
-        self._detector = DetectorStatus(bus)
+        self._detector, self._returns = DetectorStatus(bus), ServiceReturns(bus)
         self._line = line
-        self._driver = ActionSender(line, settings, task_id, self._on_pause)
+        self._driver = ActionSender(
+            line, settings, task_id, self._on_pause, Heart(bus, PLANNER_HEARTBEAT)
+        )
         self.description = description_from_proto(description)
         self._context_id, self._max_steps = context_id, max_steps
         self.listener = self._listener = listener
@@ -131,6 +136,7 @@ class RobotClient(RobotInterface):
         """Close the subscriptions, and release the robot."""
         self._driver.release()
         self._detector.close()
+        self._returns.close()
         if self._inbox is not None:
             self._inbox.close()
 
@@ -168,6 +174,7 @@ class RobotClient(RobotInterface):
                 f"{self.detector_trouble()}"
             )
             raise TaskFailed(Cause.STEP_BUDGET, said)
+        began_s = time.monotonic()
         reply = self._driver.do(action)
         self.steps += 1
         self._listener.on_steps(self.steps)
@@ -176,7 +183,9 @@ class RobotClient(RobotInterface):
         self._state = None
         result = result_from_proto(reply)
         self.collisions += int(result.collided)
-        self.cut_short = not result.succeeded and self._driver.wait_while_stopped()
+        self.cut_short = not result.succeeded and (
+            self._driver.wait_while_stopped() or HALTED in result.reason
+        )
         if not reply.HasField("keyframe"):
             raise TaskFailed(Cause.SYSTEM_ERROR, "the robot sent no keyframe after an action")
         frame = frame_id_from_proto(reply.keyframe)
@@ -187,7 +196,9 @@ class RobotClient(RobotInterface):
             )
         self._frame = frame
         self._listener.on_keyframe(frame)
-        missing = self._acks.wait(frame, self._parts, ack_s, self._line.cancelled)
+        missing = self._acks.wait(
+            frame, self._parts, ack_s, self._line.cancelled, lambda: self._returns.since(began_s)
+        )
         self._line.check()
         answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
         return result, answers, missing

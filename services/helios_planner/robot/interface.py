@@ -65,7 +65,7 @@ class RobotInterface(ABC):
 
     description: RobotDescription
     listener: ProgressListener
-    cut_short: bool = False  # True if stop-now ended the last action early
+    cut_short: bool = False  # True if a stop ended the last action early
 
     @abstractmethod
     def act(self, action: Action) -> ActionResult:

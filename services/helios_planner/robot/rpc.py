@@ -8,11 +8,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Protocol
 
 from helios_core import proto as pb
 from helios_core.codec import action_to_proto, state_from_proto
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
+from helios_core.heartbeat import Heart
 from helios_core.robot import Action
 from helios_core.topics import ACT, GET_STATE, LEASE, Method, Rep, Req
 from helios_core.types import RobotState
@@ -118,8 +120,11 @@ class ActionSender:
         settings: Settings,
         task_id: str,
         on_pause: Callable[[str | None], None],
+        heart: Heart | None = None,
     ) -> None:
+        """heart: sends heartbeats while an action runs; None sends none."""
         self._line, self._settings, self._task_id = line, settings, task_id
+        self._heart = heart
         self._on_pause = on_pause
         self._number = 0
         self._token: int | None = None
@@ -148,9 +153,13 @@ class ActionSender:
                 lease_token=self._token,
                 time_remaining_s=self._settings.action_timeout_s,
                 action=action_to_proto(action),
+                beats=self._heart is not None,
             )
             try:
-                result = self._line.bus.call(ACT, request, self._settings.action_timeout_s + 5.0)
+                with self._heart.beating(action_id) if self._heart else nullcontext():
+                    result = self._line.bus.call(
+                        ACT, request, self._settings.action_timeout_s + 5.0
+                    )
                 self._renewed_s = time.monotonic()
                 self._note(problem)
                 if problem is not None:

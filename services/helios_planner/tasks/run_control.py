@@ -128,8 +128,10 @@ class PauseControl:
     thread sets it."""
 
     def __init__(self, limit_s: float, ends_s: float, cancelled: threading.Event) -> None:
-        """limit_s: time limit, 0 for none; ends_s: its end, in seconds since 1970."""
-        self._limit_s, self._ends_s, self._cancelled = limit_s, ends_s, cancelled
+        """limit_s: time limit, 0 for none; ends_s: its end, in seconds since 1970. A later jump of
+        the wall clock does not move the end."""
+        self._limit_s, self._cancelled = limit_s, cancelled
+        self._ends_s = time.monotonic() + ends_s - time.time()
         self._go = threading.Event()
         self._go.set()
         self._turn = threading.Lock()  # orders pauses and the starts of actions
@@ -155,7 +157,7 @@ class PauseControl:
 
     def check(self) -> None:
         """Raises TimeIsUp after the time limit; its cause is that of the step budget."""
-        if self._limit_s and time.time() > self._ends_s:
+        if self._limit_s and time.monotonic() > self._ends_s:
             raise TimeIsUp(f"the task's {self._limit_s:g} s are used up")
 
     def wait(self, tell: Callable[[bool], None]) -> None:

@@ -129,18 +129,26 @@ class Action(_message.Message):
     def __init__(self, forward: _Optional[_Union[Action.Forward, _Mapping]] = ..., turn: _Optional[_Union[Action.Turn, _Mapping]] = ..., tilt: _Optional[_Union[Action.Tilt, _Mapping]] = ..., pick: _Optional[_Union[Action.Pick, _Mapping]] = ..., place: _Optional[_Union[Action.Place, _Mapping]] = ..., observe: _Optional[_Union[Action.Observe, _Mapping]] = ...) -> None: ...
 
 class ActionRequest(_message.Message):
-    __slots__ = ("action_id", "lease_token", "time_remaining_s", "action", "no_keyframe")
+    __slots__ = ("action_id", "lease_token", "time_remaining_s", "action", "no_keyframe", "beats")
     ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     TIME_REMAINING_S_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
     NO_KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    BEATS_FIELD_NUMBER: _ClassVar[int]
     action_id: str
     lease_token: int
     time_remaining_s: float
     action: Action
     no_keyframe: bool
-    def __init__(self, action_id: _Optional[str] = ..., lease_token: _Optional[int] = ..., time_remaining_s: _Optional[float] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., no_keyframe: bool = ...) -> None: ...
+    beats: bool
+    def __init__(self, action_id: _Optional[str] = ..., lease_token: _Optional[int] = ..., time_remaining_s: _Optional[float] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., no_keyframe: bool = ..., beats: bool = ...) -> None: ...
+
+class Heartbeat(_message.Message):
+    __slots__ = ("action_id",)
+    ACTION_ID_FIELD_NUMBER: _ClassVar[int]
+    action_id: str
+    def __init__(self, action_id: _Optional[str] = ...) -> None: ...
 
 class ActionResult(_message.Message):
     __slots__ = ("action_id", "succeeded", "reason", "moved_m", "turned_rad", "collided", "steps", "keyframe", "T_world_base")
@@ -193,12 +201,14 @@ class StopRequest(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class WorldActRequest(_message.Message):
-    __slots__ = ("action_id", "action")
+    __slots__ = ("action_id", "action", "beats")
     ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
+    BEATS_FIELD_NUMBER: _ClassVar[int]
     action_id: str
     action: Action
-    def __init__(self, action_id: _Optional[str] = ..., action: _Optional[_Union[Action, _Mapping]] = ...) -> None: ...
+    beats: bool
+    def __init__(self, action_id: _Optional[str] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., beats: bool = ...) -> None: ...
 
 class WorldCapture(_message.Message):
     __slots__ = ("color", "depth_mm", "camera", "T_world_cam", "T_world_base", "stamp_ns")
@@ -291,3 +301,29 @@ class TruthMetrics(_message.Message):
     collided_with: _containers.RepeatedScalarFieldContainer[str]
     path_m: float
     def __init__(self, find_object: bool = ..., pick: bool = ..., find_receptacle: bool = ..., place: bool = ..., success: bool = ..., collision: bool = ..., collisions: _Optional[int] = ..., steps: _Optional[int] = ..., collided_with: _Optional[_Iterable[str]] = ..., path_m: _Optional[float] = ...) -> None: ...
+
+class TruthObjects(_message.Message):
+    __slots__ = ("instances",)
+    INSTANCES_FIELD_NUMBER: _ClassVar[int]
+    instances: _containers.RepeatedCompositeFieldContainer[TruthInstance]
+    def __init__(self, instances: _Optional[_Iterable[_Union[TruthInstance, _Mapping]]] = ...) -> None: ...
+
+class TruthTraceRequest(_message.Message):
+    __slots__ = ("since_ns",)
+    SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    since_ns: int
+    def __init__(self, since_ns: _Optional[int] = ...) -> None: ...
+
+class TruthTrace(_message.Message):
+    __slots__ = ("actions", "after_s", "x_m", "y_m", "begun")
+    ACTIONS_FIELD_NUMBER: _ClassVar[int]
+    AFTER_S_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    BEGUN_FIELD_NUMBER: _ClassVar[int]
+    actions: int
+    after_s: _containers.RepeatedScalarFieldContainer[float]
+    x_m: _containers.RepeatedScalarFieldContainer[float]
+    y_m: _containers.RepeatedScalarFieldContainer[float]
+    begun: int
+    def __init__(self, actions: _Optional[int] = ..., after_s: _Optional[_Iterable[float]] = ..., x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ..., begun: _Optional[int] = ...) -> None: ...

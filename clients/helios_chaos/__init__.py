@@ -1,0 +1,1 @@
+"""Faults, soak and load on a running HELIOS, judged by the simulator's ground truth."""

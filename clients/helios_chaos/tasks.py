@@ -1,0 +1,180 @@
+"""Plays tasks one after the other, and judges each end by the simulator's ground truth."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from helios_client.answer_types import Task
+from helios_client.sdk import Helios
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import state_from_proto
+from helios_core.errors import HeliosError, InvalidInput
+from helios_core.topics import TRUTH_OBJECTS, WORLD_STATE
+
+T = TypeVar("T")
+
+POLL_S, RETRY_S, CALL_S = 0.3, 0.5, 5.0
+EXPLORE_S = 25.0  # time limit of an exploration
+AT_HOME_M = 0.6
+ANSWERS_WITHIN_S = 120.0  # of a service that a fault has hit
+TASK_WITHIN_S = 900.0
+
+Places = dict[str, tuple[str, str]]  # name of an object -> its class, name of what it stands on
+
+
+@dataclass(frozen=True)
+class PlayedTask:
+    """A task that was played. untrue: why its end contradicts the truth; empty if it does not."""
+
+    id: str
+    instruction: str
+    state: str
+    message: str
+    untrue: str = ""
+
+    @property
+    def lost(self) -> bool:
+        return bool(self.untrue) or self.state not in ("succeeded", "failed", "cancelled")
+
+
+@dataclass
+class Home:
+    """True contents of the home."""
+
+    places: Places
+    names: dict[str, str] = field(default_factory=dict)  # name of a body -> its class
+
+    def class_under(self, thing: str) -> str:
+        """Class of what an object stands on; empty for the floor and the gripper."""
+        return self.names.get(self.places[thing][1], "")
+
+
+class TaskPlayer:
+    """Thread that always has one task running, until `finish`."""
+
+    def __init__(self, helios: Helios, bus: Bus, seed: int) -> None:
+        self._helios, self._bus, self._random = helios, bus, random.Random(seed)
+        self._ending, self._given_up = threading.Event(), threading.Event()
+        self._start_xy = self._robot_xy()
+        self.played: list[PlayedTask] = []
+        self.running = threading.Event()  # a task runs at this moment
+        self._thread = threading.Thread(target=self._run, name="tasks", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def finish(self, within_s: float) -> None:
+        """Let the present task end, or cancel it after the limit; start no other."""
+        self._ending.set()
+        self._thread.join(within_s)
+        if self._thread.is_alive():
+            self._given_up.set()
+            self._thread.join(ANSWERS_WITHIN_S)
+
+    def _run(self) -> None:
+        number = 0
+        while not self._ending.is_set():
+            try:
+                self._play(number)
+            except HeliosError:  # a service was away too long; the planner's list tells the rest
+                time.sleep(RETRY_S)
+            number += 1
+
+    def _play(self, number: int) -> None:
+        home = self._home()
+        if number % 3 == 1:
+            instruction, submit = "explore", lambda: self._helios.explore(EXPLORE_S)
+        elif number % 3 == 2:
+            instruction, submit = "go home", self._helios.home
+        else:
+            instruction = self._move(home)
+            submit = lambda: self._helios.submit(instruction)  # noqa: E731
+        id = self._submitted(submit)
+        self.running.set()
+        try:
+            task = self._ended(id)
+        finally:
+            self.running.clear()
+        untrue = ""
+        if task.state == "succeeded":
+            untrue = self._untrue(instruction, home)
+        self.played.append(PlayedTask(id, instruction, task.state, task.message, untrue))
+
+    def _move(self, home: Home) -> str:
+        """Instruction for an object that is not yet where it shall go."""
+        under = {thing: home.class_under(thing) for thing in sorted(home.places)}
+        on = [thing for thing, where in under.items() if where]
+        thing = self._random.choice(on)
+        class_name = home.places[thing][0]
+        goals = {where for where in under.values() if where and where != under[thing]}
+        goals -= {under[t] for t in on if home.places[t][0] == class_name}
+        goal = self._random.choice(sorted(goals) or [under[thing]])
+        return f"Move the {class_name} from the {under[thing]} to the {goal}"
+
+    def _untrue(self, instruction: str, before: Home) -> str:
+        """Why a success contradicts the truth; empty if it does not."""
+        if instruction == "go home":
+            away_m = float(np.hypot(*(self._robot_xy() - self._start_xy)))
+            return f"the robot is {away_m:.2f} m from its start" if away_m > AT_HOME_M else ""
+        if not instruction.startswith("Move the "):
+            return ""
+        class_name, _, way = instruction.removeprefix("Move the ").partition(" from the ")
+        goal = way.partition(" to the ")[2]
+        after = self._home()
+        moved = [t for t in after.places if after.places[t] != before.places.get(t)]
+        if any(after.places[t][0] == class_name and after.class_under(t) == goal for t in moved):
+            return ""
+        found = ", ".join(f"{t} on {after.class_under(t) or 'nothing'}" for t in moved) or "nothing"
+        return f"no {class_name} was moved to a {goal}; moved: {found}"
+
+    def _submitted(self, submit: Callable[[], Task]) -> str:
+        """Id of the new task. After an error the task may exist all the same: it is then found in
+        the planner's list."""
+        known = {task.id for task in self._patiently(self._helios.tasks)}
+
+        def submit_or_find() -> str:
+            for task in self._helios.tasks():
+                if task.id not in known:
+                    return task.id
+            return submit().id
+
+        return self._patiently(submit_or_find)
+
+    def _ended(self, id: str) -> Task:
+        deadline_s = time.monotonic() + TASK_WITHIN_S
+        while True:
+            task = self._patiently(lambda: self._helios.task(id))
+            if task.ended:
+                return task
+            if self._given_up.is_set() or time.monotonic() > deadline_s:
+                self._patiently(lambda: self._helios.cancel(id))
+            time.sleep(POLL_S)
+
+    def _home(self) -> Home:
+        truth = self._patiently(lambda: self._bus.call(TRUTH_OBJECTS, pb.Empty(), CALL_S))
+        names = {one.name: one.class_name for one in truth.instances}
+        return Home({o.name: (o.class_name, o.on) for o in truth.instances if o.graspable}, names)
+
+    def _robot_xy(self) -> np.ndarray:
+        state = self._patiently(lambda: self._bus.call(WORLD_STATE, pb.Empty(), CALL_S))
+        return state_from_proto(state).T_world_base[:2, 3]
+
+    def _patiently(self, call: Callable[[], T]) -> T:
+        """Result of a call that is repeated while a service is away."""
+        deadline_s = time.monotonic() + ANSWERS_WITHIN_S
+        while True:
+            try:
+                return call()
+            except InvalidInput:
+                raise
+            except HeliosError:
+                if time.monotonic() > deadline_s:
+                    raise
+                time.sleep(RETRY_S)
