@@ -16,7 +16,7 @@ from helios_core.settings_spelling import nearest
 from helios_client.supervision.service_specs import RECORDED_DETECTOR
 from helios_client.usage_errors import UsageError
 
-ROBOTS = ("sim", "replay", "spot", "bus", "push")
+ROBOTS = ("sim", "replay", "spot", "ros2", "bus", "push")
 _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
 _SCORERS = ("lexical", "minilm")
 FURNITURE = ("parametric", "realistic")

@@ -1,0 +1,117 @@
+"""A ROS node in a context and a thread of its own, beside any other program.
+
+`rclpy` gets no signals and no command line: those belong to the process. Its callbacks run one at a
+time in the node's daemon thread.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+from helios_ros2.offered_qos import Qos
+from helios_ros2.rclpy_loading import load_rclpy
+
+log = logging.getLogger(__name__)
+
+CLOSE_WITHIN_S = 1.0
+
+
+class RosNode:
+    """Node with its executor's thread. `start` begins to spin; `close` ends it."""
+
+    def __init__(self, name: str) -> None:
+        """Raises InvalidInput without rclpy."""
+        self._rclpy = load_rclpy()
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        self._context = self._rclpy.Context()
+        self._rclpy.init(
+            args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO
+        )
+        self.node = self._rclpy.create_node(
+            name, context=self._context, start_parameter_services=False
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, name=f"ros {name}", daemon=True)
+        self._closed = False
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and the node. Idempotent."""
+        if self._closed:
+            return
+        self._closed = True
+        self._executor.shutdown(timeout_sec=CLOSE_WITHIN_S)
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_WITHIN_S)
+        self.node.destroy_node()
+        self._rclpy.shutdown(context=self._context)
+
+    def graph(self) -> dict[str, list[str]]:
+        """Topics with their types, as far as the node has discovered them."""
+        return dict(self.node.get_topic_names_and_types())
+
+    def offered(self, topic: str) -> list[tuple[str, Qos]]:
+        """Type and quality of service of each publisher of a topic."""
+        return _endpoints(self.node.get_publishers_info_by_topic(topic))
+
+    def requested(self, topic: str) -> list[tuple[str, Qos]]:
+        """Type and quality of service of each subscription to a topic."""
+        return _endpoints(self.node.get_subscriptions_info_by_topic(topic))
+
+    @property
+    def domain(self) -> str:
+        """What separates this robot's topics from those of others, for messages."""
+        return f"ROS_DOMAIN_ID is {os.environ.get('ROS_DOMAIN_ID', '0')}"
+
+    def _spin(self) -> None:
+        while not self._closed and self._context.ok():
+            try:
+                self._executor.spin()
+            except Exception:  # a callback failed: the next message may be valid
+                if self._closed or not self._context.ok():
+                    return
+                log.exception("a ROS callback failed")
+
+
+def qos_profile(qos: Qos, depth: int) -> Any:
+    """rclpy's profile."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if qos.retained else DurabilityPolicy.VOLATILE,
+    )
+
+
+def type_name(kind: Any) -> str:
+    """`package/msg/Name` of a message class."""
+    package = kind.__module__.partition(".")[0]
+    part = next(p for p in kind.__module__.split(".") if p in ("msg", "srv", "action"))
+    return f"{package}/{part}/{kind.__name__}"
+
+
+def _endpoints(infos: Sequence[Any]) -> list[tuple[str, Qos]]:
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+    return [
+        (
+            info.topic_type,
+            Qos(
+                info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+                info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            ),
+        )
+        for info in infos
+    ]
+
+
