@@ -1,7 +1,7 @@
 """A ROS node in a context and a thread of its own, beside any other program.
 
-`rclpy` gets no signals and no command line: those belong to the process. Its callbacks run one at a
-time in the node's daemon thread.
+`rclpy` gets no signals and no command line: those belong to the process. Its callbacks run in the
+node's daemon thread, one at a time unless the node has more threads.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ CLOSE_WITHIN_S = 1.0
 class RosNode:
     """Node with its executor's thread. `start` begins to spin; `close` ends it."""
 
-    def __init__(self, name: str) -> None:
-        """Raises InvalidInput without rclpy."""
+    def __init__(self, name: str, threads: int = 1) -> None:
+        """threads: number of callbacks that run at a time. Raises InvalidInput without rclpy."""
         self._rclpy = load_rclpy()
-        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
         self._context = self._rclpy.Context()
@@ -36,8 +36,12 @@ class RosNode:
         self.node = self._rclpy.create_node(
             name, context=self._context, start_parameter_services=False
         )
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
+        self.executor = (
+            SingleThreadedExecutor(context=self._context)
+            if threads == 1
+            else MultiThreadedExecutor(threads, context=self._context)
+        )
+        self.executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, name=f"ros {name}", daemon=True)
         self._closed = False
 
@@ -49,7 +53,7 @@ class RosNode:
         if self._closed:
             return
         self._closed = True
-        self._executor.shutdown(timeout_sec=CLOSE_WITHIN_S)
+        self.executor.shutdown(timeout_sec=CLOSE_WITHIN_S)
         if self._thread.is_alive():
             self._thread.join(CLOSE_WITHIN_S)
         self.node.destroy_node()
@@ -75,7 +79,7 @@ class RosNode:
     def _spin(self) -> None:
         while not self._closed and self._context.ok():
             try:
-                self._executor.spin()
+                self.executor.spin()
             except Exception:  # a callback failed: the next message may be valid
                 if self._closed or not self._context.ok():
                     return

@@ -14,7 +14,7 @@ app = typer.Typer()
 
 
 RobotKind = Annotated[
-    str, typer.Option(help="driver: sim, replay, spot, bus, push or package:Class")
+    str, typer.Option(help="driver: sim, replay, spot, ros2, bus, push or package:Class")
 ]
 Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
 Preset = Annotated[str, typer.Option(help="preset of the simulated home")]
@@ -58,6 +58,9 @@ RecordDir = Annotated[
 SpotHost = Annotated[
     str | None, typer.Option(help="host of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
 ]
+Ros2Output = Annotated[
+    bool, typer.Option("--ros2", help="publish maps, objects and tasks to ROS 2")
+]
 RouterPort = Annotated[
     int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
 ]
@@ -80,6 +83,7 @@ def up(
     record: Record = False,
     record_dir: RecordDir = None,
     spot_host: SpotHost = None,
+    ros2: Ros2Output = False,
     router_port: RouterPort = None,
     name: BusName = "robot",
 ) -> None:
@@ -87,6 +91,7 @@ def up(
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
     from helios_client.supervision.preset_defaults import preset_defaults
+    from helios_client.supervision.ros2_python import chosen_ros2_python
     from helios_client.supervision.service_specs import StackOptions, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
@@ -111,6 +116,7 @@ def up(
         port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
         agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
         robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
+        ros2_python=chosen_ros2_python() if ros2 or robot == "ros2" else None, ros2_output=ros2,
     )  # fmt: skip
     run_up(specs, Screen())
 

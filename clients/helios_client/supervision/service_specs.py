@@ -17,7 +17,7 @@ RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 class StackOptions:
     """Options of the stack that `helios up` or `helios replay` starts."""
 
-    robot: str  # sim, replay, spot, bus, push or package:Class
+    robot: str  # sim, replay, spot, ros2, bus, push or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # name of the robot in every bus key
@@ -40,6 +40,8 @@ class StackOptions:
     contexts: bool = False  # a replay starts the recorded searches itself
     strict: bool = False  # a replay ends at an unreadable frame
     record: Path | None = None  # folder for recordings; None: no recorder
+    ros2_python: str | None = None  # interpreter with rclpy; None: no process uses ROS
+    ros2_output: bool = False  # publish maps, objects and tasks to ROS
     lockstep: bool = False
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
 
@@ -80,6 +82,7 @@ class StackOptions:
                 contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
                 strict=self.strict or None, lockstep=self.lockstep or None,
                 ack_timeout_s=self.ack_timeout_s,
+                python=self.ros2_python if self.robot == "ros2" else None,
             )
         )  # fmt: skip
         if self.detector == RECORDED_DETECTOR:
@@ -114,6 +117,8 @@ class StackOptions:
             out.append(self._service("gateway", "helios_gateway", port=self.port))
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
+        if self.ros2_output:
+            out.append(self._service("ros2", "helios_ros2", python=self.ros2_python))
         return tuple(out)
 
     def _tasks_dir(self) -> Path:
@@ -124,18 +129,21 @@ class StackOptions:
             return tasks
         return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
 
-    def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
+    def _service(
+        self, name: str, module: str, python: str | None = None, **flags: object
+    ) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name]
         for flag, value in flags.items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")
             elif value is not None:
                 argv += [f"--{flag.replace('_', '-')}", str(value)]
-        return ProcessSpec(name, _python(module, *argv))
+        return ProcessSpec(name, _python(module, *argv, python=python))
 
 
-def _python(module: str, *args: str) -> tuple[str, ...]:
-    return (sys.executable, "-m", module, *args)
+def _python(module: str, *args: str, python: str | None = None) -> tuple[str, ...]:
+    """Command line of a module; python: its interpreter, None for this one."""
+    return (python or sys.executable, "-m", module, *args)
 
 
 def free_port() -> int:
