@@ -69,10 +69,12 @@ def _legend(width: int, low: float, high: float, name: str) -> NDArray[np.uint8]
     ramp = np.linspace(0, 1, width, dtype=np.float32)[None]
     out[:8] = _viridis(np.repeat(ramp, 8, 0))
     plain = name.encode("ascii", "replace").decode()
-    words = f"{low:.2f}  {plain}  {high:.2f}"
-    cv2.putText(
-        out, words, (2, LEGEND_PX - 5), cv2.FONT_HERSHEY_PLAIN, 0.9, (20, 20, 20), 1, cv2.LINE_AA
-    )
+    font, scale = cv2.FONT_HERSHEY_PLAIN, 0.9
+    for words, share in ((f"{low:.2f}", 0.0), (plain, 0.5), (f"{high:.2f}", 1.0)):
+        (wide, _), _ = cv2.getTextSize(words, font, scale, 1)
+        left = round(share * max(0, width - wide - 4)) + 2
+        at = (left, LEGEND_PX - 5)
+        cv2.putText(out, words, at, font, scale, (20, 20, 20), 1, cv2.LINE_AA)
     return out
 
 
