@@ -5,7 +5,7 @@
     python -m tests.ros2_probe do_task INSTRUCTION              the action DoTask, to its end
     python -m tests.ros2_probe cancel_task INSTRUCTION          the same, cancelled at its start
     python -m tests.ros2_probe say TOPIC TEXT                   one std_msgs/String
-    python -m tests.ros2_probe record FOLDER SECONDS TOPIC=TYPE …   a rosbag2 with MCAP
+    python -m tests.ros2_probe record FOLDER SECONDS TOPIC=TYPE …   a rosbag2 with MCAP, each topic in it
 """
 
 from __future__ import annotations
@@ -132,8 +132,10 @@ def record(node: Node, folder: str, seconds: str, *topics: str) -> dict[str, Any
                 counts[name] = counts.get(name, 0) + 1
 
             node.create_subscription(kind_of(kind), name, on, qos, raw=True)
-        end_s = time.monotonic() + float(seconds)
-        while time.monotonic() < end_s:
+        began_s = time.monotonic()
+        while time.monotonic() < began_s + WITHIN_S and (
+            len(counts) < len(topics) or time.monotonic() < began_s + float(seconds)
+        ):
             rclpy.spin_once(node, timeout_sec=0.1)
     return counts
 
