@@ -1,11 +1,11 @@
 """A ROS 2 program as a user would write it: listens to HELIOS' topics, calls its services.
 
-    python -m tests.ros2_probe listen SECONDS TOPIC=TYPE …     newest message of each, as JSON
-    python -m tests.ros2_probe call SERVICE                     a std_srvs/Trigger
-    python -m tests.ros2_probe do_task INSTRUCTION              the action DoTask, to its end
-    python -m tests.ros2_probe cancel_task INSTRUCTION          the same, cancelled at its start
-    python -m tests.ros2_probe say TOPIC TEXT                   one std_msgs/String
-    python -m tests.ros2_probe record FOLDER SECONDS TOPIC=TYPE …   a rosbag2 with MCAP, each topic in it
+python -m tests.ros2_probe listen SECONDS TOPIC=TYPE …     newest message of each, as JSON
+python -m tests.ros2_probe call SERVICE                     a std_srvs/Trigger
+python -m tests.ros2_probe do_task INSTRUCTION              the action DoTask, to its end
+python -m tests.ros2_probe cancel_task INSTRUCTION          the same, cancelled at its start
+python -m tests.ros2_probe say TOPIC TEXT                   one std_msgs/String
+python -m tests.ros2_probe record FOLDER SECONDS TOPIC=TYPE …   a rosbag2 with MCAP
 """
 
 from __future__ import annotations
@@ -101,6 +101,10 @@ def do_task(node: Node, instruction: str, cancel: bool = False) -> dict[str, Any
     }  # fmt: skip
 
 
+def cancel_task(node: Node, instruction: str) -> dict[str, Any]:
+    return do_task(node, instruction, cancel=True)
+
+
 def say(node: Node, topic: str, text: str) -> dict[str, Any]:
     kind = kind_of("std_msgs/msg/String")
     publisher = node.create_publisher(kind, topic, 10)
@@ -144,11 +148,8 @@ def main() -> int:
     rclpy.init(args=[])
     node = rclpy.create_node("probe")
     what, *args = sys.argv[1:]
-    if what == "cancel_task":
-        answer = do_task(node, args[0], cancel=True)
-    else:
-        commands = {f.__name__: f for f in (listen, call, do_task, say, record)}
-        answer = commands[what](node, *args)
+    commands = {f.__name__: f for f in (listen, call, do_task, cancel_task, say, record)}
+    answer = commands[what](node, *args)
     print(json.dumps(answer))
     node.destroy_node()
     rclpy.shutdown()

@@ -11,4 +11,6 @@ from helios_ros2.settings import Ros2Settings
 
 if __name__ == "__main__":
     settings = Ros2Settings.load()
-    sys.exit(run_service("ros2", settings, lambda bus, health: OutputService(bus, settings, health)))
+    sys.exit(
+        run_service("ros2", settings, lambda bus, health: OutputService(bus, settings, health))
+    )

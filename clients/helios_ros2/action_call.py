@@ -9,7 +9,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
-from helios_ros2.rclpy_loading import interface
+from helios_ros2.rclpy_loading import interface, rclpy_module
 from helios_ros2.ros_node import RosNode
 from helios_ros2.stop_latch import NotDone, StopLatch
 
@@ -24,11 +24,9 @@ class RosAction:
 
     def __init__(self, ros: RosNode, name: str, kind: str) -> None:
         """kind: `package/action/Name`. Raises InvalidInput if it is not installed."""
-        from rclpy.action import ActionClient
-
         self.name, self._kind = name, kind
         self._type = interface(kind)
-        self._client = ActionClient(ros.node, self._type, name)
+        self._client = rclpy_module("action").ActionClient(ros.node, self._type, name)
         self._goal: Any = None
 
     def is_there(self) -> bool:

@@ -44,9 +44,7 @@ class CameraTilt:
                 return
             raise NotDone("the camera is fixed; HELIOS_ROS2_TILT and …_TILT_JOINT name its joint")
         wanted_rad = min(max(tilt_rad, self._s.tilt_min_rad), self._s.tilt_max_rad)
-        point = self._point(
-            positions=[self._s.tilt_sign * (wanted_rad - self._s.tilt_offset_rad)]
-        )
+        point = self._point(positions=[self._s.tilt_sign * (wanted_rad - self._s.tilt_offset_rad)])
         point.time_from_start.sec = int(MOVE_S)
         message = self._message(joint_names=[self._s.tilt_joint], points=[point])
         end_s, arrived_s = time.monotonic() + WITHIN_S, None

@@ -69,7 +69,9 @@ class Hand:
         x, y, z = point_m
         if given is None:
             if self._person is None:
-                raise NotDone(f"this robot cannot {what}; HELIOS_ROS2_{what.upper()} names an action")
+                raise NotDone(
+                    f"this robot cannot {what}; HELIOS_ROS2_{what.upper()} names an action"
+                )
             self._person.ask(f"{words} at x = {x:.2f} m, y = {y:.2f} m, z = {z:.2f} m")
             return
         action = self._actions[what]

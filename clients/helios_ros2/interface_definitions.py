@@ -88,7 +88,8 @@ def nav2(distribution: str) -> InterfacePackage:
     return InterfacePackage(
         "nav2_msgs",
         {
-            "action/Spin.action": f"float32 target_yaw\n{allowed}float32 angular_distance_traveled\n",
+            "action/Spin.action": f"float32 target_yaw\n{allowed}"
+            "float32 angular_distance_traveled\n",
             "action/DriveOnHeading.action": straight,
             "action/BackUp.action": straight,
         },

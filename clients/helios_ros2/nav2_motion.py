@@ -69,6 +69,4 @@ class Nav2Motion:
     def _run(self, name: str, fields: dict[str, Any], seconds: float) -> None:
         allowed = {"sec": math.ceil(seconds)}
         action = self._actions[name]
-        action.run(
-            action.goal({**fields, "time_allowance": allowed}), self._latch, seconds + 2
-        )
+        action.run(action.goal({**fields, "time_allowance": allowed}), self._latch, seconds + 2)

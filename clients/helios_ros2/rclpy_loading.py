@@ -21,6 +21,12 @@ def load_rclpy() -> Any:
         raise InvalidInput(f"ROS 2's rclpy cannot be imported ({error}); {INSTALL}") from error
 
 
+def rclpy_module(name: str) -> Any:
+    """Module `rclpy.<name>`. Raises InvalidInput that says what to install."""
+    load_rclpy()
+    return importlib.import_module(f"rclpy.{name}")
+
+
 def interface(name: str) -> Any:
     """Class of a message, service or action, such as `sensor_msgs/msg/Image`.
 
@@ -28,7 +34,9 @@ def interface(name: str) -> Any:
     """
     parts = name.split("/")
     if len(parts) != 3 or parts[1] not in ("msg", "srv", "action"):
-        raise InvalidInput(f"{name!r} is no ROS type; wanted package/msg/Name, …/srv/… or …/action/…")
+        raise InvalidInput(
+            f"{name!r} is no ROS type; wanted package/msg/Name, …/srv/… or …/action/…"
+        )
     package, kind, short = parts
     try:
         return getattr(importlib.import_module(f"{package}.{kind}"), short)

@@ -332,5 +332,3 @@ class RobotInput:
 def _is_close(a: Matrix, b: Matrix) -> bool:
     away_m = math.hypot(*(a - b)[:2, 3])
     return bool(away_m < REST_M) and abs(wrap_angle(yaw_of(a) - yaw_of(b))) < REST_RAD
-
-

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from helios_ros2.offered_qos import Qos
-from helios_ros2.rclpy_loading import load_rclpy
+from helios_ros2.rclpy_loading import load_rclpy, rclpy_module
 
 log = logging.getLogger(__name__)
 
@@ -26,20 +26,17 @@ class RosNode:
     def __init__(self, name: str, threads: int = 1) -> None:
         """threads: number of callbacks that run at a time. Raises InvalidInput without rclpy."""
         self._rclpy = load_rclpy()
-        from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-        from rclpy.signals import SignalHandlerOptions
-
+        executors = rclpy_module("executors")
+        no_signals = rclpy_module("signals").SignalHandlerOptions.NO
         self._context = self._rclpy.Context()
-        self._rclpy.init(
-            args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO
-        )
+        self._rclpy.init(args=[], context=self._context, signal_handler_options=no_signals)
         self.node = self._rclpy.create_node(
             name, context=self._context, start_parameter_services=False
         )
         self.executor = (
-            SingleThreadedExecutor(context=self._context)
+            executors.SingleThreadedExecutor(context=self._context)
             if threads == 1
-            else MultiThreadedExecutor(threads, context=self._context)
+            else executors.MultiThreadedExecutor(threads, context=self._context)
         )
         self.executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, name=f"ros {name}", daemon=True)
@@ -88,12 +85,12 @@ class RosNode:
 
 def qos_profile(qos: Qos, depth: int) -> Any:
     """rclpy's profile."""
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-    return QoSProfile(
+    q = rclpy_module("qos")
+    reliability, durability = q.ReliabilityPolicy, q.DurabilityPolicy
+    return q.QoSProfile(
         depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if qos.retained else DurabilityPolicy.VOLATILE,
+        reliability=reliability.RELIABLE if qos.reliable else reliability.BEST_EFFORT,
+        durability=durability.TRANSIENT_LOCAL if qos.retained else durability.VOLATILE,
     )
 
 
@@ -105,17 +102,14 @@ def type_name(kind: Any) -> str:
 
 
 def _endpoints(infos: Sequence[Any]) -> list[tuple[str, Qos]]:
-    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-
+    q = rclpy_module("qos")
     return [
         (
             info.topic_type,
             Qos(
-                info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
-                info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+                info.qos_profile.reliability == q.ReliabilityPolicy.RELIABLE,
+                info.qos_profile.durability == q.DurabilityPolicy.TRANSIENT_LOCAL,
             ),
         )
         for info in infos
     ]
-
-

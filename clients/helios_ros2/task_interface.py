@@ -18,7 +18,7 @@ from helios_core.task_states import ENDED
 from helios_core.topics import CANCEL, CLEAR_STOP, GET_TASK, STOP, SUBMIT, TASK
 
 from helios_ros2.offered_qos import Qos
-from helios_ros2.rclpy_loading import has_interface, interface
+from helios_ros2.rclpy_loading import has_interface, interface, rclpy_module
 from helios_ros2.ros_node import RosNode, qos_profile
 
 log = logging.getLogger(__name__)
@@ -32,12 +32,10 @@ class TaskInterface:
     """Topics and services of tasks. Callbacks may run at the same time in several threads."""
 
     def __init__(self, ros: RosNode, bus: Bus) -> None:
-        from rclpy.callback_groups import ReentrantCallbackGroup
-
         self._bus = bus
         self._text = interface("std_msgs/msg/String")
         trigger = interface("std_srvs/srv/Trigger")
-        group = ReentrantCallbackGroup()
+        group = rclpy_module("callback_groups").ReentrantCallbackGroup()
         kept = qos_profile(Qos(retained=True), 1)
         self._task = ros.node.create_publisher(self._text, "~/task", kept)
         self._refused = ros.node.create_publisher(self._text, "~/refused", 10)
@@ -88,14 +86,13 @@ class DoTaskAction:
     """Action server of DoTask: feedback while the task runs; a cancelled goal cancels the task."""
 
     def __init__(self, ros: RosNode, bus: Bus, group: Any) -> None:
-        from rclpy.action import ActionServer, CancelResponse
-
+        action = rclpy_module("action")
         self._ros, self._bus = ros, bus
         self._kind = interface(DO_TASK)
         self._lock = threading.Lock()
         self._goals: dict[str, tuple[Any, Any]] = {}  # task id -> goal handle, future of its end
-        self._accept = CancelResponse.ACCEPT
-        self._server = ActionServer(
+        self._accept = action.CancelResponse.ACCEPT
+        self._server = action.ActionServer(
             ros.node, self._kind, "~/do_task", self._execute,
             cancel_callback=self._on_cancel, callback_group=group,
         )  # fmt: skip
@@ -116,8 +113,6 @@ class DoTaskAction:
         handle.publish_feedback(feedback)
 
     async def _execute(self, handle: Any) -> Any:
-        from rclpy.task import Future
-
         goal = handle.request
         try:
             request = pb.SubmitRequest(
@@ -127,7 +122,7 @@ class DoTaskAction:
         except HeliosError as error:
             handle.abort()
             return self._kind.Result(state="refused", message=error.message)
-        ended = Future(executor=self._ros.executor)
+        ended = rclpy_module("task").Future(executor=self._ros.executor)
         with self._lock:
             self._goals[task.id] = (handle, ended)
         try:

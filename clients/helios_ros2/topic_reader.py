@@ -1,4 +1,4 @@
-"""Subscription to a robot's topic: waits for its publisher, takes its type and QoS, names faults."""
+"""Subscription to a topic of the robot: waits for its publisher, takes its type and QoS."""
 
 from __future__ import annotations
 

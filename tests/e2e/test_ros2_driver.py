@@ -40,7 +40,9 @@ def test_a_robot_with_tf_unaligned_millimetres_best_effort_a_head_and_simulated_
         "--still", "--tf", "--no-odom", "--unaligned", "--depth", "16UC1", "--best-effort",
         "--tilt", "--stamped", "--clock-rate", "1.5",
     )  # fmt: skip
-    chosen = "calibration or depth or stamps or upright or mounted or tilt or floor or drive or back"
+    chosen = (
+        "calibration or depth or stamps or upright or mounted or tilt or floor or drive or back"
+    )
     with fake_robot(domain, *options):
         assert passed(contract(domain, "-k", chosen, settings=head)) >= 10
 

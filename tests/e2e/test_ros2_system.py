@@ -45,9 +45,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
     flags = ("--robot", "ros2", "--ros2", "--detector", "paint")
     with (
         fake_robot(domain, "--still") as robot,
-        helios_up(
-            state, *flags, kind=OwnUp, environment=ros_environment(domain, SETTINGS)
-        ) as up,
+        helios_up(state, *flags, kind=OwnUp, environment=ros_environment(domain, SETTINGS)) as up,
     ):
         wait_until(lambda: up.are_ready(*SERVICES), 150, "all services are ready")
         yield Scene(up, robot, domain)
@@ -122,10 +120,10 @@ def test_topics_that_die_are_named_and_the_bridge_is_ready_when_they_come_back(
 
 @needs_ros2
 def test_without_rclpy_one_sentence_says_what_to_install(tmp_path: Path) -> None:
-    env = os.environ | {"HELIOS_ROS2_PYTHON": "no-such-python"}
+    up = ("up", "--robot", "ros2", "--detector", "paint", "--state", str(tmp_path))
     done = subprocess.run(
-        [sys.executable, "-m", "helios_client", "up", "--robot", "ros2", "--detector", "paint",
-         "--state", str(tmp_path)], env=env, capture_output=True, text=True, timeout=60, check=False,
+        [sys.executable, "-m", "helios_client", *up], capture_output=True, text=True, timeout=60,
+        env=os.environ | {"HELIOS_ROS2_PYTHON": "no-such-python"}, check=False,
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

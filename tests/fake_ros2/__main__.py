@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 import rclpy
@@ -23,10 +24,8 @@ def main() -> int:
     executor = MultiThreadedExecutor(num_threads=4)
     executor.add_node(node)
     print("the fake robot is up", flush=True)
-    try:
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
     return 0
 
 

@@ -8,7 +8,7 @@ import argparse
 def parsed(argv: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m tests.fake_ros2",
-        description="A ROS 2 robot in the room of helios_examples: RGB-D camera, odometry, cmd_vel.",
+        description="A ROS 2 robot in the room of helios_examples: RGB-D, odometry, cmd_vel.",
     )
     add = parser.add_argument
     add("--size", default="320x240", help="WIDTHxHEIGHT of the images")

@@ -215,5 +215,3 @@ class FakeRobot:
     def _stamp(header: Any, ns: int, frame: str) -> None:
         header.stamp.sec, header.stamp.nanosec = divmod(int(ns), 10**9)
         header.frame_id = frame
-
-

@@ -8,6 +8,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,8 +19,9 @@ rclpy = pytest.importorskip("rclpy")
 from helios_core.errors import Unavailable  # noqa: E402
 from helios_core.robot import ActionResult, Forward, Observe, Pick, Place, Turn  # noqa: E402
 from helios_ros2.driver import Ros2Driver  # noqa: E402
+from helios_ros2.offered_qos import Qos  # noqa: E402
 from helios_ros2.rclpy_loading import has_interface, interface  # noqa: E402
-from helios_ros2.ros_node import RosNode  # noqa: E402
+from helios_ros2.ros_node import RosNode, qos_profile  # noqa: E402
 from helios_ros2.settings import Ros2Settings, UserAction  # noqa: E402
 
 from tests.ros2_processes import fake_robot  # noqa: E402
@@ -59,6 +61,13 @@ def act(made: Ros2Driver, action: Any) -> ActionResult:
     return made.act(action, uuid.uuid4().hex)
 
 
+def begun(made: Ros2Driver, action: Any) -> Future[ActionResult]:
+    """The action, begun in a thread of its own."""
+    out: Future[ActionResult] = Future()
+    threading.Thread(target=lambda: out.set_result(act(made, action)), daemon=True).start()
+    return out
+
+
 def action(name: str, order: int) -> UserAction:
     return UserAction(action=name, type=FIBONACCI, goal={"order": order})
 
@@ -81,8 +90,9 @@ def test_a_person_is_asked_and_answers() -> None:
     said: list[str] = []
     ros = RosNode("person")
     ros.node.create_subscription(
-        interface("std_msgs/msg/String"), "/helios/request", lambda m: said.append(m.data), 10
-    )
+        interface("std_msgs/msg/String"), "/helios/request", lambda m: said.append(m.data),
+        qos_profile(Qos(retained=True), 5),
+    )  # fmt: skip
     clients = {
         name: ros.node.create_client(interface("std_srvs/srv/Trigger"), f"/helios/{name}")
         for name in ("done", "refuse")
@@ -91,33 +101,26 @@ def test_a_person_is_asked_and_answers() -> None:
     with fake_robot(DOMAIN, "--still"), driver() as made:
         for answer, succeeds in (("refuse", False), ("done", True)):
             said.clear()
-            results: list[ActionResult] = []
-            asking = threading.Thread(
-                target=lambda: results.append(act(made, Pick(NEAR, "cup"))), daemon=True
-            )
-            asking.start()
+            asking = begun(made, Pick(NEAR, "cup"))
             wait_until(lambda: any("give me the cup" in words for words in said))
+            assert clients[answer].wait_for_service(WITHIN_S)
             clients[answer].call_async(interface("std_srvs/srv/Trigger").Request())
-            asking.join(WITHIN_S)
-            assert results[0].succeeded is succeeds
-            assert "refused" in results[0].reason or succeeds
+            result = asking.result(WITHIN_S)
+            assert result.succeeded is succeeds
+            assert "refused" in result.reason or succeeds
     ros.close()
 
 
 @pytest.mark.skipif(not has_interface("nav2_msgs/action/Spin"), reason="no nav2_msgs")
 def test_a_stop_cancels_nav2s_behaviour_and_the_robot_stands() -> None:
     with fake_robot(DOMAIN, "--still", "--nav2"), driver(motion="nav2") as made:
-        results: list[ActionResult] = []
-        turning = threading.Thread(
-            target=lambda: results.append(act(made, Turn(3.0))), daemon=True
-        )
         start = made.state().T_world_base
-        turning.start()
+        turning = begun(made, Turn(3.0))
         wait_until(lambda: abs(made.state().T_world_base[1, 0] - start[1, 0]) > 0.1)
         made.stop("a child in the way")
-        turning.join(WITHIN_S)
-        assert "a child in the way" in results[0].reason
-        assert 0.1 < results[0].turned_rad < 2.9
+        result = turning.result(WITHIN_S)
+        assert "a child in the way" in result.reason
+        assert 0.1 < result.turned_rad < 2.9
         made.clear_stop()
         assert act(made, Observe()).succeeded
 
@@ -130,6 +133,7 @@ def test_a_silent_robot_is_a_sentence_with_topic_type_qos_and_stamp_and_it_comes
         why = silence_of(made.state)
         for part in ("/odom", "nav_msgs/msg/Odometry", "reliable", "last stamp"):
             assert part in why
+        wait_until(lambda: "last stamp" in silence_of(made.capture))
         why = silence_of(made.capture)
         for part in ("/camera/color/image_raw", "sensor_msgs/msg/Image", "reliable", "last stamp"):
             assert part in why

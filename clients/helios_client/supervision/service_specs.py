@@ -97,12 +97,10 @@ class StackOptions:
         kept = self.state_dir if self.port is not None else None  # a replay starts with empty maps
         out.append(
             self._service(
-                "objectmap",
-                "helios_objectmap",
-                state_dir=kept and kept / "objectmap",
+                "objectmap", "helios_objectmap", state_dir=kept and kept / "objectmap",
                 agent=self.agent,
             )
-        )
+        )  # fmt: skip
         out.append(self._service("map2d", "helios_map2d", state_dir=kept and kept / "map2d"))
         if self.port is not None:
             out.append(
