@@ -39,16 +39,21 @@ def build_interfaces(
 ) -> None:
     """Build tf2_msgs, nav2_msgs, vision_msgs and helios_msgs for pip's rclpy. Needs gcc and
     cmake; takes some minutes."""
+    from helios_core.errors import InvalidInput
     from helios_ros2 import interface_build as build
 
     from helios_client.supervision.ros2_python import chosen_ros2_python
+    from helios_client.usage_errors import UsageError
 
     screen = console(stderr=True)
     ros = build.ros_python(chosen_ros2_python())
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [name.strip() for name in only.split(",") if name.strip()]
-    names = build.build(folder, ros, wanted, lambda words: screen.print(words, highlight=False))
+    try:
+        names = build.build(folder, ros, wanted, lambda words: screen.print(words, highlight=False))
+    except InvalidInput as error:  # no such package
+        raise UsageError(error.message) from error
     if no_install:
         print(f"built {', '.join(names)} in {folder / 'install'}")
         return
