@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 
-from helios_ros2.rclpy_loading import interface
+from helios_ros2.offered_qos import Qos
 from helios_ros2.robot_input import RobotInput
 from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.stop_latch import NotDone, StopLatch
+from helios_ros2.zenoh_node import ZenohNode
 
 NEAR_RAD = 0.03
 WITHIN_S = 6.0
@@ -21,14 +22,15 @@ class CameraTilt:
     """The joint that tilts the camera. Without one, the tilt is fixed."""
 
     def __init__(
-        self, ros: RosNode, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
+        self, ros: RosNode | ZenohNode, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
     ) -> None:
         self._s, self._senses, self._latch = settings, senses, latch
         self._publisher = None
         if settings.tilt and settings.tilt_joint:
-            self._point = interface("trajectory_msgs/msg/JointTrajectoryPoint")
-            self._message = interface("trajectory_msgs/msg/JointTrajectory")
-            self._publisher = ros.node.create_publisher(self._message, settings.tilt, 1)
+            kind = "trajectory_msgs/msg/JointTrajectory"
+            self._point = ros.interface(f"{kind}Point")
+            self._message = ros.interface(kind)
+            self._publisher = ros.publisher(settings.tilt, kind, Qos(), 1)
 
     @property
     def range_rad(self) -> tuple[float, float] | None:

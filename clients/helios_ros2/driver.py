@@ -37,6 +37,7 @@ from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.stop_latch import NotDone, StopLatch
 from helios_ros2.velocity_motion import VelocityMotion
+from helios_ros2.zenoh_node import ZenohNode
 
 log = logging.getLogger(__name__)
 
@@ -52,13 +53,16 @@ class Ros2Driver(RobotDriver):
     def __init__(self, settings: Ros2Settings | None = None) -> None:
         """Raises InvalidInput for wrong settings, and without rclpy."""
         self._s = settings or Ros2Settings.read()
-        self._ros = RosNode(NODE)
+        self._ros: RosNode | ZenohNode = (
+            RosNode(NODE) if self._s.transport == "rclpy" else ZenohNode(NODE, self._s.zenoh_router)
+        )
         self._latch = StopLatch()
         self._senses = RobotInput(self._ros, self._s)
         self._velocity = VelocityMotion(self._ros, self._s, self._senses, self._latch)
-        self._nav2 = Nav2Motion.of(self._ros, self._s, self._latch)
+        by_rclpy = self._ros if isinstance(self._ros, RosNode) else None
+        self._nav2 = Nav2Motion.of(by_rclpy, self._s, self._latch)
         self._tilt = CameraTilt(self._ros, self._s, self._senses, self._latch)
-        self._hand = Hand(self._ros, self._s, self._senses, self._latch)
+        self._hand = Hand(by_rclpy, self._s, self._senses, self._latch)
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0
         self._connecting = threading.Lock()

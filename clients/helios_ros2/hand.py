@@ -22,17 +22,20 @@ class Hand:
     """Whatever moves objects for this robot. For one thread, except `cancel`."""
 
     def __init__(
-        self, ros: RosNode, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
+        self, ros: RosNode | None, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
     ) -> None:
-        """Raises InvalidInput for an action whose type is not installed."""
+        """ros: None without rclpy's actions and services; then it neither picks nor places.
+
+        Raises InvalidInput for an action whose type is not installed.
+        """
         self._s, self._senses, self._latch = settings, senses, latch
-        self._actions = {
-            what: RosAction(ros, given.action, given.type)
-            for what, given in (("pick", settings.pick), ("place", settings.place))
-            if given is not None
-        }
+        self._actions: dict[str, RosAction] = {}
+        if ros is not None:
+            for what, given in (("pick", settings.pick), ("place", settings.place)):
+                if given is not None:
+                    self._actions[what] = RosAction(ros, given.action, given.type)
         self.held = ""  # name of the held object
-        self._person = Person(ros, settings, latch) if settings.ask_person else None
+        self._person = Person(ros, settings, latch) if ros and settings.ask_person else None
 
     @property
     def can_pick(self) -> bool:
@@ -67,7 +70,7 @@ class Hand:
         self, what: str, given: UserAction | None, point_m: Point, name: str, words: str
     ) -> None:
         x, y, z = point_m
-        if given is None:
+        if given is None or what not in self._actions:
             if self._person is None:
                 raise NotDone(
                     f"this robot cannot {what}; HELIOS_ROS2_{what.upper()} names an action"

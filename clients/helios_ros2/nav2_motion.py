@@ -34,9 +34,16 @@ class Nav2Motion:
         }
 
     @staticmethod
-    def of(ros: RosNode, settings: Ros2Settings, latch: StopLatch) -> Nav2Motion | None:
-        """Nav2's motion where its interfaces are installed. Raises InvalidInput if they must be."""
+    def of(ros: RosNode | None, settings: Ros2Settings, latch: StopLatch) -> Nav2Motion | None:
+        """Nav2's motion where its interfaces are installed. Raises InvalidInput if they must be.
+
+        ros: None without rclpy's actions.
+        """
         if settings.motion not in ("auto", "nav2"):
+            return None
+        if ros is None:
+            if settings.motion == "nav2":
+                raise InvalidInput("motion = nav2 needs transport = rclpy; Zenoh has no actions")
             return None
         try:
             return Nav2Motion(ros, settings, latch)

@@ -17,13 +17,13 @@ from helios_replay.ros_images import Lens, stamp_ns
 from helios_ros2.image_pairs import ImagePair, ImagePairs
 from helios_ros2.pose_jumps import is_new_origin
 from helios_ros2.poses import Poses, TfPoses, TopicPoses
-from helios_ros2.rclpy_loading import has_interface
 from helios_ros2.robot_clock import RobotClock
 from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.topic_choice import COMPRESSED, RAW, color_topic, depth_topic, info_beside
 from helios_ros2.topic_reader import TopicReader
 from helios_ros2.transforms import Transforms, pose_of
+from helios_ros2.zenoh_node import ZenohNode
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ class BasePose:
 class RobotInput:
     """Readers of one robot's topics. Thread-safe."""
 
-    def __init__(self, ros: RosNode, settings: Ros2Settings) -> None:
+    def __init__(self, ros: RosNode | ZenohNode, settings: Ros2Settings) -> None:
         self._ros, self._s = ros, settings
         self._news = threading.Condition()
         self.clock = RobotClock()
@@ -97,7 +97,7 @@ class RobotInput:
         }  # fmt: skip
         self.odom = TopicReader(ros, lambda: s.odom, POSES, self._on_pose, 50)
         self.tf: TopicReader | None = None
-        if s.pose != "topic" and has_interface(TF_MESSAGE):
+        if s.pose != "topic" and ros.has_interface(TF_MESSAGE):
             self.tf = TopicReader(
                 ros, lambda: "/tf", (TF_MESSAGE,), lambda m: self._on_tf(m, False), 100
             )

@@ -9,11 +9,11 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from helios_ros2.offered_qos import Qos
-from helios_ros2.rclpy_loading import load_rclpy, rclpy_module
+from helios_ros2.rclpy_loading import has_interface, interface, load_rclpy, rclpy_module
 
 log = logging.getLogger(__name__)
 
@@ -56,6 +56,31 @@ class RosNode:
         self.node.destroy_node()
         self._rclpy.shutdown(context=self._context)
 
+    def interface(self, name: str) -> Any:
+        """Class of a message. Raises InvalidInput if it is not installed."""
+        return interface(name)
+
+    def has_interface(self, name: str) -> bool:
+        """True if `interface` can load this type."""
+        return has_interface(name)
+
+    def subscribe(
+        self, topic: str, kind: str, handler: Callable[[Any], None], qos: Qos, depth: int
+    ) -> Subscription:
+        """Call `handler` for each message, until the subscription is closed."""
+        made = self.node.create_subscription(
+            interface(kind), topic, handler, qos_profile(qos, depth)
+        )
+        return Subscription(lambda: self.node.destroy_subscription(made))
+
+    def publisher(self, topic: str, kind: str, qos: Qos, depth: int) -> Any:
+        """Publisher with the method `publish`."""
+        return self.node.create_publisher(interface(kind), topic, qos_profile(qos, depth))
+
+    def every(self, period_s: float, do: Callable[[], None]) -> None:
+        """Call `do` periodically, in the node's thread."""
+        self.node.create_timer(period_s, do)
+
     def graph(self) -> dict[str, list[str]]:
         """Topics with their types, as far as the node has discovered them."""
         return dict(self.node.get_topic_names_and_types())
@@ -81,6 +106,13 @@ class RosNode:
                 if self._closed or not self._context.ok():
                     return
                 log.exception("a ROS callback failed")
+
+
+class Subscription:
+    """Subscription; `close` ends it."""
+
+    def __init__(self, close: Callable[[], object]) -> None:
+        self.close = close
 
 
 def qos_profile(qos: Qos, depth: int) -> Any:

@@ -33,6 +33,15 @@ class Ros2Settings(ServiceSettings):
         "rclpy, else .venv-ros2 beside this environment",
     )
 
+    transport: Literal["rclpy", "zenoh"] = Field(
+        default="rclpy",
+        description="rclpy; or zenoh: the driver talks to robots with rmw_zenoh without ROS "
+        "(experimental; topics only)",
+    )
+    zenoh_router: str = Field(
+        default="tcp/127.0.0.1:7447", description="router of rmw_zenoh, for transport = zenoh"
+    )
+
     color: str = Field(default="", description="topic of the colour image; empty: found by name")
     depth: str = Field(default="", description="topic of the depth image; empty: found by name")
     color_info: str = Field(

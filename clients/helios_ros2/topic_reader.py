@@ -10,8 +10,8 @@ from typing import Any
 from helios_core.errors import HeliosError, Unavailable
 
 from helios_ros2.offered_qos import Qos, matching
-from helios_ros2.rclpy_loading import interface
-from helios_ros2.ros_node import RosNode, qos_profile
+from helios_ros2.ros_node import RosNode
+from helios_ros2.zenoh_node import ZenohNode
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ class TopicReader:
 
     def __init__(
         self,
-        ros: RosNode,
+        ros: RosNode | ZenohNode,
         topic: Callable[[], str],
         types: Sequence[str],
         handler: Callable[[Any], None],
@@ -39,7 +39,7 @@ class TopicReader:
         self._taken: tuple[str, str, Qos] | None = None  # topic, type, quality of service
         self._arrived_s, self._stamp_ns, self._count = 0.0, 0, 0
         self._trouble = "not looked for yet"
-        self._timer = ros.node.create_timer(LOOK_S, self.look)
+        ros.every(LOOK_S, self.look)
 
     @property
     def topic(self) -> str:
@@ -92,13 +92,10 @@ class TopicReader:
 
     def _subscribe(self, wanted: tuple[str, str, Qos]) -> None:
         topic, kind, qos = wanted
-        message = interface(kind)
         if self._subscription is not None:
-            self._ros.node.destroy_subscription(self._subscription)
+            self._subscription.close()
             self._subscription = None
-        self._subscription = self._ros.node.create_subscription(
-            message, topic, self._on_message, qos_profile(qos, self._depth)
-        )
+        self._subscription = self._ros.subscribe(topic, kind, self._on_message, qos, self._depth)
         self._taken = wanted
         log.info("reads %s (%s, %s)", topic, kind, qos)
 

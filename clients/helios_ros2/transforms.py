@@ -113,12 +113,8 @@ class Transforms:
 
         Raises Unavailable if no transforms connect them.
         """
-        moving = [
-            ns
-            for name in (*self._chain(frame), *self._chain(child))
-            if (track := self._tracks.get(name)) and (ns := track.newest_ns) is not None
-            and name in self._between(frame, child)
-        ]  # fmt: skip
+        tracks = [self._tracks[name] for name in self._between(frame, child)]
+        moving = [track.newest_ns for track in tracks if track.newest_ns is not None]
         return min(moving, default=0)
 
     def at(self, frame: str, child: str, stamp_ns: int) -> Matrix:
@@ -127,7 +123,7 @@ class Transforms:
         return invert(self._to_root(frame, stamp_ns)) @ self._to_root(child, stamp_ns)
 
     def _between(self, frame: str, child: str) -> set[str]:
-        """Frames whose pose in their parent matters. Raises Unavailable without a connection."""
+        """Frames whose pose in their parent counts. Raises Unavailable without a connection."""
         one, other = self._chain(frame), self._chain(child)
         if one[-1] != other[-1]:
             raise Unavailable(

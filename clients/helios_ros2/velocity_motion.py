@@ -12,11 +12,12 @@ from typing import Any
 from helios_core.errors import Unavailable
 from helios_core.geometry import invert, wrap_angle, yaw_of
 
-from helios_ros2.rclpy_loading import interface
+from helios_ros2.offered_qos import Qos
 from helios_ros2.robot_input import BasePose, RobotInput
 from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.stop_latch import NotDone, StopLatch
+from helios_ros2.zenoh_node import ZenohNode
 
 PERIOD_S = 0.05
 NEAR_M, NEAR_RAD = 0.01, 0.01  # a motion is complete this near to its end
@@ -30,9 +31,11 @@ TWISTS = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
 class VelocityPublisher:
     """Publisher of velocities, with the type to which the robot subscribes."""
 
-    def __init__(self, ros: RosNode, settings: Ros2Settings, senses: RobotInput) -> None:
+    def __init__(
+        self, ros: RosNode | ZenohNode, settings: Ros2Settings, senses: RobotInput
+    ) -> None:
         self._ros, self._topic, self._senses = ros, settings.cmd_vel, senses
-        self._kind, self._publisher, self._twist = "", None, interface(TWISTS[1])
+        self._kind, self._publisher, self._twist = "", None, ros.interface(TWISTS[1])
 
     def begin(self) -> None:
         """Take the robot's type. Raises Unavailable if nobody listens."""
@@ -45,9 +48,7 @@ class VelocityPublisher:
                 f"with HELIOS_ROS2_CMD_VEL, {self._ros.domain}"
             )
         if kind != self._kind:
-            if self._publisher is not None:
-                self._ros.node.destroy_publisher(self._publisher)
-            self._publisher = self._ros.node.create_publisher(interface(kind), self._topic, 1)
+            self._publisher = self._ros.publisher(self._topic, kind, Qos(), 1)
             self._kind = kind
 
     def send(self, ahead_m_s: float, left_rad_s: float) -> None:
@@ -58,7 +59,7 @@ class VelocityPublisher:
         twist = self._twist()
         twist.linear.x, twist.angular.z = float(ahead_m_s), float(left_rad_s)
         if self._kind == TWISTS[0]:
-            message = interface(self._kind)(twist=twist)
+            message = self._ros.interface(self._kind)(twist=twist)
             ns = self._senses.clock.now_ns()
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(ns, 10**9)
             twist = message
@@ -74,7 +75,7 @@ class VelocityMotion:
     """Motions of one base. For one thread, except `halt`."""
 
     def __init__(
-        self, ros: RosNode, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
+        self, ros: RosNode | ZenohNode, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
     ) -> None:
         self._s, self._senses, self._latch = settings, senses, latch
         self._velocity = VelocityPublisher(ros, settings, senses)

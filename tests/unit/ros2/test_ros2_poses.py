@@ -77,6 +77,13 @@ def test_what_tf_does_not_know_is_said(frame: str, child: str, ns: int, said: st
         robot_tf(0, 1).at(frame, child, ns)
 
 
+def test_a_camera_that_tf_does_not_connect_gives_no_poses() -> None:
+    tf = Transforms()
+    tf.add("odom", "base_link", S, pose(np.eye(4)))
+    with pytest.raises(Unavailable, match=f"no {CAMERA}"):
+        TfPoses(Ros2Settings(), tf, CAMERA)
+
+
 def test_a_circle_of_transforms_is_refused() -> None:
     tf = Transforms()
     tf.add("a", "b", 0, pose(np.eye(4)))
