@@ -46,7 +46,7 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated files
 	$(BIN)/python -m scripts.generate_sdk --check
 
 test: install browser lint ## everything that CI runs
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow"
 
 docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -d .sphinx docs site

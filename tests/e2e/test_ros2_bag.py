@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.ros2_processes import ROOT, fake_robot, free_domain, needs_interfaces, needs_ros2, probe
 
 TOPICS = (
@@ -19,6 +21,7 @@ TOPICS = (
 )
 
 
+@pytest.mark.slow
 @needs_ros2
 @needs_interfaces("tf2_msgs")
 def test_a_recorded_bag_replays_to_the_objects_in_front_of_the_robot(tmp_path: Path) -> None:

@@ -47,6 +47,7 @@ def test_a_robot_with_tf_unaligned_millimetres_best_effort_a_head_and_simulated_
         assert passed(contract(domain, "-k", chosen, settings=head)) >= 10
 
 
+@pytest.mark.slow
 @needs_ros2
 @needs_interfaces("nav2_msgs")
 def test_a_robot_with_nav2_drives_by_its_behaviours_and_backs_up() -> None:

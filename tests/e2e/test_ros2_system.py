@@ -25,7 +25,10 @@ from tests.ros2_processes import (
 from tests.support import LOOPBACK, wait_until
 
 SERVICES = ("bridge", "detector", "map2d", "objectmap", "planner", "ros2")
-SETTINGS = {"HELIOS_ROS2_POSE": "topic", "HELIOS_ROS2_CAMERA_TILT_RAD": "0.55"}
+SETTINGS = {
+    "HELIOS_ROS2_POSE": "topic", "HELIOS_ROS2_CAMERA_TILT_RAD": "0.55",
+    "HELIOS_ROS2_TURN_RAD_S": "2.0", "HELIOS_ROS2_SPEED_M_S": "0.8",  # the fake robot has no mass
+}  # fmt: skip
 GRID = "nav_msgs/msg/OccupancyGrid"
 
 

@@ -116,7 +116,8 @@ def up(
         port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
         agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
         robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
-        ros2_python=chosen_ros2_python() if ros2 or robot == "ros2" else None, ros2_output=ros2,
+        ros2_python=chosen_ros2_python(by_zenoh=not ros2) if ros2 or robot == "ros2" else None,
+        ros2_output=ros2,
     )  # fmt: skip
     run_up(specs, Screen())
 

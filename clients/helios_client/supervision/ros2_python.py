@@ -12,11 +12,17 @@ from helios_client.usage_errors import UsageError
 BESIDE = ".venv-ros2"
 
 
-def chosen_ros2_python() -> str:
-    """Interpreter by the settings of ROS 2. Raises UsageError, and InvalidInput for wrong ones."""
+def chosen_ros2_python(by_zenoh: bool = False) -> str:
+    """Interpreter by the settings of ROS 2. by_zenoh: the process may do without rclpy.
+
+    Raises UsageError, and InvalidInput for wrong settings.
+    """
     from helios_ros2.settings import Ros2Settings
 
-    return ros2_python(Ros2Settings.read().python)
+    settings = Ros2Settings.read()
+    if by_zenoh and settings.transport == "zenoh":
+        return sys.executable
+    return ros2_python(settings.python)
 
 
 def ros2_python(chosen: str) -> str:
