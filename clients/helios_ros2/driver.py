@@ -65,6 +65,7 @@ class Ros2Driver(RobotDriver):
         self._hand = Hand(by_rclpy, self._s, self._senses, self._latch)
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0
+        self._moves_by = ""
         self._connecting = threading.Lock()
         self._lens: Lens | None = None
         self._description: RobotDescription | None = None
@@ -176,9 +177,14 @@ class Ros2Driver(RobotDriver):
                 pass  # Observe
 
     def _motion(self) -> VelocityMotion | Nav2Motion:
-        if self._nav2 is None or (self._s.motion == "auto" and not self._nav2.is_there()):
-            return self._velocity
-        return self._nav2
+        by_nav2 = self._nav2
+        if by_nav2 is not None and self._s.motion == "auto" and not by_nav2.is_there():
+            by_nav2 = None
+        name = "velocities" if by_nav2 is None else "Nav2's behaviours"
+        if name != self._moves_by:
+            log.info("the base moves by %s", name)
+            self._moves_by = name
+        return by_nav2 or self._velocity
 
     def _come_to_rest(self) -> None:
         """Wait until the base rests by its own poses; the next image is later than that."""
