@@ -54,7 +54,13 @@ docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 browser: ## Chromium for the tests of the dashboard, where apt can be used; without it they are skipped
 	scripts/install_browser.sh
 
+sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX), in sbom.cdx.json
+	rm -rf .sbom && $(PYTHON) -m venv .sbom
+	.sbom/bin/python -m pip install --quiet --constraint constraints.txt '.[all]'
+	$(BIN)/cyclonedx-py environment .sbom --pyproject pyproject.toml --output-file sbom.cdx.json
+	rm -rf .sbom
+
 proto: $(VENV)/.installed ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
-.PHONY: help install ros2-env ros2-interfaces demo docs lint test browser proto
+.PHONY: help install ros2-env ros2-interfaces demo docs lint test browser sbom proto

@@ -44,6 +44,7 @@ SAYS = {  # what a setting decides, in a few words
     "objectmap.named_from": "share of evidence from which a Gaussian has a class",
     "objectmap.core_from": "share of evidence from which a Gaussian is in the core of an instance",
     "objectmap.look_alikes": "names of look-alikes at an instance",
+    "objectmap.equal_masks": "class of a pixel in several masks of one size",
     "planner.ask_also": "names that the detector is asked for beside the task's",
     "objectmap.receptacle_voxel_m": "voxels that join receptacles, m",
     "objectmap.size_agreement": "weight by the usual size of the class",

@@ -123,7 +123,7 @@ def _value(param: Any) -> str:
 
 
 def _metavar(param: Any) -> str:
-    name = param.name.upper() + ("…" if param.nargs == -1 else "")
+    name = (param.metavar or param.name.upper()) + ("…" if param.nargs == -1 else "")
     return name if param.required else f"[{name}]"
 
 

@@ -14,16 +14,19 @@ from typing import Annotated, Any
 import typer
 
 from helios_client.commands.assets import app as assets_app
+from helios_client.commands.certs import app as certs_app
 from helios_client.commands.evaluation import app as judge_app
 from helios_client.commands.hangup_signal import HungUp
 from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
+from helios_client.commands.models import app as models_app
 from helios_client.commands.movement import app as moves_app
 from helios_client.commands.robot import app as robot_app
 from helios_client.commands.ros2 import app as ros2_app
 from helios_client.commands.shared_options import print_line
 from helios_client.commands.start_services import app as run_app
 from helios_client.commands.tasks import app as tasks_app
+from helios_client.commands.view import app as view_app
 from helios_client.commands.why import app as why_app
 from helios_client.interrupt_signals import NUMBERS, BurstHandler, ignore_interrupts
 from helios_client.leading_options import EVERYWHERE, leading
@@ -42,6 +45,7 @@ app = typer.Typer(
 for part in (
     run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app,
     ros2_app,
+    certs_app, view_app, models_app,
 ):  # fmt: skip
     app.add_typer(part)
 

@@ -20,6 +20,7 @@ from helios_eval.calibration.command import calibration
 from helios_eval.episodes.episode_record import Benchmark, read
 from helios_eval.episodes.episode_spec import DEFAULT_PICK_RULE
 from helios_eval.episodes.run_conditions import parse_condition
+from helios_eval.plan_command import plan
 from helios_eval.report import MARKDOWN, write_report_of
 from helios_eval.runs import merge_runs, results
 from helios_eval.runs.evaluation_run import Run, run
@@ -61,7 +62,7 @@ Jobs = Annotated[
     int | None, typer.Option(help="number of parallel episodes  [default: number of cores]", min=1)
 ]
 Table = Annotated[str | None, typer.Option(help="noise table  [default: the preset's]")]
-Level = Annotated[float, typer.Option(help="noise multiplier; 0: no noise", min=0, max=10)]
+NoiseLevel = Annotated[float, typer.Option(help="noise multiplier; 0: no noise", min=0, max=10)]
 Correlation = Annotated[
     float | None, typer.Option(help="1: errors persist, 0: drawn per frame  [default: the table's]")
 ]
@@ -90,6 +91,13 @@ Absent = Annotated[
 Why = Annotated[
     str, typer.Option(help="reason for docs/results/ledger.jsonl (homes from seed 1000 on)")
 ]
+Homes = Annotated[
+    Path | None,
+    typer.Option(
+        help="plan of a home (.sh3d), or a folder of plans that take turns, instead of a preset"
+    ),
+]
+Level = Annotated[str, typer.Option(help="level of the plans  [default: that with most rooms]")]
 Ray = Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")]
 
 
@@ -104,7 +112,7 @@ def ovmm(
     seed0: Seed0 = 0,
     jobs: Jobs = None,
     noise: Table = None,
-    noise_level: Level = 1.0,
+    noise_level: NoiseLevel = 1.0,
     noise_correlation: Correlation = None,
     sensor: Sensor = "none",
     scorer: Scorer = None,
@@ -116,12 +124,14 @@ def ovmm(
     absent: Absent = 0.0,
     detector: Detector = None,
     task_classes: TaskClasses = None,
+    homes: Homes = None,
+    level: Level = "",
 ) -> None:
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
         noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps, ray, why,
-        absent, detector, task_classes,
+        absent, detector, task_classes, homes, level,
     )  # fmt: skip
 
 
@@ -136,7 +146,7 @@ def objectnav(
     jobs: Jobs = None,
     picks: Limits = "unlimited",
     noise: Table = None,
-    noise_level: Level = 1.0,
+    noise_level: NoiseLevel = 1.0,
     noise_correlation: Correlation = None,
     sensor: Sensor = "none",
     scorer: Scorer = None,
@@ -144,12 +154,14 @@ def objectnav(
     max_steps: Steps = None,
     ray: Ray = None,
     why: Why = "",
+    homes: Homes = None,
+    level: Level = "",
 ) -> None:
     """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
     _run(
         "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
         noise_level, noise_correlation, sensor, scorer, DEFAULT_PICK_RULE, assignments or [],
-        max_steps, ray, why,
+        max_steps, ray, why, homes=homes, home_level=level,
     )  # fmt: skip
 
 
@@ -184,6 +196,7 @@ def report(
 
 app.command()(calibration)
 app.command()(video)
+app.command()(plan)
 
 
 def _run(
@@ -209,12 +222,15 @@ def _run(
     absent: float = 0.0,
     detector: str | None = None,
     task_classes: str | None = None,
+    homes: Path | None = None,
+    home_level: str = "",
 ) -> None:
     under = parse_condition(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
         level=level, correlation=correlation, sensor=sensor, assignments=assignments,
         max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
         absent=absent, detector=detector, task_classes=task_classes,
+        homes=homes, home_level=home_level,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
 from helios_sim.home import Episode, Home
-from helios_sim.home.freespace import obstacles
 from helios_sim.home.task_sampling import AMBIGUOUS
 from helios_sim.navigable_area import NavigableArea, Points, clearance_m
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
@@ -127,10 +126,7 @@ class EpisodeTracker:
         self._home = home
         self._radius_m = radius_m
         self._rectangles = np.array(
-            [
-                (o.x, o.y, o.half_x, o.half_y, o.yaw_rad)
-                for o in obstacles(home.rooms, home.doorways, home.receptacles, home.fixtures)
-            ]
+            [(o.x, o.y, o.half_x, o.half_y, o.yaw_rad) for o in home.obstacles()]
         ).reshape(-1, 5)
 
     def arrived(self) -> bool:

@@ -38,7 +38,10 @@ from helios_sim.ground_truth_messages import (
     metrics_to_proto,
     segmentation_to_proto,
 )
-from helios_sim.home import PRESETS, generate_home
+from helios_sim.home import PRESETS, Episode, Home, generate_home
+from helios_sim.home.task_sampling import NoTask
+from helios_sim.plans import PlanSource, drawn_home, home_of_plan
+from helios_sim.plans.plan_summary import summary
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.settings import Settings
 from helios_sim.simulation_thread import WorldThread
@@ -102,20 +105,35 @@ class WorldService:
 def world_of(settings: Settings) -> World:
     """World of the home, task, sensor and pick rule that the settings choose.
 
-    Call it on the thread that will use the world. Raises HeliosError if there is no such home, or
-    if no furniture is baked.
+    Call it on the thread that will use the world. Raises HeliosError if there is no such home, if
+    its plan cannot be used, or if no furniture is baked.
     """
     furniture_models = realistic() if settings.furniture == "realistic" else None
-    home = generate_home(settings.seed, PRESETS[settings.preset], furniture_models)
+    if settings.home is None:
+        home = generate_home(settings.seed, PRESETS[settings.preset], furniture_models)
+    else:
+        source = PlanSource.of(settings.home, settings.level)
+        home = home_of_plan(source, settings.seed, furniture_models)
+        for line in summary(drawn_home(source, furniture_models)):
+            log.info("%s", line)
     task_seed = settings.seed if settings.task_seed is None else settings.task_seed
     world = World(
         home,
-        episode_of(home, task_seed),
+        _task_of(home, task_seed),
         sensor=SENSORS[settings.sensor],
         pick_rule=settings.pick_rule,
     )
     log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
     return world
+
+
+def _task_of(home: Home, seed: int) -> Episode | None:
+    """Task of a seed; None in the home of a plan that has none."""
+    try:
+        return episode_of(home, seed)
+    except NoTask as error:
+        log.warning("%s", error.message)
+        return None
 
 
 class HostedWorld:

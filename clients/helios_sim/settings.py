@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from helios_core.settings import ServiceSettings, service_config
@@ -36,6 +37,11 @@ class Settings(ServiceSettings):
         description="shapes of furniture: parametric, or realistic (models baked by `helios "
         "assets bake`)",
     )
+
+    home: Path | None = Field(
+        None, description="plan of the home, a .sh3d file, instead of a preset"
+    )
+    level: str = Field("", description="level of the plan; empty: the one with the most rooms")
 
     @field_validator("sensor")
     @classmethod

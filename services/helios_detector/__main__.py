@@ -7,10 +7,11 @@ import os
 import sys
 
 from helios_core.bus import Bus
+from helios_core.bus_access import FLEET_BUS
 from helios_core.health import Health
 from helios_core.service_process import Closeable, run_service
 
-from helios_detector.detector_fleet import FLEET_BUS, Fleet
+from helios_detector.detector_fleet import Fleet
 from helios_detector.model_loading import check_plugins
 from helios_detector.robot_detector import RobotDetector
 from helios_detector.settings import Settings

@@ -13,6 +13,7 @@ import uuid
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
+from helios_core.bus_access import FLEET_TOKEN
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.name_rules import robot_names
@@ -29,8 +30,6 @@ from helios_detector.settings import Settings
 
 log = logging.getLogger(__name__)
 
-FLEET_BUS = "_detectors"  # robot name of the bus on which the detector processes find each other
-TOKEN = "detector-replica"
 TICK_S = 0.1
 REPORT_S = 1.0
 FINISH_WITHIN_S = 1.5  # time at shutdown for frames in work
@@ -256,7 +255,7 @@ class Fleet:
             self._models.close()
 
     def _on_alive(self, service: str, instance: str, alive: bool) -> None:
-        if service == TOKEN:
+        if service == FLEET_TOKEN:
             with self._lock:
                 self._members.change(instance, alive, time.monotonic())
             log.info("detector %s %s", instance, "is there" if alive else "is gone")
@@ -279,8 +278,10 @@ class Fleet:
         workload = ModelUsage()
         for slot in self._slots:
             self._service = slot.begin(models, workload)
-        self._bus.announce(TOKEN, self._members.me)  # from here on this process may own robots
-        self._on_alive(TOKEN, self._members.me, True)
+        self._bus.announce(
+            FLEET_TOKEN, self._members.me
+        )  # from here on this process may own robots
+        self._on_alive(FLEET_TOKEN, self._members.me, True)
         self._health.ready(f"shares {', '.join(self._members.robots)}")
 
     def _connect(self, robot: str) -> Bus | None:
@@ -288,7 +289,7 @@ class Fleet:
 
         while not self._ending.is_set():
             try:
-                return ZenohBus(self._settings.router, robot)
+                return ZenohBus(self._settings.router_link("detector"), robot)
             except Unavailable as error:
                 self._health.waiting(error.message)
                 self._ending.wait(self._settings.retry_s)

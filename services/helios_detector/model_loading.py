@@ -13,10 +13,10 @@ and `options` (DetectorOptions). Scorers work the same way; their group is `heli
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TypeVar
 
 from helios_core.errors import InvalidInput
+from helios_core.models.model_folder import onnx_file
 from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load_factory, make
 
 from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptions, ScorerBackend
@@ -47,7 +47,7 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     if kind == "onnx" and argument:
         from helios_detector.yolox_detector import YoloxDetector
 
-        return YoloxDetector(Path(argument), options.threads, options.by_similarity)
+        return YoloxDetector(onnx_file(argument), options.threads, options.by_similarity)
     if kind == "transformers" and argument:
         from helios_detector.hf.detector import HfDetector
         from helios_detector.hf.model_runtime import Placement

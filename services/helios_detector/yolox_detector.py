@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.models.catalogue import known, missing_sentence
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
@@ -77,6 +78,8 @@ def open_session(path: Path, threads: int) -> InferenceSession:
 
     Raises Unavailable when the file or onnxruntime is missing, InvalidInput for an invalid file.
     """
+    if not path.is_file() and known(str(path)):
+        raise Unavailable(missing_sentence(str(path)))
     if not path.is_file():
         raise Unavailable(
             f"the model file {path} is not there; put a YOLOX model (ONNX) there, or set "

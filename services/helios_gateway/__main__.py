@@ -23,7 +23,7 @@ def main() -> int:
     def another_bus(robot: str) -> Bus:
         from helios_core.zenoh_bus import ZenohBus
 
-        return ZenohBus(settings.router, robot)
+        return ZenohBus(settings.router_link("gateway"), robot)
 
     return run_service(
         "gateway",

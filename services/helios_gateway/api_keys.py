@@ -2,11 +2,12 @@
 
     [[key]]
     name = "tablet"
-    scope = "operate"
+    scope = "task"
     sha256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
-`helios key` writes such entries. The file is read again when it changes, so removing an entry takes
-effect at once. If the file or its last entry is removed, no key is accepted.
+`helios key` writes such entries. Only the owner of the file may read it. It is read again when it
+changes, so the removal or replacement of an entry takes effect at once. If the file or its last
+entry is removed, no key is accepted.
 """
 
 from __future__ import annotations
@@ -20,20 +21,23 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.errors import InvalidInput
+from helios_core.private_file import check_private
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 log = logging.getLogger(__name__)
 
+_Stamp = tuple[int, int, int]  # modification time (ns), size, mode
 
-ScopeName = Literal["read", "operate", "admin"]
+ScopeName = Literal["read", "task", "robot", "admin"]
 
 
 class Scope(IntEnum):
     """Permission of a key; each scope includes the ones before it."""
 
     READ = 1  # read everything but settings, and stop the robot
-    OPERATE = 2  # tasks, driving, frames, clear-stop
-    ADMIN = 3  # settings of the services; load and reset maps
+    TASK = 2  # tasks, also those that only drive somewhere
+    ROBOT = 3  # driving by hand, frames, clear-stop
+    ADMIN = 4  # settings of the services; load and reset maps
 
     @property
     def label(self) -> ScopeName:
@@ -41,9 +45,11 @@ class Scope(IntEnum):
         return _NAMES[self]
 
 
+OLD_NAMES = {"operate": Scope.ROBOT}  # in files of earlier versions, with the same permissions
 _NAMES: dict[Scope, ScopeName] = {
     Scope.READ: "read",
-    Scope.OPERATE: "operate",
+    Scope.TASK: "task",
+    Scope.ROBOT: "robot",
     Scope.ADMIN: "admin",
 }
 
@@ -61,9 +67,9 @@ class ApiKey(BaseModel):
     @classmethod
     def _by_name(cls, value: object) -> object:
         names = {name: scope for scope, name in _NAMES.items()}
-        if value not in names:
+        if value not in {**names, **OLD_NAMES}:
             raise ValueError(f"no scope is called {value!r}; wanted {', '.join(names)}")
-        return names[str(value)]
+        return (names | OLD_NAMES)[str(value)]
 
 
 class _File(BaseModel):
@@ -76,11 +82,12 @@ class ApiKeys:
     """Accepted API keys. Thread-safe. Without a file no key is required."""
 
     def __init__(self, file: Path | None) -> None:
-        """Raises InvalidInput for a file that is unreadable or holds no key."""
+        """Raises InvalidInput for a file that is unreadable, holds no key, or can be read by
+        others."""
         self._file = file
         self.required = file is not None
         self._lock = threading.Lock()
-        self._seen: tuple[int, int] | None = None  # modification time and size; None: no file
+        self._seen: _Stamp | None = None  # None: no file
         self._by_hash: dict[str, ApiKey] = {}
         if file is not None:
             self._seen = _stamp(file)
@@ -116,19 +123,20 @@ class ApiKeys:
             log.warning("%s holds no key any more: none is accepted", self._file)
 
 
-def _stamp(file: Path) -> tuple[int, int] | None:
-    """Modification time (ns) and size; None if there is no file. Raises InvalidInput."""
+def _stamp(file: Path) -> _Stamp | None:
+    """State of the file; None if there is no file. Raises InvalidInput."""
     try:
         status = file.stat()
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
         raise _unreadable(file, error) from error
-    return status.st_mtime_ns, status.st_size
+    return status.st_mtime_ns, status.st_size, status.st_mode
 
 
 def _read(file: Path) -> dict[str, ApiKey]:
     try:
+        check_private(file)
         entries = _File.model_validate(tomllib.loads(file.read_text())).key
     except OSError as error:
         raise _unreadable(file, error) from error

@@ -451,6 +451,6 @@ class Session(BaseModel):
 
     required: bool = Field(description="true if requests need a key")
     name: str = Field(description="name of the key; empty: the request has no known key")
-    scope: Literal["read", "operate", "admin"] | None = Field(
+    scope: Literal["read", "task", "robot", "admin"] | None = Field(
         description="scope of the key; null: the request has no known key"
     )

@@ -114,8 +114,8 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
         )
     if key.scope < needed:
         raise Forbidden(
-            f"the key {key.name!r} may {key.scope.label}; this needs one that may "
-            f"{needed.name.lower()}"
+            f"the key {key.name!r} has scope {key.scope.label}; this needs one of scope "
+            f"{needed.label}"
         )
 
 

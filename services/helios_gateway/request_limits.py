@@ -37,7 +37,7 @@ STREAMS = (
     "/frames/ws",
     "/robot/teleop",
 )  # limited as open streams, not as concurrent requests
-_LARGE_BODIES = {("POST", "/frames"): KeyScope.OPERATE, ("PUT", "/map.zip"): KeyScope.ADMIN}
+_LARGE_BODIES = {("POST", "/frames"): KeyScope.ROBOT, ("PUT", "/map.zip"): KeyScope.ADMIN}
 _ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 
 

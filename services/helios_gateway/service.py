@@ -16,6 +16,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 
 from helios_gateway.api_keys import ApiKeys
+from helios_gateway.audit_log import AuditLog
 from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
@@ -85,6 +86,7 @@ class Gateway:
             raise _cannot_listen(error, host, port) from error
         keys = ApiKeys(settings.keys)
         check_open(host, settings, keys)
+        self._audit = None if settings.audit is None else AuditLog(settings.audit)
         buses = {settings.robot: bus}
         buses |= {name: another_bus(name) for name in settings.other_robots}
         self._others = [one for one in buses.values() if one is not bus]
@@ -92,7 +94,7 @@ class Gateway:
             name: RobotEndpoint(one, RobotMonitor(one, settings)) for name, one in buses.items()
         })  # fmt: skip
         config = uvicorn.Config(
-            create_app(self.robots, settings, keys),
+            create_app(self.robots, settings, keys, self._audit),
             log_config=None,
             log_level="warning",
             access_log=False,
@@ -117,6 +119,8 @@ class Gateway:
         self.robots.close()  # first: open event streams delay the shutdown
         self._server.should_exit = True
         self._thread.join(GRACE_S + 0.5)
+        if self._audit is not None:
+            self._audit.close()
         for bus in self._others:
             bus.close()
 

@@ -31,6 +31,10 @@ class Settings(ServiceSettings):
         description="require no key on an address other than loopback: for a container whose port "
         "is published on loopback only",
     )
+    audit: Path | None = Field(
+        default=None,
+        description="file for a record of every change over HTTP, as JSON lines; none: no record",
+    )
     origins: str = Field(
         default="",
         description="origins of other sites that may use the API (CORS), separated by commas",

@@ -15,6 +15,7 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from helios_gateway.api_keys import ApiKeys
+from helios_gateway.audit_log import AuditLog, AuditMiddleware
 from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.dependencies import GatewayState
 from helios_gateway.error_responses import add_problems
@@ -57,8 +58,16 @@ ROBOT_ROUTERS = (  # each mounted below `/v1` and below `/v1/robots/{robot}`
 pages = APIRouter(include_in_schema=False)
 
 
-def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None = None) -> FastAPI:
-    """HTTP application for the robots; keys: None reads the file that the settings name."""
+def create_app(
+    robots: RobotRegistry,
+    settings: Settings,
+    keys: ApiKeys | None = None,
+    audit: AuditLog | None = None,
+) -> FastAPI:
+    """HTTP application for the robots.
+
+    keys: None reads the file that the settings name. audit: record of changes; None: none is kept.
+    """
     app = FastAPIOffline(
         redoc_url=None,
         title="HELIOS",
@@ -74,7 +83,7 @@ def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None =
     app.state.gateway = state
     add_problems(app)
     correct_error_responses(app)
-    _add_middleware(app, state)
+    _add_middleware(app, state, audit)
     app.include_router(health.robots_router)
     for root in (API_ROOT, ROBOT_ROOT):
         for router in ROBOT_ROUTERS:
@@ -101,7 +110,7 @@ def _state(robots: RobotRegistry, settings: Settings, keys: ApiKeys) -> GatewayS
     )
 
 
-def _add_middleware(app: FastAPI, state: GatewayState) -> None:
+def _add_middleware(app: FastAPI, state: GatewayState, audit: AuditLog | None) -> None:
     """Add the middleware; the last one added handles a request first."""
     settings = state.settings
     bounds = LimitSettings(
@@ -118,6 +127,8 @@ def _add_middleware(app: FastAPI, state: GatewayState) -> None:
         )  # fmt: skip
     app.add_middleware(RequestMetrics, metrics=state.metrics)
     app.add_middleware(PageMiddleware)
+    if audit is not None:  # the last one: it records refusals by the others, too
+        app.add_middleware(AuditMiddleware, audit=audit, keys=state.keys)
 
 
 @pages.get("/")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import InvalidInput
-from helios_core.types import ObjectInstance, Observation, Role, SearchContext
+from helios_core.types import ObjectInstance, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_objectmap import export
@@ -19,7 +19,7 @@ from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_
 from helios_objectmap.fusion.view_history import PastViews
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore, InstanceGaussians, surplus
 from helios_objectmap.instances import information_gain
-from helios_objectmap.instances.furniture import is_furniture
+from helios_objectmap.instances.beliefs import InstanceBeliefs
 from helios_objectmap.instances.information_gain import (
     EvidenceParameters,
     Expected,
@@ -27,22 +27,16 @@ from helios_objectmap.instances.information_gain import (
 )
 from helios_objectmap.instances.name_sightings import NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry, Moment
-from helios_objectmap.instances.size_prior import agreement, extents_of
 from helios_objectmap.instances.summary import (
-    Belief,
     Grasp,
-    Shape,
-    believed,
-    describe,
     gaussians_of,
     grasp,
     seen_area_m2,
-    shape_of,
-    sure_part,
 )
 from helios_objectmap.persistence import MapContent
 from helios_objectmap.rendering.back_ends import back_end
 from helios_objectmap.rendering.renderer_interface import FAR_M, Projection, Rendering
+from helios_objectmap.searched_classes import SearchedClasses
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.viewpoint_weights import NEVER, ViewpointMatch, Viewpoints
 
@@ -80,16 +74,18 @@ class ObjectMap:
 
     def reset(self) -> None:
         """Delete all content."""
-        self._store = GaussianStore(self._sectors)
-        self._registry = InstanceRegistry()
-        self._viewpoints = self.empty_viewpoints()
-        self._context: SearchContext | None = None
-        self._roles: dict[str, Role] = {}
-        self._past = PastViews()
-        self._sightings = NameSightings()
-        self._beliefs: dict[int, Belief | None] = {}  # while no row is renumbered
-        self._updates = 0
-        self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
+        store = GaussianStore(self._sectors)
+        self._hold(MapContent(store, InstanceRegistry(), self.empty_viewpoints(), {}, 0))
+
+    def _hold(self, content: MapContent) -> None:
+        """Take over a content; views and sightings of the past are empty."""
+        self._store, self._registry = content.store, content.registry
+        self._viewpoints, self._updates = content.viewpoints, content.updates
+        self._classes = SearchedClasses(self._settings, content.roles)
+        self._past, self._sightings = PastViews(), NameSightings()
+        self._beliefs = InstanceBeliefs(
+            self._settings, self._store, self._registry, self._classes, self._sightings
+        )
 
     def __len__(self) -> int:
         return len(self._store)
@@ -98,25 +94,21 @@ class ObjectMap:
 
     def set_context(self, context: SearchContext) -> None:
         """Search for the classes of a context from now on; the evidence for other classes stays."""
-        if context == self._context:
+        store, classes = self._store, self._classes
+        if context == classes.context:
             return
-        store = self._store
         groups = {r.group for r in self._registry.records.values()}
-        voxels = {g.class_name: self._voxel_m(g.class_name) for g in groups}
-        self._context = context
-        for c in context.distinct():
-            store.column(c.name)
-            self._roles.pop(c.name, None)  # most recently searched classes at the end
-            self._roles[c.name] = c.role
-        self._forget_classes(
-            list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
-        )
-        for group in sorted(g for g in groups if g.class_name in self._roles):
-            voxel_m = self._voxel_m(group.class_name)
+        voxels = {g.class_name: classes.voxel_m(g.class_name) for g in groups}
+        classes.search(context)
+        for name in classes.names:
+            store.column(name)
+        self._forget_classes(classes.oldest())
+        for group in sorted(g for g in groups if g.class_name in classes.roles):
+            voxel_m = classes.voxel_m(group.class_name)
             if voxel_m != voxels[group.class_name]:
                 self._registry.recluster(store, group, voxel_m)
         self._believe(np.arange(len(store)))
-        self._drop_all()
+        self._beliefs.drop_all()
 
     def update(
         self, observation: Observation, context: SearchContext, held: str = ""
@@ -126,7 +118,10 @@ class ObjectMap:
         self.set_context(context)
         s, store = self._settings, self._store
         reading = without_held(
-            read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
+            read(
+                observation, context, s.stride_px, s.min_depth_m, s.max_depth_m,
+                s.equal_masks == "by-score",
+            ),
             context, held, HELD_OBJECT_M,
         )  # fmt: skip
         look = self._viewpoints.locate(reading.view.T_world_cam)
@@ -155,7 +150,7 @@ class ObjectMap:
         self._updates += 1
         store.remove(gone)
         if len(gone):
-            self._beliefs.clear()
+            self._beliefs.drop_rows()
         self._remove(surplus(store.class_column, store.last_seen_update, s.max_gaussians))
         return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
 
@@ -171,12 +166,14 @@ class ObjectMap:
         low, high = store.means[member].min(axis=0), store.means[member].max(axis=0)
         near = store.blocks.near(store.means[member], float((high - low).max()))
         inside = ((store.means[near] >= low) & (store.means[near] <= high)).all(axis=1)
-        receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
+        receptacles = [
+            i for i, name in enumerate(store.class_names) if self._classes.is_receptacle(name)
+        ]
         inside &= ~np.isin(store.class_column[near], receptacles)
         gone = np.union1d(member, near[inside])
         self._sightings.forget_at(store.means[member])
         self._remove(gone)
-        self._past.forget(lambda name: not self._is_receptacle(name))
+        self._past.forget(lambda name: not self._classes.is_receptacle(name))
         return len(gone)
 
     # Queries ----------------------------------------------------------------------------------
@@ -186,20 +183,18 @@ class ObjectMap:
         near = [
             (float(np.linalg.norm(o.center_m - point_m)), o.id)
             for o in self.objects()
-            if not self._is_receptacle(o.class_name)
+            if not self._classes.is_receptacle(o.class_name)
         ]
         distance, label = min(near, default=(np.inf, NO_INSTANCE))
         return label if distance <= within_m else None
 
     def objects(self) -> tuple[ObjectInstance, ...]:
         """All instances with enough Gaussians, by id."""
-        known, registry = self._described, self._registry
-        for label in registry.records.keys() - known.keys():
-            known[label] = self._describe(label)
+        registry = self._registry
+        known = ((label, self._beliefs.described(label)) for label in sorted(registry.records))
         return tuple(
-            o for label, o in sorted(known.items())
-            if o is not None and not registry.is_beside_core(label)
-        )  # fmt: skip
+            o for label, o in known if o is not None and not registry.is_beside_core(label)
+        )
 
     def class_of(self, instance_id: int) -> str:
         """Class of an instance; "" if the id is unknown."""
@@ -230,7 +225,7 @@ class ObjectMap:
             return None
         belief = None
         if class_name == self._registry.records[instance_id].class_name:
-            belief = self._belief(instance_id)
+            belief = self._beliefs.belief(instance_id)
         column = store.class_names.index(class_name)
         columns = self._columns if column in self._columns else [*self._columns, column]
         if other_share is None:
@@ -299,7 +294,7 @@ class ObjectMap:
             store.class_evidence[rows, column],
             store.total_evidence[rows, column],
             prior,
-            self._n_classes,
+            self._classes.prior_classes,
         )
         if layer == "probability":
             return export.png(export.belief(projection, np.asarray(mean), 1.0))
@@ -315,16 +310,18 @@ class ObjectMap:
         column = store.class_names.index(self._registry.records[instance_id].class_name)
         mean, _ = marginal(
             store.class_evidence[rows, column], store.total_evidence[rows, column],
-            self._settings.prior_concentration, self._n_classes,
+            self._settings.prior_concentration, self._classes.prior_classes,
         )  # fmt: skip
-        own = rows[mean > self._box_threshold(instance_id, mean)]
+        own = rows[mean > self._beliefs.box_threshold(instance_id, mean)]
         return grasp(store.means[own if len(own) else rows])
 
     # On disk ----------------------------------------------------------------------------------
 
     def content(self) -> MapContent:
         """Content of the map; its parts are the map's own objects, not copies."""
-        return MapContent(self._store, self._registry, self._viewpoints, self._roles, self._updates)
+        return MapContent(
+            self._store, self._registry, self._viewpoints, self._classes.roles, self._updates
+        )
 
     def load_content(self, content: MapContent) -> None:
         """Replace the content of the map with that of a file.
@@ -333,13 +330,10 @@ class ObjectMap:
         sector. A map that counts sectors starts with empty ones if the file has no votes. The
         instances are clustered with the voxels of this map, which may differ from the file's.
         """
-        self.reset()
-        self._store, self._registry = content.store, content.registry
+        self._hold(content)
         self._store.keep_votes(self._sectors)
-        self._viewpoints, self._roles = content.viewpoints, content.roles
-        self._updates = content.updates
         for group in sorted({r.group for r in self._registry.records.values()}):
-            self._registry.recluster(self._store, group, self._voxel_m(group.class_name))
+            self._registry.recluster(self._store, group, self._classes.voxel_m(group.class_name))
 
     def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""
@@ -354,14 +348,14 @@ class ObjectMap:
             return
         columns = [store.class_names.index(name) for name in names]
         rows = np.flatnonzero(np.isin(store.class_column, columns))
-        self._registry.leave(store, rows, self._voxel_m)
+        self._registry.leave(store, rows, self._classes.voxel_m)
         store.class_column[rows] = OTHER
         self._join(rows)
         store.drop_columns(names)
         for name in names:
             self._viewpoints.forget(name)
             self._registry.ended.pop(name, None)
-            del self._roles[name]
+            del self._classes.roles[name]
 
     def _carve(
         self, projection: Projection, reading: LabelImage, look: ViewpointMatch
@@ -387,7 +381,7 @@ class ObjectMap:
         store.opacity[changed] = OPACITY * left
         is_gone = store.seen_through_views[changed] >= WHOLE * CARVE_VIEWS
         gone, stays = changed[is_gone], changed[~is_gone]
-        self._registry.leave(store, gone, self._voxel_m)
+        self._registry.leave(store, gone, self._classes.voxel_m)
         store.class_column[gone] = OTHER
         return projection.renewed(
             np.concatenate([there, seen.through[share > 0]]),
@@ -470,16 +464,16 @@ class ObjectMap:
             store.instance[rows], kappa[took], weights[took], projection.depth_m[took], names
         )
         if s.detector_trust != "full":
-            self._drop_all()  # the learnt detector precision changes every score
+            self._beliefs.drop_all()  # the learnt detector precision changes every score
         self._note_moments(given, stamp_ns)
         return len(rows)
 
     def _note_moments(self, labels: list[int], stamp_ns: int) -> None:
         """Append to the history of instances that received evidence, and drop their cached
         descriptions."""
+        self._beliefs.drop(labels)
         for label in labels:
-            self._drop(label)
-            belief = self._belief(label)
+            belief = self._beliefs.belief(label)
             record = self._registry.records[label]
             if belief is not None:
                 scored = belief.score
@@ -488,10 +482,10 @@ class ObjectMap:
     def _remove(self, rows: NDArray[np.integer]) -> None:
         """Remove rows from their instances and from the map."""
         if len(rows):
-            self._registry.leave(self._store, rows, self._voxel_m)
+            self._registry.leave(self._store, rows, self._classes.voxel_m)
             self._join(rows[:0], taken_out=True)
             self._store.remove(rows)
-            self._beliefs.clear()
+            self._beliefs.drop_rows()
 
     def _believe(self, rows: NDArray[np.integer]) -> None:
         """Update the most likely class of rows, and the instances that this changes."""
@@ -499,20 +493,19 @@ class ObjectMap:
         s = self._settings
         new, in_core = most_likely_columns(
             store.class_evidence, store.total_evidence, rows, self._columns, s.prior_concentration,
-            self._n_classes, s.named_from, s.core_from,
+            self._classes.prior_classes, s.named_from, s.core_from,
         )  # fmt: skip
         differs = np.flatnonzero(
             (new != store.class_column[rows]) | (in_core != store.in_core[rows])
         )
         changed = rows[differs]
-        self._registry.leave(store, changed, self._voxel_m)
+        self._registry.leave(store, changed, self._classes.voxel_m)
         store.class_column[changed], store.in_core[changed] = new[differs], in_core[differs]
         self._join(changed)
 
     def _join(self, rows: NDArray[np.integer], *, taken_out: bool = False) -> None:
-        changed = self._registry.join(self._store, rows, self._voxel_m, taken_out=taken_out)
-        for label in changed:
-            self._drop(label)
+        changed = self._registry.join(self._store, rows, self._classes.voxel_m, taken_out=taken_out)
+        self._beliefs.drop(changed)
 
     # Parts of a query -------------------------------------------------------------------------
 
@@ -524,16 +517,11 @@ class ObjectMap:
     @property
     def _columns(self) -> list[int]:
         """Store columns of the context's classes."""
-        return [self._store.class_names.index(name) for name in self._names]
+        return self._classes.columns(self._store)
 
     @property
     def _names(self) -> list[str]:
-        return [c.name for c in self._context.distinct()] if self._context is not None else []
-
-    @property
-    def _n_classes(self) -> int:
-        """Number of classes of the prior, "other" included."""
-        return max(len(self._names) + 1, self._settings.prior_classes)
+        return self._classes.names
 
     def _project(
         self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
@@ -543,93 +531,3 @@ class ObjectMap:
         far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
         rows = store.seen_by(view, far_m) if rows is None else rows
         return self._back_end(store.means, store.radius_m, store.opacity, view, rows, far_m)
-
-    def _is_receptacle(self, class_name: str) -> bool:
-        return self._roles[class_name].is_receptacle
-
-    def _voxel_m(self, class_name: str) -> float:
-        s = self._settings
-        large = self._is_receptacle(class_name) or is_furniture(class_name)
-        return s.receptacle_voxel_m if large else s.object_voxel_m
-
-    def _drop(self, label: int) -> None:
-        """Forget the computed belief and description of an instance, which has changed."""
-        self._described.pop(label, None)
-        self._beliefs.pop(label, None)
-
-    def _drop_all(self) -> None:
-        self._described.clear()
-        self._beliefs.clear()
-
-    def _belief(self, label: int) -> Belief | None:
-        """Belief that an instance is of its own class; None if it is too small to be reported."""
-        if label not in self._beliefs:
-            self._beliefs[label] = self._new_belief(label)
-        return self._beliefs[label]
-
-    def _new_belief(self, label: int) -> Belief | None:
-        store, s = self._store, self._settings
-        rows = store.instances.rows_of(np.array([label]))
-        if len(rows) < MIN_GAUSSIANS:
-            return None
-        class_name, names = self._registry.records[label].class_name, list(self._names)
-        if class_name not in names:
-            names.append(class_name)
-        trust = self._trust(label) * self._name_probability(label, rows)
-        belief = self._believed(rows, class_name, names, trust)
-        if s.size_agreement == "off":
-            return belief
-        return self._believed(rows, class_name, names, trust * self._size_agreement(label, belief))
-
-    def _believed(
-        self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
-    ) -> Belief:
-        s = self._settings
-        return believed(
-            self._store, rows, class_name, names, s.prior_concentration, self._n_classes,
-            s.alpha_cs, trust,
-        )  # fmt: skip
-
-    def _trust(self, label: int) -> float:
-        """Estimated share of true detections of an instance, learnt from earlier detections of its
-        class."""
-        trust = self._settings.detector_trust
-        return (
-            1.0
-            if trust == "full"
-            else self._registry.true_detection_share(label, trust == "class-distance")
-        )
-
-    def _name_probability(self, label: int, rows: NDArray[np.integer]) -> float:
-        """Probability of an instance's own name against the other names that it was called by."""
-        if self._settings.look_alikes == "ignored":
-            return 1.0
-        name = self._registry.records[label].class_name
-        rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
-        return 1.0 if rates is None else rates.probability(name)
-
-    def _size_agreement(self, label: int, belief: Belief) -> float:
-        """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
-        s, record = self._settings, self._registry.records[label]
-        shape = self._shape(label, belief)
-        measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
-        top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
-        views = record.views if s.size_agreement == "on" else 0.0
-        return agreement(record.class_name, measured_m, views, top_m)
-
-    def _shape(self, label: int, belief: Belief) -> Shape:
-        return shape_of(self._store.means, belief, self._box_threshold(label, belief.mean))
-
-    def _box_threshold(self, label: int, mean: NDArray[np.floating]) -> float:
-        """Probability above which a Gaussian of an instance belongs to its box; mean: [n]."""
-        least = self._settings.named_from
-        if self._settings.by_sides and not self._is_receptacle(self.class_of(label)):
-            least = max(least, sure_part(mean))
-        return least
-
-    def _describe(self, label: int) -> ObjectInstance | None:
-        belief = self._belief(label)
-        if belief is None:
-            return None
-        shape = self._shape(label, belief)
-        return describe(label, self._registry.records[label], shape, belief)

@@ -98,6 +98,12 @@ class ObjectMapSettings(ServiceSettings):
         "under its own name",
     )
 
+    equal_masks: Literal["by-name", "by-score"] = Field(
+        default="by-name",
+        description="class of a pixel in several masks of one size: the alphabetically last name, "
+        "or that of the highest detector score",
+    )
+
     renderer: Literal["cpu", "cuda"] = Field(
         default="cpu",
         description="cpu, or cuda: gsplat on a GPU (extra `cuda`)",

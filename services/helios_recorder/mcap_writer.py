@@ -5,23 +5,20 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from functools import cache
 from pathlib import Path
 
-from google.protobuf.message import Message
 from helios_core.recording_format import PROFILE
+from helios_core.viewing.channel_schema import ENCODING, schema_of
+from helios_core.viewing.entry import Entry
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import build_file_descriptor_set
 
-from helios_recorder.entry import Entry
 from helios_recorder.settings import MB, Settings
 
 COMPRESSION = {
     "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
 }  # fmt: skip
-ENCODING = "protobuf"
 SYNC_EVERY_S = 5.0  # to the disk; a power cut loses this much at most
 DECLARE_EVERY_S = 10.0  # each time 80 kB
 
@@ -130,7 +127,7 @@ class RecordingFile:
         name = kind.DESCRIPTOR.full_name
         schema = self._schemas.get(name)
         if schema is None:
-            data = _schema(kind)
+            data = schema_of(kind)
             id = self._writer.register_schema(name, ENCODING, data)
             schema = self._schemas[name] = Schema(id, data, ENCODING, name)
         id = self._writer.register_channel(entry.channel, ENCODING, schema.id)
@@ -149,12 +146,6 @@ class RecordingFile:
         for one in (*self._schemas.values(), *self._channels.values()):
             one.write(records)
         self._stream.write(records.end())
-
-
-@cache
-def _schema(kind: type[Message]) -> bytes:
-    """FileDescriptorSet of a message type, including all its imports."""
-    return build_file_descriptor_set(kind).SerializeToString()
 
 
 def _check_room(folder: Path, settings: Settings) -> None:

@@ -18,12 +18,12 @@ from google.protobuf.message import Message
 from helios_core.errors import HeliosError
 from helios_core.health import Health
 from helios_core.recording_format import SUFFIX
+from helios_core.viewing.entry import Entry
+from helios_core.viewing.message_entries import Entries
+from helios_core.viewing.message_queue import Item, MessageQueue
 
-from helios_recorder.entry import Entry
 from helios_recorder.mcap_writer import DiskFull, RecordingFile
-from helios_recorder.message_entries import Entries
 from helios_recorder.settings import MB, Settings
-from helios_recorder.write_queue import Item, MessageQueue
 
 log = logging.getLogger(__name__)
 

@@ -66,6 +66,7 @@ _HELIOS: dict[str, Value] = {
     "objectmap.named_from": 0.15,
     "objectmap.core_from": 0.3,
     "objectmap.look_alikes": "compared",
+    "objectmap.equal_masks": "by-score",
     "objectmap.receptacle_voxel_m": 0.2,
     "objectmap.size_agreement": "large",
 }

@@ -35,6 +35,7 @@ MAPS = "/map/"  # prefix of all channels with the robot's maps and plans
 OCCUPANCY = "/map/occupancy"  # foxglove.Grid
 VALUES = "/map/value/"  # followed by the layer's name; foxglove.Grid
 OBSTACLES = "/map/obstacles"  # foxglove.PointCloud
+GAUSSIANS = "/map/gaussians"  # foxglove.PointCloud
 FRONTIERS = "/map/frontiers"  # foxglove.SceneUpdate, as the next four
 TRAJECTORY = "/map/trajectory"
 OBJECTS = "/map/objects"

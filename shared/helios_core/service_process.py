@@ -114,7 +114,11 @@ def run_service(
     stopped = threading.Event()
     stop_on_signals(stopped)
     health = Health()
-    bus = _connect(settings, stopped)
+    try:
+        bus = _connect(name, settings, stopped)
+    except InvalidInput as error:  # the certificates
+        print(f"helios-{name}: {error.message}", file=sys.stderr)
+        return 2
     if bus is None:
         return 0
     settings_json = json.dumps(settings.described())
@@ -152,13 +156,14 @@ def run_service(
             bus.close()
 
 
-def _connect(settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
+def _connect(name: str, settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
+    """Bus of the service; None if it is stopped before. Raises InvalidInput."""
     from helios_core.zenoh_bus import ZenohBus  # local import: tests of services need no Zenoh
 
-    said = False
+    link, said = settings.router_link(name), False
     while not stopped.is_set():
         try:
-            return ZenohBus(settings.router, settings.robot)
+            return ZenohBus(link, settings.robot)
         except Unavailable as error:
             if not said:
                 log.warning("waiting for the router: %s", error.message)

@@ -6,9 +6,9 @@
 
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. The file's table `[all]` holds defaults for the
-settings that every service has (router, robot, log_level). No other code in a service reads the
-environment. A service with a setting `agent` takes all settings not given from that agent's preset
-(`agent_presets`). Unknown names are refused (`settings_spelling`).
+settings that every service has (router, certs, robot, log_level). No other code in a service reads
+the environment. A service with a setting `agent` takes all settings not given from that agent's
+preset (`agent_presets`). Unknown names are refused (`settings_spelling`).
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from pydantic_settings import (
 from helios_core.agent_presets import service_settings
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import robot_name, robot_names
+from helios_core.router_link import RouterLink, router_link
 from helios_core.settings_spelling import (
     OF_ALL,
     check_tables,
@@ -67,6 +68,7 @@ LOG_LEVELS = ("debug", "info", "warning", "error")
 LogLevel = Annotated[str, AfterValidator(_level)]
 RobotName = Annotated[str, AfterValidator(_robot)]
 RobotNames = Annotated[str, AfterValidator(_robots)]  # comma-separated, each once; may be empty
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 
 
 def service_config(service: str) -> SettingsConfigDict:
@@ -90,7 +92,14 @@ class ServiceSettings(BaseSettings):
     config: Path | None = Field(
         default=None, description="TOML file with one table per service; also HELIOS_CONFIG"
     )
-    router: str = Field(default="tcp/127.0.0.1:7447", description="Zenoh endpoint of the router")
+    router: str = Field(
+        default=DEFAULT_ROUTER,
+        description="Zenoh endpoint of the router; with certs: by default the addresses there",
+    )
+    certs: Path | None = Field(
+        default=None,
+        description="folder of `helios certs`, or one session file of it: encrypts the bus",
+    )
     robot: RobotName = Field(
         default="robot", description="name of the robot: the first part of every key"
     )
@@ -102,6 +111,14 @@ class ServiceSettings(BaseSettings):
         return (
             str(cls.model_config.get("env_prefix", "")).removeprefix("HELIOS_").strip("_").lower()
         )
+
+    def router_link(self, service: str) -> RouterLink:
+        """Connection to the router, with the certificate of this service of `robot`.
+
+        Raises InvalidInput if the certificates cannot be used.
+        """
+        chosen = self.certs is None or "router" in self.model_fields_set
+        return router_link(self.router if chosen else "", self.certs, service, self.robot)
 
     def described(self) -> dict[str, dict[str, Any]]:
         """Value, default and description of each setting, as JSON values; secrets are masked."""
@@ -173,6 +190,23 @@ def is_chosen(service: str, setting: str, environment: Mapping[str, str]) -> boo
     except InvalidInput:
         return False
     return isinstance(table, dict) and setting in table
+
+
+def common_settings(service: str, environment: Mapping[str, str]) -> ServiceSettings:
+    """Settings that every service has, with the values that a service takes from its variables and
+    from the settings file. Raises InvalidInput."""
+    values = {name.upper(): text for name, text in environment.items()}
+    path = values.get(variable(service, "config")) or values.get("HELIOS_CONFIG")
+    tables = _toml(path) if path else {}
+    names = [name for name in ServiceSettings.model_fields if name != "config"]
+    given: dict[str, Any] = {}
+    for table in (tables.get(OF_ALL), tables.get(service)):
+        given |= table if isinstance(table, dict) else {}
+    given |= {n: values[variable(service, n)] for n in names if variable(service, n) in values}
+    try:
+        return ServiceSettings(**{n: v for n, v in given.items() if n in names})
+    except ValidationError as error:
+        raise InvalidInput(f"wrong setting of {service}: {error.errors()[0]['msg']}") from error
 
 
 class _Variables(EnvSettingsSource):

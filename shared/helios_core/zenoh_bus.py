@@ -26,6 +26,7 @@ from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
 from helios_core.latest_value_sender import DuplicateFilter, Repeater
+from helios_core.router_link import RouterLink
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
 from helios_core.zenoh_config import client_config
 from helios_core.zenoh_messages import answer, assembled, reply_of
@@ -43,9 +44,12 @@ READERS_END_WITHIN_S = 0.3
 
 
 class ZenohBus(Bus):
-    """Bus over a client session. Raises Unavailable if the router cannot be reached."""
+    """Bus over a client session; router: its endpoint, or a link with a certificate.
 
-    def __init__(self, router: str, robot: str = "robot") -> None:
+    Raises Unavailable if the router cannot be reached, InvalidInput for an unusable session file.
+    """
+
+    def __init__(self, router: RouterLink | str, robot: str = "robot") -> None:
         self.robot = robot
         try:
             self._session = zenoh.open(client_config(router))

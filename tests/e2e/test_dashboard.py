@@ -225,7 +225,7 @@ def test_the_camera_shows_detections(page: Page) -> None:
 
 
 def test_the_page_asks_for_a_key_and_keeps_it(browser: Browser, tmp_path: Path) -> None:
-    key = add_key(tmp_path / "keys.toml", "tablet", "operate")
+    key = add_key(tmp_path / "keys.toml", "tablet", "robot")
     with served("--keys", str(tmp_path / "keys.toml")) as gateway:
         page = browser.new_page()
         page.goto(gateway.url)

@@ -172,7 +172,7 @@ def test_driving_with_a_read_only_key_shows_an_error(browser: Browser, tmp_path:
         expect(page.get_by_label(AHEAD)).to_be_enabled()
         page.focus("#pad")
         page.keyboard.press("w")
-        expect(page.locator("#drive-said")).to_contain_text("needs one that may operate")
+        expect(page.locator("#drive-said")).to_contain_text("needs one of scope robot")
         assert gateway.backend.driving.moves == []
         page.close()
 

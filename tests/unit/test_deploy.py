@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,10 @@ ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())
 IMAGE = (ROOT / "deploy/Dockerfile").read_text()
 SERVICES = {name: s for name, s in COMPOSE["services"].items() if name != "router"}
+TARGETS = re.findall(r"^FROM source AS ([a-z0-9]+)-build$", IMAGE, re.M)
+EXTRAS: dict[str, list[str]] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+    "optional-dependencies"
+]
 STATE_DIRS = {
     name: service["command"][service["command"].index("--state-dir") + 1]
     for name, service in SERVICES.items()
@@ -45,16 +50,49 @@ def test_the_router_listens_on_the_port_of_the_services() -> None:
 def test_each_state_folder_has_its_own_volume() -> None:
     assert set(STATE_DIRS) == {"objectmap", "map2d", "planner"}
     for name, folder in STATE_DIRS.items():
-        assert SERVICES[name]["volumes"] == [f"{name}-state:{folder}"]
+        assert f"{name}-state:{folder}" in SERVICES[name]["volumes"]
         assert f"{name}-state" in COMPOSE["volumes"]
+
+
+@pytest.mark.parametrize("name", COMPOSE["services"])
+def test_each_container_runs_closed_from_the_image_of_its_service(name: str) -> None:
+    service = COMPOSE["services"][name]
+    assert service["build"]["target"] == name
+    assert service["image"] == f"helios-{name}"
+    assert service["read_only"]
+    assert service["cap_drop"] == ["ALL"]
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_each_image_runs_as_a_user_and_installs_extras_that_exist(target: str) -> None:
+    installed = re.search(rf"^FROM source AS {target}-build\n(?:ARG .*\n)?RUN (.*)$", IMAGE, re.M)
+    assert installed is not None
+    named = re.search(r"\.\[(.*)\]", installed[1])
+    extras = named[1].replace("${DETECTOR_EXTRAS}", "detector").split(",") if named else []
+    assert set(extras) <= EXTRAS.keys()
+    last_user = re.findall(r"^USER (.*)$", IMAGE, re.M)[-1]
+    assert last_user == "1000"
+
+
+def test_no_image_of_a_single_service_brings_torch() -> None:
+    for target in set(TARGETS) - {"all"}:
+        [line] = re.findall(rf"^FROM source AS {target}-build\n(?:ARG .*\n)?RUN (.*)$", IMAGE, re.M)
+        for extra in re.findall(r"[\w-]+", (re.findall(r"\.\[(.*)\]", line) or [""])[0]):
+            assert not any(need.startswith("torch") for need in EXTRAS.get(extra, [])), extra
+
+
+def test_a_release_publishes_every_image_of_a_service() -> None:
+    release = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())
+    published = release["jobs"]["images"]["strategy"]["matrix"]["target"]
+    assert set(published) == set(TARGETS) - {"all"}
 
 
 def test_the_image_contains_the_state_folders_owned_by_its_user() -> None:
     """The volume of a folder that is missing in the image would belong to root."""
-    before_user, _, _ = IMAGE.partition("USER helios")
-    made = re.search(r"mkdir -p ([^&]*)&& chown -R helios /state$", before_user, re.MULTILINE)
+    before_user, _, _ = IMAGE.partition("USER 1000")
+    made = re.search(r"mkdir -p ([^&]*)&& chown -R helios /state /kernels$", before_user, re.M)
     assert made is not None
-    assert set(made[1].split()) == set(STATE_DIRS.values())
+    assert set(made[1].replace("\\", "").split()) >= {*STATE_DIRS.values(), "/kernels"}
 
 
 def test_the_image_installs_the_package_versions_of_the_tests() -> None:

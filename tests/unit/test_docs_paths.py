@@ -27,10 +27,12 @@ SUFFIXES = ("py", "proto", "toml", "json5", "yaml", "sh", "md", "json", "png", "
 # Files that a reader writes, a command creates, or another package contains; none is ours.
 OF_THE_READER = {
     "keys.toml", "helios.toml", "meta.json", "result.json", "results.json", "run.json",
+    "models.lock.json",
     "report.md", "calibration.md", "attributions.md", "realism.md", "beliefs.json",
     "summary.json", "objects.json", "psi.png", "gaussians.png", "map.yaml", "bench.json",
     "drive.py", "current/ATTRIBUTIONS.md", "memory.json", "memory.md", "memory.png",
-    "helios_core.proto", "foxglove/RawImage.proto",
+    "helios_core.proto", "foxglove/RawImage.proto", "names.toml", "router.json5",
+    "sessions/NAME.json5", "certs/sessions/NAME.json5", "certs/sessions/bridge.robot.json5",
 }  # fmt: skip
 PATH = re.compile(
     rf"[\w.-]+(?:/[\w.-]+)*\.(?:{'|'.join(SUFFIXES)})|(?:{'|'.join(FOLDERS)})/[\w./-]+"

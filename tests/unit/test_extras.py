@@ -27,8 +27,11 @@ PACKAGES = {
     "spot": "helios_spot",
     "contract": "helios_contract",
     "mcp": "helios_client",
+    "certs": "helios_client",
 }
-NEEDS_MORE = {"client": ["helios_client.mcp_tools"]}  # than the extra `client`: the extra `mcp`
+# Modules that need more than the extra: the extras `mcp` and `certs`.
+OF_MCP, OF_CERTS = "helios_client.mcp_tools", "helios_client.certs"
+NEEDS_MORE = {"client": [OF_MCP, OF_CERTS], "mcp": [OF_CERTS], "certs": [OF_MCP]}
 OURS = "helios-ovmm"
 IMPORT_ALL = """
 import importlib, json, pkgutil, sys

@@ -50,6 +50,7 @@ ELSEWHERE = {
     ("clients/helios_eval/report/episode_map.py", "savefig"): (1, MEMORY),
     ("clients/helios_eval/report/episode_map.py", "save"): (1, MEMORY),
     ("clients/helios_eval/calibration/charts.py", "savefig"): (1, MEMORY),
+    ("scripts/generate_example_flat.py", "ZipFile"): (1, MEMORY),
     ("clients/helios_sim/assets/asset_pack.py", "savez_compressed"): (1, SCRATCH),
     ("clients/helios_sim/assets/asset_pack.py", "write_text"): (2, SCRATCH),
     ("clients/helios_sim/assets/sweethome_library.py", "open"): (1, SCRATCH),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes.util
+import datetime as dt
 import errno
 import importlib.util
 import os
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from helios_core import plugins
-from helios_core.errors import InvalidInput
+from helios_core.errors import HeliosError, InvalidInput
 
 from helios_client.supervision import state_file
 from helios_client.supervision.service_specs import port_bind_error
@@ -40,7 +41,11 @@ PACKAGES = {
 FURTHER = {
     "viser": ("viewer", "the dashboard's 3D view"),
     "mcp": ("mcp", "helios mcp"),
+    "cryptography": ("certs", "helios certs"),
     "mcap": ("recorder", "helios record"),
+    "foxglove": ("foxglove", "helios view --foxglove"),
+    "rerun": ("rerun", "helios view --rerun"),
+    "huggingface_hub": ("models", "helios models fetch"),
     "matplotlib": ("eval", "helios eval"),
     "skfmm": ("bench", "helios bench"),
     "transformers": ("transformers", "open-vocabulary models"),
@@ -66,8 +71,12 @@ def examine(
     port: int,
     has_package: Callable[[str], bool] = lambda name: importlib.util.find_spec(name) is not None,
     find_library: Callable[[str], str | None] = ctypes.util.find_library,
+    certs: Path | None = None,
 ) -> list[Finding]:
-    """Checks of all that `helios up` with the simulator needs, then of optional parts."""
+    """Checks of all that `helios up` with the simulator needs, then of optional parts.
+
+    certs: folder of certificates; None: that of the running `helios up`, if it has one.
+    """
     version = ".".join(map(str, sys.version_info[:3]))
     out = [
         Finding(f"HELIOS {helios_version()}", True, ""),
@@ -87,7 +96,11 @@ def examine(
         said = f"no process can listen on it: {trouble.strerror}"
     remedy = f"{said}; choose another: helios up --port {8080 if port < 1024 else port + 1}"
     out.append(Finding(f"port {port} free", trouble is None, remedy, optional=True))
-    out.append(_state_dir(state_file.default_state_dir(port)))
+    state_dir = state_file.default_state_dir(port)
+    out.append(_state_dir(state_dir))
+    certs = certs or _certs_in_use(state_dir)
+    if certs is not None:
+        out += _certificates(certs)
     for package, (extra, purpose) in FURTHER.items():
         what = f"package {package}, for {purpose}"
         remedy = f"pip install 'helios-ovmm[{extra}]'"
@@ -107,6 +120,30 @@ def _plugins() -> list[Finding]:
                 remedy = error.message
             out.append(Finding(what, not remedy, remedy, optional=True))
     return out
+
+
+def _certs_in_use(state_dir: Path) -> Path | None:
+    """Folder of certificates of the running `helios up`, if it has one."""
+    known = (state_file.read(state_dir) or {}).get("certs")
+    return Path(known) if known else None
+
+
+def _certificates(folder: Path) -> list[Finding]:
+    """Checks of certificates: readable by their owner alone, valid for longer than the warning,
+    access rules of this version."""
+    from helios_client.commands.certs import check_library, stale_sentence, warnings
+
+    what = f"certificates in {folder}"
+    try:
+        check_library()
+        from helios_client.certs.folder import stale_rules, validities
+
+        found = validities(folder)
+        faults = warnings(folder, found, dt.datetime.now(dt.UTC))
+        faults += [stale_sentence(folder)] if stale_rules(folder) else []
+    except HeliosError as error:
+        return [Finding(what, False, error.message)]
+    return [Finding(what, False, fault) for fault in faults] or [Finding(what, True, "")]
 
 
 def _libraries(find_library: Callable[[str], str | None]) -> list[Finding]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import Json, Port, print_json
+from helios_client.commands.shared_options import Certs, Json, Port, print_json
 
 app = typer.Typer()
 
@@ -55,14 +55,14 @@ def evaluate(context: typer.Context) -> None:
 
 
 @app.command()
-def doctor(port: Port = 8080, as_json: Json = False) -> None:
+def doctor(port: Port = 8080, certs: Certs = None, as_json: Json = False) -> None:
     """Check the requirements on this machine and print remedies. Exit status 1 if the simulator
     lacks a requirement; notes name optional parts."""
     from dataclasses import asdict
 
     from helios_client.commands.doctor import examine
 
-    findings = examine(port)
+    findings = examine(port, certs=certs)
     if as_json:
         print_json({"findings": [asdict(finding) for finding in findings]})
     for finding in [] if as_json else findings:

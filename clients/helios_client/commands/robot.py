@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -125,15 +125,32 @@ def clear_stop(at: GatewayAddress, as_json: Json = False) -> None:
 def key(
     name: Annotated[str, typer.Argument(help="name of the key's user, such as tablet")],
     scope: Annotated[
-        Literal["read", "operate", "admin"],
-        typer.Option(help="read: view and stop; operate: also tasks; admin: also settings"),
-    ] = "operate",
+        str | None,
+        typer.Option(
+            help="read: view and stop; task: also tasks; robot: also drive by hand, frames, "
+            "clear-stop; admin: also settings and maps  [default: task]"
+        ),
+    ] = None,
     file: Annotated[Path, typer.Option(help="file for the hashes of the keys")] = Path("keys.toml"),
+    replace: Annotated[
+        bool, typer.Option("--replace", help="replace the key of this name; the old one ends")
+    ] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="remove the key of this name")] = False,
 ) -> None:
-    """Create an API key, shown once. To require keys: HELIOS_GATEWAY_KEYS=FILE helios up."""
-    from helios_client.commands.api_keys import add_key
+    """Create an API key, shown once. To require keys: HELIOS_GATEWAY_KEYS=FILE helios up. A running
+    gateway reads the file again when it changes."""
+    from helios_client.commands.api_keys import add_key, checked_scope, remove_key, replace_key
+    from helios_client.usage_errors import UsageError
 
-    print(add_key(file, name, scope))
+    if (replace or remove) and (scope is not None or (replace and remove)):
+        raise UsageError("--replace keeps the scope, --remove needs none; give one of the three")
+    if remove:
+        remove_key(file, name)
+        print(f"removed: {name}")
+    elif replace:
+        print(replace_key(file, name))
+    else:
+        print(add_key(file, name, checked_scope(scope or "task")))
 
 
 @app.command()

@@ -30,6 +30,10 @@ State = Annotated[
 ]
 
 
+Certs = Annotated[
+    Path | None,
+    typer.Option(help="folder of helios certs: encrypts the bus", envvar="HELIOS_CERTS"),
+]
 TypedPort = Annotated[
     int | None,
     typer.Option(help="port of a helios up on this machine  [default: 8080]", min=1, max=65535),

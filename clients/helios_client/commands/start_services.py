@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import Port, State, TypedPort, Url, console
+from helios_client.commands.shared_options import Certs, Port, State, TypedPort, Url, console
 
 app = typer.Typer()
+LOOPBACK = "127.0.0.1"
 
 
+MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 RobotKind = Annotated[
-    str, typer.Option(help="driver: sim, replay, spot, ros2, bus, push or package:Class")
+    str,
+    typer.Option(
+        help="driver: sim, replay, spot, ros2, bus, push or package:Class; remote: it runs on another "
+        "machine"
+    ),
 ]
 Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
 Preset = Annotated[str, typer.Option(help="preset of the simulated home")]
+Home = Annotated[
+    Path | None,
+    typer.Option(help="home of --robot sim that you drew in Sweet Home 3D, a .sh3d file"),
+]
+Level = Annotated[
+    str | None, typer.Option(help="level of --home  [default: the one with the most rooms]")
+]
 Furniture = Annotated[
     str | None,
     typer.Option(
@@ -62,7 +76,16 @@ Ros2Output = Annotated[
     bool, typer.Option("--ros2", help="publish maps, objects and tasks to ROS 2")
 ]
 RouterPort = Annotated[
-    int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
+    int | None,
+    typer.Option(
+        help="port of the router  [default: a free one; open to other machines: that of --certs]",
+        min=1,
+        max=65535,
+    ),
+]
+RouterHost = Annotated[
+    str,
+    typer.Option(help="address that the router listens on; 0.0.0.0: for other machines, too"),
 ]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
@@ -73,6 +96,8 @@ def up(
     port: Port = 8080,
     seed: Seed = 0,
     preset: Preset = "demo-v1",
+    home: Home = None,
+    level: Level = None,
     furniture: Furniture = None,
     state: State = None,
     detector: Detector = None,
@@ -85,11 +110,16 @@ def up(
     spot_host: SpotHost = None,
     ros2: Ros2Output = False,
     router_port: RouterPort = None,
+    router_host: RouterHost = LOOPBACK,
+    certs: Certs = None,
     name: BusName = "robot",
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
+    from helios_core.router_link import listen_port
+
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
+    from helios_client.supervision.model_check import check_models
     from helios_client.supervision.preset_defaults import preset_defaults
     from helios_client.supervision.ros2_python import chosen_ros2_python
     from helios_client.supervision.service_specs import StackOptions, free_port
@@ -99,25 +129,39 @@ def up(
     robot = flag_checks.check_robot(robot)
     flag_checks.check_name(name)
     flag_checks.check_together(robot, spot_host, source)
+    flag_checks.check_router(router_host, certs)
+    if certs is not None:
+        certs = certs.absolute()
+        listed_port = listen_port(certs)
+        if router_host != LOOPBACK:
+            router_port = router_port or listed_port
     if detector is None:
         detector = default_detector(robot, source)
     detector = flag_checks.check_detector(detector)
     scorer = None if scorer is None else flag_checks.check_scorer(scorer)
+    check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
     agent = None if agent is None else flag_checks.check_agent(agent)
     preset, furniture = flag_checks.check_home(robot, preset, furniture)
+    plan_name, remarks = flag_checks.check_plan(robot, preset, home, level)
+    for remark in remarks:
+        print(f"helios: {remark}", file=sys.stderr)
     if source is not None:
         check_source(source)
     state_dir = state or state_file.default_state_dir(port)
     if record and record_dir is None:
         record_dir = state_dir / "recordings"
-    of_preset = preset_defaults(robot, preset, detector, os.environ)
+    of_preset = preset_defaults(
+        robot, flag_checks.LIKE_PLANS if home else preset, detector, os.environ
+    )
     specs = StackOptions(
         robot=robot, router_port=router_port or free_port(), state_dir=state_dir, name=name,
-        port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
+        port=port, seed=seed, preset=preset, home=home and home.resolve(), level=level,
+        home_name=plan_name, furniture=furniture, detector=detector, scorer=scorer,
         agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
         robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
         ros2_python=chosen_ros2_python(by_zenoh=not ros2) if ros2 or robot == "ros2" else None,
         ros2_output=ros2,
+        certs=certs, router_host=router_host,
     )  # fmt: skip
     run_up(specs, Screen())
 
@@ -131,20 +175,17 @@ def record(
         str | None,
         typer.Option(help="router, tcp/HOST:PORT  [default: that of the running helios up]"),
     ] = None,
+    certs: Certs = None,
     name: Annotated[
         str | None, typer.Option(help="name of the robot  [default: that of the running helios up]")
     ] = None,
     url: Url = None,
 ) -> None:
     """Record every topic of a running robot into MCAP, until Ctrl-C."""
+    from helios_client.commands.record import bus_address
     from helios_client.commands.record import record as run_record
-    from helios_client.commands.shared_options import chosen_address
-    from helios_client.http.address import PORT
 
-    address = None
-    if router is None and state is None:
-        port, address = chosen_address(port, url)
-    run_record(out, port or PORT, state, router, name, None if port else address)
+    run_record(out, bus_address("helios record", port, state, router, certs, name, url))
 
 
 @app.command()

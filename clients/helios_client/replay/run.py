@@ -24,6 +24,7 @@ from helios_client.replay.frame_answers import FrameAcks
 from helios_client.replay.input_checks import examine
 from helios_client.replay.progress import ReplayMonitor
 from helios_client.replay.results import Results, collect, unreadable_frames
+from helios_client.supervision.model_check import check_models
 from helios_client.supervision.service_specs import StackOptions, free_port
 from helios_client.supervision.service_table import ServiceTable
 from helios_client.supervision.supervisor import Supervisor
@@ -74,6 +75,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     began_s = time.monotonic()
     with interrupts.raised():
         known = examine(job, console)
+    check_models((job.detector,))
     try:
         job.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

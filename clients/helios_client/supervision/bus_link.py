@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Unavailable
+from helios_core.router_link import RouterLink
 from helios_core.topics import SUPERVISOR
 
 from helios_client.supervision.service_table import ServiceTable
@@ -24,7 +25,9 @@ class BusLink:
     """Bus connection in a thread of its own. It connects as soon as there is a router, and
     publishes the process table every `PUBLISH_PERIOD_S`."""
 
-    def __init__(self, router: str, robot: str, board: ServiceTable, names: Sequence[str]) -> None:
+    def __init__(
+        self, router: RouterLink, robot: str, board: ServiceTable, names: Sequence[str]
+    ) -> None:
         self._router, self._robot, self._board, self._names = router, robot, board, names
         self._ending, self._wake = threading.Event(), threading.Event()
         self._lock = threading.Lock()

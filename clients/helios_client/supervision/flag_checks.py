@@ -9,18 +9,22 @@ from pathlib import Path
 
 from helios_core import plugins
 from helios_core.agent_presets import AGENT_NAMES
-from helios_core.errors import HeliosError, InvalidInput
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.models.catalogue import known, missing_sentence
+from helios_core.models.model_folder import onnx_file
 from helios_core.name_rules import robot_name, same_name
 from helios_core.settings_spelling import nearest
 
-from helios_client.supervision.service_specs import RECORDED_DETECTOR
+from helios_client.supervision.service_specs import LOOPBACK, RECORDED_DETECTOR, REMOTE
 from helios_client.usage_errors import UsageError
 
-ROBOTS = ("sim", "replay", "spot", "ros2", "bus", "push")
+ROBOTS = ("sim", "replay", "spot", "ros2", "bus", "push", REMOTE)
 _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
 _SCORERS = ("lexical", "minilm")
+ROUTER_HOSTS = (LOOPBACK, "0.0.0.0", "::")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
+LIKE_PLANS = "ovmm-v1"  # preset whose noise and number of actions the home of a plan has
 
 
 def check_robot(robot: str) -> str:
@@ -46,9 +50,24 @@ def check_together(robot: str, spot_host: str | None, source: Path | None) -> No
         raise UsageError("--source is valid only with --robot replay")
 
 
+def check_router(host: str, certs: Path | None) -> None:
+    """Raise UsageError for an address that the services of this machine could not reach, and if
+    the router would be open to other machines without certificates."""
+    if host not in ROUTER_HOSTS:
+        raise UsageError(
+            f"--router-host {host} does not work here; wanted {LOOPBACK} for this machine alone, "
+            "or 0.0.0.0 for other machines, too"
+        )
+    if certs is None and host != LOOPBACK:
+        raise UsageError(
+            f"--router-host {host} opens the bus to other machines, so certificates are needed: "
+            "helios certs init DIR, then --certs DIR"
+        )
+
+
 def check_detector(detector: str) -> str:
     """Detector as the services spell it. Checks that the name can exist, and that a model file
-    does. Raises UsageError."""
+    does. Raises UsageError, or Unavailable for a recommended model that is not fetched."""
     kind, _, model = detector.partition(":")
     if kind == "onnx":
         _check_model(model)
@@ -100,12 +119,46 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
     return preset, furniture
 
 
+def check_plan(
+    robot: str, preset: str, home: Path | None, level: str | None
+) -> tuple[str, list[str]]:
+    """Name of a plan with a digest of its content, and sentences on rooms that the robot cannot
+    reach; empty without a plan.
+
+    Raises UsageError for a plan that cannot be used, and for flags that contradict it.
+    """
+    if home is None:
+        if level is not None:
+            raise UsageError(f"--level {level} came without a plan; add --home FILE.sh3d")
+        return "", []
+    if robot != "sim":
+        raise UsageError("--home is valid only with --robot sim")
+    if preset != DEFAULT_PRESET:
+        raise UsageError(f"--home {home} and --preset {preset} both name the home; leave one out")
+    try:
+        # late imports: they take half a second
+        from helios_sim.plans import PlanSource, drawn_home
+        from helios_sim.plans.plan_summary import unreachable_sentences
+    except ImportError as error:
+        raise UsageError(
+            f"--home needs the simulator ({error}): pip install 'helios-ovmm[sim]'"
+        ) from error
+    try:
+        source = PlanSource.of(home, level or "")
+        remarks = unreachable_sentences(drawn_home(source))
+    except HeliosError as error:
+        raise UsageError(f"--home: {error.message}") from error
+    return source.kind, remarks
+
+
 def _check_model(file: str) -> None:
-    path = Path(file)
+    path = onnx_file(file)
     if not file:
         raise UsageError("--detector onnx: names no file; wanted onnx:FILE, a YOLOX model")
     if path.is_dir():
         raise UsageError(f"--detector onnx:{file}: that is a folder; name the model file in it")
+    if not path.is_file() and known(file):
+        raise Unavailable(missing_sentence(file))
     if not path.is_file():
         near = nearest(path.name, (p.name for p in _beside(path)))
         hint = f"did you mean {near}?" if near else "name an existing file"

@@ -7,9 +7,12 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from helios_core.router_link import RouterLink, router_link
+
 from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
+REMOTE = "remote"  # the robot's driver runs on another machine
 RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 
 
@@ -17,13 +20,16 @@ RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 class StackOptions:
     """Options of the stack that `helios up` or `helios replay` starts."""
 
-    robot: str  # sim, replay, spot, ros2, bus, push or package:Class
+    robot: str  # sim, replay, spot, ros2, bus, push, remote or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # name of the robot in every bus key
     port: int | None = None  # port of the gateway; None: neither gateway nor planner
     seed: int = 0
     preset: str = "demo-v1"
+    home: Path | None = None  # plan of the simulated home, instead of a preset
+    level: str | None = None  # level of the plan; None: the one with the most rooms
+    home_name: str = ""  # name of the plan with a digest of its content
     furniture: str | None = None  # kind of furniture in the home; None: the simulator's setting
     detector: str = "simulated"
     scorer: str | None = None  # None: the detector's setting
@@ -44,11 +50,26 @@ class StackOptions:
     ros2_output: bool = False  # publish maps, objects and tasks to ROS
     lockstep: bool = False
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
+    certs: Path | None = None  # folder of `helios certs`; None: the bus is not encrypted
+    router_host: str = LOOPBACK  # address that the router listens on
 
     @property
     def router(self) -> str:
-        """Endpoint of the router."""
-        return f"tcp/{LOOPBACK}:{self.router_port}"
+        """Endpoint of the router for the services of this machine."""
+        return self._endpoint(LOOPBACK)
+
+    @property
+    def listen(self) -> str:
+        """Endpoint that the router listens on."""
+        host = self.router_host
+        return self._endpoint(f"[{host}]" if ":" in host else host)
+
+    def link(self, service: str) -> RouterLink:
+        """Connection of a service to the router. Raises InvalidInput without its certificate."""
+        return router_link(self.router, self.certs, service, self.name)
+
+    def _endpoint(self, host: str) -> str:
+        return f"{'tcp' if self.certs is None else 'tls'}/{host}:{self.router_port}"
 
     @property
     def address(self) -> str:
@@ -63,28 +84,20 @@ class StackOptions:
         """Processes, in the order of the process table; they may start in any order."""
         out = [
             ProcessSpec(
-                "router", _python("helios_core.router", "--listen", self.router), ends_last=True
+                "router",
+                _python("helios_core.router", "--listen", self.listen, *self._certs()),
+                ends_last=True,
             )
         ]
         if self.robot == "sim":
             out.append(
                 self._service(
                     "world", "helios_sim", seed=self.seed, preset=self.preset,
-                    furniture=self.furniture,
+                    home=self.home, level=self.level, furniture=self.furniture,
                 )
             )  # fmt: skip
-        out.append(
-            self._service(
-                "bridge", "helios_bridge", driver=self.robot, address=self.robot_host,
-                source=self.source,
-                limit=self.limit or None, from_s=self.from_s, to_s=self.to_s, rate=self.rate,
-                topics=self.topics,
-                contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
-                strict=self.strict or None, lockstep=self.lockstep or None,
-                ack_timeout_s=self.ack_timeout_s,
-                python=self.ros2_python if self.robot == "ros2" else None,
-            )
-        )  # fmt: skip
+        if self.robot != REMOTE:
+            out.append(self._bridge())
         if self.detector == RECORDED_DETECTOR:
             out.append(self._service("detector", "helios_replay", source=self.source))
         else:
@@ -112,12 +125,27 @@ class StackOptions:
                     max_steps=self.max_steps,
                 )
             )
-            out.append(self._service("gateway", "helios_gateway", port=self.port))
+            audit = self.state_dir / "audit.jsonl"
+            out.append(self._service("gateway", "helios_gateway", port=self.port, audit=audit))
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:
             out.append(self._service("ros2", "helios_ros2", python=self.ros2_python))
         return tuple(out)
+
+    def _bridge(self) -> ProcessSpec:
+        return self._service(
+            "bridge", "helios_bridge", driver=self.robot, address=self.robot_host,
+            source=self.source, limit=self.limit or None, from_s=self.from_s, to_s=self.to_s,
+            rate=self.rate, topics=self.topics,
+            contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
+            strict=self.strict or None, lockstep=self.lockstep or None,
+            ack_timeout_s=self.ack_timeout_s,
+            python=self.ros2_python if self.robot == "ros2" else None,
+        )  # fmt: skip
+
+    def _certs(self) -> tuple[str, ...]:
+        return () if self.certs is None else ("--certs", str(self.certs))
 
     def _tasks_dir(self) -> Path:
         """State folder of the planner. Each simulated home has its own, as the tasks of one home
@@ -125,12 +153,13 @@ class StackOptions:
         tasks = self.state_dir / "planner"
         if self.robot != "sim":
             return tasks
-        return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
+        home = self.home_name or self.preset
+        return tasks / f"sim-{home}-{self.seed}".replace("/", "_")  # `helios_sim` refuses it
 
     def _service(
         self, name: str, module: str, python: str | None = None, **flags: object
     ) -> ProcessSpec:
-        argv = ["--router", self.router, "--robot", self.name]
+        argv = ["--router", self.router, "--robot", self.name, *self._certs()]
         for flag, value in flags.items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")

@@ -19,6 +19,7 @@ OPTIONAL_SERVICES = frozenset(  # a full disk stops the recording, not the robot
     {"recorder", "ros2"}
 )
 WITHOUT_STATUS = "router"  # plain Zenoh router: it publishes no status
+NOT_SEEN = "it has not been seen; start it on its machine"
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,15 @@ class ServiceTable:
             heard = self._statuses.get(name)
         return heard[1] if heard else None
 
-    def rows(self, table: Sequence[ProcessInfo]) -> tuple[ServiceRow, ...]:
-        """One row per process, in the order of the table."""
+    def rows(
+        self, table: Sequence[ProcessInfo], elsewhere: Sequence[str] = ()
+    ) -> tuple[ServiceRow, ...]:
+        """One row per process, in the order of the table; then the services of other machines."""
         with self._lock:
             statuses = dict(self._statuses)
         now_s = self._clock()
-        return tuple(_row(info, statuses.get(info.name), now_s) for info in table)
+        here = tuple(_row(info, statuses.get(info.name), now_s) for info in table)
+        return here + tuple(_row_elsewhere(n, statuses.get(n), now_s) for n in elsewhere)
 
 
 def is_ready(rows: Sequence[ServiceRow]) -> bool:
@@ -74,6 +78,18 @@ def is_ready(rows: Sequence[ServiceRow]) -> bool:
 def as_json(rows: Sequence[ServiceRow]) -> dict[str, Any]:
     """`{ready, services: [...]}` of `helios status --json`."""
     return {"ready": is_ready(rows), "services": [asdict(row) for row in rows]}
+
+
+def _row_elsewhere(
+    name: str, heard: tuple[float, pb.ServiceStatus] | None, now_s: float
+) -> ServiceRow:
+    if heard is None:
+        return ServiceRow(name, "waiting", NOT_SEEN, 0, 0)
+    heard_s, status = heard
+    if now_s - heard_s > SILENT_S:
+        silent = f"has not reported for {now_s - heard_s:.0f} s; see its machine"
+        return ServiceRow(name, "waiting", silent, 0, 0)
+    return ServiceRow(name, status.state, status.reason, 0, status.pid)
 
 
 def _row(

@@ -12,10 +12,13 @@ from difflib import SequenceMatcher
 from helios_core.settings_spelling import PREFIX, SERVICES, variable
 
 SHARED_VARIABLES = (
+    "HELIOS_CERTS",
     "HELIOS_CONFIG",
     "HELIOS_URL",
     "HELIOS_API_KEY",
     "HELIOS_RECORD",
+    "HELIOS_MODELS",
+    "HELIOS_MODELS_MIRROR",
 )  # not of one service
 OF_TESTS = "HELIOS_TEST_"
 MIN_SIMILARITY = 0.7  # similarity (0 to 1) from which on a name is suggested

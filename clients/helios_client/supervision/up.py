@@ -19,8 +19,14 @@ from rich.markup import escape
 from helios_client.supervision import state_file
 from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import ProcessExit
-from helios_client.supervision.service_specs import StackOptions, port_bind_error
-from helios_client.supervision.service_table import ServiceRow, ServiceTable, as_json, is_ready
+from helios_client.supervision.service_specs import REMOTE, StackOptions, port_bind_error
+from helios_client.supervision.service_table import (
+    WITHOUT_STATUS,
+    ServiceRow,
+    ServiceTable,
+    as_json,
+    is_ready,
+)
 from helios_client.supervision.supervisor import ProcessInfo, ProcessState, Supervisor
 from helios_client.supervision.unknown_variables import unread_variables_message
 from helios_client.terminal_output import Screen as TextScreen
@@ -92,6 +98,11 @@ class _Run:
         self._supervisor = Supervisor(specs, stack.log_dir)
         self._board = ServiceTable()
         self._names = [spec.name for spec in specs]
+        self._elsewhere = ("bridge",) if stack.robot == REMOTE else ()
+        for name in self._names:
+            if name != WITHOUT_STATUS:
+                stack.link(name)  # raises InvalidInput before anything starts
+        self._link = stack.link("supervisor")
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
             self._state_dirs.append(default)  # where `helios status` looks
@@ -108,14 +119,15 @@ class _Run:
         if sentence := unread_variables_message(os.environ):
             self._say(f"[yellow]{escape(sentence)}[/]")
         self._supervisor.start()
-        link = BusLink(self._stack.router, self._stack.name, self._board, self._names)
+        heard = (*self._names, *self._elsewhere)
+        link = BusLink(self._link, self._stack.name, self._board, heard)
         said_waiting = False
         try:
             while not stopping.wait(CHECK_PERIOD_S):
                 ended = self._supervisor.check()
                 table = self._supervisor.table()
                 link.publish(table)
-                rows = self._board.rows(table)
+                rows = self._board.rows(table, self._elsewhere)
                 self._say_endings(ended, table)
                 self._say_ready(rows)
                 self._say_degraded(rows)
@@ -187,6 +199,7 @@ class _Run:
         about = {
             "address": self._stack.address, "state_dir": str(self._stack.state_dir),
             "router": self._stack.router, "robot": self._stack.name,
+            "certs": None if self._stack.certs is None else str(self._stack.certs),
         }  # fmt: skip
         try:
             state_file.write(self._state_dirs, as_json(rows) | about)

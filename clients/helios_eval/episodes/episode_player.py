@@ -69,7 +69,7 @@ class _Outcome:
 
 def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
     """Play an episode. Raises HeliosError if it cannot be played."""
-    home = home_presets.home_of(spec.preset, spec.seed)
+    home = home_presets.home_of(spec.preset, spec.seed, spec.inputs.plans)
     thread = WorldThread(lambda: make_world(spec, home, spec.colored))
     try:
         world = thread.run(_timed_world)
@@ -102,7 +102,7 @@ def running_stack(
 
     colored: as for `World`. Raises HeliosError.
     """
-    home = home_presets.home_of(spec.preset, spec.seed)
+    home = home_presets.home_of(spec.preset, spec.seed, spec.inputs.plans)
     thread = WorldThread(lambda: make_world(spec, home, colored))
     try:
         with InProcessStack(
@@ -213,8 +213,8 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -
         wall_s=round(said.wall_s, 3),
         step_ms=round(statistics.median(world.step_ms), 2) if world.step_ms else 0.0,
         stage_ms=dict(said.stage_ms), beliefs=said.beliefs,
-        commit=commit, preset_hash=home_presets.digest_of(spec.preset),
-        structure_hash=world.home.structure_hash(),
+        commit=commit, preset_hash=home_presets.digest_of(spec.preset, spec.inputs.plans),
+        structure_hash=world.home.structure_hash(), home_file=spec.home_file,
     )  # fmt: skip
     return PlayedEpisode(record, None if record.success else _failure_snapshot(record, world, said))
 

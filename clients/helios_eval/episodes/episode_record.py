@@ -126,6 +126,9 @@ class EpisodeRecord(_Frozen):
     commit: str
     preset_hash: str = Field(description="of the preset's settings")
     structure_hash: str = Field(description="of the home")
+    home_file: str = Field(
+        default="", description="name and SHA-256 of the plan file of the home; empty without one"
+    )
 
     @property
     def key(self) -> str:

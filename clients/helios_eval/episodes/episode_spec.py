@@ -17,6 +17,7 @@ from helios_sim.manipulation import PickRule, pick_rule_named
 from helios_eval.episodes.absent_targets import is_drawn
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
 from helios_eval.episodes.home_presets import default_steps
+from helios_eval.episodes.plan_homes import PlanHomes
 from helios_eval.episodes.real_detector import RealDetector
 from helios_eval.episodes.task_classes import TaskClasses
 
@@ -38,6 +39,7 @@ class EpisodeInputs:
 
     detector: RealDetector | None = None  # None: a simulated one
     task_classes: TaskClasses | None = None  # None: tasks ask for every class
+    plans: PlanHomes | None = None  # files of the homes; None: homes of a preset
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,12 @@ class EpisodeSpec:
             self.noise,
             self.settings,
         )
+
+    @property
+    def home_file(self) -> str:
+        """Name and SHA-256 of the plan file of the home; empty for a home of a preset."""
+        plans = self.inputs.plans
+        return plans.label_of(self.seed) if plans is not None else ""
 
     @property
     def max_steps(self) -> int:

@@ -1,7 +1,8 @@
 """Homes by the name of their kind: a preset, or a preset with realistic furniture.
 
 `ovmm-v1+sweethome3d` is preset `ovmm-v1` with the furniture that `helios assets bake` made. The
-names differ, so that results of the two are never mixed.
+names differ, so that results of the two are never mixed. `flat.sh3d@1a2b3c4d5e6f` are the homes of
+a plan file (`plan_homes.py`), which come as `plans` beside their name.
 """
 
 from __future__ import annotations
@@ -17,38 +18,45 @@ from helios_sim.home import PRESETS, Home, HomePreset, generate_home
 from helios_sim.home.presets import noise_table_of, pick_and_place_steps_of
 
 from helios_eval.episodes.episode_record import Benchmark
+from helios_eval.episodes.plan_homes import PlanHomes, is_plan_kind
 
+LIKE_PLANS = "ovmm-v1"  # preset whose noise and number of actions the homes of plans have
 _JOINT = "+"
 _OBJECTNAV_STEPS = 500
 KINDS = tuple(name + end for name in sorted(PRESETS) for end in ("", f"{_JOINT}{NAME}"))
 
 
 @lru_cache(maxsize=2)
-def home_of(kind: str, seed: int) -> Home:
+def home_of(kind: str, seed: int, plans: PlanHomes | None = None) -> Home:
     """Home of a seed. The last two are cached, since agents play in the same home in turn.
 
-    Raises HeliosError if there is no such home, or if no furniture is baked.
+    plans: files of the kind, if they are plans. Raises HeliosError if there is no such home, or if
+    no furniture is baked.
     """
+    if plans is not None:
+        return plans.home_of(seed)
     preset, furniture_models = _parts(kind)
     return generate_home(seed, preset, furniture_models)
 
 
-def digest_of(kind: str) -> str:
-    """Digest of everything that determines the homes of a kind."""
+def digest_of(kind: str, plans: PlanHomes | None = None) -> str:
+    """Digest of everything that determines the homes of a kind. plans: as of `home_of`."""
+    if plans is not None:
+        return plans.digest
     preset, furniture_models = _parts(kind)
     return preset.digest() + (f"{_JOINT}{furniture_models.pack.digest}" if furniture_models else "")
 
 
 def noise_of(kind: str) -> str:
     """Name of the noise table of a kind of homes."""
-    return noise_table_of(kind.split(_JOINT)[0])
+    return noise_table_of(LIKE_PLANS if is_plan_kind(kind) else kind.split(_JOINT)[0])
 
 
 def default_steps(kind: str, benchmark: Benchmark) -> int:
     """Number of actions that an episode in a kind of homes may take, unless a run sets another."""
     if benchmark == "objectnav":
         return _OBJECTNAV_STEPS
-    return pick_and_place_steps_of(kind.split(_JOINT)[0])
+    return pick_and_place_steps_of(LIKE_PLANS if is_plan_kind(kind) else kind.split(_JOINT)[0])
 
 
 def check_kind(kind: str) -> str:

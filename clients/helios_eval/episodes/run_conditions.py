@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import get_args
 
 from helios_client.usage_errors import UsageError
@@ -15,6 +16,7 @@ from helios_sim.sensor_noise import SENSORS
 from helios_eval.episodes import episode_spec, home_presets, service_settings
 from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import EpisodeInputs
+from helios_eval.episodes.plan_homes import PlanHomes, plan_homes
 from helios_eval.episodes.real_detector import real_detector
 from helios_eval.episodes.task_classes import task_classes_for
 
@@ -49,19 +51,22 @@ def parse_condition(
     absent: float = 0.0,
     detector: str | None = None,
     task_classes: str | None = None,
+    homes: Path | None = None,
+    home_level: str = "",
 ) -> Condition:
     """Condition from the flags of `helios eval`. table None: the preset's; scorer None: the one
     that `assignments` name, else the evaluation's default; pick_rule: one of PICK_RULES, in any
     letter case; absent: share of the homes whose task asks for an absent object, 0 to 1; detector:
-    the real one of semantics "detector"; task_classes: see `task_classes_for`. Raises
-    UsageError."""
+    the real one of semantics "detector"; task_classes: see `task_classes_for`; homes: plan file or
+    folder instead of a preset, home_level: the level in it. Raises UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
     if known_benchmark is None:
         raise UsageError(f"--benchmark is {benchmark!r}; wanted ovmm or objectnav")
     known_agents = tuple(episode_spec.check_agents(agents, known_benchmark))
-    preset = home_presets.check_kind(preset)
+    plans = _plans(preset, homes, home_level)
+    preset = plans.kind if plans is not None else home_presets.check_kind(preset)
     if known_semantics is None:
         raise UsageError(f"--semantics is {semantics!r}; wanted noisy, ground-truth or detector")
     if sensor not in SENSORS:
@@ -73,6 +78,7 @@ def parse_condition(
         settings[episode_spec.SENSOR] = sensor
     settings |= _of_tasks(known_benchmark, pick_rule, absent)
     inputs = _inputs(known_benchmark, known_semantics, preset, detector, task_classes, absent)
+    inputs = replace(inputs, plans=plans)
     settings |= _named(inputs)
     default_scorer = episode_spec.REAL_SCORER if inputs.detector else episode_spec.DEFAULT_SCORER
     if scorer is not None or episode_spec.SCORER not in settings:
@@ -88,6 +94,19 @@ def parse_condition(
     return Condition(
         known_agents, known_benchmark, known_semantics, preset, noise, settings, inputs
     )
+
+
+def _plans(preset: str, homes: Path | None, level: str) -> PlanHomes | None:
+    """Plans that the flags name; None for homes of a preset. Raises UsageError."""
+    if homes is None:
+        if level:
+            raise UsageError(f"--level {level} came without a plan; add --homes FILE.sh3d")
+        return None
+    if preset != home_presets.LIKE_PLANS:
+        raise UsageError(
+            f"--homes {homes} and --preset {preset} both name the homes; leave one of them out"
+        )
+    return plan_homes(homes, level)
 
 
 def _inputs(

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from helios_core.errors import InvalidInput
+from helios_sim.plans.plan_source import MARK
 
 from helios_eval.episodes import failure_snapshot, home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord
@@ -200,7 +201,9 @@ def film(record: EpisodeRecord) -> str:
 def _condition(record: EpisodeRecord) -> list[str]:
     """Flags for the conditions of an episode; noise and settings only where they differ."""
     settings = dict(record.settings)
-    words = ["--preset", record.preset, "--semantics", record.semantics]
+    homes, plan, _ = record.preset.partition(MARK)
+    words = ["--homes", homes] if plan else ["--preset", record.preset]
+    words += ["--semantics", record.semantics]
     if record.noise is not None and record.noise.table != home_presets.noise_of(record.preset):
         words += ["--noise", record.noise.table]
     if record.noise is not None and record.noise.level != 1:

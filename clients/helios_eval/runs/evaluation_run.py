@@ -154,7 +154,7 @@ def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[st
                     f"it is {now[name]} here, so this run cannot go on from them; take another "
                     "folder"
                 )
-    digest = home_presets.digest_of(asked.preset)
+    digest = home_presets.digest_of(asked.preset, asked.inputs.plans)
     for r in there:
         if r.preset == asked.preset and r.preset_hash != digest:
             what, was, now = f"preset {r.preset}", r.preset_hash[:12], digest[:12]
@@ -193,8 +193,8 @@ def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
         find_object=False, pick=False, find_receptacle=False, place=False, success=False,
         collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
         message=why, wall_s=0.0, step_ms=0.0, commit=here,
-        preset_hash=home_presets.digest_of(spec.preset),
-        structure_hash="",
+        preset_hash=home_presets.digest_of(spec.preset, spec.inputs.plans),
+        structure_hash="", home_file=spec.home_file,
     )  # fmt: skip
 
 
@@ -214,6 +214,10 @@ def write_run_description(
         folders.append(Folder(str(asked.out), started))
     before = [c for c in commands_of(former) if c != command]
     plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
+    plain["inputs"].pop("plans")
+    plans = asked.inputs.plans
+    if plans is not None:
+        plain["homes"] = [plans.label_of(k) for k in range(len(plans.sources))]
     without = dict(former.get(WITHOUT_TASK, {}))
     if skipped:
         key = without_task_key(plain)
@@ -232,7 +236,7 @@ def write_run_description(
             "command": command,
             "commands": [*before, command],
             "commit": here,
-            "preset_hash": home_presets.digest_of(asked.preset),
+            "preset_hash": home_presets.digest_of(asked.preset, asked.inputs.plans),
             "noise_hash": asked.noise.digest if asked.noise else None,
             "machine": machine(),
             "cores": os.cpu_count(),

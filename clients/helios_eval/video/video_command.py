@@ -26,6 +26,10 @@ Semantics = Annotated[str, typer.Option(help="detections: noisy, ground-truth or
 Detector = Annotated[
     str | None, typer.Option(help="real detector of --semantics detector: onnx:FILE")
 ]
+Homes = Annotated[
+    Path | None, typer.Option(help="plan of a home (.sh3d), or a folder of plans, of --seed")
+]
+Level = Annotated[str, typer.Option(help="level of the plans  [default: that with most rooms]")]
 TaskClasses = Annotated[
     str | None, typer.Option(help="classes that the task may ask for: see helios eval ovmm")
 ]
@@ -61,6 +65,8 @@ def video(
     absent: Absent = 0.0,
     detector: Detector = None,
     task_classes: TaskClasses = None,
+    homes: Homes = None,
+    level: Level = "",
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
@@ -77,6 +83,7 @@ def video(
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
         absent=absent, detector=detector, task_classes=task_classes,
+        homes=homes, home_level=level,
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:

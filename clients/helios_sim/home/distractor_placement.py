@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home import freespace
-from helios_sim.home.furniture_placement import FurniturePlacer, surface_points
+from helios_sim.home.furnished_floor import FurnishedFloor, surface_points
 from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface, Vec3
 from helios_sim.home.room_affinity import suits
 
@@ -49,7 +49,7 @@ class _Disc:
 class DistractorPlacer:
     """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
-    def __init__(self, furnisher: FurniturePlacer) -> None:
+    def __init__(self, furnisher: FurnishedFloor) -> None:
         self._f, self._rng = furnisher, furnisher.rng
         passable = furnisher.passable()
         self._reach = {
@@ -92,6 +92,10 @@ class DistractorPlacer:
                 self._look_alike(anchor)
             else:
                 self._place(anchor.class_name)
+
+    def put_on(self, class_name: str, shape: Shape, host: Receptacle) -> SceneObject | None:
+        """Place an object at a random free spot of a receptacle; None if there is none."""
+        return self.objects[-1] if self._anywhere(class_name, shape, host) else None
 
     def keep(self, settled: Sequence[SceneObject]) -> None:
         """Replace the objects by `settled`, a subset of them at their rest poses."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home import floor_plans
-from helios_sim.home.home_types import Doorway, Fixture, Receptacle, Room
+from helios_sim.home.home_types import Doorway, Fixture, Receptacle, Room, in_polygon
 
 CELL_M = 0.05
 
@@ -100,7 +100,8 @@ def room_mask(room: Room, bounds: floor_plans.Rect, cell_m: float) -> NDArray[np
     x, y = cell_centers(bounds, cell_m)
     inside_x = (x >= room.x0) & (x < room.x1)
     inside_y = (y >= room.y0) & (y < room.y1)
-    return inside_y[:, None] & inside_x[None, :]
+    inside = inside_y[:, None] & inside_x[None, :]
+    return inside & in_polygon(room.outline, x[None, :], y[:, None]) if room.outline else inside
 
 
 def distance_to_cells_m(cells: NDArray[np.bool_], cell_m: float) -> NDArray[np.float32]:

@@ -1,49 +1,22 @@
 """Furniture placement in rooms, such that the home stays passable."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home import floor_plans, freespace
-from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.color_palette import Palette
 from helios_sim.home.freespace import CELL_M, Obstacle
+from helios_sim.home.furnished_floor import FurnishedFloor, world_surface
 from helios_sim.home.home_types import Doorway, Fixture, Receptacle, Room, Shape, Surface
 from helios_sim.home.presets import HomePreset
 from helios_sim.home.wall_placement import Placed, Pose, Poses
 
 _DOOR_CLEARANCE_M = 0.95
-_LATTICE_M = 0.1
-_REACHABLE_SHARE = 0.2
 
 
-def world_surface(surface: Surface, pose: Pose) -> Surface:
-    """Surface in the world frame, of a shape at `pose`."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    cx, cy = surface.center_xy
-    return replace(
-        surface,
-        center_xy=(pose[0] + cos * cx - sin * cy, pose[1] + sin * cx + cos * cy),
-        yaw_rad=surface.yaw_rad + pose[2],
-    )
-
-
-def surface_points(surface: Surface, inset_m: float = 0.06) -> NDArray[np.float64]:
-    """Lattice of points [n, 2] on a surface (world frame), `inset_m` from its edges."""
-    axes = []
-    for half in surface.half_extent_xy:
-        reach = max(half - inset_m, 0.0)
-        axes.append(np.linspace(-reach, reach, max(2, round(2 * reach / _LATTICE_M) + 1)))
-    u, v = (grid.ravel() for grid in np.meshgrid(*axes))
-    cos, sin = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
-    return np.stack(
-        [surface.center_xy[0] + cos * u - sin * v, surface.center_xy[1] + sin * u + cos * v], axis=1
-    )
-
-
-class FurniturePlacer:
+class FurniturePlacer(FurnishedFloor):
     """Placement of furniture; holds the furniture placed so far and the remaining free space."""
 
     def __init__(
@@ -54,17 +27,10 @@ class FurniturePlacer:
         palette: Palette,
         rng: np.random.Generator,
     ) -> None:
-        self.rooms, self.doorways, self.preset = rooms, doorways, preset
-        self.palette, self.rng = palette, rng
-        self.catalog = CATALOGS[preset.catalog]
-        self.bounds = floor_plans.bounds_of(rooms)
-        self.receptacles: list[Receptacle] = []
-        self.fixtures: list[Fixture] = []
         walls = freespace.obstacles(rooms, doorways, (), ())
-        self.clearance = freespace.clearance_m(self.bounds, walls, CELL_M)
+        super().__init__(rooms, floor_plans.bounds_of(rooms), walls, preset, palette, rng)
+        self.doorways = doorways
         self._taken: list[list[Obstacle]] = [[] for _ in rooms]
-        self._counts: dict[str, int] = {}
-        self._masks = [freespace.room_mask(room, self.bounds, CELL_M) for room in rooms]
         self._keep_out = [
             Obstacle(
                 door.x,
@@ -91,7 +57,7 @@ class FurniturePlacer:
         if pose is None:
             return None
         item = Receptacle(
-            self._name(stem),
+            self.name(stem),
             class_name,
             room.index,
             *pose,
@@ -124,7 +90,7 @@ class FurniturePlacer:
     ) -> Fixture:
         """Place a fixture at a pose that is known to fit."""
         item = Fixture(
-            self._name(class_name.replace(" ", "_")),
+            self.name(class_name.replace(" ", "_")),
             class_name,
             room.index,
             *pose,
@@ -151,14 +117,6 @@ class FurniturePlacer:
         rect = _rect(shape, pose)
         free = not any(_overlap(rect, other, 0.03) for other in self._taken[room.index])
         return _inside(rect, room) and free and self._stays_passable(rect, room, [])
-
-    def passable(self) -> NDArray[np.bool_]:
-        """Mask of the largest region in which the robot, with its margin, can move."""
-        return freespace.largest_region(self.clearance > self.preset.passage_radius_m)
-
-    def reach_map(self, room: int, passable: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Distance from each cell to the nearest passable cell of that room."""
-        return freespace.distance_to_cells_m(passable & self._masks[room], CELL_M)
 
     def _first_fit(
         self,
@@ -197,31 +155,13 @@ class FurniturePlacer:
         groups = [r.surfaces for r in self.receptacles if r.room == room.index]
         if surfaces:
             groups.append(tuple(surfaces))
-        return all(self._reachable(group, reach) for group in groups)
-
-    def _reachable(self, surfaces: tuple[Surface, ...], reach: NDArray[np.float32]) -> bool:
-        points = np.concatenate([surface_points(surface) for surface in surfaces])
-        near = self.distances(points, reach) <= self.preset.reach_m - 0.1
-        return int(near.sum()) >= max(2, math.ceil(_REACHABLE_SHARE * len(points)))
-
-    def distances(
-        self, points: NDArray[np.float64], reach: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Values of a reach map at points [n, 2]."""
-        columns = ((points[:, 0] - self.bounds[0]) / CELL_M).astype(int)
-        rows = ((points[:, 1] - self.bounds[1]) / CELL_M).astype(int)
-        return reach[np.clip(rows, 0, reach.shape[0] - 1), np.clip(columns, 0, reach.shape[1] - 1)]
+        return all(self.reachable(group, reach) for group in groups)
 
     def _occupy(self, rect: Obstacle, room: Room) -> None:
         self._taken[room.index].append(rect)
         np.minimum(
             self.clearance, freespace.distance_m(self.bounds, rect, CELL_M), out=self.clearance
         )
-
-    def _name(self, stem: str) -> str:
-        number = self._counts.get(stem, 0)
-        self._counts[stem] = number + 1
-        return f"{stem}_{number}"
 
 
 def _rect(shape: Shape, pose: Pose) -> Obstacle:
@@ -244,6 +184,11 @@ def _inside(rect: Obstacle, room: Room) -> bool:
         and points[:, 1].min() >= room.y0 + inset
         and points[:, 1].max() <= room.y1 - inset
     )
+
+
+def stays_apart(a: Obstacle, b: Obstacle, gap_m: float) -> bool:
+    """True if two rotated rectangles are at least about `gap_m` apart."""
+    return not _overlap(a, b, gap_m)
 
 
 def _overlap(a: Obstacle, b: Obstacle, gap_m: float) -> bool:

@@ -66,10 +66,13 @@ class Home:
 
     @cached_property
     def _classes(self) -> dict[str, str]:
-        classes = mujoco_model.structure_classes(self.rooms, self.doorways)
+        classes = self._structure_classes()
         for thing in (*self.receptacles, *self.fixtures, *self.objects):
             classes[thing.name] = thing.class_name
         return classes
+
+    def _structure_classes(self) -> dict[str, str]:
+        return mujoco_model.structure_classes(self.rooms, self.doorways)
 
     def receptacle(self, name: str) -> Receptacle:
         """Receptacle of that body name. Raises KeyError if there is none."""
@@ -87,7 +90,7 @@ class Home:
         """
         digest = self._drawn()
         for thing in self.objects:
-            _feed(digest, thing.name, *thing.position_m, thing.yaw_rad, *thing.size_m)
+            feed(digest, thing.name, *thing.position_m, thing.yaw_rad, *thing.size_m)
         return digest.hexdigest()
 
     def drawn_hash(self) -> str:
@@ -101,13 +104,20 @@ class Home:
 
     def _drawn(self) -> "hashlib._Hash":
         digest = hashlib.sha256()
-        for room in self.rooms:
-            _feed(digest, room.kind, room.x0, room.y0, room.x1, room.y1)
-        for door in self.doorways:
-            _feed(digest, str(door.axis), door.x, door.y, door.width_m)
+        self._feed_structure(digest)
         for item in (*self.receptacles, *self.fixtures):
-            _feed(digest, item.name, item.x, item.y, item.yaw_rad, *item.size_m)
+            feed(digest, item.name, item.x, item.y, item.yaw_rad, *item.size_m)
         return digest
+
+    def _feed_structure(self, digest: "hashlib._Hash") -> None:
+        for room in self.rooms:
+            feed(digest, room.kind, room.x0, room.y0, room.x1, room.y1)
+        for door in self.doorways:
+            feed(digest, str(door.axis), door.x, door.y, door.width_m)
+
+    def obstacles(self) -> list[freespace.Obstacle]:
+        """Walls, and footprints of all furniture that blocks a robot."""
+        return freespace.obstacles(self.rooms, self.doorways, self.receptacles, self.fixtures)
 
     def free_space(
         self, radius_m: float, cell_m: float = 0.05
@@ -116,11 +126,7 @@ class Home:
 
         The centre of cell (iy, ix) is origin + ((ix + 0.5) cell_m, (iy + 0.5) cell_m).
         """
-        clearance = freespace.clearance_m(
-            self.bounds,
-            freespace.obstacles(self.rooms, self.doorways, self.receptacles, self.fixtures),
-            cell_m,
-        )
+        clearance = freespace.clearance_m(self.bounds, self.obstacles(), cell_m)
         return clearance > radius_m, (self.bounds[0], self.bounds[1])
 
     def sample_episode(self, rng: np.random.Generator) -> Episode:
@@ -130,6 +136,7 @@ class Home:
         return task_sampling.sample(self.receptacles, self.objects, rng)
 
 
-def _feed(digest: "hashlib._Hash", name: str, *values: float) -> None:
+def feed(digest: "hashlib._Hash", name: str, *values: float) -> None:
+    """Add a name and lengths (m) or angles (rad), rounded to thousandths, to a digest."""
     rounded = ",".join(str(round(value * 1000)) for value in values)
     digest.update(f"{name}:{rounded}\n".encode())

@@ -20,6 +20,7 @@ from helios_sim.home.catalog import FurnitureModels
 from helios_sim.home.color_palette import Palette, draw_palette, tinted
 from helios_sim.home.distractor_placement import DistractorPlacer
 from helios_sim.home.freespace import CELL_M
+from helios_sim.home.furnished_floor import FurnishedFloor
 from helios_sim.home.furniture_placement import FurniturePlacer
 from helios_sim.home.generated_home import Home
 from helios_sim.home.home_types import Rgb, Room, RoomStyle, SceneObject
@@ -113,11 +114,18 @@ def _scattered(furnisher: FurniturePlacer, seed: int) -> Home | None:
     The furniture therefore does not depend on the physics. Exception: if `_ROUNDS` rounds do not
     place all objects, the result is None and the home is drawn again.
     """
-    preset = furnisher.preset
-    count = int(furnisher.rng.integers(preset.objects[0], preset.objects[1] + 1))
+    lo, hi = furnisher.preset.objects
+    count = int(furnisher.rng.integers(lo, hi + 1))
     empty = _home(furnisher, seed, ())
-    if empty is None:
-        return None
+    return None if empty is None else scattered(furnisher, empty, count)
+
+
+def scattered(furnisher: FurnishedFloor, empty: Home, count: int) -> Home | None:
+    """The home `empty` with `count` objects at rest; None if `_ROUNDS` rounds do not place them.
+
+    `furnisher.preset` sets the number of classes and of hidden objects.
+    """
+    preset = furnisher.preset
     scatter = DistractorPlacer(furnisher)
     passable = furnisher.passable()
     for _ in range(_ROUNDS):
@@ -137,7 +145,7 @@ def _scattered(furnisher: FurniturePlacer, seed: int) -> Home | None:
 
 def _home(furnisher: FurniturePlacer, seed: int, objects: Sequence[SceneObject]) -> Home | None:
     """Home of the placed furniture and these objects; None if there is no start pose."""
-    start = _start_pose(furnisher)
+    start = start_pose(furnisher)
     if start is None:
         return None
     return Home(
@@ -150,11 +158,14 @@ def _home(furnisher: FurniturePlacer, seed: int, objects: Sequence[SceneObject])
         fixtures=tuple(furnisher.fixtures),
         start_pose=start,
         bounds=furnisher.bounds,
-        styles=tuple(_style(furnisher.rng, room, furnisher.palette) for room in furnisher.rooms),
+        styles=tuple(
+            floor_style(furnisher.rng, room, furnisher.palette) for room in furnisher.rooms
+        ),
     )
 
 
-def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
+def floor_style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
+    """Wall colour and floor of a room, drawn from the palette."""
     pattern = _FLOORS.get(room.kind, "planks")
     colors = _FLOOR_COLORS[pattern]
     return RoomStyle(
@@ -162,7 +173,7 @@ def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
     )
 
 
-def _start_pose(furnisher: FurniturePlacer) -> tuple[float, float, float] | None:
+def start_pose(furnisher: FurnishedFloor) -> tuple[float, float, float] | None:
     """Random pose with space to turn, facing along the longest of eight free lines."""
     roomy = furnisher.passable() & (furnisher.clearance > furnisher.preset.robot_radius_m + 0.25)
     rows, columns = np.nonzero(roomy)
@@ -175,7 +186,7 @@ def _start_pose(furnisher: FurniturePlacer) -> tuple[float, float, float] | None
     return x, y, max(yaws, key=lambda yaw: _free_line_m(furnisher, x, y, yaw))
 
 
-def _free_line_m(furnisher: FurniturePlacer, x: float, y: float, yaw: float) -> float:
+def _free_line_m(furnisher: FurnishedFloor, x: float, y: float, yaw: float) -> float:
     length = 0.0
     while length < 12.0:
         px, py = x + length * math.cos(yaw), y + length * math.sin(yaw)

@@ -96,9 +96,16 @@ class Shape:
     rolls: bool = False
 
 
+Outline = tuple[tuple[float, float], ...]  # corners (x, y) of a polygon, m
+
+
 @dataclass(frozen=True)
 class Room:
-    """Axis-aligned room, bounded by the wall axes; `kind` is for example "kitchen"."""
+    """Room with the bounding box (x0, y0, x1, y1); `kind` is for example "kitchen".
+
+    A generated room fills its box, which the wall axes bound. A room of a drawn plan has an
+    `outline` within its box.
+    """
 
     index: int
     kind: str
@@ -106,6 +113,7 @@ class Room:
     y0: float
     x1: float
     y1: float
+    outline: Outline = field(default=(), repr=False)
 
     @property
     def center_xy(self) -> tuple[float, float]:
@@ -113,10 +121,27 @@ class Room:
 
     @property
     def area_m2(self) -> float:
+        if self.outline:
+            x, y = np.array(self.outline).T
+            return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2
         return (self.x1 - self.x0) * (self.y1 - self.y0)
 
     def contains(self, x: float, y: float) -> bool:
-        return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
+        in_box = self.x0 <= x < self.x1 and self.y0 <= y < self.y1
+        return in_box and (not self.outline or bool(in_polygon(self.outline, x, y)))
+
+
+def in_polygon(
+    outline: Outline, x: float | NDArray[np.float64], y: float | NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """True for each point inside the polygon (even-odd rule); x and y broadcast."""
+    px, py = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    inside = np.zeros(np.broadcast_shapes(px.shape, py.shape), dtype=bool)
+    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
+        if ay != by:
+            crosses = (ay > py) != (by > py)
+            inside ^= crosses & (px < ax + (py - ay) * (bx - ax) / (by - ay))
+    return inside
 
 
 @dataclass(frozen=True)

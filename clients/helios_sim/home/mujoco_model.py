@@ -57,6 +57,21 @@ def assemble(
     """MuJoCo model of a home without a robot."""
     model = ModelBuilder(visuals)
     bounds = floor_plans.bounds_of(rooms)
+    blocked = [freespace.footprint(f) for f in (*receptacles, *fixtures) if casts_shade(f)]
+    _add_structure(model, rooms, doorways, styles, blocked)
+    model.contents(receptacles, fixtures, objects)
+    return model.finish(bounds)
+
+
+def _add_structure(
+    model: "ModelBuilder",
+    rooms: tuple[Room, ...],
+    doorways: tuple[Doorway, ...],
+    styles: tuple[RoomStyle, ...],
+    blocked: list[freespace.Obstacle],
+) -> None:
+    """Add walls, floors, ceiling and door frames. blocked: what shades the floor."""
+    bounds = floor_plans.bounds_of(rooms)
     pieces = floor_plans.wall_pieces(rooms, doorways)
     walls = model.body("walls")
     for k, piece in enumerate(pieces):
@@ -64,7 +79,6 @@ def assemble(
         center = (*piece.center_xy, (piece.z0_m + piece.z1_m) / 2)
         model.solid(walls, CollisionPrimitive("box", half, center), f"wall_piece_{k}")
     model.draw(walls, [wall_meshes.wall_caps(pieces)], GROUP_STRUCTURE)
-    blocked = [freespace.footprint(f) for f in (*receptacles, *fixtures) if _casts_shade(f)]
     ceiling = model.body("ceiling")
     for room, style in zip(rooms, styles, strict=True):
         floor = model.body(f"floor_{room.index}")
@@ -72,7 +86,7 @@ def assemble(
         center = (*room.center_xy, -0.05)
         model.solid(floor, CollisionPrimitive("box", (half_x, half_y, 0.05), center), "")
         paint = model.body(f"wall_{room.index}")
-        if visuals:
+        if model.visuals:
             rng = np.random.default_rng([11, room.index, *_key(bounds)])
             picture = wall_meshes.floor_texture(rng, room, style, blocked)
             material = model.picture(f"floor_{room.index}", picture)
@@ -83,21 +97,12 @@ def assemble(
     for k, door in enumerate(doorways):
         threshold = Material(styles[door.rooms[0]].floor_rgb, "wood", 0.1)
         frame = model.body(f"doorway_{k}")
-        if visuals:
+        if model.visuals:
             model.draw(frame, wall_meshes.doorway_visuals(door, threshold), GROUP_STRUCTURE)
-    for item in (*receptacles, *fixtures):
-        z = item.z_m if isinstance(item, Fixture) else 0.0
-        body = model.body(item.name, (item.x, item.y, z), item.yaw_rad)
-        # Fixtures at the ceiling are hidden together with it.
-        model.draw(body, item.shape.visuals, GROUP_CEILING if z > 1.9 else GROUP_FURNITURE)
-        for solid in item.shape.collision_primitives:
-            model.solid(body, solid, "")
-    for thing in objects:
-        model.thing(thing)
-    return model.finish(bounds)
 
 
-def _casts_shade(item: Receptacle | Fixture) -> bool:
+def casts_shade(item: Receptacle | Fixture) -> bool:
+    """True if the floor below a piece of furniture is dark."""
     return isinstance(item, Receptacle) or item.blocks
 
 
@@ -109,7 +114,7 @@ class ModelBuilder:
     """Builder of an `MjSpec`; equal materials and textures are added once."""
 
     def __init__(self, visuals: bool) -> None:
-        self._visuals = visuals
+        self.visuals = visuals
         self.spec = mujoco.MjSpec()
         self._materials: dict[Material, str] = {}
         self._textures: dict[str, str] = {}
@@ -121,6 +126,23 @@ class ModelBuilder:
         body = self.spec.worldbody.add_body(name=name, pos=list(position))
         body.quat = [math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)]
         return body
+
+    def contents(
+        self,
+        receptacles: Iterable[Receptacle],
+        fixtures: Iterable[Fixture],
+        objects: Iterable[SceneObject],
+    ) -> None:
+        """Add all furniture and objects."""
+        for item in (*receptacles, *fixtures):
+            z = item.z_m if isinstance(item, Fixture) else 0.0
+            body = self.body(item.name, (item.x, item.y, z), item.yaw_rad)
+            # Fixtures at the ceiling are hidden together with it.
+            self.draw(body, item.shape.visuals, GROUP_CEILING if z > 1.9 else GROUP_FURNITURE)
+            for solid in item.shape.collision_primitives:
+                self.solid(body, solid, "")
+        for thing in objects:
+            self.thing(thing)
 
     def thing(self, thing: SceneObject) -> None:
         """Add a free object; its mass is distributed over its solids by volume."""
@@ -149,7 +171,7 @@ class ModelBuilder:
 
     def draw(self, body: mujoco.MjsBody, visuals: Iterable[Visual], group: int) -> None:
         """Add drawn geoms without collision."""
-        if self._visuals:
+        if self.visuals:
             for visual in visuals:
                 repeat = _repeat_m(visual.material)
                 scaled = Mesh(
@@ -223,7 +245,7 @@ class ModelBuilder:
     def finish(self, bounds: floor_plans.Rect) -> mujoco.MjSpec:
         """Add options and lights; return the spec."""
         spec = self.spec
-        if self._visuals:
+        if self.visuals:
             spec.add_texture(
                 name="outside",
                 type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home.catalog import OBJECTS
-from helios_sim.home.furniture_placement import FurniturePlacer, surface_points
+from helios_sim.home.furnished_floor import FurnishedFloor, surface_points
 from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface
 
 _EDGE_M = 0.02
@@ -31,7 +31,7 @@ class _Disc:
 class ObjectPlacer:
     """Placement of objects on the furniture of a home; holds the objects placed so far."""
 
-    def __init__(self, furnisher: FurniturePlacer) -> None:
+    def __init__(self, furnisher: FurnishedFloor) -> None:
         self._f = furnisher
         self._rng = furnisher.rng
         passable = furnisher.passable()

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
+from helios_core.models.catalogue import missing_sentence
 
 NOT_LEARNT = ("position_ids",)  # key endings of buffers that the library fills itself
 INCOMPLETE = (  # the library's messages for missing files
@@ -58,27 +59,11 @@ def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
     if isinstance(error, HeliosError):
         return error
     types, texts = _types(error), " ".join(str(e) for e in chain(error))
-    status = {getattr(getattr(e, "response", None), "status_code", None) for e in chain(error)}
-    if "GatedRepoError" in types or (status & {401, 403} and "gated" in texts.lower()):
-        return Unavailable(
-            f"the licence of {source} must be accepted first: log in at "
-            f"https://huggingface.co/{source}, accept it, and set HF_TOKEN (or run "
-            "`hf auth login`) on this machine"
-        )
-    if "RepositoryNotFoundError" in types or "not a valid model identifier" in texts:
-        return Unavailable(
-            f"there is no model {source!r} on the model hub that this machine may read; correct "
-            f"{setting}, or set HF_TOKEN if it is private"
-        )
-    if "RevisionNotFoundError" in types:
-        return Unavailable(f"{source} has no such revision; correct {setting}")
     offline = {"LocalEntryNotFoundError", "OfflineModeIsEnabled", "NetworkError", "ConnectError",
                "ConnectTimeout", "ReadTimeout", "ProxyError", "ConnectionError"}  # fmt: skip
-    if offline & types or "couldn't connect to" in texts.lower():
-        return Unavailable(
-            f"{source} is not on this machine and the model hub cannot be reached; connect once, "
-            f"or copy the model's folder here and set {setting} to transformers:FOLDER"
-        )
+    absent = ("couldn't connect to", "not a valid model identifier", "couldn't find them in the")
+    if offline & types or any(words in texts.lower() for words in absent):
+        return Unavailable(missing_sentence(source))
     if out_of_memory(error):
         return memory_fault(source, setting)
     if any(isinstance(e, OSError) and e.errno == errno.ENOSPC for e in chain(error)):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.models.model_folder import fetched
 from numpy.typing import NDArray
 
 from helios_detector.hf.model_errors import EXTRA, check_whole, load_fault, out_of_memory, run_fault
@@ -31,9 +32,10 @@ class Placement:
 
 
 def source_of(spec: str, setting: str) -> str:
-    """The model id or folder in `transformers:<model id or folder>`.
+    """The folder, or a model id of the hub's cache, in `transformers:<model id or folder>`.
 
-    Raises InvalidInput for another form, Unavailable for a missing folder.
+    A fetched model (`helios models fetch`) is a folder, too. Nothing is ever downloaded. Raises
+    InvalidInput for another form, Unavailable for a missing folder.
     """
     source = spec.removeprefix(SCHEME).strip()
     if not spec.startswith(SCHEME) or not source:
@@ -46,7 +48,8 @@ def source_of(spec: str, setting: str) -> str:
             f"the model folder {path} is not there; put config.json, the weights and the "
             f"processor's files there, or correct {setting}"
         )
-    return source
+    place = fetched(source) if source.count("/") == 1 else None
+    return str(place) if place else source
 
 
 def need_library() -> Any:
@@ -88,7 +91,9 @@ def config_of(source: str, setting: str) -> Any:
     """The model's configuration. Raises the typed errors of `model_errors.load_fault`."""
     transformers = need_library()
     try:
-        return transformers.AutoConfig.from_pretrained(source, trust_remote_code=False)
+        return transformers.AutoConfig.from_pretrained(
+            source, trust_remote_code=False, local_files_only=True
+        )
     except Exception as error:
         raise load_fault(error, source, setting) from error
 
@@ -188,9 +193,14 @@ class HfModel:
             torch.set_num_threads(self._placement.threads)
         self._check_room(self._weights_dtype(torch).itemsize)
         try:
-            processor = getattr(transformers, self._processor_class).from_pretrained(self.source)
+            processor = getattr(transformers, self._processor_class).from_pretrained(
+                self.source, local_files_only=True
+            )
             model, loading_info = getattr(transformers, self._model_class).from_pretrained(
-                self.source, dtype=self._weights_dtype(torch), output_loading_info=True
+                self.source,
+                dtype=self._weights_dtype(torch),
+                output_loading_info=True,
+                local_files_only=True,
             )
             check_whole(loading_info, self.source, self._setting)
             model = model.eval().to(self.device)

@@ -31,7 +31,7 @@ router = APIRouter(tags=["frames"])
     "/frames",
     summary="Send a frame to the maps",
     responses=problems(409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.ROBOT),
 )
 async def post_frame(
     robot: AddressedRobot,
@@ -62,7 +62,7 @@ async def post_frame(
 @router.websocket("/frames/ws")
 async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None:
     try:
-        check(socket, Scope.OPERATE)
+        check(socket, Scope.ROBOT)
         slot = state.frame_sockets.taken()
     except HeliosError as error:
         await socket.send_denial_response(problem_of(error))
@@ -102,7 +102,7 @@ async def _answer_frames(robot: RobotEndpoint, state: GatewayState, socket: WebS
     while True:
         try:
             frame = await messages.next_frame()
-            check(socket, Scope.OPERATE)
+            check(socket, Scope.ROBOT)
             answer = (await _push(robot, state, *frame)).model_dump_json()
         except _Silent as silent:
             return _End.late(str(silent))

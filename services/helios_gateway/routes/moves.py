@@ -19,7 +19,7 @@ from helios_gateway.dependencies import AddressedRobot, CallTimeout, secured
 from helios_gateway.error_responses import problems
 
 EXPLORE, HOME = "explore the home", "return to the start"
-router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.OPERATE))
+router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.TASK))
 REFUSALS = problems(409, body=True)
 
 

@@ -61,7 +61,7 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
     "/clear-stop",
     summary="Clear the emergency stop",
     responses=problems(409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.ROBOT),
 )
 def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robot:
     """Allow the robot to move again after an emergency stop.

@@ -37,7 +37,7 @@ TaskId = Annotated[str, Path(description="id of the task, as returned by `POST /
     status_code=202,
     summary="Submit a task",
     responses=problems(409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.TASK),
 )
 def submit(
     robot: AddressedRobot, request: api_models.TaskRequest, timeout_s: CallTimeout
@@ -87,7 +87,7 @@ def get_task(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_m
     "/tasks/{id}/cancel",
     summary="Cancel a task",
     responses=problems(404, 409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.TASK),
 )
 def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     """Cancel a task and bring the robot to rest.
@@ -101,7 +101,7 @@ def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mod
     "/tasks/{id}/pause",
     summary="Pause a task",
     responses=problems(404, 409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.TASK),
 )
 def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     """Pause a task after its current action.
@@ -115,7 +115,7 @@ def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mode
     "/tasks/{id}/resume",
     summary="Resume a paused task",
     responses=problems(404, 409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.TASK),
 )
 def resume(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     return message_conversion.task(_of_task(robot, RESUME, id, timeout_s))

@@ -38,7 +38,7 @@ router = APIRouter(prefix="/robot", tags=["robot"])
     "/drive",
     summary="Make one short move",
     responses=problems(409, body=True),
-    dependencies=secured(Scope.OPERATE),
+    dependencies=secured(Scope.ROBOT),
 )
 async def drive(
     robot: AddressedRobot,
@@ -70,7 +70,7 @@ async def drive(
 @router.websocket("/teleop")
 async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None:
     try:
-        check(socket, Scope.OPERATE)
+        check(socket, Scope.ROBOT)
         slot = state.teleop_sockets.taken()
     except HeliosError as error:
         await socket.send_denial_response(problem_of(error))
@@ -133,7 +133,7 @@ async def _commands(
         if message["type"] == "websocket.disconnect":
             return None
         try:
-            check(socket, Scope.OPERATE)
+            check(socket, Scope.ROBOT)
         except (Unauthorized, Forbidden):
             return NOT_ALLOWED, "the key is not accepted any more"
         try:

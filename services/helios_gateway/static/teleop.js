@@ -127,7 +127,7 @@ export class Teleop {
   async sayWhyNot() {
     const session = await fetch("/v1/session").then((response) => response.json()).catch(() => null);
     this.say(
-      session?.scope === "read" ? `The key “${session.name}” may look; driving needs one that may operate.`
+      ["read", "task"].includes(session?.scope) ? `The key “${session.name}” may ${session.scope === "read" ? "look" : "give tasks"}; driving needs one of scope robot.`
         : session ? "No connection to drive by was opened; try again."
         : "The gateway cannot be reached; the robot is not driven.",
     );

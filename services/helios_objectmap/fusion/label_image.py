@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from helios_core.types import Observation, SearchContext
+from helios_core.types import Detection, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_objectmap.camera import View, offset
@@ -29,8 +29,13 @@ def read(
     stride: int,
     min_depth_m: float,
     max_depth_m: float,
+    by_score: bool = False,
 ) -> LabelImage:
-    """Sample an observation every `stride` pixels and paint its masks."""
+    """Sample an observation every `stride` pixels and paint its masks.
+
+    A pixel gets the class of the smallest mask there. by_score: of masks of one size the detection
+    with the highest score wins; else the alphabetically last class.
+    """
     frame, camera = observation.frame, observation.frame.camera
     view = View(
         camera.fx,
@@ -55,7 +60,12 @@ def read(
         d for d in observation.detections
         if d.class_name in number and d.score >= threshold[d.class_name]
     )  # fmt: skip
-    for d in sorted(counted, key=lambda d: (-np.count_nonzero(d.mask), d.class_name, d.box_xyxy)):
+
+    def order(d: Detection) -> tuple[int, float, str, tuple[float, ...]]:
+        least_first = d.score if by_score else 0.0
+        return -int(np.count_nonzero(d.mask)), least_first, d.class_name, tuple(d.box_xyxy)
+
+    for d in sorted(counted, key=order):
         labels[d.mask[grid]] = number[d.class_name]
     # The colours are not copied: few pixels are read later.
     return LabelImage(view.strided(stride), depth_m, frame.color[grid], labels)

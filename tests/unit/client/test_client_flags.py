@@ -11,6 +11,7 @@ from helios_client.supervision import flag_checks
 from helios_client.supervision.service_specs import StackOptions
 from helios_client.usage_errors import UsageError
 
+from scripts.generate_example_flat import OUT as FLAT
 from tests.support import free_port
 
 
@@ -103,3 +104,28 @@ def test_an_unknown_detector_error_lists_the_installed_entry_points() -> None:
         UsageError, match=r"recorded, paint, onnx:FILE, transformers:ID, or package"
     ):
         flag_checks.check_detector("oracle")
+
+
+def test_a_plan_is_checked_before_anything_starts(folder: Path) -> None:
+    (folder / "old.sh3d").write_bytes(b"no zip")
+    for robot, preset, home, level, said in (
+        ("sim", "demo-v1", Path("none.sh3d"), None, "does not exist"),
+        ("sim", "demo-v1", Path("old.sh3d"), None, "no Sweet Home 3D file"),
+        ("spot", "demo-v1", FLAT, None, "only with --robot sim"),
+        ("sim", "ovmm-v1", FLAT, None, "leave one out"),
+        ("sim", "demo-v1", None, "Attic", "--home FILE.sh3d"),
+        ("sim", "demo-v1", FLAT, "Attic", "has no level"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            flag_checks.check_plan(robot, preset, home, level)
+    name, remarks = flag_checks.check_plan("sim", "demo-v1", FLAT, None)
+    assert remarks == []
+    assert name.startswith("flat.sh3d@")
+    assert flag_checks.check_plan("sim", "demo-v1", None, None) == ("", [])
+    options = StackOptions(
+        "sim", 7447, folder, port=8080, home=FLAT, level="Ground", home_name=name
+    )
+    by_name = {spec.name: spec.argv for spec in options.processes()}
+    assert str(FLAT) in by_name["world"]
+    assert "Ground" in by_name["world"]
+    assert any(name in word for word in by_name["planner"])

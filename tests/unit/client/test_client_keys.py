@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import stat
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
@@ -9,7 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from helios_client.commands.api_keys import add_key
+from helios_client.cli import run
+from helios_client.commands.api_keys import add_key, remove_key, replace_key
 from helios_client.usage_errors import UsageError
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from hypothesis import given
@@ -37,7 +39,7 @@ def test_every_key_name_is_refused_or_read_back_unchanged(
 def test_a_key_name_may_contain_any_printable_characters(tmp_path: Path) -> None:
     file = tmp_path / "keys.toml"
     for name in ("Küche", "🤖", 'a "b" \\c'):
-        add_key(file, name, "operate")
+        add_key(file, name, "robot")
     names = [entry["name"] for entry in tomllib.loads(file.read_text("utf-8"))["key"]]
     assert names == ["Küche", "🤖", 'a "b" \\c']
     with pytest.raises(Conflict, match="🤖"):
@@ -98,3 +100,76 @@ def test_no_key_is_lost_when_keys_are_added_concurrently(tmp_path: Path) -> None
         list(pool.map(lambda name: add_key(file, name, "read"), names))
     read = tomllib.loads(file.read_text("utf-8"))
     assert sorted(entry["name"] for entry in read["key"]) == sorted(names)
+
+
+@given(steps=st.lists(st.sampled_from(["add", "replace", "remove"]), max_size=8), data=st.data())
+def test_keys_are_added_replaced_and_removed_one_at_a_time(
+    steps: list[str], data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.mktemp("keys") / "keys.toml"
+    keys: dict[str, str] = {}
+    for step in steps:
+        name = data.draw(st.sampled_from(["a", "b", '[[key]] "c"']))
+        try:
+            if step == "add":
+                keys[name] = add_key(file, name, "task")
+            elif step == "replace":
+                keys[name] = replace_key(file, name)
+            else:
+                remove_key(file, name)
+                del keys[name]
+        except Conflict:
+            assert name in keys
+        except UsageError:
+            assert name not in keys
+        read = tomllib.loads(file.read_text("utf-8")).get("key", []) if file.exists() else []
+        hashes = {entry["name"]: entry["sha256"] for entry in read}
+        assert hashes == {n: hashlib.sha256(k.encode()).hexdigest() for n, k in keys.items()}
+
+
+def test_comments_and_other_entries_survive_a_removal(tmp_path: Path) -> None:
+    file = tmp_path / "keys.toml"
+    for name in ("a", "b", "c"):
+        add_key(file, name, "read")
+    file.write_text("# ours\n" + file.read_text())
+    remove_key(file, "b")
+    text = file.read_text()
+    assert text.startswith("# ours\n[[key]]")
+    assert [e["name"] for e in tomllib.loads(text)["key"]] == ["a", "c"]
+    remove_key(file, "a")
+    remove_key(file, "c")
+    assert file.read_text() == "# ours\n"
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--scope", "operate"], "--scope task gives tasks, --scope robot also drives"),
+        (["--scope", "king"], "wanted read, task, robot, admin"),
+        (["--replace", "--remove"], "give one of the three"),
+        (["--replace", "--scope", "read"], "--replace keeps the scope"),
+        (["--remove"], "has no key 'tablet'; it has: none"),
+    ],
+)
+def test_the_command_refuses_wrong_flags(
+    tmp_path: Path, flags: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "keys.toml"
+    assert run(["key", "tablet", "--file", str(file), *flags]) == 2
+    assert says in capsys.readouterr().err
+    assert not file.exists()
+
+
+def test_the_command_replaces_and_removes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = ["--file", str(tmp_path / "keys.toml")]
+    assert run(["key", "tablet", *file]) == 0
+    assert run(["key", "tablet", "--replace", *file]) == 0
+    first, second = capsys.readouterr().out.split()
+    assert first != second
+    [entry] = tomllib.loads((tmp_path / "keys.toml").read_text())["key"]
+    assert entry["scope"] == "task"
+    assert entry["sha256"] == hashlib.sha256(second.encode()).hexdigest()
+    assert run(["key", "tablet", "--remove", *file]) == 0
+    assert capsys.readouterr().out == "removed: tablet\n"

@@ -13,6 +13,7 @@ import outside_package
 import pytest
 from detector_scene import SceneTruth, context_of, frame_of
 from helios_core import proto as pb
+from helios_core.bus_access import FLEET_BUS
 from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
@@ -28,7 +29,7 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import ZenohBus
-from helios_detector.detector_fleet import FLEET_BUS, Fleet, RobotSlot
+from helios_detector.detector_fleet import Fleet, RobotSlot
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.model_set import Models
 from helios_detector.model_usage import ModelUsage

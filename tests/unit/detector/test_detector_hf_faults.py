@@ -5,10 +5,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 import tiny_models
 from helios_core.errors import Internal, InvalidInput, Unavailable
+from helios_core.models.model_folder import LockedFile, LockedModel, write_lock
 from helios_detector.backend import DetectorOptions
 from helios_detector.hf import model_runtime
 from helios_detector.hf.model_errors import load_fault, run_fault
@@ -19,10 +19,6 @@ from huggingface_hub import errors as hub
 from safetensors.torch import load_file, save_file
 
 
-def response(status: int) -> Any:
-    return httpx.Response(status, request=httpx.Request("GET", "https://huggingface.co/x/y"))
-
-
 def wrapped(cause: Exception) -> OSError:
     """The error as transformers raises it."""
     error = OSError("You are trying to access something.\nMake sure …")
@@ -31,20 +27,11 @@ def wrapped(cause: Exception) -> OSError:
 
 
 CAUSES = {
-    "gated": (
-        wrapped(hub.GatedRepoError("403", response=response(403))),
-        "licence of a/b must be accepted first: log in at https://huggingface.co/a/b.*HF_TOKEN",
-    ),
-    "unknown": (
-        wrapped(hub.RepositoryNotFoundError("404", response=response(404))),
-        "there is no model 'a/b' on the model hub.*correct detector",
-    ),
-    "no network": (
+    "not here": (
         wrapped(hub.LocalEntryNotFoundError("cannot find")),
-        "a/b is not on this machine and the model hub cannot be reached; connect once, or copy",
+        "a/b is not on this machine; run `helios models fetch a/b`",
     ),
-    "connection": (httpx.ConnectError("no route"), "the model hub cannot be reached"),
-    "offline": (hub.OfflineModeIsEnabled("offline"), "the model hub cannot be reached"),
+    "offline": (hub.OfflineModeIsEnabled("offline"), "a/b is not on this machine"),
     "memory": (MemoryError(), "too little memory for a/b.*smaller model"),
     "cuda": (
         RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"),
@@ -85,10 +72,33 @@ def test_a_missing_model_folder_is_reported(tmp_path: Path):
         open_detector(f"transformers:{tmp_path / 'missing'}", DetectorOptions())
 
 
-def test_an_unreachable_hub_is_reported_as_unavailable(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
-    with pytest.raises(Unavailable, match="google/owlv2-of-nobody is not on this machine and"):
-        open_detector("transformers:google/owlv2-of-nobody", DetectorOptions())
+def test_a_model_that_is_not_here_is_named_with_its_size_and_never_downloaded(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """No call reaches the network: every connection would fail the test."""
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("the detector tried to connect")
+
+    monkeypatch.setenv("HELIOS_MODELS", str(tmp_path))
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("socket.socket.connect", refuse)
+    sentence = r"google/owlv2-base-patch16-ensemble \(about 616 MB, Apache-2.0\) is not on this"
+    with pytest.raises(Unavailable, match=sentence):
+        open_detector("transformers:google/owlv2-base-patch16-ensemble", DetectorOptions())
+
+
+def test_a_fetched_model_is_opened_by_its_id(
+    owl: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    place = tmp_path / "someone" / "fetched-owl"
+    place.mkdir(parents=True)
+    copy_of(owl, place)
+    files = {f.name: LockedFile(f.stat().st_size, "", "publisher") for f in place.iterdir()}
+    lock = {"someone/fetched-owl": LockedModel("", "c0ffee", "mit", "", files)}
+    write_lock(tmp_path, lock)
+    monkeypatch.setenv("HELIOS_MODELS", str(tmp_path))
+    open_detector("transformers:someone/fetched-owl", DetectorOptions(device="cpu")).warm_up()
 
 
 def test_a_folder_without_a_model_is_reported_as_incomplete(tmp_path: Path):

@@ -86,6 +86,6 @@ def test_texts_are_embedded_once_and_in_order(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_missing_package_is_reported_with_the_extra_to_install(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(minilm_scorer, "PACKAGE", "no_such_package_here")
+    monkeypatch.setattr(minilm_scorer, "MINILM_PACKAGE", "no_such_package_here")
     with pytest.raises(Unavailable, match=r"pip install 'helios-ovmm\[minilm\]'"):
         open_scorer("minilm")

@@ -101,12 +101,14 @@ def test_request_and_socket_slots_are_released(client: TestClient, bridge: Bridg
             assert socket.receive_json()["integrated"]
 
 
-@pytest.mark.parametrize(("scope", "may"), [("", False), ("read", False), ("operate", True)])
-def test_sending_frames_needs_the_operate_scope(
+@pytest.mark.parametrize(
+    ("scope", "may"), [("", False), ("read", False), ("task", False), ("robot", True)]
+)
+def test_sending_frames_needs_the_robot_scope(
     hub: MemoryHub, live: RobotMonitor, bridge: Bridge, tmp_path: Path, scope: str, may: bool
 ) -> None:
     file = tmp_path / "keys.toml"
-    keys = {name: add_key(file, name, name) for name in ("read", "operate")}
+    keys = {name: add_key(file, name, name) for name in ("read", "task", "robot")}
     app = create_app(
         RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}),
         Settings.load(["--keys", str(file)]),

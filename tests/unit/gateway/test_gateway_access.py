@@ -10,7 +10,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from helios_client.commands.api_keys import add_key
+from helios_client.commands.api_keys import add_key, remove_key, replace_key
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.api_keys import ApiKeys, Scope
@@ -46,9 +46,15 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "keys.toml"
 
 
+def private(file: Path) -> Path:
+    """An empty file that only its owner may read."""
+    file.touch(mode=0o600)
+    return file
+
+
 @pytest.fixture
 def keys(file: Path) -> dict[str, str]:
-    return {scope: add_key(file, scope, scope) for scope in ("read", "operate", "admin")}
+    return {scope: add_key(file, scope, scope) for scope in ("read", "task", "robot", "admin")}
 
 
 @pytest.fixture
@@ -67,8 +73,8 @@ def gateway(
         ("GET", "/v1/robots", "read"),
         ("GET", "/metrics", "read"),
         ("POST", "/v1/robot/stop", "read"),
-        ("POST", "/v1/tasks", "operate"),
-        ("POST", "/v1/robot/clear-stop", "operate"),
+        ("POST", "/v1/tasks", "task"),
+        ("POST", "/v1/robot/clear-stop", "robot"),
         ("GET", "/v1/services/planner/settings", "admin"),
     ],
 )
@@ -97,8 +103,8 @@ def test_a_browser_keeps_its_key_in_a_cookie_that_scripts_cannot_read(
     browser = gateway.client()
     assert browser.get("/v1/session").json() == {"required": True, "name": "", "scope": None}
     assert browser.post("/v1/session", json={"key": "guess"}).status_code == 401
-    opened = browser.post("/v1/session", json={"key": keys["operate"]})
-    assert opened.json() == {"required": True, "name": "operate", "scope": "operate"}
+    opened = browser.post("/v1/session", json={"key": keys["robot"]})
+    assert opened.json() == {"required": True, "name": "robot", "scope": "robot"}
     assert "HttpOnly" in opened.headers["set-cookie"]
     assert "SameSite=strict" in opened.headers["set-cookie"]
     assert browser.get("/v1/tasks").status_code == 200
@@ -121,7 +127,7 @@ def test_a_key_that_is_removed_from_the_file_is_refused(
     file.write_text("\n\n".join(e for e in entries if '"read"' not in e))
     assert gateway.client(keys["read"]).get("/v1/tasks").status_code == 401
     file.write_text("no TOML [")  # half written: the previous keys stay valid
-    assert gateway.client(keys["operate"]).get("/v1/tasks").status_code == 200
+    assert gateway.client(keys["robot"]).get("/v1/tasks").status_code == 200
 
 
 def test_no_key_is_accepted_while_the_key_file_is_empty_or_missing(
@@ -141,7 +147,7 @@ def test_no_key_is_accepted_while_the_key_file_is_empty_or_missing(
     assert (answer(), answer()) == (401, 401)
     said = [record.message for record in caplog.records if "none is accepted" in record.message]
     assert len(said) == 1
-    file.write_text(entries)
+    private(file).write_text(entries)
     assert answer() == 200
     file.write_bytes(b"\xff\xfe no text")
     assert answer() == 200
@@ -167,15 +173,51 @@ def test_the_key_file_contains_no_key_and_is_readable_only_by_its_owner(
     ],
 )
 def test_an_invalid_key_file_is_refused(file: Path, text: str, says: str) -> None:
-    file.write_text(text)
+    private(file).write_text(text)
     with pytest.raises(InvalidInput, match=says):
         ApiKeys(file)
     with pytest.raises(InvalidInput, match="helios key"):
         ApiKeys(file.parent / "none.toml")
 
 
+@pytest.mark.parametrize("mode", [0o604, 0o640, 0o660, 0o644])
+def test_a_key_file_that_others_may_use_is_refused(
+    gateway: GatewayApp, keys: dict[str, str], file: Path, mode: int
+) -> None:
+    file.chmod(mode)
+    with pytest.raises(InvalidInput, match=f"mode {mode:04o}.*chmod 600 {file}"):
+        ApiKeys(file)
+    remove_key(file, "read")  # a running gateway keeps the keys of before
+    assert gateway.client(keys["read"]).get("/v1/tasks").status_code == 200
+    file.chmod(0o600)
+    assert gateway.client(keys["read"]).get("/v1/tasks").status_code == 401
+
+
+def test_a_key_is_replaced_and_removed_without_a_restart(
+    gateway: GatewayApp, keys: dict[str, str], file: Path
+) -> None:
+    def answer(key: str) -> int:
+        return gateway.client(key).post("/v1/tasks", json=TASK).status_code
+
+    assert (answer(keys["task"]), answer(keys["robot"])) == (202, 202)
+    fresh = replace_key(file, "task")
+    assert (answer(keys["task"]), answer(fresh), answer(keys["robot"])) == (401, 202, 202)
+    remove_key(file, "task")
+    assert (answer(fresh), answer(keys["robot"])) == (401, 202)
+
+
+def test_a_key_of_an_earlier_version_keeps_its_permissions(
+    gateway: GatewayApp, keys: dict[str, str], file: Path
+) -> None:
+    file.write_text(file.read_text().replace('scope = "robot"', 'scope = "operate"'))
+    client = gateway.client(keys["robot"])
+    assert client.get("/v1/session").json()["scope"] == "robot"
+    assert client.post("/v1/robot/clear-stop").status_code == 200
+    assert client.get("/v1/services/planner/settings").status_code == 403
+
+
 def test_a_binary_key_file_is_refused(file: Path) -> None:
-    file.write_bytes(b"\xff\xfe")
+    private(file).write_bytes(b"\xff\xfe")
     with pytest.raises(InvalidInput, match="no TOML"):
         ApiKeys(file)
 
@@ -198,7 +240,7 @@ def test_without_keys_only_local_host_names_are_accepted(client: TestClient) -> 
 
 
 @pytest.mark.parametrize(
-    ("verb", "path", "least"), [("PUT", "/v1/map.zip", "admin"), ("POST", "/v1/frames", "operate")]
+    ("verb", "path", "least"), [("PUT", "/v1/map.zip", "admin"), ("POST", "/v1/frames", "robot")]
 )
 @pytest.mark.parametrize("of_robot", ["/v1", "/v1/robots/robot"])
 def test_a_large_body_is_not_read_before_its_key_is_checked(

@@ -189,7 +189,7 @@ def test_a_map_upload_has_its_own_size_limit_and_needs_the_admin_scope(
     hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
-    keys = {scope: add_key(file, scope, scope) for scope in ("read", "operate", "admin")}
+    keys = {scope: add_key(file, scope, scope) for scope in ("read", "task", "robot", "admin")}
     flags = ["--keys", str(file), "--body-limit-bytes", "10", "--map-limit-bytes", "2000"]
     app = create_app(
         RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}), Settings.load(flags)
@@ -202,5 +202,5 @@ def test_a_map_upload_has_its_own_size_limit_and_needs_the_admin_scope(
         return client.put("/v1/map.zip", content=data, headers=headers).status_code
 
     data = packed(MapFile(b"walls", b"things"), "robot")
-    assert [sent(scope, data) for scope in keys] == [403, 403, 200]
+    assert [sent(scope, data) for scope in keys] == [403, 403, 403, 200]
     assert sent("admin", bytes(2001)) == 413

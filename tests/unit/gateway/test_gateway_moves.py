@@ -67,9 +67,9 @@ def test_non_finite_numbers_are_refused(backend: Backend, client: TestClient) ->
         assert answer.status_code == 400
 
 
-def test_moving_the_robot_needs_the_operate_scope(hub: MemoryHub, tmp_path: Path) -> None:
+def test_moving_the_robot_needs_the_task_scope(hub: MemoryHub, tmp_path: Path) -> None:
     file = tmp_path / "keys.toml"
-    keys = {scope: add_key(file, scope, scope) for scope in ("read", "operate")}
+    keys = {scope: add_key(file, scope, scope) for scope in ("read", "task", "robot")}
     backend = Backend(hub)
     backend.start()
     settings = Settings.load(["--keys", str(file)])
@@ -77,7 +77,7 @@ def test_moving_the_robot_needs_the_operate_scope(hub: MemoryHub, tmp_path: Path
     app = create_app(RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)}), settings)
     with TestClient(app, base_url="http://localhost") as client:
         for path, body in (("go", {"x_m": 1, "y_m": 2}), ("explore", {}), ("home", None)):
-            for scope, status in (("read", 403), ("operate", 202)):
+            for scope, status in (("read", 403), ("task", 202), ("robot", 202)):
                 headers = {"authorization": f"Bearer {keys[scope]}"}
                 answer = client.post(f"/v1/robot/{path}", json=body, headers=headers)
                 assert answer.status_code == status, (path, scope)

@@ -87,7 +87,7 @@ def file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def key(file: Path) -> str:
-    return add_key(file, "tablet", "operate")
+    return add_key(file, "tablet", "robot")
 
 
 @pytest.fixture

@@ -258,12 +258,12 @@ def test_a_move_beyond_the_limits_is_refused(
     assert said in answer.json()["detail"]
 
 
-def test_a_key_with_the_read_scope_cannot_drive(
+def test_a_key_without_the_robot_scope_cannot_drive(
     hub: MemoryHub, live: RobotMonitor, backend: Backend, tmp_path: Path
 ) -> None:
     file = tmp_path / "keys.toml"
-    look, operate = (
-        {"authorization": f"Bearer {add_key(file, scope, scope)}"} for scope in ("read", "operate")
+    look, drive = (
+        {"authorization": f"Bearer {add_key(file, scope, scope)}"} for scope in ("task", "robot")
     )
     fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
     client = TestClient(create_app(fleet, Settings.load(["--keys", str(file)])), "http://localhost")
@@ -274,7 +274,7 @@ def test_a_key_with_the_read_scope_cannot_drive(
     ):
         pass
     assert denied.value.status_code == 403
-    with client.websocket_connect(SOCKET, headers=operate) as socket:
+    with client.websocket_connect(SOCKET, headers=drive) as socket:
         assert socket.receive_json()["state"] == "standing"
         file.write_text("")
         socket.send_json(AHEAD)

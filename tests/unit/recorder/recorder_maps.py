@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT
+from helios_core.topics import GAUSSIANS, MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import NonSeekingReader
 from mcap_protobuf.decoder import DecoderFactory
@@ -44,17 +44,32 @@ def snapshot_of(
     return out
 
 
+def gaussians_of(count: int) -> pb.GaussiansReply:
+    """Gaussians along the diagonal of the world, of the class cup with probability 0.75."""
+    ones = np.ones(count, "<f4")
+    return pb.GaussiansReply(
+        count=count, means_m=np.repeat(np.arange(count, dtype="<f4"), 3).tobytes(),
+        scales_m=(0.01 * ones).tobytes(), colors=np.full((count, 3), 200, np.uint8).tobytes(),
+        instances=np.arange(count, dtype="<u4").tobytes(), class_names=["other", "cup"],
+        concentration=np.tile(np.array([1, 3], "<f4"), count).tobytes(),
+        opacities=(0.5 * ones).tobytes(),
+    )  # fmt: skip
+
+
 class FakeMaps:
-    """Answers `map2d/snapshot` and `objectmap/objects`; announces new versions."""
+    """Answers `map2d/snapshot`, `objectmap/objects` and `objectmap/gaussians`; announces new
+    versions."""
 
     def __init__(self, bus: Bus, snapshot: pb.MapSnapshot) -> None:
         self.bus, self.snapshot = bus, snapshot
         self.objects = pb.ObjectsReply(version=1)
+        self.gaussians = gaussians_of(3)
         self.asked = self.at_once = self.most_at_once = 0
         self.before: Callable[[], None] = lambda: None  # runs before each answer
         self._lock = threading.Lock()
         bus.serve(SNAPSHOT, self._snapshot)
         bus.serve(OBJECTS, lambda _: self.objects)
+        bus.serve(GAUSSIANS, lambda _: self.gaussians)
 
     def announce(self) -> None:
         self.bus.publish(MAP2D_ACK, pb.Ack(service="map2d", part="occupancy", accepted=True))

@@ -13,6 +13,7 @@ from helios_core.recording_format import (
     CALIBRATION,
     CANDIDATES,
     FRONTIERS,
+    GAUSSIANS,
     KEYFRAME_CHANNELS,
     LOG,
     OBJECTS,
@@ -29,11 +30,11 @@ from helios_core.recording_format import (
 from helios_core.topics import TOPICS
 
 LAYOUT = json.loads(
-    (Path(__file__).resolve().parents[3] / "deploy/foxglove-layout.json").read_text()
+    (Path(__file__).resolve().parents[3] / "deploy/viewers/foxglove-layout.json").read_text()
 )
 LAYERS = ("pick", "place")  # of a task that moves an object
 RECORDED = {channel_of(t) for t in TOPICS} | {ANNOTATIONS, CALIBRATION, LOG, TRANSFORMS}
-MAP = {OCCUPANCY, OBSTACLES, FRONTIERS, TRAJECTORY, OBJECTS, PLAN, CANDIDATES, PATH}
+MAP = {OCCUPANCY, OBSTACLES, GAUSSIANS, FRONTIERS, TRAJECTORY, OBJECTS, PLAN, CANDIDATES, PATH}
 RECORDED |= MAP | {VALUES + layer for layer in LAYERS}
 for channels in (KEYFRAME_CHANNELS, STREAM_CHANNELS):
     RECORDED |= {channels.color, channels.depth}

@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 from helios_core import proto as pb
 from helios_core.topics import FRAME, KEYFRAME
+from helios_core.viewing.message_queue import MessageQueue
 from helios_recorder import mcap_writer as file_module
 from helios_recorder import recording_thread as recording_module
 from helios_recorder.mcap_writer import DiskFull
 from helios_recorder.recording_thread import Recording
 from helios_recorder.service import Gaps
-from helios_recorder.write_queue import MessageQueue
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader

@@ -13,8 +13,8 @@ from helios_core import proto as pb
 from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, decode_snapshot
 from helios_core.recording_format import MAPS
 from helios_core.topics import CONTEXT, DECISION, PLAN
-from helios_recorder.map_entries import map_entries, object_entry
-from helios_recorder.plan_entries import candidate_entry, plan_entries
+from helios_core.viewing.map_entries import map_entries, object_entry
+from helios_core.viewing.plan_entries import candidate_entry, plan_entries
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as np_st
@@ -189,7 +189,7 @@ def test_the_maps_are_requested_at_most_once_per_period_and_one_at_a_time(tmp_pa
     newest = maps.snapshot.version
 
     def arrived() -> bool:
-        watch = recorded.service._maps
+        watch = recorded.service._messages._maps
         return watch is not None and watch._map_version == newest
 
     wait_until(arrived, 20, "the newest version is recorded")
@@ -203,7 +203,7 @@ def test_an_unchanged_map_is_not_requested_again(tmp_path: Path) -> None:
     maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
     maps.announce()
     asked(recorded, maps)
-    watch = recorded.service._maps
+    watch = recorded.service._messages._maps
     assert watch is not None
     wait_until(lambda: not watch._wake.is_set(), 20, "it waits for news")
     before = maps.asked
@@ -227,7 +227,7 @@ def test_missing_and_broken_maps_are_counted_and_the_recorder_stays_ready(
     maps.announce()
     wait_until(lambda: recorded.health.metrics().get("unrecordable_messages"), 20, "it is told")
     maps.change(snapshot_of(small_map()))
-    watch = recorded.service._maps
+    watch = recorded.service._messages._maps
     assert watch is not None
     wait_until(lambda: watch._map_version == maps.snapshot.version, 20, "the next one is kept")
     recorded.close()

@@ -10,7 +10,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_sim.home import PRESETS, Home, generate_home
 from helios_sim.home import freespace as fs
-from helios_sim.home.furniture_placement import surface_points
+from helios_sim.home.furnished_floor import surface_points
 from numpy.typing import NDArray
 
 DEMO = PRESETS["demo-v1"]

@@ -12,7 +12,7 @@ from helios_sim.episode_tracker import episode_of, navigable_area_of, targets_of
 from helios_sim.home import PRESETS, Home, generate_home, physics_settling
 from helios_sim.home import freespace as fs
 from helios_sim.home.catalog_ovmm import OVMM, OVMM_CLASS
-from helios_sim.home.furniture_placement import surface_points
+from helios_sim.home.furnished_floor import surface_points
 from helios_sim.home.home_generator import HIDDEN_SHARE
 
 OVMM_V1 = PRESETS["ovmm-v1"]

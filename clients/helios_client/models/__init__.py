@@ -1,0 +1,1 @@
+"""Fetching and checking of model weights, for `helios models`."""

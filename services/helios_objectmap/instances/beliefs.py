@@ -1,0 +1,140 @@
+"""Beliefs about the instances of a map: score, shape and description, computed once per change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from helios_core.types import ObjectInstance
+from numpy.typing import NDArray
+
+from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.instances.name_sightings import NameSightings
+from helios_objectmap.instances.registry import InstanceRegistry
+from helios_objectmap.instances.size_prior import agreement, extents_of
+from helios_objectmap.instances.summary import (
+    Belief,
+    Shape,
+    believed,
+    describe,
+    shape_of,
+    sure_part,
+)
+from helios_objectmap.searched_classes import SearchedClasses
+from helios_objectmap.settings import ObjectMapSettings
+
+MIN_GAUSSIANS = 5  # smaller instances are not reported
+
+
+class InstanceBeliefs:
+    """Beliefs about instances, by label.
+
+    A computed belief stays until `drop` or `drop_all`. The owner drops those that an update
+    changes, and all of them when it renumbers the rows of the store.
+    """
+
+    def __init__(
+        self,
+        settings: ObjectMapSettings,
+        store: GaussianStore,
+        registry: InstanceRegistry,
+        classes: SearchedClasses,
+        sightings: NameSightings,
+    ) -> None:
+        self._settings, self._store, self._registry = settings, store, registry
+        self._classes, self._sightings = classes, sightings
+        self._beliefs: dict[int, Belief | None] = {}
+        self._described: dict[int, ObjectInstance | None] = {}
+
+    def drop(self, labels: Iterable[int]) -> None:
+        """Forget what was computed for instances that have changed."""
+        for label in labels:
+            self._described.pop(label, None)
+            self._beliefs.pop(label, None)
+
+    def drop_all(self) -> None:
+        self._described.clear()
+        self._beliefs.clear()
+
+    def drop_rows(self) -> None:
+        """Forget all beliefs, whose rows were renumbered; descriptions stay."""
+        self._beliefs.clear()
+
+    def belief(self, label: int) -> Belief | None:
+        """Belief that an instance is of its own class; None if it is too small to be reported."""
+        if label not in self._beliefs:
+            self._beliefs[label] = self._new_belief(label)
+        return self._beliefs[label]
+
+    def described(self, label: int) -> ObjectInstance | None:
+        """Description of an instance; None if it is too small to be reported."""
+        if label not in self._described:
+            self._described[label] = self._new_description(label)
+        return self._described[label]
+
+    def box_threshold(self, label: int, mean: NDArray[np.floating]) -> float:
+        """Probability above which a Gaussian of an instance belongs to its box; mean: [n]."""
+        least = self._settings.named_from
+        class_name = self._registry.records[label].class_name
+        if self._settings.by_sides and not self._classes.is_receptacle(class_name):
+            least = max(least, sure_part(mean))
+        return least
+
+    def _new_belief(self, label: int) -> Belief | None:
+        store, s = self._store, self._settings
+        rows = store.instances.rows_of(np.array([label]))
+        if len(rows) < MIN_GAUSSIANS:
+            return None
+        class_name, names = self._registry.records[label].class_name, self._classes.names
+        if class_name not in names:
+            names.append(class_name)
+        trust = self._trust(label) * self._name_probability(label, rows)
+        belief = self._believed(rows, class_name, names, trust)
+        if s.size_agreement == "off":
+            return belief
+        return self._believed(rows, class_name, names, trust * self._size_agreement(label, belief))
+
+    def _believed(
+        self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
+    ) -> Belief:
+        s = self._settings
+        return believed(
+            self._store, rows, class_name, names, s.prior_concentration,
+            self._classes.prior_classes, s.alpha_cs, trust,
+        )  # fmt: skip
+
+    def _trust(self, label: int) -> float:
+        """Estimated share of true detections of an instance, learnt from earlier detections of its
+        class."""
+        trust = self._settings.detector_trust
+        return (
+            1.0
+            if trust == "full"
+            else self._registry.true_detection_share(label, trust == "class-distance")
+        )
+
+    def _name_probability(self, label: int, rows: NDArray[np.integer]) -> float:
+        """Probability of an instance's own name against the other names that it was called by."""
+        if self._settings.look_alikes == "ignored":
+            return 1.0
+        name = self._registry.records[label].class_name
+        rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
+        return 1.0 if rates is None else rates.probability(name)
+
+    def _size_agreement(self, label: int, belief: Belief) -> float:
+        """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
+        s, record = self._settings, self._registry.records[label]
+        shape = self._shape(label, belief)
+        measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
+        top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
+        views = record.views if s.size_agreement == "on" else 0.0
+        return agreement(record.class_name, measured_m, views, top_m)
+
+    def _shape(self, label: int, belief: Belief) -> Shape:
+        return shape_of(self._store.means, belief, self.box_threshold(label, belief.mean))
+
+    def _new_description(self, label: int) -> ObjectInstance | None:
+        belief = self.belief(label)
+        if belief is None:
+            return None
+        return describe(label, self._registry.records[label], self._shape(label, belief), belief)

@@ -1,0 +1,55 @@
+"""Classes that a map knows, and those of the current search."""
+
+from __future__ import annotations
+
+from helios_core.types import Role, SearchContext
+
+from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.instances.furniture import is_furniture
+from helios_objectmap.settings import ObjectMapSettings
+
+
+class SearchedClasses:
+    """Classes of the current search, and the roles of all classes with evidence.
+
+    roles: class -> its newest role; the most recently searched classes stand at the end.
+    """
+
+    def __init__(self, settings: ObjectMapSettings, roles: dict[str, Role] | None = None) -> None:
+        self._settings = settings
+        self.context: SearchContext | None = None
+        self.roles: dict[str, Role] = {} if roles is None else roles
+
+    @property
+    def names(self) -> list[str]:
+        """Classes of the current search; empty before the first."""
+        return [c.name for c in self.context.distinct()] if self.context is not None else []
+
+    @property
+    def prior_classes(self) -> int:
+        """Number of classes of the prior, "other" included."""
+        return max(len(self.names) + 1, self._settings.prior_classes)
+
+    def columns(self, store: GaussianStore) -> list[int]:
+        """Store columns of the classes of the current search."""
+        return [store.class_names.index(name) for name in self.names]
+
+    def search(self, context: SearchContext) -> None:
+        """Make a context the current search."""
+        self.context = context
+        for c in context.distinct():
+            self.roles.pop(c.name, None)
+            self.roles[c.name] = c.role
+
+    def oldest(self) -> list[str]:
+        """Classes beyond the largest number that the map keeps, searched longest ago."""
+        return list(self.roles)[: -max(self._settings.max_classes, len(self.names))]
+
+    def is_receptacle(self, class_name: str) -> bool:
+        return self.roles[class_name].is_receptacle
+
+    def voxel_m(self, class_name: str) -> float:
+        """Edge (m) of the voxels that join Gaussians of a class into instances."""
+        s = self._settings
+        large = self.is_receptacle(class_name) or is_furniture(class_name)
+        return s.receptacle_voxel_m if large else s.object_voxel_m

@@ -1,0 +1,153 @@
+"""The record of changes over HTTP: who asked for what, when, and the answer."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import stat
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from helios_client.commands.api_keys import add_key
+from helios_core.errors import InvalidInput
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway import audit_log
+from helios_gateway.api_keys import ApiKeys
+from helios_gateway.audit_log import AuditLog
+from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
+from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from starlette.testclient import WebSocketDenialResponse
+
+from tests.gateway_backend import Backend
+
+TASK = {"instruction": "move the mug to the kitchen counter"}
+
+
+class Recorded:
+    """An application with keys, and its record."""
+
+    def __init__(self, hub: MemoryHub, live: RobotMonitor, folder: Path) -> None:
+        self.file = folder / "audit.jsonl"
+        keys = folder / "keys.toml"
+        self.keys = {s: add_key(keys, s, s) for s in ("read", "task", "robot", "admin")}
+        self.log = AuditLog(self.file)
+        fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
+        self.app = create_app(fleet, Settings.load([]), ApiKeys(keys), self.log)
+
+    def client(self, who: str = "") -> TestClient:
+        headers = {"authorization": f"Bearer {self.keys[who]}"} if who else {}
+        return TestClient(self.app, "http://localhost", headers=headers)
+
+    def lines(self) -> list[dict[str, Any]]:
+        """All entries so far. Ends the record."""
+        self.log.close()
+        return [json.loads(line) for line in self.file.read_text("utf-8").splitlines()]
+
+
+@pytest.fixture
+def recorded(hub: MemoryHub, backend: Backend, live: RobotMonitor, tmp_path: Path) -> Recorded:
+    return Recorded(hub, live, tmp_path)
+
+
+def test_a_change_is_recorded_with_who_what_when_and_the_answer(recorded: Recorded) -> None:
+    before = dt.datetime.now(dt.UTC)
+    made = recorded.client("task").post("/v1/tasks?x=1", json=TASK)
+    [entry] = recorded.lines()
+    at = dt.datetime.fromisoformat(entry.pop("at"))
+    assert before - dt.timedelta(milliseconds=1) <= at <= dt.datetime.now(dt.UTC)
+    assert json.loads(entry.pop("request")) == TASK
+    assert made.json()["id"] in entry.pop("answer")
+    assert entry == {
+        "who": "task", "scope": "task", "host": "testclient", "method": "POST",
+        "path": "/v1/tasks?x=1", "status": 202,
+    }  # fmt: skip
+
+
+def test_refusals_and_stops_are_recorded_and_reading_is_not(recorded: Recorded) -> None:
+    recorded.client("read").get("/v1/tasks")
+    recorded.client("read").post("/v1/tasks", json=TASK)
+    recorded.client().post("/v1/tasks", json=TASK)
+    recorded.client("read").post("/v1/robot/stop", json={"reason": "a cat"})
+    recorded.client("task").post("/v1/robot/clear-stop")
+    recorded.client("admin").post("/v1/tasks", headers={"origin": "http://evil"}, json=TASK)
+    entries = recorded.lines()
+    assert [(e["who"], e["path"], e["status"]) for e in entries] == [
+        ("read", "/v1/tasks", 403), (None, "/v1/tasks", 401), ("read", "/v1/robot/stop", 200),
+        ("task", "/v1/robot/clear-stop", 403), ("admin", "/v1/tasks", 403),
+    ]  # fmt: skip
+    assert "a cat" in entries[2]["request"]
+    assert "scope robot" in entries[3]["answer"]
+
+
+def test_no_key_is_written_to_the_record(recorded: Recorded) -> None:
+    client = recorded.client()
+    assert client.post("/v1/session", json={"key": recorded.keys["admin"]}).status_code == 200
+    recorded.client().post("/v1/session", json={"key": "guessed-key"})
+    client.post("/v1/robot/stop")
+    entries = recorded.lines()
+    assert [e["who"] for e in entries] == [None, None, "admin"]
+    text = recorded.file.read_text()
+    assert not any(key in text for key in (*recorded.keys.values(), "guessed-key"))
+
+
+def test_a_socket_is_recorded_when_it_opens_ends_and_is_refused(recorded: Recorded) -> None:
+    url = "ws://localhost/v1/robot/teleop"
+    with recorded.client("robot").websocket_connect(url) as socket:
+        socket.receive_json()
+        socket.send_json({"forward": 0, "turn": 0})
+        socket.send_json({})
+    with (
+        pytest.raises(WebSocketDenialResponse),
+        recorded.client("task").websocket_connect(url),
+    ):
+        pass
+    assert [(e["who"], e["method"], e["status"], e["answer"]) for e in recorded.lines()] == [
+        ("robot", "WEBSOCKET", 101, "opened"), ("robot", "WEBSOCKET", 0, "ended, 2 messages"),
+        ("task", "WEBSOCKET", 403, "refused"),
+    ]  # fmt: skip
+
+
+def test_only_the_owner_can_read_the_record_and_its_old_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(audit_log, "FILE_BYTES", 200)
+    log = AuditLog(tmp_path / "audit.jsonl")
+    for number in range(20):
+        log.write({"path": f"/v1/tasks/{number}"})
+    log.close()
+    files = sorted(tmp_path.iterdir())
+    assert len(files) == audit_log.OLD_FILES + 1
+    assert {stat.S_IMODE(file.stat().st_mode) for file in files} == {0o600}
+    files[0].chmod(0o644)
+    with pytest.raises(InvalidInput, match="chmod 600"):
+        AuditLog(files[0])
+    with pytest.raises(InvalidInput, match="choose another with --audit"):
+        AuditLog(tmp_path / "none" / "audit.jsonl")
+
+
+@given(body=st.binary(max_size=3000), kind=st.sampled_from(["application/json", "image/png", ""]))
+@settings(max_examples=40)
+def test_every_body_becomes_one_short_line_of_json(
+    body: bytes, kind: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        while (await receive()).get("more_body"):
+            pass
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": body})
+
+    file = tmp_path_factory.mktemp("audit") / "audit.jsonl"
+    log = AuditLog(file)
+    client = TestClient(audit_log.AuditMiddleware(app, log, ApiKeys(None)))
+    client.post("/v1/tasks", content=body, headers={"content-type": kind})
+    log.close()
+    [line] = file.read_text("utf-8").split("\n")[:-1]
+    entry = json.loads(line)
+    assert (entry["status"], entry["who"]) == (200, None)
+    assert len(entry["request"]) <= audit_log.KEPT_BYTES + 1
