@@ -19,8 +19,8 @@ MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 RobotKind = Annotated[
     str,
     typer.Option(
-        help="driver: sim, replay, spot, ros2, bus, push or package:Class; remote: it runs on another "
-        "machine"
+        help="driver: sim, replay, spot, ros2, bus, push or package:Class; remote: it runs on "
+        "another machine"
     ),
 ]
 Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
