@@ -28,6 +28,12 @@ $(VENV)/.kernels: $(VENV)/.installed $(KERNELS)
 	@$(BIN)/python -m helios_eval.kernel_compilation
 	@touch $@
 
+ros2-env: ## environment with ROS 2's rclpy from pip, in .venv-ros2 (Linux on x86-64)
+	PYTHON="$(PYTHON)" scripts/install_ros2.sh .venv-ros2
+
+ros2-interfaces: $(VENV)/.installed ros2-env ## ROS interfaces that pip does not have (needs gcc, cmake)
+	$(BIN)/helios ros2 build-interfaces build/ros2
+
 demo: install ## a language task in a simulated home: make demo SEED=3
 	$(BIN)/python -m helios_eval.demo --seed $(SEED) --port $(PORT)
 
@@ -40,7 +46,7 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated files
 	$(BIN)/python -m scripts.generate_sdk --check
 
 test: install browser lint ## everything that CI runs
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow"
 
 docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -d .sphinx docs site
@@ -57,4 +63,4 @@ sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX),
 proto: $(VENV)/.installed ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
-.PHONY: help install demo docs lint test browser sbom proto
+.PHONY: help install ros2-env ros2-interfaces demo docs lint test browser sbom proto

@@ -23,6 +23,7 @@ from helios_client.commands.map import objects_app
 from helios_client.commands.models import app as models_app
 from helios_client.commands.movement import app as moves_app
 from helios_client.commands.robot import app as robot_app
+from helios_client.commands.ros2 import app as ros2_app
 from helios_client.commands.shared_options import print_line
 from helios_client.commands.start_services import app as run_app
 from helios_client.commands.tasks import app as tasks_app
@@ -44,7 +45,7 @@ app = typer.Typer(
 )
 for part in (
     run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app,
-    certs_app, view_app, models_app, chaos_app,
+    ros2_app, certs_app, view_app, models_app, chaos_app,
 ):  # fmt: skip
     app.add_typer(part)
 

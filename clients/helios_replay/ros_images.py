@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -117,12 +118,22 @@ class Lens:
         self, color: NDArray[np.uint8], depth_m: NDArray[np.float32]
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Both images undistorted; depth by nearest neighbour, never interpolated."""
+        return self.straight_color(color), self.straight_depth(depth_m)
+
+    def straight_color(self, color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Colour [h, w, 3] undistorted."""
         if not self.distortion.size:
-            return color, depth_m
-        size = (self.camera.width, self.camera.height)
-        K = self.camera.matrix
+            return color
+        return cv2.remap(color, *self._maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
+
+    def straight_depth(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Depth [h, w] undistorted, by nearest neighbour."""
+        if not self.distortion.size:
+            return depth_m
+        return cv2.remap(depth_m, *self._maps, cv2.INTER_NEAREST).astype(np.float32, copy=False)
+
+    @cached_property
+    def _maps(self) -> tuple[NDArray, NDArray]:
+        size, K = (self.camera.width, self.camera.height), self.camera.matrix
         x, y = cv2.initUndistortRectifyMap(K, self.distortion, np.eye(3), K, size, cv2.CV_32FC1)
-        return (
-            cv2.remap(color, x, y, cv2.INTER_LINEAR).astype(np.uint8, copy=False),
-            cv2.remap(depth_m, x, y, cv2.INTER_NEAREST).astype(np.float32, copy=False),
-        )
+        return x, y

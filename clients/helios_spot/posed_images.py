@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 from helios_core.bus import Bus
+from helios_core.depth_registration import registered
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Matrix, Pinhole, invert
 from helios_core.robot import Capture
@@ -20,7 +21,6 @@ from helios_spot.cameras import (
     Mount,
     lens_of,
     mounted,
-    registered,
     roll_to_upright,
     straight_color,
     straight_depth,

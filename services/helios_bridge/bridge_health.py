@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from helios_core.health import Health
+from helios_core.health import Health, HealthState
 
 
 class BridgeHealth:
@@ -19,6 +19,7 @@ class BridgeHealth:
         self._stop = ""  # fault of the driver's stop, "" for none
         self._faults: dict[str, str] = {}  # method of the driver -> its fault
         self._said = health.state  # last state without regard to driver faults
+        self._without_image: tuple[str, str] | None = None  # state while no image comes
 
     def ready(self, note: str = "") -> None:
         self._say("ready", note)
@@ -28,6 +29,18 @@ class BridgeHealth:
 
     def degraded(self, reason: str) -> None:
         self._say("degraded", reason)
+
+    def no_image(self, state: HealthState, reason: str) -> None:
+        """Report that no image comes, until `image_came` or another state."""
+        self._without_image = (state, reason)
+        self._say(state, reason)
+
+    def image_came(self) -> None:
+        """End the report of `no_image`, whichever thread took the image."""
+        with self._lock:
+            if self._said == self._without_image:
+                self._said = ("ready", "")
+                self._tell()
 
     def stop_fails(self, reason: str) -> None:
         """Report a failing stop until `stop_works`."""

@@ -16,6 +16,7 @@ NAMED = {
     "sim": "helios_sim.driver:SimDriver",
     "replay": "helios_replay.driver:ReplayDriver",
     "spot": "helios_spot.driver:SpotDriver",
+    "ros2": "helios_ros2.driver:Ros2Driver",
     "push": "helios_bridge.pushed_frames:PushDriver",
     "bus": "helios_sim.driver:SimDriver",  # any process that serves `world/…`, in any language
 }

@@ -81,6 +81,7 @@ class FramePublisher:
         else:
             id = FrameId(self.boot_id(state), state.world_epoch, self._number)
         self._publish(capture, id, keyframe, state)
+        self._health.image_came()
         self.last_capture_s = time.monotonic()
         self._health.sample("capture_ms", (self.last_capture_s - began) * 1e3)
         if keyframe:

@@ -385,10 +385,11 @@ class BridgeService:
             except EndOfRecording:
                 return
             except HeliosError as error:
-                self._health.waiting(f"the robot gives no image: {error.message}")
+                self._health.no_image("waiting", f"the robot gives no image: {error.message}")
             except Exception as error:  # an internal error: the next frame may succeed
                 log.exception("a frame could not be made")
-                self._health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
+                said = f"the bridge failed ({type(error).__name__}: {error})"
+                self._health.no_image("degraded", said)
             finally:
                 self._turn.release()
             self._publish_state()

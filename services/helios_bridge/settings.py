@@ -18,7 +18,7 @@ class Settings(ServiceSettings):
 
     driver: str = Field(
         default="sim",
-        description="sim, replay, spot, bus, push, or package:Class of your own driver",
+        description="sim, replay, spot, ros2, bus, push, or package:Class of your own driver",
     )
     address: str = Field(
         default="", description="network address of the robot, for drivers that need one"

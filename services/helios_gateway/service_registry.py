@@ -23,7 +23,13 @@ REQUIRED_SERVICES = (
     "planner",
 )  # must be ready for a task
 LISTED_SERVICES = ("router", *REQUIRED_SERVICES, "gateway")  # always listed
-STATUS_PUBLISHERS = ("world", *REQUIRED_SERVICES, "gateway", "recorder")  # publish a ServiceStatus
+STATUS_PUBLISHERS = (
+    "world",
+    *REQUIRED_SERVICES,
+    "gateway",
+    "recorder",
+    "ros2",
+)  # publish a ServiceStatus
 
 
 class ServiceRegistry:

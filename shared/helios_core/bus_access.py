@@ -53,6 +53,7 @@ def _process(service: str) -> Access:
 
 SERVICES = (
     "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder",
+    "ros2",
 )  # fmt: skip
 _ACKS = (t.MAP2D_ACK, t.OBJECTMAP_ACK)
 # Methods that a robot of your own serves (`--robot bus`), and the simulated world.
@@ -140,6 +141,14 @@ ACCESS: dict[str, Access] = {
     ),
     "recorder": _process("recorder") | Access(
         subscribes=(*t.TOPICS, t.ANY_STATUS), calls=(t.SNAPSHOT, t.OBJECTS, t.GAUSSIANS)
+    ),
+    # Maps, objects and tasks for ROS, and the stop from there.
+    "ros2": _process("ros2") | Access(
+        subscribes=(t.PLAN, t.ROBOT_DESCRIPTION, t.ROBOT_STATE, t.TASK, t.ANY_STATUS),
+        calls=(
+            t.SNAPSHOT, t.OBJECTS, t.GAUSSIANS, t.SUBMIT, t.GET_TASK, t.CANCEL, t.STOP,
+            t.CLEAR_STOP,
+        ),
     ),
     "supervisor": Access(
         publishes=(t.SUPERVISOR,), subscribes=tuple(t.status_topic(name) for name in SERVICES)

@@ -14,8 +14,8 @@ from helios_core.errors import InvalidInput
 
 PREFIX = "HELIOS_"
 SERVICES = (
-    "bridge", "detector", "gateway", "map2d", "objectmap", "planner", "recorder", "replay", "spot",
-    "world",
+    "bridge", "detector", "gateway", "map2d", "objectmap", "planner", "recorder", "replay", "ros2",
+    "spot", "world",
 )  # fmt: skip
 OF_ALL = "all"  # table of the settings that every service has
 

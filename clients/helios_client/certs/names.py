@@ -29,8 +29,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 ROUTER = "router"
 ROBOT_SERVICES = (
-    "bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder", "supervisor",
-    "robot",
+    "bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder", "ros2",
+    "supervisor", "robot",
 )  # fmt: skip
 SIMULATION = ("world", "evaluation")
 SHARED = ("detector", "gateway")  # one process may serve several robots

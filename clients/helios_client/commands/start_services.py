@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -15,12 +13,11 @@ app = typer.Typer()
 LOOPBACK = "127.0.0.1"
 
 
-MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 RobotKind = Annotated[
     str,
     typer.Option(
-        help="driver: sim, replay, spot, bus, push or package:Class; remote: it runs on another "
-        "machine"
+        help="driver: sim, replay, spot, ros2, bus, push or package:Class; remote: it runs on "
+        "another machine"
     ),
 ]
 Seed = Annotated[int, typer.Option(help="seed of the simulated home", min=0)]
@@ -72,6 +69,9 @@ RecordDir = Annotated[
 SpotHost = Annotated[
     str | None, typer.Option(help="host of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
 ]
+Ros2Output = Annotated[
+    bool, typer.Option("--ros2", help="publish maps, objects and tasks to ROS 2")
+]
 RouterPort = Annotated[
     int | None,
     typer.Option(
@@ -105,57 +105,29 @@ def up(
     record: Record = False,
     record_dir: RecordDir = None,
     spot_host: SpotHost = None,
+    ros2: Ros2Output = False,
     router_port: RouterPort = None,
     router_host: RouterHost = LOOPBACK,
     certs: Certs = None,
     name: BusName = "robot",
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
-    from helios_core.router_link import listen_port
-
     from helios_client.replay.input_selection import check_source, default_detector
-    from helios_client.supervision import flag_checks, state_file
-    from helios_client.supervision.model_check import check_models
-    from helios_client.supervision.preset_defaults import preset_defaults
-    from helios_client.supervision.service_specs import StackOptions, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
+    from helios_client.supervision.up_flags import UpFlags, stack_options
 
-    robot = flag_checks.check_robot(robot)
-    flag_checks.check_name(name)
-    flag_checks.check_together(robot, spot_host, source)
-    flag_checks.check_router(router_host, certs)
-    if certs is not None:
-        certs = certs.absolute()
-        listed_port = listen_port(certs)
-        if router_host != LOOPBACK:
-            router_port = router_port or listed_port
-    if detector is None:
-        detector = default_detector(robot, source)
-    detector = flag_checks.check_detector(detector)
-    scorer = None if scorer is None else flag_checks.check_scorer(scorer)
-    check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
-    agent = None if agent is None else flag_checks.check_agent(agent)
-    preset, furniture = flag_checks.check_home(robot, preset, furniture)
-    plan_name, remarks = flag_checks.check_plan(robot, preset, home, level)
-    for remark in remarks:
-        print(f"helios: {remark}", file=sys.stderr)
+    specs = stack_options(
+        UpFlags(
+            robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
+            furniture=furniture, state=state,
+            detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
+            source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
+            ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
+        )
+    )  # fmt: skip
     if source is not None:
         check_source(source)
-    state_dir = state or state_file.default_state_dir(port)
-    if record and record_dir is None:
-        record_dir = state_dir / "recordings"
-    of_preset = preset_defaults(
-        robot, flag_checks.LIKE_PLANS if home else preset, detector, os.environ
-    )
-    specs = StackOptions(
-        robot=robot, router_port=router_port or free_port(), state_dir=state_dir, name=name,
-        port=port, seed=seed, preset=preset, home=home and home.resolve(), level=level,
-        home_name=plan_name, furniture=furniture, detector=detector, scorer=scorer,
-        agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps, source=source,
-        robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
-        certs=certs, router_host=router_host,
-    )  # fmt: skip
     run_up(specs, Screen())
 
 

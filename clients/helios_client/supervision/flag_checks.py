@@ -18,7 +18,7 @@ from helios_core.settings_spelling import nearest
 from helios_client.supervision.service_specs import LOOPBACK, RECORDED_DETECTOR, REMOTE
 from helios_client.usage_errors import UsageError
 
-ROBOTS = ("sim", "replay", "spot", "bus", "push", REMOTE)
+ROBOTS = ("sim", "replay", "spot", "ros2", "bus", "push", REMOTE)
 _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
 _SCORERS = ("lexical", "minilm")
 ROUTER_HOSTS = (LOOPBACK, "0.0.0.0", "::")

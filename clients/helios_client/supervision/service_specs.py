@@ -20,7 +20,7 @@ RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 class StackOptions:
     """Options of the stack that `helios up` or `helios replay` starts."""
 
-    robot: str  # sim, replay, spot, bus, push, remote or package:Class
+    robot: str  # sim, replay, spot, ros2, bus, push, remote or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # name of the robot in every bus key
@@ -46,6 +46,8 @@ class StackOptions:
     contexts: bool = False  # a replay starts the recorded searches itself
     strict: bool = False  # a replay ends at an unreadable frame
     record: Path | None = None  # folder for recordings; None: no recorder
+    ros2_python: str | None = None  # interpreter with rclpy; None: no process uses ROS
+    ros2_output: bool = False  # publish maps, objects and tasks to ROS
     lockstep: bool = False
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
     certs: Path | None = None  # folder of `helios certs`; None: the bus is not encrypted
@@ -108,12 +110,10 @@ class StackOptions:
         kept = self.state_dir if self.port is not None else None  # a replay starts with empty maps
         out.append(
             self._service(
-                "objectmap",
-                "helios_objectmap",
-                state_dir=kept and kept / "objectmap",
+                "objectmap", "helios_objectmap", state_dir=kept and kept / "objectmap",
                 agent=self.agent,
             )
-        )
+        )  # fmt: skip
         out.append(self._service("map2d", "helios_map2d", state_dir=kept and kept / "map2d"))
         if self.port is not None:
             out.append(
@@ -129,6 +129,8 @@ class StackOptions:
             out.append(self._service("gateway", "helios_gateway", port=self.port, audit=audit))
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
+        if self.ros2_output:
+            out.append(self._service("ros2", "helios_ros2", python=self.ros2_python))
         return tuple(out)
 
     def _bridge(self) -> ProcessSpec:
@@ -139,6 +141,7 @@ class StackOptions:
             contexts=(self.contexts or self.detector == RECORDED_DETECTOR) or None,
             strict=self.strict or None, lockstep=self.lockstep or None,
             ack_timeout_s=self.ack_timeout_s, state_dir=self._stop_dir(),
+            python=self.ros2_python if self.robot == "ros2" else None,
         )  # fmt: skip
 
     def _certs(self) -> tuple[str, ...]:
@@ -157,18 +160,21 @@ class StackOptions:
         """State folder of the bridge. A simulated robot keeps its stop itself, and ends with it."""
         return None if self.port is None or self.robot == "sim" else self.state_dir / "bridge"
 
-    def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
+    def _service(
+        self, name: str, module: str, python: str | None = None, **flags: object
+    ) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name, *self._certs()]
         for flag, value in flags.items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")
             elif value is not None:
                 argv += [f"--{flag.replace('_', '-')}", str(value)]
-        return ProcessSpec(name, _python(module, *argv))
+        return ProcessSpec(name, _python(module, *argv, python=python))
 
 
-def _python(module: str, *args: str) -> tuple[str, ...]:
-    return (sys.executable, "-m", module, *args)
+def _python(module: str, *args: str, python: str | None = None) -> tuple[str, ...]:
+    """Command line of a module; python: its interpreter, None for this one."""
+    return (python or sys.executable, "-m", module, *args)
 
 
 def free_port() -> int:

@@ -15,7 +15,9 @@ from helios_core.topics import status_topic
 from helios_client.supervision.supervisor import ProcessInfo, ProcessState
 
 SILENT_S = 8.0  # services report every second; compiling kernels may delay a report
-OPTIONAL_SERVICES = frozenset({"recorder"})  # a full disk stops the recording, not the robot
+OPTIONAL_SERVICES = frozenset(  # a full disk stops the recording, not the robot
+    {"recorder", "ros2"}
+)
 WITHOUT_STATUS = "router"  # plain Zenoh router: it publishes no status
 NOT_SEEN = "it has not been seen; start it on its machine"
 

@@ -170,3 +170,17 @@ def test_an_image_with_a_field_of_a_wrong_type_is_refused(wrong: dict[str, Any],
     robot.gives["capture"] = replace(LineRobot().capture(), **wrong)
     with pytest.raises(InvalidInput, match=said):
         Stage(robot).bridge._publisher.capture_and_wait(keyframe=False)
+
+
+def test_an_image_after_an_action_ends_the_report_that_no_image_comes() -> None:
+    """A task leaves the stream no turn, so the stream cannot take the report back."""
+    robot = Misbehaving(capture=Unavailable("/odom is silent"))
+    stage = Stage(robot, stream_hz=50.0)
+    stage.bridge.start()
+    wait_until(lambda: "/odom is silent" in stage.health.state[1], 5, "the stream has failed")
+    stage.bridge._ending.set()  # from here on only actions take images
+    stage.bridge._executor.wait(5)
+    robot.gives.clear()
+    assert stage.health.state[0] == "waiting"
+    stage.drive("after the outage")
+    assert stage.health.state == ("ready", "")

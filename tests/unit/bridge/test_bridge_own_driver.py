@@ -45,7 +45,7 @@ class Other: ...
         ("own_robot_of_a_test:Missing", "Missing"),
         ("own_robot_with_a_slip:Robot", "SyntaxError"),
         ("no_such_package:Robot", "no_such_package"),
-        ("robot", "wanted one of sim, replay, spot, push, bus or package:Class"),
+        ("robot", "wanted one of sim, replay, spot, ros2, push, bus or package:Class"),
     ],
 )
 def test_a_driver_that_cannot_be_created_is_refused_with_the_reason(

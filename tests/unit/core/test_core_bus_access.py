@@ -87,7 +87,7 @@ def test_only_planner_gateway_and_programs_may_move_the_robot() -> None:
     movers = {name for name, a in ACCESS.items() if topics.ACT in a.calls}
     assert movers == {"planner", "gateway", "program"}
     stoppers = {name for name, a in ACCESS.items() if topics.STOP in a.calls}
-    assert stoppers == {"planner", "gateway", "program", "operator", "evaluation"}
+    assert stoppers == {"planner", "gateway", "ros2", "program", "operator", "evaluation"}
 
 
 def test_the_table_has_every_service_with_settings() -> None:

@@ -7,12 +7,12 @@ import math
 import cv2
 import numpy as np
 import pytest
+from helios_core.depth_registration import registered
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, camera_on_base, invert, lift_pixels, project
 from helios_spot.cameras import (
     Lens,
     mounted,
-    registered,
     roll_to_upright,
     straight_color,
     straight_depth,

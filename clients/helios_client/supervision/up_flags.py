@@ -1,0 +1,89 @@
+"""Flags of `helios up`, checked and completed to the options of a stack."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from helios_core.router_link import listen_port
+
+from helios_client.supervision import flag_checks, state_file
+from helios_client.supervision.model_check import check_models
+from helios_client.supervision.preset_defaults import preset_defaults
+from helios_client.supervision.ros2_python import chosen_ros2_python
+from helios_client.supervision.service_specs import LOOPBACK, StackOptions, free_port
+
+MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
+
+
+@dataclass(frozen=True)
+class UpFlags:
+    """Flags of `helios up`, as given; None where the flag is missing. `detector` has a value."""
+
+    robot: str
+    port: int
+    seed: int
+    preset: str
+    home: Path | None
+    level: str | None
+    furniture: str | None
+    state: Path | None
+    detector: str
+    scorer: str | None
+    agent: str | None
+    source: Path | None
+    rate: float
+    record: bool
+    record_dir: Path | None
+    spot_host: str | None
+    ros2: bool
+    router_port: int | None
+    router_host: str
+    certs: Path | None
+    name: str
+
+
+def stack_options(given: UpFlags) -> StackOptions:
+    """Options of the stack that the flags ask for. Raises UsageError or InvalidInput if one is
+    wrong, names a model that is missing, or does not fit another."""
+    robot = flag_checks.check_robot(given.robot)
+    flag_checks.check_name(given.name)
+    flag_checks.check_together(robot, given.spot_host, given.source)
+    certs, router_port = _router(given)
+    detector = flag_checks.check_detector(given.detector)
+    scorer = None if given.scorer is None else flag_checks.check_scorer(given.scorer)
+    check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
+    agent = None if given.agent is None else flag_checks.check_agent(given.agent)
+    preset, furniture = flag_checks.check_home(robot, given.preset, given.furniture)
+    plan_name, remarks = flag_checks.check_plan(robot, preset, given.home, given.level)
+    for remark in remarks:
+        print(f"helios: {remark}", file=sys.stderr)
+    of_preset = preset_defaults(
+        robot, flag_checks.LIKE_PLANS if given.home else preset, detector, os.environ
+    )
+    state_dir = given.state or state_file.default_state_dir(given.port)
+    recordings = given.record_dir or (state_dir / "recordings" if given.record else None)
+    by_ros = given.ros2 or robot == "ros2"
+    return StackOptions(
+        robot=robot, router_port=router_port, state_dir=state_dir, name=given.name,
+        port=given.port, seed=given.seed, preset=preset, home=given.home and given.home.resolve(),
+        level=given.level, home_name=plan_name, furniture=furniture, detector=detector,
+        scorer=scorer, agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps,
+        source=given.source, robot_host=given.spot_host,
+        rate=given.rate if robot == "replay" else None, record=recordings,
+        ros2_python=chosen_ros2_python(by_zenoh=not given.ros2) if by_ros else None,
+        ros2_output=given.ros2, certs=certs, router_host=given.router_host,
+    )  # fmt: skip
+
+
+def _router(given: UpFlags) -> tuple[Path | None, int]:
+    """Absolute folder of the certificates, and the port of the router."""
+    flag_checks.check_router(given.router_host, given.certs)
+    if given.certs is None:
+        return None, given.router_port or free_port()
+    certs = given.certs.absolute()
+    listed_port = listen_port(certs)
+    is_open = given.router_host != LOOPBACK
+    return certs, given.router_port or (listed_port if is_open else free_port())

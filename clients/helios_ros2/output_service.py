@@ -1,0 +1,218 @@
+"""Output to ROS: what HELIOS' bus says, as topics that RViz, Foxglove and other nodes understand.
+
+Maps are asked for in one thread, at most once per `map_period_s`; each publication also reaches
+nodes that start later. Missing answers are counted; without a map the others go on.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import threading
+import time
+from typing import Any, TypeVar
+
+import numpy as np
+from google.protobuf.message import Message
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import transform_from_proto
+from helios_core.errors import HeliosError
+from helios_core.health import Health
+from helios_core.map_snapshot import MapView, decode_snapshot
+from helios_core.topics import (
+    ANY_STATUS,
+    GAUSSIANS,
+    OBJECTS,
+    PLAN,
+    ROBOT_DESCRIPTION,
+    ROBOT_STATE,
+    SNAPSHOT,
+    Method,
+)
+
+from helios_ros2 import map_arrays, ros_messages
+from helios_ros2.offered_qos import Qos
+from helios_ros2.rclpy_loading import has_interface, interface
+from helios_ros2.robot_input import TF_MESSAGE
+from helios_ros2.ros_node import RosNode, qos_profile
+from helios_ros2.settings import Ros2Settings
+from helios_ros2.task_interface import TaskInterface
+
+log = logging.getLogger(__name__)
+
+CALL_S = 3.0
+DEFAULT_RADIUS_M = 0.25  # of the costmap before the robot's description is known
+DETECTIONS = "vision_msgs/msg/Detection3DArray"
+THREADS = 3
+Req = TypeVar("Req", bound=Message)
+Rep = TypeVar("Rep", bound=Message)
+
+
+class OutputService:
+    """Publishers of one robot: see the module."""
+
+    def __init__(self, bus: Bus, settings: Ros2Settings, health: Health) -> None:
+        """Raises InvalidInput without rclpy, or for an output that it cannot make."""
+        self._bus, self._s, self._health = bus, settings, health
+        self._frame = settings.frame or settings.world_frame or "map"
+        self._radius_m = DEFAULT_RADIUS_M
+        self._statuses: dict[str, pb.ServiceStatus] = {}
+        self._map_version = self._object_version = 0
+        self._values: dict[str, tuple[Any, Any]] = {}  # layer -> publishers of picture and grid
+        self._ending = threading.Event()
+        self._ros = RosNode(settings.node, THREADS)
+        self._make_publishers()
+        self._tasks = TaskInterface(self._ros, bus)
+        bus.subscribe(PLAN, self._on_plan)
+        bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
+        bus.subscribe(ROBOT_STATE, self._on_state)
+        bus.subscribe(ANY_STATUS, self._on_status)
+        self._ros.start()
+        self._thread = threading.Thread(target=self._run, name="maps to ros", daemon=True)
+        self._thread.start()
+        health.ready(self._missing())
+
+    def close(self) -> None:
+        self._ending.set()
+        self._thread.join(CALL_S)
+        self._ros.close()
+
+    def _make_publishers(self) -> None:
+        kept = Qos(retained=True)
+
+        def publisher(kind: str, name: str, qos: Qos = kept) -> Any:
+            return self._ros.node.create_publisher(interface(kind), name, qos_profile(qos, 1))
+
+        self._publisher = publisher
+        self._map = publisher("nav_msgs/msg/OccupancyGrid", "~/map")
+        self._costmap = publisher("nav_msgs/msg/OccupancyGrid", "~/costmap")
+        self._path = publisher("nav_msgs/msg/Path", "~/path")
+        self._trajectory = publisher("nav_msgs/msg/Path", "~/trajectory")
+        self._objects = publisher("visualization_msgs/msg/MarkerArray", "~/objects")
+        self._points = publisher("sensor_msgs/msg/PointCloud2", "~/points")
+        self._classes = publisher("std_msgs/msg/String", "~/classes")
+        self._diagnostics = publisher("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", Qos())
+        self._detections = (
+            publisher(DETECTIONS, "~/detections") if has_interface(DETECTIONS) else None
+        )
+        self._tf: Any = None
+        if self._s.publish_tf != "none":
+            still = self._s.publish_tf == "odom"
+            self._tf = publisher(TF_MESSAGE, "/tf_static" if still else "/tf", Qos(retained=still))
+        if self._s.publish_tf == "odom":
+            self._publish_transform("odom", np.eye(4))
+
+    def _missing(self) -> str:
+        """What is not published because its interfaces are not built."""
+        kinds = {DETECTIONS: "~/detections", "helios_msgs/action/DoTask": "the action ~/do_task"}
+        left_out = [what for kind, what in kinds.items() if not has_interface(kind)]
+        if not left_out:
+            return ""
+        return f"without {', '.join(left_out)}: `helios ros2 build-interfaces DIR` adds them"
+
+    # --- streams ------------------------------------------------------------------------------
+    def _on_plan(self, plan: pb.Plan) -> None:
+        points = zip(plan.path_m[::2], plan.path_m[1::2], strict=False)
+        self._send(self._path, ros_messages.path(points, time.time_ns(), self._frame))
+
+    def _on_description(self, description: pb.RobotDescription) -> None:
+        self._radius_m = description.footprint_radius_m or DEFAULT_RADIUS_M
+        self._map_version = 0  # its costs depend on the radius
+
+    def _on_state(self, state: pb.RobotState) -> None:
+        if self._s.publish_tf == "base":
+            self._publish_transform("base_link", transform_from_proto(state.T_world_base))
+
+    def _on_status(self, status: pb.ServiceStatus) -> None:
+        self._statuses[status.service] = status
+
+    def _publish_transform(self, child: str, T: Any) -> None:
+        one = ros_messages.transform(self._frame, child, T, time.time_ns())
+        self._send(self._tf, interface(TF_MESSAGE)(transforms=[one]))
+
+    # --- maps ---------------------------------------------------------------------------------
+    def _run(self) -> None:
+        while not self._ending.wait(self._s.map_period_s):
+            try:
+                self._publish_diagnostics()
+                self._publish_map()
+                self._publish_objects()
+            except HeliosError as error:  # a map with impossible content; the next may be valid
+                self._health.count("unpublishable_maps")
+                log.warning("a map was left out: %s", error.message)
+            except Exception:  # as the node ends
+                if self._ending.is_set():
+                    return
+                self._health.count("unpublishable_maps")
+                log.exception("a map was left out")
+
+    def _publish_diagnostics(self) -> None:
+        statuses = list(self._statuses.values())
+        self._send(self._diagnostics, ros_messages.diagnostics(statuses, time.time_ns()))
+
+    def _publish_map(self) -> None:
+        request = pb.SnapshotRequest(layers=True, if_newer=self._map_version)
+        snapshot = self._ask(SNAPSHOT, request)
+        if snapshot is None or snapshot.unchanged or not snapshot.width:
+            return
+        view = decode_snapshot(snapshot)
+        ns = time.time_ns()
+        self._send(self._map, ros_messages.grid(view, view.occupancy, ns, self._frame))
+        costs = map_arrays.costs(view, self._radius_m)
+        self._send(self._costmap, ros_messages.grid(view, costs, ns, self._frame))
+        trail = ((float(x), float(y)) for x, y in view.trajectory_m)
+        self._send(self._trajectory, ros_messages.path(trail, ns, self._frame))
+        for name, value in view.values.items():
+            self._publish_value(view, name, value, ns)
+        self._map_version = snapshot.version
+
+    def _publish_value(self, view: MapView, name: str, value: Any, ns: int) -> None:
+        if name not in self._values:
+            topic = f"~/value/{topic_name(name)}"
+            self._values[name] = (
+                self._publisher("sensor_msgs/msg/Image", topic),
+                self._publisher("nav_msgs/msg/OccupancyGrid", f"{topic}/grid"),
+            )
+        picture, grid = self._values[name]
+        rgb = map_arrays.value_picture(view, value, name)
+        self._send(picture, ros_messages.picture(rgb, ns, self._frame))
+        cells = map_arrays.value_cells(value)
+        self._send(grid, ros_messages.grid(view, cells, ns, self._frame))
+
+    def _publish_objects(self) -> None:
+        reply = self._ask(OBJECTS, pb.ObjectsRequest())
+        if reply is None or reply.version == self._object_version:
+            return
+        gaussians = self._ask(GAUSSIANS, pb.GaussiansRequest())
+        if gaussians is None:
+            return
+        ns = time.time_ns()
+        self._send(self._objects, ros_messages.markers(reply.objects, self._frame))
+        if self._detections is not None:
+            found = ros_messages.detections(reply.objects, ns, self._frame)
+            self._send(self._detections, found)
+        points = map_arrays.cloud(gaussians)
+        self._send(self._points, ros_messages.point_cloud(points, ns, self._frame))
+        names = interface("std_msgs/msg/String")(data=map_arrays.class_table(gaussians))
+        self._send(self._classes, names)
+        self._object_version = reply.version
+
+    def _ask(self, method: Method[Req, Rep], request: Req) -> Rep | None:
+        try:
+            return self._bus.call(method, request, CALL_S)
+        except HeliosError as error:
+            self._health.count("missed_maps")
+            log.debug("%s gave no answer: %s", method.name, error.message)
+            return None
+
+    def _send(self, publisher: Any, message: Any) -> None:
+        if not self._ending.is_set():
+            publisher.publish(message)
+            self._health.count("messages")
+
+
+def topic_name(text: str) -> str:
+    """Part of a ROS topic's name for any text."""
+    out = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "layer"
+    return out if out[0].isalpha() else f"_{out}"

@@ -1,0 +1,193 @@
+"""Tasks and the stop for ROS users: topics with JSON, services, and the action DoTask.
+
+`~/do_task` takes an instruction, or JSON as POST /v1/tasks does. `~/task` has the present task.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from typing import Any
+
+from google.protobuf.json_format import MessageToDict
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, InvalidInput
+from helios_core.task_states import ENDED
+from helios_core.topics import CANCEL, CLEAR_STOP, GET_TASK, STOP, SUBMIT, TASK
+
+from helios_ros2.offered_qos import Qos
+from helios_ros2.rclpy_loading import has_interface, interface, rclpy_module
+from helios_ros2.ros_node import RosNode, qos_profile
+
+log = logging.getLogger(__name__)
+
+DO_TASK = "helios_msgs/action/DoTask"
+CALL_S = 5.0
+LOOK_S = 2.0  # period of the look at tasks whose end was not heard
+
+
+class TaskInterface:
+    """Topics and services of tasks. Callbacks may run at the same time in several threads."""
+
+    def __init__(self, ros: RosNode, bus: Bus) -> None:
+        self._bus = bus
+        self._text = interface("std_msgs/msg/String")
+        trigger = interface("std_srvs/srv/Trigger")
+        group = rclpy_module("callback_groups").ReentrantCallbackGroup()
+        kept = qos_profile(Qos(retained=True), 1)
+        self._task = ros.node.create_publisher(self._text, "~/task", kept)
+        self._refused = ros.node.create_publisher(self._text, "~/refused", 10)
+        ros.node.create_subscription(
+            self._text, "~/do_task", self._on_do_task, 10, callback_group=group
+        )
+        for name, call in (
+            ("stop", self._stop), ("clear_stop", self._clear_stop), ("cancel", self._cancel)
+        ):  # fmt: skip
+            ros.node.create_service(
+                trigger, f"~/{name}", lambda q, a, call=call: _answered(call, a),
+                callback_group=group,
+            )  # fmt: skip
+        self._present = ""  # id of the running task
+        self.action = DoTaskAction(ros, bus, group) if has_interface(DO_TASK) else None
+        bus.subscribe(TASK, self._on_task)
+
+    def _on_task(self, task: pb.Task) -> None:
+        self._present = "" if task.state in ENDED else task.id
+        self._task.publish(self._text(data=json.dumps(task_json(task))))
+        if self.action is not None:
+            self.action.on_task(task)
+
+    def _on_do_task(self, message: Any) -> None:
+        try:
+            self._bus.call(SUBMIT, submit_request(message.data), CALL_S)
+        except HeliosError as error:
+            log.warning("the task %r was refused: %s", message.data[:200], error.message)
+            said = {"instruction": message.data, "error": error.message}
+            self._refused.publish(self._text(data=json.dumps(said)))
+
+    def _stop(self) -> str:
+        self._bus.call(STOP, pb.StopRequest(reason="the ROS service ~/stop"), CALL_S)
+        return "the robot is stopped; ~/clear_stop lets it move again"
+
+    def _clear_stop(self) -> str:
+        self._bus.call(CLEAR_STOP, pb.Empty(), CALL_S)
+        return "the robot may move again"
+
+    def _cancel(self) -> str:
+        if not self._present:
+            raise InvalidInput("no task runs")
+        self._bus.call(CANCEL, pb.TaskRequest(id=self._present), CALL_S)
+        return f"the task {self._present} is cancelled"
+
+
+class DoTaskAction:
+    """Action server of DoTask: feedback while the task runs; a cancelled goal cancels the task."""
+
+    def __init__(self, ros: RosNode, bus: Bus, group: Any) -> None:
+        action = rclpy_module("action")
+        self._ros, self._bus = ros, bus
+        self._kind = interface(DO_TASK)
+        self._lock = threading.Lock()
+        self._goals: dict[str, tuple[Any, Any]] = {}  # task id -> goal handle, future of its end
+        self._accept = action.CancelResponse.ACCEPT
+        self._server = action.ActionServer(
+            ros.node, self._kind, "~/do_task", self._execute,
+            cancel_callback=self._on_cancel, callback_group=group,
+        )  # fmt: skip
+        ros.node.create_timer(LOOK_S, self._look, callback_group=group)
+
+    def on_task(self, task: pb.Task) -> None:
+        """Tell the goal of this task, if there is one."""
+        with self._lock:
+            handle, ended = self._goals.get(task.id, (None, None))
+        if handle is None or ended.done():
+            return
+        if task.state in ENDED:
+            ended.set_result(task)
+            return
+        feedback = self._kind.Feedback(
+            task_id=task.id, phase=task.phase, message=task.message, progress=float(task.progress)
+        )
+        handle.publish_feedback(feedback)
+
+    async def _execute(self, handle: Any) -> Any:
+        goal = handle.request
+        try:
+            request = pb.SubmitRequest(
+                instruction=goal.instruction, time_limit_s=max(0.0, goal.time_limit_s)
+            )
+            task = self._bus.call(SUBMIT, request, CALL_S)
+        except HeliosError as error:
+            handle.abort()
+            return self._kind.Result(state="refused", message=error.message)
+        ended = rclpy_module("task").Future(executor=self._ros.executor)
+        with self._lock:
+            self._goals[task.id] = (handle, ended)
+        try:
+            if handle.is_cancel_requested:
+                self._bus.call(CANCEL, pb.TaskRequest(id=task.id), CALL_S)
+            task = await ended
+        finally:
+            with self._lock:
+                self._goals.pop(task.id, None)
+        if task.state == "succeeded":
+            handle.succeed()
+        elif handle.is_cancel_requested:
+            handle.canceled()
+        else:
+            handle.abort()
+        return self._kind.Result(
+            succeeded=task.state == "succeeded", task_id=task.id, state=task.state,
+            cause=task.cause, message=task.message,
+        )  # fmt: skip
+
+    def _on_cancel(self, handle: Any) -> Any:
+        with self._lock:
+            ids = [id for id, (goal, _) in self._goals.items() if goal.goal_id == handle.goal_id]
+        for id in ids:
+            try:
+                self._bus.call(CANCEL, pb.TaskRequest(id=id), CALL_S)
+            except HeliosError as error:
+                log.warning("the task %s could not be cancelled: %s", id, error.message)
+        return self._accept
+
+    def _look(self) -> None:
+        with self._lock:
+            ids = list(self._goals)
+        for id in ids:
+            try:
+                self.on_task(self._bus.call(GET_TASK, pb.TaskRequest(id=id), CALL_S))
+            except HeliosError as error:  # the planner may come back
+                log.info("the task %s cannot be asked: %s", id, error.message)
+
+
+def submit_request(text: str) -> pb.SubmitRequest:
+    """Request of an instruction, or of JSON with `instruction`, `max_steps`, `time_limit_s` …
+
+    Raises InvalidInput.
+    """
+    if not text.lstrip().startswith("{"):
+        return pb.SubmitRequest(instruction=text.strip())
+    try:
+        fields = json.loads(text)
+        return pb.SubmitRequest(**fields)
+    except (ValueError, TypeError) as error:
+        raise InvalidInput(
+            f"this is no task: {error}; send an instruction, or JSON with instruction, max_steps, "
+            "agent, time_limit_s, priority"
+        ) from error
+
+
+def task_json(task: pb.Task) -> dict[str, Any]:
+    """The task with the field names of the HTTP API."""
+    return MessageToDict(task, preserving_proto_field_name=True)
+
+
+def _answered(call: Any, response: Any) -> Any:
+    try:
+        response.message, response.success = call(), True
+    except HeliosError as error:
+        response.message, response.success = error.message, False
+    return response

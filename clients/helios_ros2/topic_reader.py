@@ -1,0 +1,110 @@
+"""Subscription to a topic of the robot: waits for its publisher, takes its type and QoS."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from helios_core.errors import HeliosError, Unavailable
+
+from helios_ros2.offered_qos import Qos, matching
+from helios_ros2.ros_node import RosNode
+from helios_ros2.zenoh_node import ZenohNode
+
+log = logging.getLogger(__name__)
+
+LOOK_S = 0.25  # period of the look at the graph
+
+
+class TopicReader:
+    """One topic of the robot. Messages go to a handler in the node's thread.
+
+    The robot may start later, restart, or return with another type or quality of service.
+    """
+
+    def __init__(
+        self,
+        ros: RosNode | ZenohNode,
+        topic: Callable[[], str],
+        types: Sequence[str],
+        handler: Callable[[Any], None],
+        depth: int,
+    ) -> None:
+        """topic: gives its name; raises Unavailable while that is not known. types: accepted."""
+        self._ros, self._name, self._types, self._handler = ros, topic, types, handler
+        self._depth = depth
+        self._subscription: Any = None
+        self._taken: tuple[str, str, Qos] | None = None  # topic, type, quality of service
+        self._arrived_s, self._stamp_ns, self._count = 0.0, 0, 0
+        self._trouble = "not looked for yet"
+        ros.every(LOOK_S, self.look)
+
+    @property
+    def topic(self) -> str:
+        """Name of the topic. Raises Unavailable while it is not known."""
+        return self._name()
+
+    @property
+    def count(self) -> int:
+        """Number of messages so far."""
+        return self._count
+
+    def age_s(self) -> float:
+        """Time since the last message; infinite before the first."""
+        return time.monotonic() - self._arrived_s if self._count else float("inf")
+
+    def look(self) -> None:
+        """Subscribe as soon as somebody publishes; anew if type or quality have changed."""
+        try:
+            topic = self._name()
+            offered = self._ros.offered(topic)
+            fitting = [(kind, qos) for kind, qos in offered if kind in self._types]
+            if not fitting:
+                self._trouble = self._unpublished(topic, offered)
+                return
+            wanted = (topic, fitting[0][0], matching([q for k, q in fitting if k == fitting[0][0]]))
+            if wanted != self._taken:
+                self._subscribe(wanted)
+            self._trouble = ""
+        except HeliosError as error:
+            self._trouble = error.message
+
+    def silence(self) -> Unavailable:
+        """The fault of a topic without messages: names topic, type, QoS and last stamp."""
+        if self._taken is None or (self._trouble and not self._count):
+            return Unavailable(self._trouble)
+        topic, kind, qos = self._taken
+        if not self._count:
+            return Unavailable(f"no message has come on {topic} ({kind}, {qos}) yet; is it sent?")
+        gone = "" if not self._trouble else f"; {self._trouble}"
+        return Unavailable(
+            f"{topic} ({kind}, {qos}) is silent for {self.age_s():.1f} s, its last stamp is "
+            f"{self._stamp_ns / 1e9:.3f} s{gone}"
+        )
+
+    def _unpublished(self, topic: str, offered: Sequence[tuple[str, Qos]]) -> str:
+        wanted = " or ".join(self._types)
+        if offered:
+            return f"{topic} has the type {offered[0][0]}; wanted {wanted}: name another topic"
+        return f"nobody publishes {topic} ({wanted}); is the robot on? {self._ros.domain}"
+
+    def _subscribe(self, wanted: tuple[str, str, Qos]) -> None:
+        topic, kind, qos = wanted
+        if self._subscription is not None:
+            self._subscription.close()
+            self._subscription = None
+        self._subscription = self._ros.subscribe(topic, kind, self._on_message, qos, self._depth)
+        self._taken = wanted
+        log.info("reads %s (%s, %s)", topic, kind, qos)
+
+    def _on_message(self, message: Any) -> None:
+        self._arrived_s, self._count = time.monotonic(), self._count + 1
+        header = getattr(message, "header", None)
+        if header is not None:
+            self._stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+        try:
+            self._handler(message)
+        except HeliosError as error:  # a message with impossible content
+            log.warning("a message of %s was left out: %s", self._taken, error.message)

@@ -1,0 +1,136 @@
+"""The output process' service on a bus in memory; run by tests/e2e/test_ros2_hand.py."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from helios_core import proto as pb  # noqa: E402
+from helios_core.codec import state_to_proto  # noqa: E402
+from helios_core.geometry import se2_to_se3  # noqa: E402
+from helios_core.health import Health  # noqa: E402
+from helios_core.memory_bus import MemoryBus, MemoryHub  # noqa: E402
+from helios_core.topics import CANCEL, GET_TASK, ROBOT_STATE, SUBMIT, TASK  # noqa: E402
+from helios_core.types import RobotState  # noqa: E402
+from helios_ros2.offered_qos import Qos  # noqa: E402
+from helios_ros2.output_service import OutputService  # noqa: E402
+from helios_ros2.rclpy_loading import has_interface, interface, rclpy_module  # noqa: E402
+from helios_ros2.ros_node import RosNode, qos_profile  # noqa: E402
+from helios_ros2.settings import Ros2Settings  # noqa: E402
+
+WITHIN_S = 20.0
+TF = "tf2_msgs/msg/TFMessage"
+DO_TASK = "helios_msgs/action/DoTask"
+
+
+class Planner:
+    """Serves tasks that run until they are cancelled."""
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self.bus, self.task = bus, pb.Task(id="t1", state="running", phase="find_object")
+        self.cancelled = threading.Event()
+        bus.serve(SUBMIT, lambda request: self.task)
+        bus.serve(GET_TASK, lambda request: self.task)
+        bus.serve(CANCEL, self.cancel)
+
+    def cancel(self, request: pb.TaskRequest) -> pb.Task:
+        self.task = pb.Task(id=request.id, state="cancelled", message="cancelled by a client")
+        self.cancelled.set()
+        return self.task
+
+
+@contextmanager
+def output(**settings: Any) -> Iterator[tuple[MemoryBus, RosNode]]:
+    hub = MemoryHub()
+    bus, other = MemoryBus(hub), MemoryBus(hub)
+    service = OutputService(bus, Ros2Settings(**settings), Health())
+    user = RosNode("user")
+    user.start()
+    try:
+        yield other, user
+    finally:
+        user.close()
+        service.close()
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    end_s = time.monotonic() + WITHIN_S
+    while not condition():
+        assert time.monotonic() < end_s, "it never came true"
+        time.sleep(0.02)
+
+
+def heard(user: RosNode, topic: str, kind: str, retained: bool) -> list[Any]:
+    out: list[Any] = []
+    qos = qos_profile(Qos(retained=retained), 10)
+    user.node.create_subscription(interface(kind), topic, out.append, qos)
+    return out
+
+
+@pytest.mark.skipif(not has_interface(TF), reason="no tf2_msgs")
+def test_the_base_is_published_in_tf_if_asked() -> None:
+    with output(publish_tf="base", frame="home") as (bus, user):
+        got = heard(user, "/tf", TF, retained=False)
+
+        def told() -> bool:
+            bus.publish(ROBOT_STATE, state_to_proto(RobotState(se2_to_se3(1.0, 2.0, 0.5))))
+            return bool(got)
+
+        wait_until(told)
+        [one] = got[0].transforms
+        assert (one.header.frame_id, one.child_frame_id) == ("home", "base_link")
+        at = one.transform.translation
+        np.testing.assert_allclose([at.x, at.y], [1.0, 2.0])
+
+
+@pytest.mark.skipif(not has_interface(TF), reason="no tf2_msgs")
+def test_map_and_odom_are_one_frame_if_asked() -> None:
+    with output(publish_tf="odom") as (_, user):
+        got = heard(user, "/tf_static", TF, retained=True)
+        wait_until(lambda: got)
+        [one] = got[0].transforms
+        assert (one.header.frame_id, one.child_frame_id) == ("map", "odom")
+        assert one.transform.rotation.w == 1.0
+
+
+def test_a_stop_that_nobody_takes_is_no_success() -> None:
+    with output() as (_, user):
+        client = user.node.create_client(interface("std_srvs/srv/Trigger"), "/helios/stop")
+        assert client.wait_for_service(WITHIN_S)
+        answer = client.call_async(interface("std_srvs/srv/Trigger").Request())
+        wait_until(answer.done)
+        assert not answer.result().success
+        assert answer.result().message
+
+
+@pytest.mark.skipif(not has_interface(DO_TASK), reason="no helios_msgs")
+def test_a_cancelled_goal_cancels_the_task() -> None:
+    with output() as (bus, user):
+        planner, kind = Planner(bus), interface(DO_TASK)
+        client = rclpy_module("action").ActionClient(user.node, kind, "/helios/do_task")
+        assert client.wait_for_server(WITHIN_S)
+        phases: list[str] = []
+        sent = client.send_goal_async(
+            kind.Goal(instruction="find the cup"), lambda m: phases.append(m.feedback.phase)
+        )
+        wait_until(sent.done)
+        ended = sent.result().get_result_async()
+
+        def told() -> bool:
+            bus.publish(TASK, planner.task)
+            return bool(phases)
+
+        wait_until(told)
+        sent.result().cancel_goal_async()
+        assert planner.cancelled.wait(WITHIN_S)
+        wait_until(ended.done)  # the end is also found without the planner's message
+        assert ended.result().result.state == "cancelled"
+        assert ended.result().status == 5
