@@ -53,6 +53,8 @@ ELSEWHERE = {
     ("clients/helios_eval/report/episode_map.py", "save"): (1, MEMORY),
     ("clients/helios_eval/calibration/charts.py", "savefig"): (1, MEMORY),
     ("scripts/generate_example_flat.py", "ZipFile"): (1, MEMORY),
+    ("clients/helios_ros2/interface_build.py", "open"): (1, LOG),
+    ("clients/helios_ros2/interface_build.py", "write_text"): (2, SCRATCH),
     ("clients/helios_chaos/chaos_run.py", "copy"): (1, SCRATCH),
     ("clients/helios_chaos/checks.py", "connect"): (1, "only read"),
     ("clients/helios_chaos/faults.py", "open"): (1, "fills the disk"),
