@@ -26,20 +26,20 @@ from helios_core.errors import InvalidInput
 from helios_objectmap.instances.name_sightings import BROAD_PRIOR
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
+from scipy.special import expit
 
 from helios_eval.calibration.statistics import (
+    Z_95,
     auroc,
     bin_of,
     equal_count_edges,
-    percentile_interval,
 )
 from helios_eval.error_models.name_error_fit import (
-    PRIOR,
-    PRIOR_SD,
     UNKNOWN,
     NameCounts,
     NameFit,
     counts_of,
+    covariance,
     fitted,
     instances,
     log_loss,
@@ -61,8 +61,7 @@ from helios_eval.studies.detector_errors.noise_fit import shares_of, widening
 from helios_eval.studies.detector_errors.repeat_rates import ANGLES_DEG, RepeatRates
 from helios_eval.studies.detector_errors.sightings import COUNTED, FalseAlarms, Sightings
 
-RESAMPLES = 100
-LEAST_SCENES = 5  # scenes from which whole scenes are drawn; below, single things
+LEAST_SCENES = 5  # scenes from which whole scenes count as independent; below, single things
 LEAST_THINGS = 10  # things of a fit
 FOLDS = 5
 DISTANCES_M = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0)  # borders of the bands
@@ -155,26 +154,21 @@ def _names(
     )  # fmt: skip
 
 
-def intervals(
-    counts: NameCounts, fit: NameFit, resamples: int = RESAMPLES
-) -> tuple[list[float], list[float]]:
-    """95 % intervals of `FITTED` and of `none`: a bootstrap over scenes, or over the things of
-    fewer than `LEAST_SCENES` scenes.
+def intervals(counts: NameCounts, fit: NameFit) -> tuple[list[float], list[float]]:
+    """95 % intervals of `FITTED` and of `none`, over scenes, or over the things of fewer than
+    `LEAST_SCENES` scenes."""
+    unit = _units(counts)
+    half = Z_95 * np.sqrt(np.diag(covariance(counts, fit, unit)))
+    at = np.array([*theta_of(fit), np.log(fit.errors.rival)])
+    ends = [[*expit(x[:3]), np.exp(x[4]), expit(x[3])] for x in (at - half, at + half)]
+    low, high = np.array(ends).tolist()
+    return low, high
 
-    Each resample also draws the means of the priors. So the interval of a parameter of which the
-    things say nothing is that of its prior.
-    """
+
+def _units(counts: NameCounts) -> NDArray[np.int64]:
+    """Unit [n] of each thing: its scene, or itself with few scenes."""
     scenes, of_thing = np.unique(counts.scene, return_inverse=True)
-    if len(scenes) < LEAST_SCENES:
-        of_thing = np.arange(len(counts))
-    size, rng = int(of_thing.max()) + 1, np.random.default_rng(0)
-    start, drawn = theta_of(fit), []
-    for _ in range(resamples):
-        weight = rng.multinomial(size, np.full(size, 1 / size))[of_thing].astype(float)
-        again = fitted(counts, weight, start, rng.normal(PRIOR, PRIOR_SD))
-        drawn.append([*(getattr(again.errors, name) for name in FITTED), again.none])
-    ends = [percentile_interval(column) for column in np.array(drawn).T]
-    return [low for low, _ in ends], [high for _, high in ends]
+    return of_thing if len(scenes) >= LEAST_SCENES else np.arange(len(counts))
 
 
 def _checked(counts: NameCounts) -> NamesChecked | None:
@@ -182,8 +176,7 @@ def _checked(counts: NameCounts) -> NamesChecked | None:
     known = counts.part(counts.right != UNKNOWN)
     if len(known) < 2 * LEAST_THINGS:
         return None
-    scenes, of_thing = np.unique(counts.scene, return_inverse=True)
-    unit = of_thing if len(scenes) >= LEAST_SCENES else np.arange(len(counts))
+    unit = _units(counts)
     fold = (unit % FOLDS)[counts.right != UNKNOWN]
     listed = instances(known)
     before = probabilities(known, BROAD_PRIOR)

@@ -7,7 +7,7 @@ sides of a thing correlate by ρ (`sides_correlate`), so k is beta-binomial:
 
     BB(k; μ) = B(k + a, W − k + b) / B(a, b),   a = μ (1 − ρ) / ρ,   b = (1 − μ) (1 − ρ) / ρ
     p(thing, name n is right)  = (1 − ν) / N · BB(k_n; h) · Π over m ≠ n of BB(k_m; q)
-    p(thing, no name is right) = ν · BB(0; h) · Π over all m of BB(k_m; q)
+    p(thing, no name is right) = ν · Π over all m of BB(k_m; q)
 
 Where the right name is known, the fit takes that term; else their sum (EM: the expected share of
 each term, then the parameters under these shares, and again). Weak normal priors on the log-odds
@@ -21,7 +21,8 @@ it is the one under which the rule's probabilities are likeliest, with the same 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from helios_objectmap.instances.name_sightings import NameErrors
@@ -38,6 +39,8 @@ PRIOR = np.array([logit(0.8), logit(0.15), logit(0.2), logit(0.1), np.log(0.1)])
 PRIOR_SD = np.array([1.0, 1.0, 1.0, 1.0, 1.5])
 LIMIT = 12.0  # of a log-odds
 MOST_STEPS = 200
+M_STEP = 4  # iterations in which a step raises the expected likelihood; more gain little
+DIFFERENCE = 1e-3  # of log-odds, for slopes
 STEP = 1e-6  # relative gain of a step at which EM ends
 
 Array = NDArray[np.float64]
@@ -61,7 +64,15 @@ class NameCounts:
 
     def part(self, rows: NDArray) -> NameCounts:
         """These rows only."""
-        return NameCounts(*(value[rows] for value in vars(self).values()))
+        return NameCounts(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    @cached_property
+    def pairs(self) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Distinct pairs of k and W, each [m], and the index [n, names] of each entry's pair."""
+        W = np.broadcast_to(self.sides[:, None], self.given.shape)
+        flat = np.stack([self.given.ravel(), W.ravel()], -1).round(6)
+        found, index = np.unique(flat, axis=0, return_inverse=True)
+        return found[:, 0], found[:, 1], index.reshape(self.given.shape)
 
 
 @dataclass(frozen=True)
@@ -120,6 +131,27 @@ def theta_of(fit: NameFit) -> Array:
     return np.clip(logit([e.hit, e.mistaken, e.sides_correlate, fit.none]), -LIMIT, LIMIT)
 
 
+def covariance(counts: NameCounts, fit: NameFit, unit: NDArray[np.int64]) -> Array:
+    """Covariance [5, 5] of the parameters on the scales of `PRIOR`.
+
+    unit: [n] things of one unit depend on one another. This is the sandwich estimate for the
+    equations that the fit solves; the priors count as one more unit. So the variance of a parameter
+    of which the things say nothing is that of its prior.
+    """
+    at = np.array([*theta_of(fit), np.log(fit.errors.rival)])
+    slope = np.stack([
+        (_equations(counts, at + d).sum(axis=0) - _equations(counts, at - d).sum(axis=0))
+        / (2 * DIFFERENCE)
+        for d in DIFFERENCE * np.eye(len(at))
+    ], -1)  # fmt: skip
+    by_unit = np.zeros((int(unit.max()) + 1, len(at)))
+    np.add.at(by_unit, unit, _equations(counts, at))
+    prior = np.diag(1 / PRIOR_SD**2)
+    inverse = np.linalg.inv(slope - prior)
+    small = len(by_unit) / max(len(by_unit) - 1, 1)
+    return inverse @ (small * by_unit.T @ by_unit + prior) @ inverse.T
+
+
 def shares(counts: NameCounts, theta: Array) -> Array:
     """Probability [n, names + 1] that a name is right; last: none is. Known truth is 0 or 1."""
     terms = _terms(counts, theta)
@@ -144,13 +176,17 @@ def drawn(fit: NameFit, counts: NameCounts, sides: Array, names: int, seed: int)
 
 def probabilities(counts: NameCounts, errors: NameErrors) -> Array:
     """`NameRates.probability` [n, names] of each name, for all things at once."""
+    return 1 / (1 + errors.rival * _odds(counts, errors))
+
+
+def _odds(counts: NameCounts, errors: NameErrors) -> Array:
+    """Odds [n, names] of all other names against each name, where one has even odds before."""
     independent = 1 / (1 + errors.sides_correlate * np.maximum(counts.sides - 1, 0))
     slope = logit(errors.hit) - logit(errors.mistaken)
     support = counts.given * (slope * independent)[:, None]
     more = support[:, None, :] - support[:, :, None]  # [n, own, other]
     other = counts.listed[:, None, :] & ~np.eye(support.shape[1], dtype=bool)
-    odds = (errors.rival * np.exp(np.minimum(more, 50.0)) * other).sum(axis=2)
-    return 1 / (1 + odds)
+    return (np.exp(np.minimum(more, 50.0)) * other).sum(axis=2)
 
 
 def instances(counts: NameCounts) -> NDArray[np.bool_]:
@@ -167,14 +203,13 @@ def log_loss(probability: Array, right: Array) -> Array:
 def _terms(counts: NameCounts, theta: Array) -> Array:
     """Log-likelihood [n, names + 1] of each name being the right one; last: none of them."""
     hit, mistaken, correlate, none = expit(np.clip(theta, -LIMIT, LIMIT))
-    k, W, listed = counts.given, counts.sides[:, None], counts.listed
-    wrong = np.where(listed, _beta_binomial(k, W, mistaken, correlate), 0.0)
-    right = _beta_binomial(k, W, hit, correlate)
-    never = _beta_binomial(np.zeros_like(W), W, hit, correlate)
+    (k, W, index), listed = counts.pairs, counts.listed
+    wrong = np.where(listed, _beta_binomial(k, W, mistaken, correlate)[index], 0.0)
+    right = _beta_binomial(k, W, hit, correlate)[index]
     number = np.maximum(listed.sum(axis=1, keepdims=True), 1)
     all_wrong = wrong.sum(axis=1, keepdims=True)
     one = np.where(listed, all_wrong - wrong + right + np.log((1 - none) / number), -np.inf)
-    return np.concatenate([one, all_wrong + never + np.log(none)], axis=1)
+    return np.concatenate([one, all_wrong + np.log(none)], axis=1)
 
 
 def _beta_binomial(k: Array, W: Array, mean: float, correlate: float) -> Array:
@@ -208,8 +243,22 @@ def _improved(
         return -float(weight @ expected.sum(axis=1)) - _log_prior(t, prior)
 
     bounds = [(-LIMIT, LIMIT)] * len(theta)
-    found = minimize(loss, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": 15})
+    found = minimize(loss, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": M_STEP})
     return found.x if found.fun <= loss(theta) else theta
+
+
+def _equations(counts: NameCounts, at: Array) -> Array:
+    """Equations [n, 5] whose sum over the things, with those of the priors, a fit makes 0."""
+    steps = DIFFERENCE * np.eye(4)
+    theta = at[:4]
+    likely = [
+        _total(counts, _terms(counts, theta + d)) - _total(counts, _terms(counts, theta - d))
+        for d in steps
+    ]
+    hit, mistaken, correlate, _ = expit(theta).tolist()
+    p = probabilities(counts, NameErrors(hit, mistaken, correlate, float(np.exp(at[4]))))
+    more = np.where(instances(counts), p - shares(counts, theta)[:, :-1], 0.0).sum(axis=1)
+    return np.stack([*(change / (2 * DIFFERENCE) for change in likely), more], -1)
 
 
 def _rival(
@@ -217,11 +266,10 @@ def _rival(
 ) -> float:
     """Likeliest `rival` of the map's rule if names are right with these shares."""
     rows, columns = np.nonzero(instances(counts))
-    right = share[rows, columns]
+    right, odds = share[rows, columns], _odds(counts, errors)[rows, columns]
 
     def loss(log_rival: float) -> float:
-        p = probabilities(counts, replace(errors, rival=float(np.exp(log_rival))))
-        misfit = float(weight[rows] @ log_loss(p[rows, columns], right))
+        misfit = float(weight[rows] @ log_loss(1 / (1 + np.exp(log_rival) * odds), right))
         return misfit + 0.5 * ((log_rival - prior) / PRIOR_SD[4]) ** 2
 
     return float(np.exp(minimize_scalar(loss, bounds=(-9, 4), method="bounded").x))

