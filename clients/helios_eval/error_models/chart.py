@@ -1,4 +1,4 @@
-"""Chart of an error model: how often things get their right name, and what a probability is worth."""
+"""Chart of an error model: how often things get their right name, and what that is worth."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _rates(axes: Any, model: DetectorErrorModel) -> None:
         axes.set(xlabel="distance (m)", ylabel="share of views that name it",
                  title="Names of a thing by distance")  # fmt: skip
     axes.set_ylim(0, 1)
-    axes.legend(loc="upper left")
+    axes.legend(loc="best")
 
 
 def _reliability(axes: Any, checked: NamesChecked) -> None:

@@ -65,9 +65,7 @@ def calibrate(job: Job, say: Callable[[str], None]) -> Built:
         built = of_homes(seen, what, job.detector, job.with_truth)
     else:
         places = read_places(job.places) if job.places is not None else ()
-        heard = look_at_recordings(
-            job.recordings, job.detector, places, job.threads, settings, say
-        )
+        heard = look_at_recordings(job.recordings, job.detector, places, job.threads, settings, say)
         what = "recordings " + ", ".join(path.name for path in job.recordings)
         built = of_recordings(heard, what, job.detector)
     write_file(job.out, to_text(built.model))

@@ -288,4 +288,3 @@ def score_points(seen: Sightings, alarms: FalseAlarms) -> tuple[ScorePoint, ...]
         for s, r, k in zip(mean, rising, n[filled], strict=True)
         if not math.isnan(s)
     )
-

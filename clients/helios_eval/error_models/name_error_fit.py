@@ -232,9 +232,7 @@ def _log_prior(theta: Array, prior: Array) -> float:
     return float(-0.5 * (((theta - prior[:4]) / PRIOR_SD[:4]) ** 2).sum())
 
 
-def _improved(
-    counts: NameCounts, weight: Array, share: Array, theta: Array, prior: Array
-) -> Array:
+def _improved(counts: NameCounts, weight: Array, share: Array, theta: Array, prior: Array) -> Array:
     """Parameters of a higher expected log-likelihood under shares [n, names + 1]."""
 
     def loss(t: Array) -> float:

@@ -94,9 +94,7 @@ class SceneLog:
             keys = surface_keys(frame, mask, self._settings.max_depth_m)
             self._surface.setdefault(name, set()).update(keys.tolist())
 
-    def true_things(
-        self, scene: int, right: Mapping[str, tuple[str, ...]]
-    ) -> Iterator[NamedThing]:
+    def true_things(self, scene: int, right: Mapping[str, tuple[str, ...]]) -> Iterator[NamedThing]:
         """Things by their true surface. right: true thing -> its right names."""
         for name, voxels in self._surface.items():
             if name in right:
@@ -183,4 +181,3 @@ def with_places(
             k = min(near)[1]
             out[k] = replace(out[k], right=place.names)
     return out
-

@@ -10,15 +10,21 @@ os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no
 
 import numpy as np
 from helios_core.household_names import HOUSEHOLD_NAMES
-from helios_detector.model_loading import open_detector
 from helios_detector.backend import DetectorOptions
+from helios_detector.model_loading import open_detector
 from helios_detector.simulator_truth import Truth
 from helios_objectmap.settings import ObjectMapSettings
 from helios_sim.home import PRESETS, generate_home
 from numpy.typing import NDArray
 
 from helios_eval.error_models.named_things import NamedThing, SceneLog
-from helios_eval.studies.detector_errors.__main__ import SIMULATED, Arm, arm_of, known_classes, opened
+from helios_eval.studies.detector_errors.__main__ import (
+    SIMULATED,
+    Arm,
+    arm_of,
+    known_classes,
+    opened,
+)
 from helios_eval.studies.detector_errors.simulated_images import CurrentTruth, images_of
 
 

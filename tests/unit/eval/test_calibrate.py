@@ -112,7 +112,9 @@ def test_detections_that_share_voxels_are_one_thing(things: Sequence[NamedThing]
 
 
 def test_the_nearest_thing_gets_the_right_name_of_a_place(things: Sequence[NamedThing]) -> None:
-    told = with_places(things, [KnownPlace(("cup", "mug"), center_m(5)), KnownPlace(("cup",), (9, 9, 9))])
+    told = with_places(
+        things, [KnownPlace(("cup", "mug"), center_m(5)), KnownPlace(("cup",), (9, 9, 9))]
+    )
     right = [t for t in told if t.right is not None]
     assert [t.right for t in right] == [("cup", "mug")]
     assert NAMES[5] in right[0].rates.names
@@ -187,15 +189,16 @@ def test_score_points_rise_to_the_share_that_is_right() -> None:
     rng = np.random.default_rng(0)
     score = rng.uniform(0.1, 1, 4000)
     right = rng.random(4000) < score**2
-    n, empty = int(right.sum()), np.zeros(0)
+    n = int(right.sum())
+    number, one, text = np.zeros(n, np.int64), np.ones(n), np.full(n, "cup")
     seen = Sightings(
-        *(np.zeros(n, np.int64) for _ in range(3)), np.full(n, "cup"), np.ones(n), np.ones(n),
-        np.ones(n), np.ones(n, bool), score[right], np.zeros(n), np.full(n, ""),
-        np.zeros(n, np.int64),
+        home=number, thing=number, view=number, class_name=text, pixels=one, distance_m=one,
+        angle_rad=one, unobstructed=one > 0, right=score[right], wrong=0 * one, wrong_name=text,
+        wrong_names=number,
     )  # fmt: skip
     alarms = FalseAlarms(1, 1, score[~right], np.full(4000 - n, "cup"))
     points = score_points(seen, alarms)
     assert len(points) > 5
     for point in points:
         assert point.right == pytest.approx(point.score**2, abs=0.1)
-    assert score_points(seen.part(np.zeros(n, bool)), FalseAlarms(0, 1, empty, empty)) == ()
+    assert score_points(seen.part(np.zeros(n, bool)), FalseAlarms(0, 1, score[:0], text[:0])) == ()

@@ -36,9 +36,7 @@ def file(tmp_path: Path) -> str:
         what="a test", truth="truth", views=1, things=1, things_with_truth=1, sides=1.0,
         made_with="0",
     )  # fmt: skip
-    model = DetectorErrorModel(
-        detector=DETECTOR, source=source, names=NameErrorEstimates(**names)
-    )
+    model = DetectorErrorModel(detector=DETECTOR, source=source, names=NameErrorEstimates(**names))
     path = tmp_path / "model.json"
     path.write_text(to_text(model))
     return str(path)
