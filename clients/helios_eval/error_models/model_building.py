@@ -45,7 +45,6 @@ from helios_eval.error_models.name_error_fit import (
     log_loss,
     probabilities,
     shares,
-    theta_of,
 )
 from helios_eval.error_models.named_things import NamedThing
 from helios_eval.error_models.recordings import RecordedSightings
@@ -104,7 +103,7 @@ def of_homes(seen: HomeSightings, what: str, spec: str, with_truth: bool) -> Bui
     model = DetectorErrorModel(
         detector=seen.detector, digest=_digest(spec), names=names, none=none,
         source=_source(what, counts, seen.views),
-        naming_by_distance=_naming(things, shares(counts, theta_of(fit))),
+        naming_by_distance=_naming(things, shares(counts, fit.model)),
         rates_by_pixels=_bands(PIXELS, told.by_pixels) if told else (),
         rates_by_distance=_by_distance(clear) if told else (),
         false_alarms_per_image=told.alarms if told else None,
@@ -121,7 +120,7 @@ def of_recordings(seen: RecordedSightings, what: str, spec: str) -> Built:
     model = DetectorErrorModel(
         detector=seen.detector, digest=_digest(spec), names=names, none=none,
         source=_source(what, counts, seen.views),
-        naming_by_distance=_naming(seen.things, shares(counts, theta_of(fit))),
+        naming_by_distance=_naming(seen.things, shares(counts, fit.model)),
         repeats_by_angle=_repeats(seen.repeats),
     )  # fmt: skip
     return Built(model, fit, _checked(counts))
@@ -157,11 +156,18 @@ def _names(
 def intervals(counts: NameCounts, fit: NameFit) -> tuple[list[float], list[float]]:
     """95 % intervals of `FITTED` and of `none`, over scenes, or over the things of fewer than
     `LEAST_SCENES` scenes."""
-    unit = _units(counts)
-    half = Z_95 * np.sqrt(np.diag(covariance(counts, fit, unit)))
-    at = np.array([*theta_of(fit), np.log(fit.errors.rival)])
-    ends = [[*expit(x[:3]), np.exp(x[4]), expit(x[3])] for x in (at - half, at + half)]
-    low, high = np.array(ends).tolist()
+    spread = covariance(counts, fit, _units(counts))
+    deviation = np.sqrt(np.diag(spread))
+    slope = float(np.exp(fit.rule[0]))
+    turn = np.zeros(len(spread))
+    turn[[0, 4]] = 1.0, -slope  # log-odds of `mistaken` by those of `hit` and the log of the slope
+    at = [fit.model[0], fit.model[0] - slope, fit.rule[1], fit.rule[2], fit.model[3]]
+    of = [deviation[0], float(np.sqrt(turn @ spread @ turn)), *deviation[[5, 6, 3]]]
+    scale = [expit, expit, expit, np.exp, expit]
+    low, high = (
+        [float(f(x + side * Z_95 * d)) for f, x, d in zip(scale, at, of, strict=True)]
+        for side in (-1, 1)
+    )
     return low, high
 
 

@@ -14,8 +14,10 @@ each term, then the parameters under these shares, and again). Weak normal prior
 hold what the data cannot tell. An error that is the same from all sides looks like the truth, so
 without truth they decide how often that happens.
 
-`rival` belongs to the map's rule (`NameRates.probability`) and not to this model. Given the others
-it is the one under which the rule's probabilities are likeliest, with the same shares.
+The map's own rule (`NameRates.probability`) is simpler. It knows the log-odds ratio of a right and
+a wrong name (`slope`), ρ and the prior odds of one other name (`rival`). A second step fits these
+three: those under which the rule's probabilities are likeliest, with the shares of the first step,
+or with the truth. `NameFit.errors` has them: h of the first step, and the q that gives the slope.
 """
 
 from __future__ import annotations
@@ -27,16 +29,21 @@ from functools import cached_property
 import numpy as np
 from helios_objectmap.instances.name_sightings import NameErrors
 from numpy.typing import NDArray
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 from scipy.special import betaln, expit, logit
 
 from helios_eval.error_models.named_things import NamedThing
 
 NONE, UNKNOWN = -1, -2  # of `NameCounts.right`
 LEAST_RATE = 0.15  # names given less often make no instance of the map (`named_from`)
-# Normal priors: log-odds of hit, mistaken, sides_correlate and none; logarithm of rival.
-PRIOR = np.array([logit(0.8), logit(0.15), logit(0.2), logit(0.1), np.log(0.1)])
-PRIOR_SD = np.array([1.0, 1.0, 1.0, 1.0, 1.5])
+# Normal priors: log-odds of h, q, ρ and ν; of the rule: logarithm of the slope, log-odds of ρ,
+# logarithm of rival.
+PRIOR = np.array(
+    [logit(0.8), logit(0.15), logit(0.2), logit(0.1), np.log(4.0), logit(0.2), np.log(0.1)]
+)
+PRIOR_SD = np.array([1.0, 1.0, 1.0, 1.0, 0.5, 1.0, 1.5])
+RULE_BOUNDS = [(-2.0, 3.0), (-9.0, 9.0), (-9.0, 4.0)]
+MOST_SUPPORT = 50.0  # of a name against another, as in the map
 LIMIT = 12.0  # of a log-odds
 MOST_STEPS = 200
 M_STEP = 4  # iterations in which a step raises the expected likelihood; more gain little
@@ -79,9 +86,19 @@ class NameCounts:
 class NameFit:
     """Parameters, and the log-likelihood of each step with the log of the prior."""
 
-    errors: NameErrors
-    none: float  # share of things whose right name was never given
-    steps: tuple[float, ...]
+    model: Array  # [4] log-odds of h, q, ρ, ν
+    rule: Array  # [3] of the map's rule, on the scales of `PRIOR`
+    steps: tuple[float, ...] = ()
+
+    @property
+    def errors(self) -> NameErrors:
+        """Parameters of the map's rule."""
+        return errors_of(float(expit(self.model[0])), self.rule)
+
+    @property
+    def none(self) -> float:
+        """Share of things none of whose names is right."""
+        return float(expit(self.model[3]))
 
 
 def counts_of(things: Sequence[NamedThing]) -> NameCounts:
@@ -100,45 +117,39 @@ def counts_of(things: Sequence[NamedThing]) -> NameCounts:
     return NameCounts(given, listed, sides, right, np.array([t.scene for t in things], np.int64))
 
 
-def fitted(
-    counts: NameCounts,
-    weight: Array | None = None,
-    start: Array | None = None,
-    prior: Array = PRIOR,
-) -> NameFit:
-    """Likeliest parameters under the priors.
+def errors_of(hit: float, rule: Array) -> NameErrors:
+    """Parameters of the map's rule from [3] numbers on the scales of `PRIOR`."""
+    mistaken = float(expit(logit(hit) - np.exp(rule[0])))
+    return NameErrors(hit, mistaken, float(expit(rule[1])), float(np.exp(rule[2])))
 
-    weight: [n] of each thing, 1 without; start: [4] log-odds; prior: [5] means of the priors.
-    """
-    weight = np.ones(len(counts)) if weight is None else weight
-    theta = prior[:4].copy() if start is None else start
-    steps: list[float] = []
+
+def fitted(counts: NameCounts) -> NameFit:
+    """Likeliest parameters under the priors."""
+    theta, steps = PRIOR[:4].copy(), list[float]()
     for _ in range(MOST_STEPS):
         terms = _terms(counts, theta)
-        steps.append(float(weight @ _total(counts, terms)) + _log_prior(theta, prior))
+        steps.append(float(_total(counts, terms).sum()) + _log_prior(theta))
         if len(steps) > 1 and steps[-1] - steps[-2] < STEP * abs(steps[-2]):
             break
-        theta = _improved(counts, weight, shares(counts, theta), theta, prior)
-    hit, mistaken, correlate, none = expit(theta).tolist()
-    errors = NameErrors(hit, mistaken, correlate, 1.0)
-    rival = _rival(counts, weight, shares(counts, theta), errors, prior[4])
-    return NameFit(replace(errors, rival=rival), none, tuple(steps))
+        theta = _improved(counts, shares(counts, theta), theta)
+    share = shares(counts, theta)
 
+    def loss(rule: Array) -> float:
+        off = (rule - PRIOR[4:]) / PRIOR_SD[4:]
+        return float(_rule_loss(counts, rule, share).sum() + 0.5 * (off**2).sum())
 
-def theta_of(fit: NameFit) -> Array:
-    """Log-odds of the parameters, as a start of another fit."""
-    e = fit.errors
-    return np.clip(logit([e.hit, e.mistaken, e.sides_correlate, fit.none]), -LIMIT, LIMIT)
+    rule = minimize(loss, PRIOR[4:], method="L-BFGS-B", bounds=RULE_BOUNDS).x
+    return NameFit(theta, rule, tuple(steps))
 
 
 def covariance(counts: NameCounts, fit: NameFit, unit: NDArray[np.int64]) -> Array:
-    """Covariance [5, 5] of the parameters on the scales of `PRIOR`.
+    """Covariance [7, 7] of the parameters on the scales of `PRIOR`.
 
     unit: [n] things of one unit depend on one another. This is the sandwich estimate for the
     equations that the fit solves; the priors count as one more unit. So the variance of a parameter
     of which the things say nothing is that of its prior.
     """
-    at = np.array([*theta_of(fit), np.log(fit.errors.rival)])
+    at = np.concatenate([fit.model, fit.rule])
     slope = np.stack([
         (_equations(counts, at + d).sum(axis=0) - _equations(counts, at - d).sum(axis=0))
         / (2 * DIFFERENCE)
@@ -161,14 +172,14 @@ def shares(counts: NameCounts, theta: Array) -> Array:
     return out
 
 
-def drawn(fit: NameFit, counts: NameCounts, sides: Array, names: int, seed: int) -> NameCounts:
+def drawn(fit: NameFit, sides: Array, names: int, seed: int) -> NameCounts:
     """Counts of things drawn from the model. sides: [n] whole numbers; names: of each thing."""
-    rng, e = np.random.default_rng(seed), fit.errors
-    n = len(sides)
-    right = np.where(rng.random(n) < fit.none, NONE, rng.integers(0, names, n))
-    mean = np.full((n, names), e.mistaken)
-    mean[right >= 0, right[right >= 0]] = e.hit
-    spread = (1 - e.sides_correlate) / e.sides_correlate
+    rng, n = np.random.default_rng(seed), len(sides)
+    hit, mistaken, correlate, none = expit(fit.model)
+    right = np.where(rng.random(n) < none, NONE, rng.integers(0, names, n))
+    mean = np.full((n, names), mistaken)
+    mean[right >= 0, right[right >= 0]] = hit
+    spread = (1 - correlate) / correlate
     chance = rng.beta(mean * spread, (1 - mean) * spread)
     given = rng.binomial(sides.astype(int)[:, None], chance).astype(float)
     return NameCounts(given, np.ones((n, names), bool), sides, right, np.arange(n))
@@ -183,10 +194,11 @@ def _odds(counts: NameCounts, errors: NameErrors) -> Array:
     """Odds [n, names] of all other names against each name, where one has even odds before."""
     independent = 1 / (1 + errors.sides_correlate * np.maximum(counts.sides - 1, 0))
     slope = logit(errors.hit) - logit(errors.mistaken)
-    support = counts.given * (slope * independent)[:, None]
-    more = support[:, None, :] - support[:, :, None]  # [n, own, other]
-    other = counts.listed[:, None, :] & ~np.eye(support.shape[1], dtype=bool)
-    return (np.exp(np.minimum(more, 50.0)) * other).sum(axis=2)
+    support = np.where(counts.listed, counts.given * (slope * independent)[:, None], -np.inf)
+    own = np.exp(support - support.max(axis=1, keepdims=True))
+    own = np.maximum(own, np.exp(-MOST_SUPPORT))
+    total = np.where(counts.listed, own, 0.0).sum(axis=1, keepdims=True)
+    return (total - own) / own
 
 
 def instances(counts: NameCounts) -> NDArray[np.bool_]:
@@ -228,46 +240,39 @@ def _total(counts: NameCounts, terms: Array) -> Array:
     return out
 
 
-def _log_prior(theta: Array, prior: Array) -> float:
-    return float(-0.5 * (((theta - prior[:4]) / PRIOR_SD[:4]) ** 2).sum())
+def _log_prior(theta: Array) -> float:
+    return float(-0.5 * (((theta - PRIOR[:4]) / PRIOR_SD[:4]) ** 2).sum())
 
 
-def _improved(counts: NameCounts, weight: Array, share: Array, theta: Array, prior: Array) -> Array:
+def _improved(counts: NameCounts, share: Array, theta: Array) -> Array:
     """Parameters of a higher expected log-likelihood under shares [n, names + 1]."""
 
     def loss(t: Array) -> float:
         terms = _terms(counts, t)
         expected = np.where(share > 0, share * np.where(share > 0, terms, 0.0), 0.0)
-        return -float(weight @ expected.sum(axis=1)) - _log_prior(t, prior)
+        return -float(expected.sum()) - _log_prior(t)
 
     bounds = [(-LIMIT, LIMIT)] * len(theta)
     found = minimize(loss, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": M_STEP})
     return found.x if found.fun <= loss(theta) else theta
 
 
+def _rule_loss(counts: NameCounts, rule: Array, share: Array) -> Array:
+    """Log loss [n] of the map's rule if names are right with shares [n, names + 1]."""
+    p = probabilities(counts, errors_of(0.5, rule))
+    return np.where(instances(counts), log_loss(p, share[:, :-1]), 0.0).sum(axis=1)
+
+
 def _equations(counts: NameCounts, at: Array) -> Array:
-    """Equations [n, 5] whose sum over the things, with those of the priors, a fit makes 0."""
-    steps = DIFFERENCE * np.eye(4)
-    theta = at[:4]
+    """Equations [n, 7] whose sum over the things, with those of the priors, a fit makes 0."""
+    theta, rule = at[:4], at[4:]
+    share = shares(counts, theta)
     likely = [
         _total(counts, _terms(counts, theta + d)) - _total(counts, _terms(counts, theta - d))
-        for d in steps
+        for d in DIFFERENCE * np.eye(4)
     ]
-    hit, mistaken, correlate, _ = expit(theta).tolist()
-    p = probabilities(counts, NameErrors(hit, mistaken, correlate, float(np.exp(at[4]))))
-    more = np.where(instances(counts), p - shares(counts, theta)[:, :-1], 0.0).sum(axis=1)
-    return np.stack([*(change / (2 * DIFFERENCE) for change in likely), more], -1)
-
-
-def _rival(
-    counts: NameCounts, weight: Array, share: Array, errors: NameErrors, prior: float
-) -> float:
-    """Likeliest `rival` of the map's rule if names are right with these shares."""
-    rows, columns = np.nonzero(instances(counts))
-    right, odds = share[rows, columns], _odds(counts, errors)[rows, columns]
-
-    def loss(log_rival: float) -> float:
-        misfit = float(weight[rows] @ log_loss(1 / (1 + np.exp(log_rival) * odds), right))
-        return misfit + 0.5 * ((log_rival - prior) / PRIOR_SD[4]) ** 2
-
-    return float(np.exp(minimize_scalar(loss, bounds=(-9, 4), method="bounded").x))
+    likely += [
+        _rule_loss(counts, rule - d, share) - _rule_loss(counts, rule + d, share)
+        for d in DIFFERENCE * np.eye(3)
+    ]
+    return np.stack(likely, -1) / (2 * DIFFERENCE)

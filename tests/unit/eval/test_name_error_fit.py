@@ -6,45 +6,58 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from helios_eval.error_models.model_building import FITTED, intervals
+from helios_eval.error_models.model_building import intervals
 from helios_eval.error_models.name_error_fit import (
     NONE,
+    PRIOR,
     NameCounts,
     NameFit,
+    covariance,
     drawn,
     fitted,
     instances,
+    log_loss,
     probabilities,
     shares,
-    theta_of,
 )
 from helios_objectmap.instances.name_sightings import NameErrors, NameRates
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import logit
 
 NAMES = 4
 
 
-def sample(errors: NameErrors, none: float, things: int, seed: int) -> NameCounts:
-    """Things of two to twelve sides, each with `NAMES` names, drawn from the model."""
+def sample(values: tuple[float, float, float, float], things: int, seed: int) -> NameCounts:
+    """Things of two to twelve sides, each with `NAMES` names, drawn with h, q, ρ and ν."""
     sides = np.random.default_rng(seed).integers(2, 13, things).astype(float)
-    empty = NameCounts(
-        np.zeros((0, NAMES)), np.zeros((0, NAMES), bool), sides[:0], np.zeros(0, int),
-        np.zeros(0, int),
-    )  # fmt: skip
-    return drawn(NameFit(errors, none, ()), empty, sides, NAMES, seed)
+    return drawn(NameFit(logit(values), PRIOR[4:]), sides, NAMES, seed)
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["with truth", "agreement alone"])
 def test_known_errors_are_fitted_back_within_their_intervals(known: bool) -> None:
-    truth = NameErrors(hit=0.85, mistaken=0.2, sides_correlate=0.25)
-    counts = sample(truth, 0.1, 250, 3)
-    counts = counts if known else counts.without_truth()
-    fit = fitted(counts)
-    low, high = intervals(counts, fit)
-    for k, name in enumerate(FITTED[:3]):
-        assert low[k] <= getattr(truth, name) <= high[k], name
-        assert high[k] - low[k] < 0.25, name
+    values, inside, number = (0.85, 0.2, 0.25, 0.1), 0, 8
+    for seed in range(number):
+        counts = sample(values, 150, seed)
+        counts = counts if known else counts.without_truth()
+        fit = fitted(counts)
+        deviation = np.sqrt(np.diag(covariance(counts, fit, np.arange(len(counts)))))[:4]
+        inside += int((np.abs(fit.model - logit(values)) <= 1.96 * deviation).sum())
+        assert (deviation[:3] < 0.4).all()
+    assert inside >= 0.85 * 4 * number  # of 95 % intervals
+
+
+def test_the_rule_fits_the_truth_better_than_the_broad_prior() -> None:
+    counts, other = (sample((0.85, 0.2, 0.25, 0.1), 200, seed) for seed in (1, 2))
+    right = np.eye(NAMES + 1)[other.right][:, :-1]
+    losses = [
+        log_loss(probabilities(other, errors), right).mean()
+        for errors in (
+            fitted(counts).errors, fitted(counts.without_truth()).errors, NameErrors()
+        )
+    ]  # fmt: skip
+    assert losses[0] <= losses[1] + 0.005
+    assert losses[1] < losses[2]
 
 
 @settings(max_examples=8, deadline=None)
@@ -53,15 +66,15 @@ def test_known_errors_are_fitted_back_within_their_intervals(known: bool) -> Non
     st.integers(0, 999),
 )  # fmt: skip
 def test_no_step_lowers_the_likelihood(hit, mistaken, correlate, none, seed) -> None:
-    counts = sample(NameErrors(hit, mistaken, correlate), none, 40, seed).without_truth()
+    counts = sample((hit, mistaken, correlate, none), 40, seed).without_truth()
     steps = np.array(fitted(counts).steps)
     assert len(steps) > 1
     assert (np.diff(steps) >= -1e-6 * np.abs(steps[:-1])).all()
 
 
 def test_shares_add_up_and_keep_what_is_known() -> None:
-    counts = sample(NameErrors(), 0.2, 60, 1)
-    theta = theta_of(fitted(counts.without_truth()))
+    counts = sample((0.9, 0.1, 0.2, 0.2), 60, 1)
+    theta = fitted(counts.without_truth()).model
     told, untold = shares(counts, theta), shares(counts.without_truth(), theta)
     assert told.sum(axis=1) == pytest.approx(np.ones(60))
     assert untold.sum(axis=1) == pytest.approx(np.ones(60))
@@ -73,7 +86,7 @@ def test_shares_add_up_and_keep_what_is_known() -> None:
 @settings(max_examples=20, deadline=None)
 def test_probabilities_are_those_of_the_map(seed: int) -> None:
     errors = NameErrors(0.8, 0.3, 0.4, 0.5)
-    counts = sample(errors, 0.1, 5, seed)
+    counts = sample((0.8, 0.3, 0.4, 0.1), 5, seed)
     names = tuple(f"name {k}" for k in range(NAMES))
     found = probabilities(counts, errors)
     for row in range(5):
@@ -85,7 +98,7 @@ def test_probabilities_are_those_of_the_map(seed: int) -> None:
 
 
 def test_things_that_say_nothing_leave_the_prior() -> None:
-    counts = sample(NameErrors(), 0.1, 1, 0).without_truth()
+    counts = sample((0.9, 0.1, 0.2, 0.1), 1, 0).without_truth()
     nothing = NameCounts(
         counts.given[:, :1] * 0, counts.listed[:, :1], counts.sides * 0, counts.right, counts.scene
     )
