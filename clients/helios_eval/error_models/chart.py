@@ -72,7 +72,7 @@ def _reliability(axes: Any, checked: NamesChecked) -> None:
         axes.errorbar(bins.score[kept], bins.true[kept], errors, fmt=mark, color=color, label=name,
                       capsize=3)  # fmt: skip
     axes.set(xlabel="probability of the name by the map's rule", ylabel="share that is right",
-             xlim=(0, 1), ylim=(0, 1), title="What that probability is worth")  # fmt: skip
+             xlim=(0, 1), ylim=(0, 1), title="What the map's probability is worth")  # fmt: skip
     axes.legend(loc="upper left")
 
 

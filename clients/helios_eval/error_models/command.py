@@ -22,7 +22,7 @@ from helios_eval.error_models.simulated_homes import look_at_homes
 FIRST_SEED_NOT_PLAYED = 1000  # later homes are for evaluations
 MEANING = {
     "hit": "right name, in a view that names the thing",
-    "mistaken": "another name that the thing got at least once",
+    "mistaken": "another name, so that the map's rule is likeliest",
     "sides_correlate": "correlation of the errors of two sides",
     "rival": "odds of one other name beforehand",
 }

@@ -43,7 +43,7 @@ class NameErrors:
     """
 
     hit: float = 0.95  # chance of the right name in a view that names the thing
-    mistaken: float = 0.1  # the same of a wrong name that the thing got at least once
+    mistaken: float = 0.1  # the same of a wrong name; only its odds against those of `hit` count
     sides_correlate: float = 0.2  # correlation of the errors of two sides of a thing
     rival: float = 0.02  # prior odds of one other name against the own one
 
