@@ -18,12 +18,13 @@ from helios_objectmap.settings import ObjectMapSettings
 
 log = logging.getLogger(__name__)
 
+PACKAGE = "helios_objectmap"
 NO_MODEL = "no error model of the detector: broad prior; see helios calibrate"
 
 
 def shipped_models() -> list[str]:
     """Sorted names of the shipped error models."""
-    names = [f.name for f in resources.files(__package__).joinpath("error_models").iterdir()]
+    names = [f.name for f in resources.files(PACKAGE).joinpath("error_models").iterdir()]
     return sorted(n.removesuffix(".json") for n in names if n.endswith(".json"))
 
 
@@ -36,7 +37,7 @@ def opened(setting: str) -> DetectorErrorModel | None:
     if not setting:
         return None
     if setting in shipped_models():
-        file = resources.files(__package__).joinpath("error_models", f"{setting}.json")
+        file = resources.files(PACKAGE).joinpath("error_models", f"{setting}.json")
         return from_text(file.read_bytes(), f"the shipped error model {setting}")
     try:
         return read_error_model(Path(setting).expanduser())

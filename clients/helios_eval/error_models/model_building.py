@@ -79,7 +79,10 @@ class NamesChecked:
     def figures(self) -> dict[str, tuple[float, float]]:
         """(log loss, AUROC) before and after."""
         return {
-            name: (float(log_loss(p, self.right).mean()), float(auroc(p, self.right)[0]))
+            name: (
+                float(log_loss(p, self.right.astype(np.float64)).mean()),
+                float(auroc(p, self.right)[0]),
+            )
             for name, p in (("broad prior", self.before), ("fitted", self.after))
         }
 

@@ -12,7 +12,7 @@ import numpy as np
 from helios_core.codec.frames import detection_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.household_names import HOUSEHOLD_NAMES
-from helios_core.types import Detection, Frame, FrameId
+from helios_core.types import Detection, Frame, FrameId, SearchContext
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_objectmap.settings import ObjectMapSettings
@@ -33,8 +33,6 @@ from helios_eval.studies.detector_errors.repeat_rates import (
 RECORDED = "recorded"  # the detections that the recording itself has
 MOST_COMPARED = 300  # views of a recording that are compared with one another
 LARGEST_M = 1e5
-
-Detect = Callable[[Frame, int], Sequence[Detection] | None]
 
 
 @dataclass(frozen=True)
@@ -60,12 +58,12 @@ def look_at_recordings(
 
     Raises InvalidInput, in one sentence, and Unavailable.
     """
-    opened, asked, name = None, (), ""
+    opened, asked, name, context = None, (), "", SearchContext("calibrate", ())
     if detector != RECORDED:
         opened = open_detector(detector, DetectorOptions(threads=threads))
         opened.warm_up()
-        arm = arm_of(detector, HOUSEHOLD_NAMES, opened.vocabulary())
-        asked, name = tuple(c.name for c in arm.context.classes), opened.name
+        context = arm_of(detector, HOUSEHOLD_NAMES, opened.vocabulary()).context
+        asked, name = tuple(c.name for c in context.classes), opened.name
     things: list[NamedThing] = []
     views, repeats = 0, nothing()
     for scene, path in enumerate(paths):
@@ -78,7 +76,7 @@ def look_at_recordings(
             if opened is None:
                 found = _recorded(source, n, frame)
             else:
-                found = opened.detect(frame, arm.context).detections
+                found = opened.detect(frame, context).detections
             log.add(frame, found)
             if n % every == 0:
                 images.append(logged(frame, found))
