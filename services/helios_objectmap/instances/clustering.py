@@ -43,7 +43,8 @@ def voxel_keys(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]
 def voxel_centers_m(keys: NDArray[np.integer], voxel_m: float) -> NDArray[np.float64]:
     """Middle of each voxel [n, 3], world, metres; the inverse of `voxel_keys`."""
     parts = [(keys >> (BITS * k)) & ((1 << BITS) - 1) for k in (2, 1, 0)]
-    return (np.stack(parts, -1) - (1 << (BITS - 1)) + 0.5) * voxel_m
+    steps = np.stack(parts, -1).astype(np.float64) - (1 << (BITS - 1))
+    return (steps + 0.5) * voxel_m
 
 
 def connected(voxels: NDArray[np.integer]) -> NDArray[np.int64]:
