@@ -144,6 +144,12 @@ class Recording:
             return None
         return self._in_world(answer.state, index)
 
+    def found(self, index: int) -> pb.Observation | None:
+        """What the detector found then in a shot; None if it was not recorded."""
+        id = frame_id_from_proto(self._index.keys[self._part[index]].head.id)
+        answer = self._index.observations.get(id)
+        return None if answer is None else self._index.message(answer.where, pb.Observation)
+
     def _in_world(self, state: pb.RobotState, index: int) -> pb.RobotState:
         """A copy of the state with the world of keyframe `index`."""
         out = pb.RobotState()

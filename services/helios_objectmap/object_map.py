@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap import export
 from helios_objectmap.camera import View
+from helios_objectmap.error_model import name_errors
 from helios_objectmap.fusion import geometry, viewing_sectors
 from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
@@ -68,7 +69,8 @@ class ObjectMap:
     """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
-        self._settings = settings
+        """Raises InvalidInput for an error model that cannot be read."""
+        self._settings, self._name_errors = settings, name_errors(settings.error_model)
         self._back_end = back_end(settings.renderer)
         self.reset()
 
@@ -84,8 +86,9 @@ class ObjectMap:
         self._classes = SearchedClasses(self._settings, content.roles)
         self._past, self._sightings = PastViews(), NameSightings()
         self._beliefs = InstanceBeliefs(
-            self._settings, self._store, self._registry, self._classes, self._sightings
-        )
+            self._settings, self._store, self._registry, self._classes, self._sightings,
+            self._name_errors,
+        )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self._store)

@@ -52,6 +52,7 @@ from numpy.typing import NDArray
 from helios_objectmap import export, persistence
 from helios_objectmap.camera import View
 from helios_objectmap.epochs import EpochMaps
+from helios_objectmap.error_model import ErrorModelInUse
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.warm_up import warm_up
@@ -77,6 +78,8 @@ class ObjectMapService:
     """Bus interface to the object map of one robot."""
 
     def __init__(self, bus: Bus, settings: ObjectMapSettings, health: Health) -> None:
+        self._errors = ErrorModelInUse(settings)
+        settings = self._errors.settings
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.Lock()  # guards every attribute below
         self._maps = EpochMaps(settings)
@@ -169,7 +172,7 @@ class ObjectMapService:
             if another:
                 self._replaced()
         if another:
-            log.warning("%s", self._said)
+            log.warning("%s", self._map_said)
             self._say()
 
     def on_observation(self, message: pb.Observation) -> None:
@@ -391,7 +394,7 @@ class ObjectMapService:
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
         update_ms = (time.perf_counter() - began) * 1e3
-        if self._superseded():
+        if self._superseded() | self._errors.hear(observation.detector):
             self._say()
         self._health.count("observations_accepted")
         self._health.sample("update_ms", update_ms)
@@ -444,7 +447,12 @@ class ObjectMapService:
     # The map kept on disk ---------------------------------------------------------------------
     @property
     def _said(self) -> str:
-        """Health detail: why the map cannot be saved, and the fate of the saved map.
+        """Health detail: what there is to say of the map's file, and the error model in use."""
+        return "; ".join(part for part in (self._map_said, self._errors.said) if part)
+
+    @property
+    def _map_said(self) -> str:
+        """Why the map cannot be saved, and the fate of the saved map.
 
         The fate of the saved map is part of it until another map replaces that one.
         """
@@ -468,8 +476,8 @@ class ObjectMapService:
             self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
         except OSError as error:
             self._refused = f"the kept map cannot be read: {error}"
-        if self._said:
-            log.warning("%s", self._said)
+        if self._map_said:
+            log.warning("%s", self._map_said)
         self._kept.start()
 
     def _fate(self) -> str:

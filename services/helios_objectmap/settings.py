@@ -97,6 +97,11 @@ class ObjectMapSettings(ServiceSettings):
         description="detections under other names at an instance: ignored, or compared with those "
         "under its own name",
     )
+    error_model: str = Field(
+        default="",
+        description="error model of the detector for that comparison: a file of helios calibrate, "
+        "or the name of a shipped one; empty: a broad prior",
+    )
 
     equal_masks: Literal["by-name", "by-score"] = Field(
         default="by-name",

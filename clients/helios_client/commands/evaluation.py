@@ -1,4 +1,4 @@
-"""Commands that measure and check: `helios bench`, `eval`, `doctor`."""
+"""Commands that measure and check: `helios bench`, `calibrate`, `eval`, `doctor`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import Certs, Json, Port, print_json
+from helios_client.commands.shared_options import Certs, Json, Port, print_json, print_line
 
 app = typer.Typer()
 
@@ -32,6 +32,57 @@ def bench(
 
         raise UsageError(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
     run_bench(only, json_path)
+
+
+@app.command()
+def calibrate(
+    detector: Annotated[
+        str,
+        typer.Option(
+            help="detector: onnx:FILE or another of docs/how-to/models.md; recorded: the "
+            "detections that the recordings have; simulated:TABLE with --homes"
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="file of the error model")],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(help="recordings or data sets that helios replay plays; each a static room"),
+    ] = None,
+    places: Annotated[
+        Path | None,
+        typer.Option(help="CSV file of known things, name,x,y,z in metres; cup|mug: either name"),
+    ] = None,
+    homes: Annotated[
+        str, typer.Option(help="simulated homes instead of recordings: seeds below 1000, as 0-19")
+    ] = "",
+    preset: Annotated[str, typer.Option(help="preset of the homes")] = "ovmm-v1",
+    things: Annotated[int, typer.Option(help="things of each home to look at", min=1)] = 10,
+    truth: Annotated[
+        bool, typer.Option(help="use the truth of the homes, or agreement between views alone")
+    ] = True,
+    chart: Annotated[Path | None, typer.Option(help="PNG file for a chart")] = None,
+    threads: Annotated[int, typer.Option(help="threads of a real detector", min=1)] = 1,
+    as_json: Json = False,
+) -> None:
+    """Fit the error model of a detector, which the object map uses, from recordings or homes."""
+    try:
+        from helios_eval.error_models import command
+    except ImportError as error:
+        from helios_core.errors import Unavailable
+
+        raise Unavailable(
+            f"the calibration cannot be loaded ({error}); pip install 'helios-ovmm[all]'"
+        ) from error
+    job = command.Job(
+        tuple(recordings or ()), detector, out, homes, preset, things, places, truth,
+        threads, chart,
+    )  # fmt: skip
+    built = command.calibrate(job, lambda text: print_line(text, stderr=True))
+    if as_json:
+        print_json(command.answer(built))
+    else:
+        for line in command.lines(built, out):
+            print_line(line)
 
 
 @app.command(

@@ -213,7 +213,8 @@ def write_run_description(
     if str(asked.out) not in {f.out for f in folders}:
         folders.append(Folder(str(asked.out), started))
     before = [c for c in commands_of(former) if c != command]
-    plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
+    plain: dict[str, Any] = asdict(asked)
+    plain["noise"] = asked.noise.model_dump() if asked.noise else None
     plain["inputs"].pop("plans")
     plans = asked.inputs.plans
     if plans is not None:

@@ -9,7 +9,7 @@ from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import GaussianStore
-from helios_objectmap.instances.name_sightings import NameSightings
+from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
 from helios_objectmap.instances.size_prior import agreement, extents_of
 from helios_objectmap.instances.summary import (
@@ -40,9 +40,10 @@ class InstanceBeliefs:
         registry: InstanceRegistry,
         classes: SearchedClasses,
         sightings: NameSightings,
+        name_errors: NameErrors,
     ) -> None:
         self._settings, self._store, self._registry = settings, store, registry
-        self._classes, self._sightings = classes, sightings
+        self._classes, self._sightings, self._name_errors = classes, sightings, name_errors
         self._beliefs: dict[int, Belief | None] = {}
         self._described: dict[int, ObjectInstance | None] = {}
 
@@ -119,7 +120,7 @@ class InstanceBeliefs:
             return 1.0
         name = self._registry.records[label].class_name
         rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
-        return 1.0 if rates is None else rates.probability(name)
+        return 1.0 if rates is None else rates.probability(name, self._name_errors)
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""

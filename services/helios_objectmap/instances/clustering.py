@@ -40,6 +40,13 @@ def voxel_keys(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]
     return keys
 
 
+def voxel_centers_m(keys: NDArray[np.integer], voxel_m: float) -> NDArray[np.float64]:
+    """Middle of each voxel [n, 3], world, metres; the inverse of `voxel_keys`."""
+    parts = [(keys >> (BITS * k)) & ((1 << BITS) - 1) for k in (2, 1, 0)]
+    steps = np.stack(parts, -1).astype(np.float64) - (1 << (BITS - 1))
+    return (steps + 0.5) * voxel_m
+
+
 def connected(voxels: NDArray[np.integer]) -> NDArray[np.int64]:
     """Number of the connected component of each voxel [n], 0, 1, ... without gaps.
 

@@ -6,7 +6,7 @@ fills the voxels of its mask, and an instance collects the detections that share
 
 Views from one side repeat their errors. So the views of one viewing sector count as one side, in
 full from `side_views` views on, and the sides of one thing depend on one another
-(`SIDES_CORRELATE`).
+(`NameErrors.sides_correlate`).
 """
 
 from __future__ import annotations
@@ -32,10 +32,23 @@ WIDTH_PX = 160  # largest width of the image from which voxels are filled
 OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
 MOST_VIEWS = 2048  # about 6 kB each
-SIDES_CORRELATE = 0.2  # errors of two sides of one thing
-HIT, MISTAKEN = 0.95, 0.1  # chance of a right name, and of a look-alike's, in a view that names it
-RIVAL = 0.02  # prior odds of one other name against the own one
 _is_furniture = lru_cache(maxsize=4096)(is_furniture)
+
+
+@dataclass(frozen=True)
+class NameErrors:
+    """Errors of a detector's names; the defaults are a broad prior.
+
+    `helios calibrate` fits them to a detector (`error_model`).
+    """
+
+    hit: float = 0.95  # chance of the right name in a view that names the thing
+    mistaken: float = 0.1  # the same of a wrong name; only its odds against those of `hit` count
+    sides_correlate: float = 0.2  # correlation of the errors of two sides of a thing
+    rival: float = 0.02  # prior odds of one other name against the own one
+
+
+BROAD_PRIOR = NameErrors()
 
 
 @dataclass(frozen=True)
@@ -46,20 +59,50 @@ class NameRates:
     rate: NDArray[np.float64]  # [sides, names] share of the side's views that gave the name
     weight: NDArray[np.float64]  # [sides] in (0, 1]
 
-    def probability(self, own: str) -> float:
+    def probability(self, own: str, errors: NameErrors = BROAD_PRIOR) -> float:
         """Probability that the own name is right, against all others, each on its own."""
         if not len(self.weight):
             return 1.0
+        hit, mistaken = errors.hit, errors.mistaken
         total = float(self.weight.sum())
-        independent = 1 / (1 + SIDES_CORRELATE * max(total - 1, 0.0))
-        named, unnamed = math.log(HIT / MISTAKEN), math.log((1 - HIT) / (1 - MISTAKEN))
+        independent = 1 / (1 + errors.sides_correlate * max(total - 1, 0.0))
+        named, unnamed = math.log(hit / mistaken), math.log((1 - hit) / (1 - mistaken))
         support = self.weight @ (unnamed + self.rate * (named - unnamed)) * independent
         mine = float(support[self.names.index(own)]) if own in self.names else (
             total * unnamed * independent
         )  # fmt: skip
         others = [s for name, s in zip(self.names, support, strict=True) if name != own]
-        odds = sum(RIVAL * math.exp(min(s - mine, 50.0)) for s in others)
+        odds = sum(errors.rival * math.exp(min(s - mine, 50.0)) for s in others)
         return 1 / (1 + odds)
+
+
+@dataclass(frozen=True)
+class NamedViews:
+    """Views that gave an instance a name."""
+
+    names: tuple[str, ...]
+    given: NDArray[np.bool_]  # [views, names]
+    eyes_m: NDArray[np.float64]  # [views, 3] camera, world
+
+    def rates(self, center_m: NDArray[np.floating], side_views: float) -> NameRates:
+        """Rates by viewing sector around the instance's centre [3]."""
+        sides, of_side = np.unique(sector_of(center_m, self.eyes_m), return_inverse=True)
+        count = np.bincount(of_side).astype(float)
+        rate = np.zeros((len(sides), len(self.names)))
+        np.add.at(rate, of_side, self.given)
+        return NameRates(self.names, rate / count[:, None], np.minimum(count / side_views, 1.0))
+
+
+@dataclass(frozen=True)
+class SightingTable:
+    """Detections and the voxels that they fill: entry k says that detection `detection[k]` fills
+    voxel `voxel[k]`."""
+
+    names: tuple[str, ...]
+    name: NDArray[np.int32]  # [detections] index of its name
+    voxel: NDArray[np.int64]  # [entries] index of the voxel
+    detection: NDArray[np.int32]  # [entries]
+    keys: NDArray[np.int64]  # [voxels] voxel keys
 
 
 class _Column:
@@ -153,8 +196,13 @@ class NameSightings:
 
         Furniture is compared with furniture only, and other things with other things.
         """
-        keys = distinct(voxel_keys(points, VOXEL_M))[0].tolist()
-        found = [np.frombuffer(self._at[key], np.int32) for key in keys if key in self._at]
+        keys = distinct(voxel_keys(points, VOXEL_M))[0]
+        named = self.named(keys, class_name)
+        return None if named is None else named.rates(points.mean(axis=0), side_views)
+
+    def named(self, keys: NDArray[np.integer], class_name: str) -> NamedViews | None:
+        """Views that named the instance with these voxels [n] (distinct keys); None without one."""
+        found = [np.frombuffer(self._at[k], np.int32) for k in keys.tolist() if k in self._at]
         if not found:
             return None
         overlap = np.bincount(np.concatenate(found))
@@ -174,15 +222,18 @@ class NameSightings:
         numbers, of_name = np.unique(self._name.values[ids[good]], return_inverse=True)
         given = np.zeros((len(views), len(numbers)), bool)
         given[of_view[good], of_name] = True
-        eyes_m = np.stack([self._eye_m[k] for k in views])
-        sector = sector_of(points.mean(axis=0), eyes_m)
-        sides, of_side = np.unique(sector, return_inverse=True)
-        count = np.bincount(of_side).astype(float)
-        rate = np.zeros((len(sides), len(numbers)))
-        np.add.at(rate, of_side, given)
         names = list(self._names)
-        return NameRates(
-            tuple(names[k] for k in numbers),
-            rate / count[:, None],
-            np.minimum(count / side_views, 1.0),
+        eyes_m = np.stack([self._eye_m[k] for k in views])
+        return NamedViews(tuple(names[k] for k in numbers), given, eyes_m)
+
+    def table(self) -> SightingTable:
+        """All detections with their voxels."""
+        keys = np.fromiter(self._at, np.int64, len(self._at))
+        lists = [np.frombuffer(a, np.int32) for a in self._at.values()]
+        return SightingTable(
+            tuple(self._names),
+            self._name.values.copy(),
+            np.repeat(np.arange(len(keys)), [len(a) for a in lists]),
+            np.concatenate([*lists, np.empty(0, np.int32)]),
+            keys,
         )

@@ -93,7 +93,7 @@ def look_around(given: argparse.Namespace, arms: Sequence[Arm], classes: Sequenc
     models = RecordedFurnitureModels(realistic().pack) if given.furniture == REALISTIC else None
     for seed in given.seeds:
         truth, target, count = CurrentTruth(), "", 0
-        detectors = [_opened(arm.name, truth, seed, given.threads) for arm in arms]
+        detectors = [opened(arm.name, truth, seed, given.threads) for arm in arms]
         home = generate_home(seed, PRESETS[given.preset], models)
         for image in images_of(home, classes, given.things, models):
             if image.viewpoint.target != target:
@@ -116,7 +116,7 @@ def look_around(given: argparse.Namespace, arms: Sequence[Arm], classes: Sequenc
 def real_repeats(folder: Path, arm: Arm, threads: int) -> RepeatRates:
     """Agreement of a real detector with itself on posed real frames."""
     data = read_dataset(folder)
-    detector = _opened(arm.name, CurrentTruth(), 0, threads)
+    detector = opened(arm.name, CurrentTruth(), 0, threads)
     images = []
     for n, posed in enumerate(data.images):
         color, depth_m = read_image(data, n)
@@ -175,7 +175,7 @@ def _title(name: str) -> str:
     return name.rpartition("/")[2]
 
 
-def _opened(name: str, truth: CurrentTruth, seed: int, threads: int) -> DetectorBackend:
+def opened(name: str, truth: CurrentTruth, seed: int, threads: int) -> DetectorBackend:
     """Detector of one home; a simulated one draws its errors by the home's seed."""
     if name.startswith(SIMULATED):
         table = name.removeprefix(SIMULATED)

@@ -71,12 +71,12 @@ def summary(seen: Sightings, alarms: FalseAlarms) -> Summary:
     both = (clear.right >= LEAST_SCORE) & (clear.wrong >= LEAST_SCORE)
     return Summary(
         sightings=len(clear),
-        all=_rates(right, wrong),
-        obstructed=_rates(*(
+        all=rates_of(right, wrong),
+        obstructed=rates_of(*(
             s[~seen.unobstructed] >= COUNTED for s in (seen.right, seen.wrong)
         )),
         by_pixels=tuple(
-            _rates(right[band == k], wrong[band == k]) for k in range(len(PIXELS) - 1)
+            rates_of(right[band == k], wrong[band == k]) for k in range(len(PIXELS) - 1)
         ),
         wrong_per_name=float(clear.wrong_names.sum() / max(1, len(clear) * (alarms.asked - 1))),
         wrong_with_right=_share(wrong[right]),
@@ -95,7 +95,8 @@ def summary(seen: Sightings, alarms: FalseAlarms) -> Summary:
     )  # fmt: skip
 
 
-def _rates(right: NDArray[np.bool_], wrong: NDArray[np.bool_]) -> Rates:
+def rates_of(right: NDArray[np.bool_], wrong: NDArray[np.bool_]) -> Rates:
+    """Shares of sightings [n] with a right name, and with a wrong one."""
     return Rates(_share(right), _share(wrong & ~right), _share(~wrong & ~right), len(right))
 
 

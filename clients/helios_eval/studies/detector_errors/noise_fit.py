@@ -82,23 +82,23 @@ def persistence(real: Mapping[str, Any], base: Mapping[str, Any], shares: Shares
     known = (1 - shares.frame, shares.thing + shares.side, shares.thing)
     whole = [
         min(of_real * true / max(of_base, true * LEAST_KEPT), MOST_PERSISTENT)
-        for of_real, of_base, true in zip(_widening(real), _widening(base), known, strict=True)
+        for of_real, of_base, true in zip(widening(real), widening(base), known, strict=True)
     ]
     same_name = real["same_wrong_name"]
     return {
-        **_shares(*whole),
+        **shares_of(*whole),
         "sides": "smooth",
-        "name": _shares(*(same_name[RELATIONS[k]] for k in (0, 1, 5))),
+        "name": shares_of(*(same_name[RELATIONS[k]] for k in (0, 1, 5))),
     }
 
 
-def _widening(figures: Mapping[str, Any]) -> tuple[float, float, float]:
+def widening(figures: Mapping[str, Any]) -> tuple[float, float, float]:
     """Latent correlation of "right name": in one view, of one side, from the opposite side."""
     right = [figures["right_persists"][name]["value"] for name in RELATIONS]
     return right[0], right[1], (right[5] + right[6]) / 2
 
 
-def _shares(view: float, side: float, thing: float) -> dict[str, float]:
+def shares_of(view: float, side: float, thing: float) -> dict[str, float]:
     """Shares that add up to 1, from the correlations of ever wider relations."""
     if math.isnan(view + side + thing):
         raise InvalidInput("too few pairs of images for the persistence; play more homes")

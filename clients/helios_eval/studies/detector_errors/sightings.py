@@ -71,7 +71,7 @@ class SightingLog:
 
     def __init__(self, right: Mapping[str, frozenset[str]], asked: int) -> None:
         """right: the detector's correct names of each class of object; asked: number of names."""
-        self._right, self._asked = right, asked
+        self.right, self._asked = right, asked
         self._things: dict[tuple[int, str], int] = {}
         self._views: dict[tuple[int, int], int] = {}
         self._rows: list[tuple] = []
@@ -92,7 +92,7 @@ class SightingLog:
         covers = overlaps([t.box_xyxy for t in things], [d.box_xyxy for d in found])
         eye_m = T_world_cam[:3, 3]
         for row, thing in zip(covers, things, strict=True):
-            right = self._right.get(thing.class_name)
+            right = self.right.get(thing.class_name)
             if right is None:
                 continue
             here = [d for d, share in zip(found, row, strict=True) if share >= COVERS_IOU]
