@@ -115,7 +115,10 @@ ACCESS: dict[str, Access] = {
     ),
     "planner": _process("planner") | Access(
         publishes=(t.CONTEXT, t.TASK, t.DECISION, t.PLAN, t.PLANNER_HEARTBEAT),
-        subscribes=(t.ROBOT_DESCRIPTION, *_ACKS, t.OBSERVATION, t.status_topic("detector")),
+        subscribes=(
+            t.ROBOT_DESCRIPTION, *_ACKS, t.OBSERVATION,
+            *(t.status_topic(name) for name in ("detector", "objectmap", "map2d")),
+        ),
         serves=(
             t.SUBMIT, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME, t.DECISIONS, t.RESERVE,
         ),
@@ -123,6 +126,7 @@ ACCESS: dict[str, Access] = {
             t.ACT, t.LEASE, t.STOP, t.GET_STATE, t.VOCABULARY, t.OBJECTS, t.WHAT_IF, t.RETIRE,
             t.SNAPSHOT, t.settings_method("objectmap"),
         ),
+        watches=True,  # a map that was away has lost keyframes
     ),
     "gateway": _process("gateway") | Access(
         subscribes=(

@@ -92,6 +92,7 @@ ELSEWHERE = {
     ),
     "map2d": ("subscribe helios/v1/robot/bridge/frame",),
     "planner": ("subscribe helios/v1/robot/detector/observation",),
+    "supervisor": ("subscribe helios/v1/robot/ros2/status",),
 }  # fmt: skip
 
 

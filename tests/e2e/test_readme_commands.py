@@ -30,6 +30,7 @@ EXEMPT = {
     "make test": "is this suite",
     "source .venv/bin/activate": "the test puts the same folder into PATH",
     "helios record": "records until Ctrl-C; tests/e2e/test_recording.py does",
+    "helios view": "serves until Ctrl-C; tests/unit/viewers connects real clients",
     "helios up --robot spot": "needs a Spot; tests/e2e/test_spot_task.py has a fake one",
     "helios replay": "needs a recording and a model; tests/e2e/test_replay.py plays made-up ones",
     "helios eval": "plays for an hour; tests/e2e/test_eval.py plays an episode",

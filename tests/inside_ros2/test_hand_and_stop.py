@@ -29,7 +29,7 @@ from tests.ros2_processes import fake_robot  # noqa: E402
 DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 FIBONACCI = "test_msgs/action/Fibonacci"
 NEAR = (0.6, 0.0, 0.5)
-WITHIN_S = 20.0
+WITHIN_S = 60.0
 
 
 @contextmanager

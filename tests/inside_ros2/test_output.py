@@ -26,7 +26,7 @@ from helios_ros2.rclpy_loading import has_interface, interface, rclpy_module  # 
 from helios_ros2.ros_node import RosNode, qos_profile  # noqa: E402
 from helios_ros2.settings import Ros2Settings  # noqa: E402
 
-WITHIN_S = 20.0
+WITHIN_S = 60.0
 TF = "tf2_msgs/msg/TFMessage"
 DO_TASK = "helios_msgs/action/DoTask"
 

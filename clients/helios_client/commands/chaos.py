@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from helios_client.usage_errors import UsageError
-
 if TYPE_CHECKING:
     from helios_chaos.schedule import Kind
 
@@ -92,6 +90,8 @@ def soak(
 
 def _kinds(text: str) -> tuple[Kind, ...]:
     from helios_chaos.schedule import KINDS
+
+    from helios_client.usage_errors import UsageError
 
     asked = tuple(part.strip() for part in text.split(",") if part.strip())
     if unknown := [kind for kind in asked if kind not in KINDS]:

@@ -66,8 +66,8 @@ def test_init_creates_one_name_per_service_robot_and_operator(tmp_path: Path) ->
     )
     names = {file.stem for file in (out / "sessions").iterdir()}
     per_robot = (
-        "bridge", "detector", "objectmap", "map2d", "planner", "recorder", "supervisor", "robot",
-        "world", "evaluation",
+        "bridge", "detector", "objectmap", "map2d", "planner", "recorder", "ros2", "supervisor",
+        "robot", "world", "evaluation",
     )  # fmt: skip
     assert names == {f"{s}.{r}" for s in per_robot for r in ("r1", "r2")} | {
         "gateway.r1", "operator.ann", "operator.ben", "program.drive",
