@@ -355,6 +355,7 @@ class ObjectMap:
         store.class_column[rows] = OTHER
         self._join(rows)
         store.drop_columns(names)
+        self._past.forget(lambda name: name in names)
         for name in names:
             self._viewpoints.forget(name)
             self._registry.ended.pop(name, None)

@@ -84,9 +84,10 @@ class PastViews:
         )
 
     def forget(self, is_gone: Callable[[str], bool]) -> None:
-        """Drop the evidence of past views on the classes for which `is_gone` is true."""
+        """Drop the evidence of past views on the classes for which `is_gone` is true; it is not
+        asked for classes that were dropped before."""
         for k, past in enumerate(self._views):
-            names = tuple("" if is_gone(name) else name for name in past.names)
+            names = tuple("" if name and is_gone(name) else name for name in past.names)
             self._views[k] = replace(past, names=names)
 
     def of(self, points: NDArray[np.float32]) -> Iterator[VisiblePoints]:

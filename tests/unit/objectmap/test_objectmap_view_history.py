@@ -1,5 +1,7 @@
 """Hindsight: earlier views of a place count for objects that are detected there later."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helios_core.types import SearchContext
@@ -94,6 +96,27 @@ def test_views_before_a_pick_do_not_count_for_objects() -> None:
         mugs(fresh)[0]
         > mugs(map_after_views([NOTHING] * 3 + [MUG_NAMED], LOOKING_BACK, [context] * 4))[0]
     )
+
+
+def test_a_second_object_can_be_retired_after_the_first() -> None:
+    context = SearchContext("c1", (MUG, TABLE))
+    object_map = map_after_views([MUG_NAMED] * 3, LOOKING_BACK, [context] * 3)
+    for seq in (4, 5):
+        [mug] = [o for o in object_map.objects() if o.class_name == "mug"]
+        assert object_map.retire(mug.id) > 0
+        seen = observe(
+            HOME, looking_at(*EYES[3], MUG_AT), context=context, seq=seq, called=MUG_NAMED
+        )
+        object_map.update(seen, context)
+
+
+def test_an_object_can_be_retired_after_a_class_was_forgotten() -> None:
+    few = LOOKING_BACK.model_copy(update={"max_classes": 2})
+    cup = replace(MUG, name="cup")
+    contexts = [SearchContext("c1", (MUG, TABLE)), *[SearchContext("c2", (cup, TABLE))] * 2]
+    object_map = map_after_views([MUG_NAMED, {3: "cup"}, {3: "cup"}], few, contexts)
+    [thing] = [o for o in object_map.objects() if o.class_name == "cup"]
+    assert object_map.retire(thing.id) > 0
 
 
 def test_standing_still_stores_one_past_view() -> None:
