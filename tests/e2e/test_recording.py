@@ -51,7 +51,9 @@ from tests.unit.recorder.recorder_maps import cells_of, last_of
 SEED = 1
 MOST_STEPS = 400
 CALL_S = 60.0
-RERUN = os.environ.get("HELIOS_TEST_RERUN") or shutil.which("rerun")
+RERUN = os.environ.get("HELIOS_TEST_RERUN") or shutil.which(
+    "rerun", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+)
 
 
 @dataclass(frozen=True)
