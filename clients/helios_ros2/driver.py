@@ -30,7 +30,7 @@ from helios_replay.ros_images import Lens
 
 from helios_ros2.camera_tilt import CameraTilt
 from helios_ros2.captures import capture_of
-from helios_ros2.hand import Hand
+from helios_ros2.manipulation import Manipulation
 from helios_ros2.nav2_motion import Nav2Motion
 from helios_ros2.robot_input import BasePose, RobotInput
 from helios_ros2.ros_node import RosNode
@@ -62,7 +62,7 @@ class Ros2Driver(RobotDriver):
         by_rclpy = self._ros if isinstance(self._ros, RosNode) else None
         self._nav2 = Nav2Motion.of(by_rclpy, self._s, self._latch)
         self._tilt = CameraTilt(self._ros, self._s, self._senses, self._latch)
-        self._hand = Hand(by_rclpy, self._s, self._senses, self._latch)
+        self._manipulation = Manipulation(by_rclpy, self._s, self._senses, self._latch)
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0
         self._moves_by = ""
@@ -98,8 +98,8 @@ class Ros2Driver(RobotDriver):
             max_back_m=s.max_back_m,
             tilt_range_rad=self._tilt.range_rad or (tilt_rad, tilt_rad),
             can_move=s.motion != "none",
-            can_pick=self._hand.can_pick,
-            can_place=self._hand.can_place,
+            can_pick=self._manipulation.can_pick,
+            can_place=self._manipulation.can_place,
         )
 
     def state(self) -> RobotState:
@@ -108,7 +108,7 @@ class Ros2Driver(RobotDriver):
         return RobotState(
             here.T_world_base,
             tilt_of(T_world_cam),
-            held=self._hand.held,
+            held=self._manipulation.held,
             stopped=bool(self._latch.reason),
             world_epoch=self._senses.world_epoch,
             message=self._latch.reason,
@@ -144,7 +144,7 @@ class Ros2Driver(RobotDriver):
     def stop(self, reason: str) -> None:
         self._latch.stop(reason)
         self._velocity.halt()
-        self._hand.cancel()
+        self._manipulation.cancel()
         if self._nav2 is not None:
             self._nav2.halt()
 
@@ -170,9 +170,9 @@ class Ros2Driver(RobotDriver):
             case Tilt(angle_rad):
                 self._tilt.move(angle_rad)
             case Pick(point, name):
-                self._hand.pick(point, name)
+                self._manipulation.pick(point, name)
             case Place(point):
-                self._hand.place(point)
+                self._manipulation.place(point)
             case _:
                 pass  # Observe
 

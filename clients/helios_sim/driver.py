@@ -16,7 +16,7 @@ from helios_core.codec import (
     result_from_proto,
     state_from_proto,
 )
-from helios_core.heartbeat import Heart
+from helios_core.heartbeat import HeartbeatSender
 from helios_core.robot import Action, ActionResult, Capture, RobotDriver
 from helios_core.topics import (
     BRIDGE_HEARTBEAT,
@@ -39,7 +39,7 @@ class SimDriver(RobotDriver):
     """Robot driver over the bus. Every call raises Unavailable while no world process runs."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus, self._heart = bus, Heart(bus, BRIDGE_HEARTBEAT)
+        self._bus, self._heart = bus, HeartbeatSender(bus, BRIDGE_HEARTBEAT)
 
     def describe(self) -> RobotDescription:
         return description_from_proto(self._bus.call(WORLD_DESCRIBE, pb.Empty(), CALL_TIMEOUT_S))

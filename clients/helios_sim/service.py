@@ -18,7 +18,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import HeliosError
 from helios_core.health import Health
-from helios_core.heartbeat import SILENCE_S, Deadman
+from helios_core.heartbeat import SILENCE_S, HeartbeatMonitor
 from helios_core.topics import (
     BRIDGE_HEARTBEAT,
     TRUTH_EPISODE,
@@ -65,7 +65,7 @@ class WorldService:
     ) -> None:
         """heartbeat_s: a drive ends when the bridge is silent for this long; 0: never."""
         self._thread, self._health = thread, health
-        self._deadman = Deadman(bus, BRIDGE_HEARTBEAT, heartbeat_s, thread.halt)
+        self._monitor = HeartbeatMonitor(bus, BRIDGE_HEARTBEAT, heartbeat_s, thread.halt)
         bus.serve(WORLD_STATE, lambda _: state_to_proto(thread.state()))
         bus.serve(WORLD_CAPTURE, self._capture)
         bus.serve(WORLD_ACT, self._act)
@@ -92,7 +92,7 @@ class WorldService:
 
     def _act(self, request: pb.WorldActRequest) -> pb.ActionResult:
         action = action_from_proto(request.action)
-        with self._deadman.watching(request.action_id, request.beats):
+        with self._monitor.watching(request.action_id, request.beats):
             done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
         self._health.count("actions")
         return result_to_proto(done, request.action_id)

@@ -28,7 +28,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.heartbeat import Deadman
+from helios_core.heartbeat import HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
 from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
@@ -101,7 +101,7 @@ class BridgeService:
         self._stop_lock = threading.Lock()
         self._stops, self._clearing = 0, False
         self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
-        self._deadman = Deadman(bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt)
+        self._monitor = HeartbeatMonitor(bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt)
         self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
@@ -330,7 +330,7 @@ class BridgeService:
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
-                with self._deadman.watching(request.action_id, request.beats):
+                with self._monitor.watching(request.action_id, request.beats):
                     done = self._actions.robot_result(
                         request.action_id, lambda: self._driver.act(action, request.action_id)
                     )

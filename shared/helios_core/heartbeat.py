@@ -25,7 +25,7 @@ CHECK_S = 0.03
 HALTED = "its sender is silent"  # in the reason of an action that ended for it
 
 
-class Heart:
+class HeartbeatSender:
     """Sends heartbeats on a topic while an action runs."""
 
     def __init__(self, bus: Bus, topic: Topic[pb.Heartbeat]) -> None:
@@ -50,7 +50,7 @@ class Heart:
                 log.info("no heartbeat could be sent: %s", error.message)
 
 
-class Deadman:
+class HeartbeatMonitor:
     """Calls `halt` when the sender of the running action has been silent for `silence_s`."""
 
     def __init__(
@@ -77,7 +77,9 @@ class Deadman:
         with self._lock:
             self._action_id, self._heard_s = action_id, self._clock()
         ended = threading.Event()
-        watch = threading.Thread(target=self._watch, args=(ended,), name="deadman", daemon=True)
+        watch = threading.Thread(
+            target=self._watch, args=(ended,), name="heartbeat monitor", daemon=True
+        )
         watch.start()
         try:
             yield

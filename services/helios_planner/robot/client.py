@@ -24,7 +24,7 @@ from helios_core.errors import (
     InvalidInput,
 )
 from helios_core.geometry import Matrix
-from helios_core.heartbeat import HALTED, Heart
+from helios_core.heartbeat import HALTED, HeartbeatSender
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, MapPart
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
@@ -92,7 +92,7 @@ class RobotClient(RobotInterface):
         self._detector, self._returns = DetectorStatus(bus), ServiceReturns(bus)
         self._line = line
         self._driver = ActionSender(
-            line, settings, task_id, self._on_pause, Heart(bus, PLANNER_HEARTBEAT)
+            line, settings, task_id, self._on_pause, HeartbeatSender(bus, PLANNER_HEARTBEAT)
         )
         self.description = description_from_proto(description)
         self._context_id, self._max_steps = context_id, max_steps

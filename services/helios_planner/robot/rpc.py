@@ -14,7 +14,7 @@ from typing import Protocol
 from helios_core import proto as pb
 from helios_core.codec import action_to_proto, state_from_proto
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
-from helios_core.heartbeat import Heart
+from helios_core.heartbeat import HeartbeatSender
 from helios_core.robot import Action
 from helios_core.topics import ACT, GET_STATE, LEASE, Method, Rep, Req
 from helios_core.types import RobotState
@@ -120,7 +120,7 @@ class ActionSender:
         settings: Settings,
         task_id: str,
         on_pause: Callable[[str | None], None],
-        heart: Heart | None = None,
+        heart: HeartbeatSender | None = None,
     ) -> None:
         """heart: sends heartbeats while an action runs; None sends none."""
         self._line, self._settings, self._task_id = line, settings, task_id

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from helios_core import proto as pb
-from helios_core.heartbeat import HALTED, Deadman, Heart
+from helios_core.heartbeat import HALTED, HeartbeatMonitor, HeartbeatSender
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import PLANNER_HEARTBEAT
 
@@ -13,12 +13,12 @@ from tests.support import wait_until
 
 
 class Watch:
-    """A deadman whose clock the test moves."""
+    """A monitor whose clock the test moves."""
 
     def __init__(self, silence_s: float = 0.7) -> None:
         hub = MemoryHub()
         self.sender, self.now_s, self.halts = MemoryBus(hub), 100.0, list[str]()
-        self.deadman = Deadman(
+        self.monitor = HeartbeatMonitor(
             MemoryBus(hub), PLANNER_HEARTBEAT, silence_s, self.halts.append, lambda: self.now_s
         )
 
@@ -28,7 +28,7 @@ class Watch:
 
 def test_silence_ends_the_action() -> None:
     watch = Watch()
-    with watch.deadman.watching("a", beats=True):
+    with watch.monitor.watching("a", beats=True):
         watch.now_s += 0.8
         wait_until(lambda: watch.halts, 10, "it is halted")
     assert HALTED in watch.halts[0]
@@ -37,7 +37,7 @@ def test_silence_ends_the_action() -> None:
 def test_heartbeats_of_this_action_keep_it_running_and_those_of_another_do_not() -> None:
     watch = Watch()
     seen = threading.Event()
-    with watch.deadman.watching("a", beats=True):
+    with watch.monitor.watching("a", beats=True):
         for _ in range(5):
             watch.now_s += 0.6
             watch.beat("a")
@@ -51,8 +51,8 @@ def test_heartbeats_of_this_action_keep_it_running_and_those_of_another_do_not()
 
 def test_a_sender_that_promised_no_heartbeats_is_never_halted() -> None:
     watch = Watch()
-    for beats, deadman in ((False, watch.deadman), (True, Watch(0.0).deadman)):
-        with deadman.watching("a", beats=beats):
+    for beats, monitor in ((False, watch.monitor), (True, Watch(0.0).monitor)):
+        with monitor.watching("a", beats=beats):
             watch.now_s += 100
             threading.Event().wait(0.1)
     assert watch.halts == []
@@ -60,7 +60,7 @@ def test_a_sender_that_promised_no_heartbeats_is_never_halted() -> None:
 
 def test_the_watch_ends_with_its_action() -> None:
     watch = Watch()
-    with watch.deadman.watching("a", beats=True):
+    with watch.monitor.watching("a", beats=True):
         pass
     watch.now_s += 100
     threading.Event().wait(0.1)
@@ -70,6 +70,6 @@ def test_the_watch_ends_with_its_action() -> None:
 def test_a_heart_beats_until_the_action_has_ended() -> None:
     hub, heard = MemoryHub(), list[str]()
     MemoryBus(hub).subscribe(PLANNER_HEARTBEAT, lambda beat: heard.append(beat.action_id))
-    with Heart(MemoryBus(hub), PLANNER_HEARTBEAT).beating("a"):
+    with HeartbeatSender(MemoryBus(hub), PLANNER_HEARTBEAT).beating("a"):
         wait_until(lambda: len(heard) >= 3, 10, "it beats")
     assert set(heard) == {"a"}

@@ -18,8 +18,8 @@ POLL_S = 0.05
 Point = tuple[float, float, float]
 
 
-class Hand:
-    """Whatever moves objects for this robot. For one thread, except `cancel`."""
+class Manipulation:
+    """Pick and place, and the object that the robot holds. For one thread, except `cancel`."""
 
     def __init__(
         self, ros: RosNode | None, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
@@ -48,7 +48,7 @@ class Hand:
     def pick(self, point_m: Point, name: str) -> None:
         """Raises NotDone."""
         if self.held:
-            raise NotDone(f"the hand holds the {self.held} already; place it first")
+            raise NotDone(f"the robot holds the {self.held} already; place it first")
         self._check_reach(point_m)
         self._do("pick", self._s.pick, point_m, name, f"Please give me the {name}")
         self.held = name
@@ -56,7 +56,7 @@ class Hand:
     def place(self, point_m: Point) -> None:
         """Raises NotDone."""
         if not self.held:
-            raise NotDone("the hand is empty; pick something first")
+            raise NotDone("the robot holds nothing; pick something first")
         self._check_reach(point_m)
         self._do("place", self._s.place, point_m, self.held, f"Please put the {self.held} down")
         self.held = ""
