@@ -25,6 +25,7 @@ class DecisionRule(StrEnum):
     BY_OBJECTIVE = "global search (eq. 8-10)"
     RECEPTACLES_FIRST = "receptacles first"
     BEST_VIEW = "best view (eq. 11)"
+    CHECK_VIEW = "check from a new side"
     GAZE_POINTS_FIRST = "gaze points first"
     GIVEN_UP = "given up"
     NEAREST_FRONTIER = "nearest frontier"

@@ -151,6 +151,15 @@ def look(c: Candidate, threshold: float, tau_inc: float) -> str:
     )
 
 
+def check_first(what: Act, c: Candidate) -> str:
+    """Sentence for a view of an accepted candidate from a new side."""
+    return (
+        f"look at the {c.name}{_away(c)} from a new side before the {what}: its score is "
+        f"{_scored(c.terms, 'score')}, and that view could bring it to "
+        f"{_scored(c.terms, 'score_after_view')}"
+    )
+
+
 def visit_first(candidates: Sequence[Candidate], winner: int) -> str:
     """Sentence for a candidate whose gaze points come before its score."""
     c = candidates[winner]

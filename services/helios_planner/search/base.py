@@ -94,7 +94,10 @@ class Search(ABC):
 
     def decide_and_publish(self) -> Decision:
         """Decide, publish the decision and return it: act on a candidate, or search on."""
-        decision = self.decide()
+        return self.publish(self.decide())
+
+    def publish(self, decision: Decision) -> Decision:
+        """Publish a decision and return it. Raises TypeError if it is something else."""
         if not isinstance(decision, Decision):  # a custom search may return anything
             raise TypeError(
                 f"decide() gave a value of type {type(decision).__name__}; wanted a Decision, as "
