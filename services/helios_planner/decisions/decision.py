@@ -28,6 +28,7 @@ class DecisionRule(StrEnum):
     CHECK_VIEW = "check from a new side"
     GAZE_POINTS_FIRST = "gaze points first"
     GIVEN_UP = "given up"
+    ABSENT = "not here"
     NEAREST_FRONTIER = "nearest frontier"
     NEAREST_RECEPTACLE = "nearest start receptacle"
     NEAREST_BY_WAY = "nearest frontier by way"

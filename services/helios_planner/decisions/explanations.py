@@ -199,6 +199,21 @@ def search_on(
     return f"search on: {which} has score {_scored(t, 'score', n)} < {threshold:.{n}f}, and {view}"
 
 
+def absent(
+    name: str, candidates: Sequence[Candidate], probability: float, searches: int, floor_m2: float
+) -> str:
+    """Sentence for a search that ends because the object is probably not there."""
+    times = "once" if searches == 1 else f"{searches} times"
+    best = max((c.terms["total"] for c in candidates), default=None)
+    of = "nothing looked like one" if best is None else (
+        f"the best of {counted(len(candidates), 'candidate')} has score {best:.2f}"
+    )  # fmt: skip
+    return (
+        f"the {name} is probably not here ({probability:.0%}): the whole floor in reach, "
+        f"{floor_m2:.0f} m², was searched {times}, and {of}"
+    )
+
+
 def less(value: float, than: float) -> str:
     """Comparison such as "0.42 < 0.50", with as many digits as make it true in print."""
     n = _digits(lambda r: r(value) < r(than))

@@ -143,6 +143,10 @@ class Search(ABC):
         left."""
         return False
 
+    def end_if_absent(self) -> None:
+        """Raise TaskFailed if the object is probably not there; nothing is left to explore now."""
+        return
+
     def find(self) -> ObjectInstance:
         """Search until there is a candidate to act on. Raises TaskFailed when nothing is left."""
         first, self._first_round = self._first_round, 0
@@ -156,7 +160,10 @@ class Search(ABC):
                     self._acted_from = self.robot.pose()
                     return self.chosen(decision)
                 more = self.explore() or self.clear_way() or self.patrol()
-                if not self.end_waiting() and not more and not self.relax():
+                if self.end_waiting() or more:
+                    continue
+                self.end_if_absent()
+                if not self.relax():
                     break
         raise self._not_found()
 
