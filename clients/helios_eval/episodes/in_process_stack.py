@@ -23,7 +23,16 @@ from helios_core.health import Health
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.task_states import ENDED
-from helios_core.topics import GET_TASK, OBJECTS, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
+from helios_core.topics import (
+    GET_TASK,
+    KEYFRAME,
+    OBJECTS,
+    OBSERVATION,
+    ROBOT_STATE,
+    SNAPSHOT,
+    SUBMIT,
+    TASK,
+)  # fmt: skip
 from helios_core.types import ObjectInstance
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
@@ -101,7 +110,7 @@ class InProcessStack:
         settings = of_stack(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
-        self._hub = MemoryHub()
+        self._hub = MemoryHub(uncopied=frozenset({KEYFRAME, OBSERVATION}))
         self._bus = MemoryBus(self._hub)
         self.healths = {
             name: Health() for name in ("bridge", "detector", "objectmap", "map2d", "planner")
@@ -120,8 +129,9 @@ class InProcessStack:
         models = _models(world, noise, seed, settings, detector)
         models.warm_up()
         self._detector = DetectorService(
-            bus(), models.detector, models.scorer, self.healths["detector"], models.depth
-        )
+            bus(), models.detector, models.scorer, self.healths["detector"], models.depth,
+            previews=False,
+        )  # fmt: skip
         self._bridge = BridgeService(
             bus(), world,
             BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0),
