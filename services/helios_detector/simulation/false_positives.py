@@ -180,11 +180,15 @@ def _blob(
         return None  # at the border the visible part of the surface would shift its position
     x0, y0 = max(0, int(u) - reach), max(0, int(v) - reach)
     x1, y1 = min(w, int(u) + reach + 1), min(h, int(v) + reach + 1)
-    camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
+    own = truth.ids[y0:y1, x0:x1] == cells.instances[n].id
+    rows = np.flatnonzero(own.any(axis=1))
+    own = own[rows[0] : rows[-1] + 1]
+    y0, y1 = y0 + int(rows[0]), y0 + int(rows[-1]) + 1
     depth_m = frame.depth_m[y0:y1, x0:x1]
-    own = (truth.ids[y0:y1, x0:x1] == cells.instances[n].id) & (depth_m > 0) & (depth_m < np.inf)
+    own &= (depth_m > 0) & (depth_m < np.inf)
     if np.count_nonzero(own) < f.min_px:
         return None
+    camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
     points_m = lift_pixels(depth_m, camera, frame.T_world_cam)[own]
     center_m = points_m[np.argmin(_squares(points_m - wished_m))]  # at full resolution
     crop = np.zeros_like(own)
