@@ -22,6 +22,7 @@ from helios_sim.home import Home
 from helios_sim.manipulation import Manipulation, ManipulationFailed, PickRule
 from helios_sim.ovmm_metrics import ReleaseResult
 from helios_sim.robot_model import RobotIndex
+from helios_sim.robot_physics import RobotPhysics
 from helios_sim.robot_sensors import RobotSensors
 
 _PAUSE_S = 0.1
@@ -63,7 +64,10 @@ class ActionExecutor:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
-        self._base = Base(model, data, robot, movable, self._gripper.step, trace or DriveTrace())
+        self._physics = RobotPhysics(
+            model, data, robot, self._gripper.step, lambda: self._gripper.held_body
+        )
+        self._base = Base(model, data, robot, movable, self._physics, trace or DriveTrace())
         classes = {thing.name: thing.class_name for thing in home.objects}
         self._manipulation = Manipulation(
             data, self._gripper, things, senses.bodies_in_view, classes, pick_rule
@@ -153,8 +157,9 @@ class ActionExecutor:
 
     def _pause(self) -> None:
         """Run the physics for `_PAUSE_S`, then update all poses to its last step."""
-        for _ in range(math.ceil(_PAUSE_S / self._model.opt.timestep)):
-            self._gripper.step()
+        self._physics.begin()
+        for left in reversed(range(math.ceil(_PAUSE_S / self._model.opt.timestep))):
+            self._physics.step(whole=left == 0)
         self._gripper.follow()
         mujoco.mj_forward(self._model, self._data)
 

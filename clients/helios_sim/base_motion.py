@@ -10,6 +10,7 @@ import mujoco
 
 from helios_sim.drive_trace import DriveTrace
 from helios_sim.robot_model import RobotIndex
+from helios_sim.robot_physics import RobotPhysics
 
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 0.8, 2.0
 MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2 = 1.6, 5.0
@@ -39,13 +40,13 @@ class Base:
         data: mujoco.MjData,
         robot: RobotIndex,
         movable: frozenset[int],
-        step: Callable[[], None],
+        physics: RobotPhysics,
         trace: DriveTrace,
     ) -> None:
-        """step: function that advances the physics by one step. trace: records the drives."""
+        """physics: advances the model. trace: records the drives."""
         self._model, self._data, self._robot = model, data, robot
         self._movable = movable
-        self._advance, self._trace = step, trace
+        self._physics, self._trace = physics, trace
 
     def forward(self, distance_m: float, stop_asked: Callable[[], bool]) -> Drive:
         """Drive straight, backward if negative, until the base arrives, is blocked or stopped."""
@@ -83,15 +84,16 @@ class Base:
         slowest_s: float,
         stop_asked: Callable[[], bool],
     ) -> Drive:
-        data, robot = self._data, self._robot
-        start = robot.pose(data)
+        physics = self._physics
+        start = physics.pose()
         dt = float(self._model.opt.timestep)
         speed = rate = 0.0
         touched: set[int] = set()
         arrived = stopped = False
-        self._trace.begin(float(data.time), *start[:2])
+        physics.begin()
+        self._trace.begin(physics.time_s, *start[:2])
         for _ in range(math.ceil(slowest_s / dt)):
-            x, y, yaw = robot.pose(data)
+            x, y, yaw = physics.pose()
             dx, dy, turn = goal[0] - x, goal[1] - y, goal[2] - yaw
             away = math.hypot(dx, dy)
             if away < _ARRIVED_M and abs(turn) < _ARRIVED_RAD:
@@ -104,23 +106,21 @@ class Base:
             rate = _ramp(rate, abs(turn), MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2, dt)
             across = min(speed, _HOLD_PER_S * away)
             ahead = (dx / away, dy / away) if away > 0 else (0.0, 0.0)
-            self._control(
+            physics.control(
                 across * ahead[0],
                 across * ahead[1],
                 math.copysign(min(rate, 2 * _HOLD_PER_S * abs(turn)), turn),
             )
-            self._step()
-            contacts = self.touching()
+            contacts = self._step()
             touched |= contacts.keys()
             if away > _ARRIVED_M and any(
                 ahead[0] * nx + ahead[1] * ny > _BLOCKED_COS for nx, ny in contacts.values()
             ):
                 break
-        self._control(0.0, 0.0, 0.0)
-        for _ in range(_COAST_STEPS):
-            self._step()
-            touched |= self.touching().keys()
-        x, y, yaw = robot.pose(data)
+        physics.control(0.0, 0.0, 0.0)
+        for left in reversed(range(_COAST_STEPS)):
+            touched |= self._step(whole=left == 0).keys()
+        x, y, yaw = physics.pose()
         return Drive(
             moved_m=math.hypot(x - start[0], y - start[1]),
             turned_rad=yaw - start[2],
@@ -129,13 +129,11 @@ class Base:
             touched=frozenset(touched),
         )
 
-    def _step(self) -> None:
-        self._advance()
-        self._trace.step(float(self._data.time), *self._robot.pose(self._data)[:2])
-
-    def _control(self, vx_m_s: float, vy_m_s: float, rate_rad_s: float) -> None:
-        for control, value in zip(self._robot.controls, (vx_m_s, vy_m_s, rate_rad_s), strict=True):
-            self._data.ctrl[control] = value
+    def _step(self, *, whole: bool = False) -> dict[int, tuple[float, float]]:
+        """Advance by one step; the contacts as in `touching`."""
+        contacts = self.touching() if self._physics.step(whole=whole) else {}
+        self._trace.step(self._physics.time_s, *self._physics.pose()[:2])
+        return contacts
 
 
 def _ramp(speed: float, remaining: float, top: float, acceleration: float, dt: float) -> float:

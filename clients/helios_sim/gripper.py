@@ -83,6 +83,11 @@ class Gripper:
         self.held: Graspable | None = None
         self._R_base_object = np.eye(3)
 
+    @property
+    def held_body(self) -> int | None:
+        """Id of the held body; None if the gripper is empty."""
+        return self.held.body if self.held is not None else None
+
     def rest_world_m(self) -> NDArray[np.float64]:
         """Position [3] of the end effector at rest."""
         T = self._T_world_base()

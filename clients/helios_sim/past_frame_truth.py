@@ -71,8 +71,9 @@ class CaptureHistory:
         ids = self.bodies(qpos)
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
-        seen = (int(body) for body in np.flatnonzero(np.bincount(ids.ravel())))
-        instances = tuple(self._instance(body, on) for body in seen if body in self._instances)
+        instances = tuple(
+            self._instance(body, on) for body in _values(ids) if body in self._instances
+        )
         return Segmentation(stamp_ns, ids, instances)
 
     def bodies(self, qpos: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -97,3 +98,10 @@ class CaptureHistory:
             return static
         x, y, z = (float(v) for v in self._data.xpos[body])
         return replace(static, center_m=(x, y, z), on=on[static.name])
+
+
+def _values(ids: NDArray[np.int32]) -> list[int]:
+    """Values in an image, ascending. Its runs of equal pixels are far fewer than its pixels."""
+    flat = ids.ravel()
+    changes = np.flatnonzero(flat[1:] != flat[:-1])
+    return np.unique(np.append(flat[changes], flat[-1])).tolist()

@@ -50,12 +50,18 @@ class CameraRenderer:
             gl = mujoco.GLContext(*size)
             gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            from OpenGL import GL  # of the platform that MuJoCo has chosen by now
         except Exception as error:
             raise Unavailable(
                 f"no OpenGL context ({error}); install libegl1 libegl-mesa0 libgl1-mesa-dri, or "
                 "libosmesa6 and set MUJOCO_GL=osmesa"
             ) from error
         self._gl: mujoco.GLContext | None = gl
+        self._GL = GL
+        if self._context.offSamples:
+            raise Unavailable(
+                "images with several samples a pixel cannot be read; set offsamples 0"
+            )
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
         self._viewport = mujoco.MjrRect(0, 0, self._width, self._height)
@@ -78,9 +84,8 @@ class CameraRenderer:
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """RGB [h, w, 3] and metric depth along the optical axis [h, w], from one pass."""
         self._draw(data, segment=False)
-        color, depth_m = self._color(), self._depth()
-        mujoco.mjr_readPixels(color, depth_m, self._viewport, self._context)
-        return np.ascontiguousarray(color[::-1]), self._metric(depth_m, max_depth_m)
+        color = np.ascontiguousarray(self._pixels()[::-1, :, :3])
+        return color, self._depth(max_depth_m)
 
     def depth_and_body_ids(
         self, data: mujoco.MjData, max_depth_m: float
@@ -89,37 +94,45 @@ class CameraRenderer:
         colour: about half the time of the pass with colour.
         """
         self._draw(data, segment=True)
-        painted, depth_m = self._color(), self._depth()
-        mujoco.mjr_readPixels(painted, depth_m, self._viewport, self._context)
-        return self._metric(depth_m, max_depth_m), self._bodies(painted)
+        return self._depth(max_depth_m), self._bodies()
 
     def body_ids(self, data: mujoco.MjData) -> NDArray[np.int32]:
         """Body id of each pixel [h, w]; 0 for background and for the world body."""
         self._draw(data, segment=True)
-        painted = self._color()
-        mujoco.mjr_readPixels(painted, None, self._viewport, self._context)
-        return self._bodies(painted)
+        return self._bodies()
 
-    def _color(self) -> NDArray[np.uint8]:
-        return np.empty((self._height, self._width, 3), np.uint8)
+    def _pixels(self) -> NDArray[np.uint8]:
+        """Drawn pixels [h, w, 4], RGBA, the lowest row first.
 
-    def _depth(self) -> NDArray[np.float32]:
-        return np.empty((self._height, self._width), np.float32)
+        OpenGL converts on a read in another format, which takes six times as long.
+        """
+        pixels = np.empty((self._height, self._width, 4), np.uint8)
+        self._GL.glReadPixels(
+            0, 0, self._width, self._height, self._GL.GL_RGBA, self._GL.GL_UNSIGNED_BYTE, pixels
+        )
+        return pixels
 
-    def _metric(self, buffer: NDArray[np.float32], max_depth_m: float) -> NDArray[np.float32]:
-        depth_m = metric_depth(buffer, self._near_m, self._far_m, max_depth_m)
-        return np.ascontiguousarray(depth_m[::-1])
+    def _depth(self, max_depth_m: float) -> NDArray[np.float32]:
+        buffer = np.empty((self._height, self._width), np.float32)
+        mujoco.mjr_readPixels(None, buffer, self._viewport, self._context)
+        return metric_depth(buffer[::-1], self._near_m, self._far_m, max_depth_m)
 
-    def _bodies(self, segmented: NDArray[np.uint8]) -> NDArray[np.int32]:
-        painted = segmented[::-1]
-        number = painted[..., 0].astype(np.uint16)
-        number |= painted[..., 1].astype(np.uint16) << np.uint16(8)
+    def _bodies(self) -> NDArray[np.int32]:
+        """Body ids of the drawn segmentation; red and green hold the low and the high byte."""
+        low_high = self._pixels().view("<u2")[::-1, :, 0]
         body_of = np.zeros(self._scene.ngeom + 1, np.int32)
         geom_type = int(mujoco.mjtObj.mjOBJ_GEOM)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == geom_type:
                 body_of[geom.segid + 1] = self._model.geom_bodyid[geom.objid]
-        return body_of[number]
+        # Runs of equal pixels are far fewer than pixels.
+        flat = np.ascontiguousarray(low_high).ravel()
+        begins = np.empty(flat.size, bool)
+        begins[0] = True
+        np.not_equal(flat[1:], flat[:-1], out=begins[1:])
+        starts = np.flatnonzero(begins)
+        lengths = np.diff(starts, append=flat.size)
+        return np.repeat(body_of[flat[starts]], lengths).reshape(low_high.shape)
 
     def close(self) -> None:
         """Release the GL context; call it from the thread that created it."""

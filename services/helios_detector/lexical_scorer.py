@@ -51,6 +51,7 @@ class Affinity:
         return max(hosted, hosting, ROOM_WEIGHT * shared)
 
 
+@lru_cache(maxsize=4096)
 def key_of(name: str) -> str:
     """Canonical name: the alphabetically first of its synonyms."""
     return min(synonyms_of(name))

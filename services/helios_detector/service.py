@@ -64,11 +64,13 @@ class DetectorService:
         *,
         workload: ModelUsage | None = None,  # usage of the models if other services share them
         listen: bool = True,  # False: the caller calls `on_…` and opens the methods
+        previews: bool = True,  # False: publish no image with boxes of keyframes
     ) -> None:
         self._bus, self._health = bus, health
         self._models = Models(detector, scorer, depth)
         self._analyst = FrameAnalyzer(self._models, health)
         self._workload = workload or ModelUsage()
+        self._previews = previews
         self.methods = QueryMethods(bus, self._analyst, self._workload, health)
         self._lock = threading.Lock()  # guards the next six attributes
         self._context: SearchContext | None = None
@@ -266,6 +268,8 @@ class DetectorService:
         self._bus.publish(OBSERVATION, out)
         self._health.count("keyframes_answered")
         sent()
+        if not self._previews:
+            return
         try:
             self._publish_preview(message, frame, findings, context)
         except Exception as error:  # the keyframe is already answered

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -35,11 +36,49 @@ class TruthInstance:
 
 
 @dataclass(frozen=True)
+class Extents:
+    """Visible pixels and boxes of the n ids in an image, ascending by id."""
+
+    ids: NDArray[np.uint16]  # [n]
+    pixels: NDArray[np.int64]  # [n]
+    boxes_xyxy: NDArray[np.int64]  # [n, 4] half open
+
+
+@dataclass(frozen=True)
 class Truth:
     """Ground truth of one frame."""
 
     ids: NDArray[np.uint16]  # [h, w]; 0 is background
     instances: Mapping[int, TruthInstance]
+
+    @cached_property
+    def extents(self) -> Extents:
+        """Pixels and box of each id in the image, 0 included."""
+        return extents_of(self.ids)
+
+
+def extents_of(ids: NDArray[np.uint16]) -> Extents:
+    """Pixels and box of each id of an image [h, w]."""
+    width = ids.shape[1]
+    flat = ids.ravel()
+    # Runs of equal pixels within a row are far fewer than pixels.
+    begins = np.empty(flat.size, bool)
+    np.not_equal(flat[1:], flat[:-1], out=begins[1:])
+    begins[::width] = True
+    starts = np.flatnonzero(begins)
+    ends = np.append(starts[1:], flat.size)
+    order = np.argsort(flat[starts], kind="stable")
+    starts, ends = starts[order], ends[order]
+    run_ids = flat[starts]
+    first = np.flatnonzero(np.append(True, run_ids[1:] != run_ids[:-1]))
+    boxes = (
+        np.minimum.reduceat(starts % width, first),
+        np.minimum.reduceat(starts // width, first),
+        np.maximum.reduceat((ends - 1) % width, first) + 1,
+        np.maximum.reduceat(starts // width, first) + 1,
+    )
+    pixels = np.add.reduceat(ends - starts, first)
+    return Extents(run_ids[first], pixels, np.stack(boxes, -1))
 
 
 class TruthSource(Protocol):

@@ -62,7 +62,8 @@ def known_names() -> frozenset[str]:
     return frozenset((*equal, *kinds, *narrower, *COCO_NAMES))
 
 
-def accepted_names(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:
+@lru_cache(maxsize=4096)
+def accepted_names(asked: str, synonyms: tuple[str, ...] = ()) -> frozenset[str]:
     """All names that match `asked`: itself, its synonyms, and the narrower kinds of these."""
     same = synonyms_of(asked).union(*(synonyms_of(s) for s in synonyms))
     kinds = _tables()[1]

@@ -115,9 +115,13 @@ def is_rigid(T_a_b: Matrix, tolerance: float = 1e-3) -> bool:
 
 def lift_pixels(depth_m: NDArray[np.float32], camera: Pinhole, T_world_cam: Matrix) -> Matrix:
     """World points [h, w, 3] (m) seen by each pixel; NaN where depth is 0."""
-    v, u = np.mgrid[0 : depth_m.shape[0], 0 : depth_m.shape[1]]
-    z = np.where(depth_m > 0, depth_m.astype(np.float64), np.nan)
-    points_cam = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
+    height, width = depth_m.shape
+    points_cam = np.empty((height, width, 3))
+    x, y, z = points_cam[..., 0], points_cam[..., 1], points_cam[..., 2]
+    z[...] = depth_m
+    z[~(depth_m > 0)] = np.nan
+    np.multiply((np.arange(width) - camera.cx) / camera.fx, z, out=x)
+    np.multiply(((np.arange(height) - camera.cy) / camera.fy)[:, None], z, out=y)
     return points_cam @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
 
 

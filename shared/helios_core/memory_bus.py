@@ -1,7 +1,10 @@
-"""Bus within one process: synchronous and deterministic; it still serialises every message.
+"""Bus within one process: synchronous and deterministic. It serialises messages, with exceptions.
 
 `publish` delivers a message to the subscribers in the order of subscription before it returns. In
 lockstep, a step is therefore complete when the `publish` of its frame returns.
+
+A message of a topic in `MemoryHub.uncopied` reaches its subscribers as it is. Publisher and
+subscribers must not change it.
 """
 
 from __future__ import annotations
@@ -30,8 +33,12 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class MemoryHub:
-    """State that the buses of one process share; one hub is one network."""
+    """State that the buses of one process share; one hub is one network.
 
+    uncopied: topics of large messages that are neither serialised nor copied.
+    """
+
+    uncopied: frozenset[Topic] = frozenset()
     lock: threading.RLock = field(default_factory=threading.RLock)
     subscribers: list[_Subscriber] = field(default_factory=list)
     servers: dict[str, _Server] = field(default_factory=dict)
@@ -55,9 +62,10 @@ class _Subscriber:
             a in ("*", b) for a, b in zip(mine, theirs, strict=True)
         )
 
-    def deliver(self, data: bytes) -> None:
+    def deliver(self, data: bytes | Message) -> None:
+        """Pass on a message, serialised or as it is."""
         try:
-            message = self.type.FromString(data)
+            message = self.type.FromString(data) if isinstance(data, bytes) else data
             with self.turn:
                 self.handler(message)
         except Exception:
@@ -81,10 +89,11 @@ class MemoryBus(Bus):
 
     def publish(self, topic: Topic[M], message: M) -> None:
         self._check_open()
-        key, data = topic.key(self.robot), message.SerializeToString()
+        key = topic.key(self.robot)
+        data = message if topic in self._hub.uncopied else message.SerializeToString()
         with self._hub.lock:
             if topic.qos is QoS.RETAINED:
-                self._hub.retained[key] = data
+                self._hub.retained[key] = message.SerializeToString()
             receivers = [s for s in self._hub.subscribers if s.wants(key)]
         for subscriber in receivers:
             subscriber.deliver(data)

@@ -17,7 +17,7 @@ from helios_eval.episodes.episode_record import EpisodeRecord
 from tests.support import wait_until
 
 AGENTS = ("helios", "ground-truth-walker")
-TIMES = {"wall_s", "step_ms", "stage_ms"}
+TIMES = {"wall_s", "step_ms", "cpu_s", "stage_ms"}
 
 
 def arguments(out: Path, *more: str) -> list[str]:

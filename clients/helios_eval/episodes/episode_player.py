@@ -21,6 +21,7 @@ from helios_sim.sensor_noise import SENSORS
 from helios_sim.simulation_thread import WorldThread
 from numpy.typing import NDArray
 
+from helios_eval import kernel_compilation
 from helios_eval.episodes import home_presets
 from helios_eval.episodes.belief_truth import Role, judge_instances
 from helios_eval.episodes.episode_judgement import episode_for, verdict
@@ -69,6 +70,9 @@ class _Outcome:
 
 def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
     """Play an episode. Raises HeliosError if it cannot be played."""
+    if spec.agent != WALKER:
+        kernel_compilation.warm_up()  # before the episode's CPU time begins
+    began_s = time.process_time()
     home = home_presets.home_of(spec.preset, spec.seed, spec.inputs.plans)
     thread = WorldThread(lambda: make_world(spec, home, spec.colored))
     try:
@@ -78,9 +82,11 @@ def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
             if spec.agent == WALKER
             else _live(spec, thread)
         )
-        return thread.run(lambda _: _played(spec, commit, world, said))
+        played = thread.run(lambda _: _played(spec, commit, world, said))
     finally:
         thread.close()
+    cpu_s = round(time.process_time() - began_s, 3)
+    return replace(played, record=played.record.model_copy(update={"cpu_s": cpu_s}))
 
 
 def make_world(spec: EpisodeSpec, home: Home, colored: bool = True) -> TimedWorld:

@@ -117,6 +117,10 @@ class EpisodeRecord(_Frozen):
     # --- timing and beliefs ---
     wall_s: float
     step_ms: float = Field(description="median over the steps")
+    cpu_s: float | None = Field(
+        default=None,
+        description="CPU time of the whole episode, with its home; None in records that lack it",
+    )
     stage_ms: dict[str, float] = Field(
         default_factory=dict, description="median per stage of the services"
     )

@@ -23,7 +23,16 @@ from helios_core.health import Health
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.task_states import ENDED
-from helios_core.topics import GET_TASK, OBJECTS, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
+from helios_core.topics import (
+    GET_TASK,
+    KEYFRAME,
+    OBJECTS,
+    OBSERVATION,
+    ROBOT_STATE,
+    SNAPSHOT,
+    SUBMIT,
+    TASK,
+)  # fmt: skip
 from helios_core.types import ObjectInstance
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
@@ -55,9 +64,14 @@ class DirectTruth:
 
     def __init__(self, world: WorldThread) -> None:
         self._world = world
+        self._last: tuple[int, Truth] | None = None
 
     def segmentation(self, stamp_ns: int) -> Truth:
-        return truth_of(self._world.run(lambda world: world.segmentation(stamp_ns)))
+        """Ground truth of a frame; detector and scorer ask for the same one in turn."""
+        if self._last is None or self._last[0] != stamp_ns:
+            shown = self._world.run(lambda world: world.segmentation(stamp_ns))
+            self._last = stamp_ns, truth_of(shown)
+        return self._last[1]
 
     def check(self) -> None:
         """Ground truth is always available."""
@@ -96,7 +110,7 @@ class InProcessStack:
         settings = of_stack(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
-        self._hub = MemoryHub()
+        self._hub = MemoryHub(uncopied=frozenset({KEYFRAME, OBSERVATION}))
         self._bus = MemoryBus(self._hub)
         self.healths = {
             name: Health() for name in ("bridge", "detector", "objectmap", "map2d", "planner")
@@ -115,8 +129,9 @@ class InProcessStack:
         models = _models(world, noise, seed, settings, detector)
         models.warm_up()
         self._detector = DetectorService(
-            bus(), models.detector, models.scorer, self.healths["detector"], models.depth
-        )
+            bus(), models.detector, models.scorer, self.healths["detector"], models.depth,
+            previews=False,
+        )  # fmt: skip
         self._bridge = BridgeService(
             bus(), world,
             BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0),

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import plots
 from helios_eval.report.agent_groups import Arm, most_common
 from helios_eval.report.number_format import duration, number
@@ -39,6 +40,12 @@ def section(arms: Sequence[Arm]) -> Section:
     return Section("time", "Time of a step", tuple(blocks))
 
 
+def episodes_per_hour(records: Sequence[EpisodeRecord]) -> float:
+    """Episodes that one core plays in an hour of CPU time; NaN if no record has its CPU time."""
+    cpu_s = [r.cpu_s for r in records if r.cpu_s]
+    return 3600 * len(cpu_s) / sum(cpu_s) if cpu_s else math.nan
+
+
 def _stage(arm: Arm, name: str) -> float:
     """Median (ms) over the episodes that have the stage; NaN if none has."""
     found = [r.stage_ms[name] for r in arm.records if name in r.stage_ms]
@@ -62,6 +69,11 @@ def _table(arms: Sequence[Arm], names: Sequence[str], medians: Sequence[Sequence
         *(Cell(number(w / len(a.records), 1), duration(w))
           for a, w in zip(arms, walls, strict=True)),
     ])  # fmt: skip
+    if any(r.cpu_s for a in arms for r in a.records):
+        rows.add([
+            Cell("episodes per hour and core", "from their CPU time"),
+            *(number(episodes_per_hour(a.records), 1) for a in arms),
+        ])  # fmt: skip
     return rows.table(
         "Time by stage",
         ["ms a step", *(a.label for a in arms)],

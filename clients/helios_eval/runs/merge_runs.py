@@ -24,7 +24,7 @@ from helios_eval.report.requested_episodes import commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
 
 # Fields that may differ between two plays of an episode, or that former records lack.
-_PASSING = {"wall_s", "step_ms", "stage_ms", "beliefs", "commit", "reported_cause"}
+_PASSING = {"wall_s", "step_ms", "cpu_s", "stage_ms", "beliefs", "commit", "reported_cause"}
 
 
 def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:

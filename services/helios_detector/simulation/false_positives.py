@@ -19,6 +19,7 @@ from helios_core.types import Frame
 from numpy.typing import NDArray
 
 from helios_detector.simulation.mask_errors import Box, Masked, trimmed
+from helios_detector.simulation.search import Search
 from helios_detector.simulation.view_noise import keys_of, mixed, normal_draws, uniform
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance
@@ -27,7 +28,6 @@ from helios_detector.vocabulary_matching import SearchTarget, normalised
 STRIDE_PX = 8  # stride at which surfaces are sampled
 MOST_RIM_PX = 24  # largest image margin without false positives
 CELL_ORIGIN_M = np.array([0.13, 0.07, 0.23])  # keeps floors and table tops off the cell borders
-WHAT = ("exists", "score", "size")
 _AXES = keys_of(("place x", "place y", "place z"))
 _STANDARD = NormalDist()
 
@@ -57,12 +57,12 @@ class Cells:
 def ghosts(
     frame: Frame,
     truth: Truth,
-    wanted: tuple[SearchTarget, ...],
+    search: Search,
     table: ViewNoiseTable,
     key_of_instance: Callable[[TruthInstance], int],
 ) -> list[FalsePositive]:
     """All false positives of a frame."""
-    if table.level == 0 or table.file.scale.false == 0 or not wanted:
+    if table.level == 0 or table.file.scale.false == 0 or not search.wanted:
         return []
     cells = surface_cells(frame, truth, table, key_of_instance)
     if cells is None:
@@ -71,23 +71,21 @@ def ghosts(
     middles_m = np.asarray((cells.voxels + 0.5) * cell_m + CELL_ORIGIN_M, np.float64)
     eye_m = frame.T_world_cam[:3, 3]
     views, _ = table.views(cells.keys, eye_m, middles_m, None)
-    purposes = keys_of([f"{what} {normalised(w.name)}" for w in wanted for what in WHAT])
-    z = normal_draws(views, purposes[:: len(WHAT)], table.shares, frame.stamp_ns)
+    at, of, _ = search.false.below(views, limits(cells, search, table), frame.stamp_ns)
+    if not len(at):
+        return []
+    draws = uniform(
+        normal_draws(views.part(at), search.false_keys[of], table.shares, frame.stamp_ns)
+    )
     out = []
-    on = _Limits(cells, table)
-    for k, want in enumerate(wanted):
-        limit = on.of(want)
-        for n in np.flatnonzero(z[:, k] < limit):
-            own = views.part(slice(n, n + 1))
-            rest = purposes[len(WHAT) * k + 1 : len(WHAT) * (k + 1)]
-            u_score, u_size = uniform(normal_draws(own, rest, table.shares, frame.stamp_ns)[0])
-            score = table.score("false", u_score, 1)
-            if score < want.threshold:
-                continue
-            masked = _blob(frame, truth, cells, int(n), int(purposes[len(WHAT) * k]), want, u_size,
-                           table)  # fmt: skip
-            if masked is not None:
-                out.append(FalsePositive(want, score, *masked))
+    for n, k, (u_score, u_size) in zip(at.tolist(), of.tolist(), draws.tolist(), strict=True):
+        want, score = search.wanted[k], table.score("false", u_score, 1)
+        if score < want.threshold:
+            continue
+        purpose = int(search.false.purposes[k])
+        masked = _blob(frame, truth, cells, n, purpose, want, u_size, table)
+        if masked is not None:
+            out.append(FalsePositive(want, score, *masked))
     return out
 
 
@@ -133,30 +131,20 @@ def surface_cells(
     return Cells(keys, voxels[first], instances, of_point.ravel(), points_m, pixels)
 
 
-class _Limits:
-    """Draws of cells below which a false positive appears, by search class."""
-
-    def __init__(self, cells: Cells, table: ViewNoiseTable) -> None:
-        f = table.file.false_positive
-        raw = {i.class_name: normalised(i.class_name) for i in cells.instances}
-        names = [raw[i.class_name] for i in cells.instances]
-        on_structure = np.array([name in f.structure for name in names])
-        self._names, self._of_cell = np.unique(names, return_inverse=True)
-        self._limit = {
-            is_object: np.where(
-                on_structure,
-                _limit(table.false(True, is_object)),
-                _limit(table.false(False, is_object)),
-            )
-            for is_object in (True, False)
-        }
-
-    def of(self, want: SearchTarget) -> NDArray[np.float64]:
-        """[cells] a cell's draw below this makes a false positive; -inf on surfaces of the class
-        itself."""
-        limit = self._limit[want.is_object]
-        own = [name in want.names for name in self._names]
-        return np.where(np.array(own)[self._of_cell], -math.inf, limit) if any(own) else limit
+def limits(cells: Cells, search: Search, table: ViewNoiseTable) -> NDArray[np.float64]:
+    """Draws [cells, classes] below which a false positive appears; -inf on surfaces of the class
+    itself."""
+    f = table.file.false_positive
+    names = [normalised(i.class_name) for i in cells.instances]
+    on_structure = np.array([name in f.structure for name in names])
+    kinds = np.array(
+        [[_limit(table.false(s, is_object)) for is_object in (False, True)] for s in (False, True)]
+    )
+    out = kinds[on_structure.astype(int)[:, None], search.is_object.astype(int)]
+    for n, name in enumerate(names):
+        if own := search.matching(name):
+            out[n, list(own)] = -math.inf
+    return out
 
 
 def _limit(rate: float) -> float:
@@ -192,12 +180,25 @@ def _blob(
         return None  # at the border the visible part of the surface would shift its position
     x0, y0 = max(0, int(u) - reach), max(0, int(v) - reach)
     x1, y1 = min(w, int(u) + reach + 1), min(h, int(v) + reach + 1)
+    own = truth.ids[y0:y1, x0:x1] == cells.instances[n].id
+    rows = np.flatnonzero(own.any(axis=1))
+    own = own[rows[0] : rows[-1] + 1]
+    y0, y1 = y0 + int(rows[0]), y0 + int(rows[-1]) + 1
+    depth_m = frame.depth_m[y0:y1, x0:x1]
+    own &= (depth_m > 0) & (depth_m < np.inf)
+    if np.count_nonzero(own) < f.min_px:
+        return None
     camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
-    points_m = lift_pixels(frame.depth_m[y0:y1, x0:x1], camera, frame.T_world_cam)
-    own = (truth.ids[y0:y1, x0:x1] == cells.instances[n].id) & np.isfinite(points_m[..., 2])
-    far_m2 = np.where(own, ((points_m - wished_m) ** 2).sum(-1), np.inf)
-    center_m = points_m[np.unravel_index(np.argmin(far_m2), far_m2.shape)]  # at full resolution
-    crop = own & (((points_m - center_m) ** 2).sum(-1) < radius_m**2)
+    points_m = lift_pixels(depth_m, camera, frame.T_world_cam)[own]
+    center_m = points_m[np.argmin(_squares(points_m - wished_m))]  # at full resolution
+    crop = np.zeros_like(own)
+    crop[own] = _squares(points_m - center_m) < radius_m**2
     if np.count_nonzero(crop) < f.min_px:
         return None
     return trimmed((x0, y0, x1, y1), crop)
+
+
+def _squares(offsets_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared lengths [n] of offsets [n, 3]."""
+    x, y, z = offsets_m.T
+    return x * x + y * y + z * z

@@ -28,31 +28,15 @@ class Visible:
 
 def visible(truth: Truth, min_px: int = MIN_VISIBLE_PX) -> Iterator[Visible]:
     """The instances with at least `min_px` pixels, in ascending order of id."""
-    ids = truth.ids
-    width = ids.shape[1]
-    flat = ids.ravel()
-    # Runs of equal pixels within a row are far fewer than pixels.
-    begins = np.empty(flat.size, bool)
-    np.not_equal(flat[1:], flat[:-1], out=begins[1:])
-    begins[::width] = True
-    starts = np.flatnonzero(begins)
-    ends = np.append(starts[1:], flat.size)
-    order = np.argsort(flat[starts], kind="stable")
-    starts, ends = starts[order], ends[order]
-    run_ids = flat[starts]
-    first = np.flatnonzero(np.append(True, run_ids[1:] != run_ids[:-1]))
-    counts = np.add.reduceat(ends - starts, first)
-    x0s = np.minimum.reduceat(starts % width, first)
-    x1s = np.maximum.reduceat((ends - 1) % width, first) + 1
-    y0s = np.minimum.reduceat(starts // width, first)
-    y1s = np.maximum.reduceat(starts // width, first) + 1
-    for k in np.flatnonzero(counts >= min_px):
-        id = int(run_ids[first[k]])
+    extents = truth.extents
+    for k in np.flatnonzero(extents.pixels >= min_px):
+        id = int(extents.ids[k])
         instance = truth.instances.get(id)
         if id == 0 or instance is None:
             continue
-        x0, y0, x1, y1 = int(x0s[k]), int(y0s[k]), int(x1s[k]), int(y1s[k])
-        yield Visible(instance, int(counts[k]), (x0, y0, x1, y1), ids[y0:y1, x0:x1] == id)
+        x0, y0, x1, y1 = extents.boxes_xyxy[k].tolist()
+        crop = truth.ids[y0:y1, x0:x1] == id
+        yield Visible(instance, int(extents.pixels[k]), (x0, y0, x1, y1), crop)
 
 
 def detection(

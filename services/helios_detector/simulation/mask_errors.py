@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -49,14 +51,16 @@ def leaked(
     box_xyxy: Box,
     crop: NDArray[np.bool_],
     by_px: int,
-    support: NDArray[np.bool_],
+    support: Callable[[Box], NDArray[np.bool_]],
     depth_m: NDArray[np.float32],
     within_m: float,
 ) -> Masked:
-    """The mask extended by up to `by_px` below and half of it to each side, onto pixels in
-    `support` [h, w] whose depth is within `within_m` of the object's median."""
+    """The mask extended by up to `by_px` below and half of it to each side, onto pixels of the
+    support whose depth is within `within_m` of the object's median.
+
+    support: returns the part of the support's mask [h, w] within a box."""
     x0, y0, x1, y1 = box_xyxy
-    h, w = support.shape
+    h, w = depth_m.shape
     beside = (by_px + 1) // 2
     left, right, below = min(beside, x0), min(beside, w - x1), min(by_px, h - y1)
     grown = np.pad(crop, ((0, below), (left, right))).astype(np.uint8)
@@ -69,4 +73,4 @@ def leaked(
     if not len(own_m):
         return box_xyxy, crop
     near = np.abs(depth_m[window] - np.median(own_m)) < within_m
-    return trimmed(box, (grown > 0) | (spread & support[window] & near))
+    return trimmed(box, (grown > 0) | (spread & support(box) & near))

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_detector.simulation.view_noise import Term, keys_of, mixed, normals
+from helios_detector.simulation.view_noise import Rows, Term, keys_of, mixed, normals
 
 SIDE_KNOTS = 4
 VIEW_KNOTS = 20
@@ -48,7 +48,7 @@ class SmoothViews:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def part(self, rows: slice) -> SmoothViews:
+    def part(self, rows: Rows) -> SmoothViews:
         """The views of these objects only."""
         return SmoothViews(self.keys[rows], self.angles_rad[rows], self.distances_m[rows])
 

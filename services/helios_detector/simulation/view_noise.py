@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 SECTORS = 12
 SIDES = 4
 
+Rows = slice | NDArray[np.int64]
 Term = tuple[NDArray[np.float64], NDArray[np.float64]]  # weights and normals, broadcast to [n, p]
 
 _THING, _SIDE, _VIEW, _FRAME = (np.array([n], np.uint64) for n in range(1, 5))
@@ -73,7 +74,7 @@ class Views(Protocol):
 
     def __len__(self) -> int: ...
 
-    def part(self, rows: slice) -> Self:
+    def part(self, rows: Rows) -> Self:
         """The views of these objects only."""
         ...
 
@@ -97,7 +98,7 @@ class SectorViews:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def part(self, rows: slice) -> SectorViews:
+    def part(self, rows: Rows) -> SectorViews:
         """The views of these objects only."""
         return SectorViews(self.keys[rows], self.sectors[rows], self.cells[rows])
 
@@ -160,8 +161,11 @@ def sectors_of(xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
 def normal_draws(
     views: Views, purposes: NDArray[np.uint64], shares: Shares, stamp_ns: int
 ) -> NDArray[np.float64]:
-    """Standard normal draws [n, purposes]; each level repeats its term for the same key."""
-    base = mixed(views.keys[:, None], purposes[None, :])
+    """Standard normal draws [n, p]; each level repeats its term for the same key.
+
+    purposes: [p], or [n, p] for purposes of each object.
+    """
+    base = mixed(views.keys[:, None], np.atleast_2d(purposes))
     out = np.zeros(base.shape)
     if shares.thing > 0:
         out += math.sqrt(shares.thing) * normals(mixed(base, _THING))
@@ -172,9 +176,14 @@ def normal_draws(
         for weight, z in views.view_terms(mixed(base, _VIEW)):
             out += math.sqrt(shares.view) * weight * z
     if shares.frame > 0:
-        stamp = np.array([stamp_ns], np.int64).view(np.uint64)
-        out += math.sqrt(shares.frame) * normals(mixed(mixed(base, _FRAME), stamp))
+        out += math.sqrt(shares.frame) * frame_normals(base, stamp_ns)
     return out
+
+
+def frame_normals(hashes: NDArray[np.uint64], stamp_ns: int) -> NDArray[np.float64]:
+    """Standard normal numbers that the frame fixes; hashes: of the objects and purposes."""
+    stamp = np.array([stamp_ns], np.int64).view(np.uint64)
+    return normals(mixed(mixed(hashes, _FRAME), stamp))
 
 
 @lru_cache(maxsize=1)

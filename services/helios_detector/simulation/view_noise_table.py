@@ -249,6 +249,22 @@ class ViewNoiseTable:
                 out[true] = Row(tuple(row), np.cumsum(values) / total, total)
         return out
 
+    @cached_property
+    def _quantiles(self) -> dict[Kind, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Kind of detection -> (uniform numbers, scores at them)."""
+        s = self.file.score
+        kinds: dict[Kind, Quantiles] = {"true": s.true, "confused": s.confused, "false": s.false}
+        return {
+            kind: (np.linspace(0, 1, len(values)), np.array(values))
+            for kind, values in kinds.items()
+        }
+
+    @cached_property
+    def _score_factors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(logarithms of visible pixels, factors of the score at them)."""
+        s = self.file.score
+        return np.log(s.pixels), np.array(s.factor_by_pixels)
+
     def scaled(self, level: float, correlation: float | None = None) -> ViewNoiseTable:
         """The table with every rate multiplied by `level`; 0 gives ground truth. `correlation` 1
         redraws nothing per frame, 0 everything; None: the table's shares. Raises InvalidInput
@@ -309,11 +325,9 @@ class ViewNoiseTable:
     def score(self, kind: Kind, u: float, pixels: int) -> float:
         """Score for a uniform draw `u`. Below level 1 scores of true detections approach 1; scores
         of errors do not change, so errors become fewer but not more confident."""
-        s = self.file.score
-        quantiles = {"true": s.true, "confused": s.confused, "false": s.false}[kind]
-        score = float(np.interp(u, np.linspace(0, 1, len(quantiles)), quantiles))
+        score = float(np.interp(u, *self._quantiles[kind]))
         if kind != "false":
-            score *= float(np.interp(np.log(pixels), np.log(s.pixels), s.factor_by_pixels))
+            score *= float(np.interp(np.log(pixels), *self._score_factors))
         return 1 - min(1.0, self.level) * (1 - score) if kind == "true" else score
 
     def cells(

@@ -213,11 +213,11 @@ class ViewScorer(ScorerBackend):
 
 def areas_in_view(truth: Truth) -> dict[str, float]:
     """Share of the image that the largest thing of each class covers, by class name."""
-    counts = np.bincount(truth.ids.ravel())
     out: dict[str, float] = {}
-    for id in np.flatnonzero(counts).tolist():
+    extents = truth.extents
+    for id, pixels in zip(extents.ids.tolist(), extents.pixels.tolist(), strict=True):
         thing = truth.instances.get(id)
         if id and thing is not None:
-            share = float(counts[id]) / truth.ids.size
+            share = pixels / truth.ids.size
             out[thing.class_name] = max(out.get(thing.class_name, 0.0), share)
     return out

@@ -117,15 +117,12 @@ def frame_to_proto(frame: Frame) -> pb.Frame:
         origin_id=frame.origin_id,
     )  # fmt: skip
     out.stamp.FromNanoseconds(frame.stamp_ns)
-    out.raw_color.CopyFrom(
-        RawImage(width=width, height=height, encoding="rgb8", step=3 * width,
-                 frame_id="camera", data=np.ascontiguousarray(frame.color).tobytes())
-    )  # fmt: skip
-    depth_mm = np.rint(np.clip(frame.depth_m, 0, 65.535) * 1000).astype("<u2")
-    out.raw_depth.CopyFrom(
-        RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
-                 frame_id="camera", data=depth_mm.tobytes())
-    )  # fmt: skip
+    color = np.ascontiguousarray(frame.color).tobytes()
+    _fill(out.raw_color, width, height, "rgb8", 3 * width, color)
+    depth = np.clip(frame.depth_m, 0, 65.535)
+    depth *= 1000
+    depth_mm = np.rint(depth, out=depth).astype("<u2")
+    _fill(out.raw_depth, width, height, "16UC1", 2 * width, depth_mm.tobytes())
     out.calibration.CopyFrom(
         CameraCalibration(width=frame.camera.width, height=frame.camera.height, frame_id="camera",
                           K=frame.camera.matrix.ravel().tolist())
@@ -133,6 +130,12 @@ def frame_to_proto(frame: Frame) -> pb.Frame:
     out.T_world_cam.CopyFrom(pose_to_proto(frame.T_world_cam, frame.stamp_ns))
     out.T_world_base.CopyFrom(pose_to_proto(frame.T_world_base, frame.stamp_ns))
     return out
+
+
+def _fill(image: RawImage, width: int, height: int, encoding: str, step: int, data: bytes) -> None:
+    """Set the fields in place: a message passed on would be copied."""
+    image.width, image.height, image.encoding, image.step = width, height, encoding, step
+    image.frame_id, image.data = "camera", data
 
 
 def frame_from_proto(frame: pb.Frame) -> Frame:

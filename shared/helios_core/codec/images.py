@@ -30,12 +30,13 @@ def raw_image_array(image: RawImage, what: str) -> NDArray:
     if image.width == 0 or image.height == 0:
         raise InvalidInput(f"{what} is empty ({image.width}x{image.height}); send a real image")
     _check_pixels(image.width, image.height, what)
-    if step < image.width * size or len(image.data) != step * image.height:
+    data = image.data  # each access to the field copies it
+    if step < image.width * size or len(data) != step * image.height:
         raise InvalidInput(
             f"{what} is {image.width}x{image.height} {image.encoding} with step {step}, which "
-            f"needs {step * image.height} bytes; {len(image.data)} came"
+            f"needs {step * image.height} bytes; {len(data)} came"
         )
-    rows = np.frombuffer(image.data, np.uint8).reshape(image.height, step)
+    rows = np.frombuffer(data, np.uint8).reshape(image.height, step)
     pixels = rows[:, : image.width * size]
     if size == 3:
         return pixels.reshape(image.height, image.width, 3)
@@ -113,16 +114,22 @@ def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
     if raw is not None:
         pixels = raw_image_array(raw, "the depth image")
         if raw.encoding == "16UC1":
-            return pixels.astype(np.float32) * np.float32(0.001)
+            return _metres(pixels)
         if raw.encoding != "32FC1":
             raise InvalidInput(f"the depth image has encoding {raw.encoding}; send 16UC1 or 32FC1")
         good = (pixels > 0) & (pixels <= FARTHEST_DEPTH_M)  # False for NaN
         return np.where(good, pixels, np.float32(0)).astype(np.float32, copy=False)
     if compressed is not None:
-        return depth_mm_array(compressed).astype(np.float32) * np.float32(0.001)
+        return _metres(depth_mm_array(compressed))
     raise InvalidInput(
         "the frame has no depth image; send raw_depth or compressed_depth, over HTTP the part depth"
     )
+
+
+def _metres(depth_mm: NDArray[np.uint16]) -> NDArray[np.float32]:
+    depth_m = depth_mm.astype(np.float32)
+    depth_m *= np.float32(0.001)
+    return depth_m
 
 
 def depth_mm_array(compressed: CompressedImage) -> NDArray[np.uint16]:

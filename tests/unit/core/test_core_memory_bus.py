@@ -6,7 +6,7 @@ import threading
 
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import CONTEXT, GET_TASK
+from helios_core.topics import CONTEXT, FRAME, GET_TASK, KEYFRAME
 
 
 class Watched(list):
@@ -65,3 +65,17 @@ def test_closing_a_replaced_server_does_not_remove_its_successor() -> None:
     bus.serve(GET_TASK, lambda _: pb.Task(id="new"))
     old.close()
     assert bus.call(GET_TASK, pb.TaskRequest(), 5).id == "new"
+
+
+def test_messages_of_uncopied_topics_reach_subscribers_as_they_are() -> None:
+    bus, heard = MemoryBus(MemoryHub(uncopied=frozenset({KEYFRAME}))), []
+    for topic in (KEYFRAME, FRAME):
+        for _ in range(2):
+            bus.subscribe(topic, heard.append)
+    sent = pb.Frame(id=pb.FrameId(seq=3))
+    bus.publish(KEYFRAME, sent)
+    assert [message is sent for message in heard] == [True, True]
+    heard.clear()
+    bus.publish(FRAME, sent)
+    assert heard == [sent, sent]
+    assert not any(message is sent for message in heard)

@@ -259,7 +259,9 @@ def test_leaking_masks_extend_only_onto_near_support_below_the_object():
     support = np.ones((100, 100), bool)
     support[50:60, 40:45] = False  # another object below
     crop = np.ones((10, 20), bool)
-    box, mask = leaked((40, 40, 60, 50), crop, 6, support, depth_m, 0.3)
+    box, mask = leaked(
+        (40, 40, 60, 50), crop, 6, lambda b: support[b[1] : b[3], b[0] : b[2]], depth_m, 0.3
+    )
     whole = np.zeros((100, 100), bool)
     whole[box[1] : box[3], box[0] : box[2]] = mask
     assert whole[40:50, 40:60].all()

@@ -13,7 +13,7 @@ from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
 from helios_eval.runs.process_pool import play_all
 
 NOISE = noise_of("demo-v1", 1.0, None)
-TIMES = frozenset({"wall_s", "step_ms", "stage_ms", "commit"})
+TIMES = frozenset({"wall_s", "step_ms", "cpu_s", "stage_ms", "commit"})
 
 
 def spec(agent: str = "helios", steps: int = 16) -> EpisodeSpec:

@@ -254,6 +254,16 @@ def test_the_report_of_an_incomplete_run_states_the_missing_episodes(tmp_path):
     assert "not every row is over the same homes" not in markdown
 
 
+def test_the_report_states_episodes_per_hour_and_core(tmp_path):
+    """Records that lack their CPU time, of former runs, are left out."""
+    write(tmp_path, [episode(0, cpu_s=30.0), episode(1, cpu_s=50.0), episode(2)], pictures=False)
+    write_report(tmp_path)
+    assert re.search(r"episodes per hour and core.*\b90\.0\b", (tmp_path / "report.md").read_text())
+    write(tmp_path, [episode(0)], pictures=False)
+    write_report(tmp_path)
+    assert "episodes per hour" not in (tmp_path / "report.md").read_text()
+
+
 def test_equally_frequent_causes_are_not_ranked(tmp_path):
     causes = ("stuck", "pick failed")
     write(tmp_path, [episode(s, cause=c, success=False) for s, c in enumerate(causes)],
