@@ -12,8 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.service_process import ending_signals
-from helios_core.signal_handling import on_signals
+from helios_core.signal_handling import ending_signals, on_signals
 from rich.markup import escape
 
 from helios_client.supervision import state_file
