@@ -4,6 +4,7 @@ results."""
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -24,6 +25,7 @@ from helios_client.replay.frame_answers import FrameAcks
 from helios_client.replay.input_checks import examine
 from helios_client.replay.progress import ReplayMonitor
 from helios_client.replay.results import Results, collect, unreadable_frames
+from helios_client.supervision.forked_process import ForkServer
 from helios_client.supervision.model_check import check_models
 from helios_client.supervision.service_specs import StackOptions, free_port
 from helios_client.supervision.service_table import ServiceTable
@@ -89,7 +91,8 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
     specs = stack.processes()
-    supervisor = Supervisor(specs, stack.log_dir, restart=False)
+    server = ForkServer() if ForkServer.wanted(os.environ) else None
+    supervisor = Supervisor(specs, stack.log_dir, restart=False, fork_server=server)
     supervisor.start()
     try:
         with _bus(stack, supervisor, job, interrupts) as bus:

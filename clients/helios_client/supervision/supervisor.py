@@ -15,6 +15,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from helios_client.supervision.child_process import ChildProcess, ProcessExit, ProcessSpec
+from helios_client.supervision.forked_process import ForkServer
 
 RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 5.0)
 STEADY_S = 20.0  # after this run time, the next restart is immediate again
@@ -70,10 +71,13 @@ class Supervisor:
         log_dir: Path,
         restart: bool = True,
         clock: Callable[[], float] = time.monotonic,
+        fork_server: ForkServer | None = None,
     ) -> None:
+        """fork_server: it forks the services; the supervisor ends it."""
         self._rows = [_Row(spec, log_dir / f"{spec.name}.log") for spec in specs]
         self._restart = restart
         self._clock = clock
+        self._fork_server = fork_server
 
     def start(self) -> None:
         """Start all processes. Raises OSError, with none left running, if a program does not
@@ -116,10 +120,12 @@ class Supervisor:
         """End all processes within about three seconds: SIGTERM first, then SIGKILL."""
         for last, within_s in ((False, TERMINATE_WITHIN_S), (True, LAST_WITHIN_S)):
             self._end([r for r in self._rows if r.spec.ends_last is last], within_s)
+        if self._fork_server is not None:
+            self._fork_server.close()
 
     def _start(self, row: _Row) -> None:
         row.started_s = self._clock()
-        row.child = ChildProcess(row.spec, row.log_path)
+        row.child = ChildProcess(row.spec, row.log_path, self._fork_server)
         row.due_s, row.state = None, ProcessState.RUNNING
 
     def _note_ending(self, row: _Row, ending: ProcessExit, now_s: float) -> None:

@@ -18,6 +18,7 @@ from rich.markup import escape
 from helios_client.supervision import state_file
 from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import ProcessExit
+from helios_client.supervision.forked_process import ForkServer
 from helios_client.supervision.service_specs import REMOTE, StackOptions, port_bind_error
 from helios_client.supervision.service_table import (
     WITHOUT_STATUS,
@@ -94,7 +95,6 @@ class _Run:
         assert stack.port is not None
         specs = stack.processes()
         self._stack, self._screen = stack, screen
-        self._supervisor = Supervisor(specs, stack.log_dir)
         self._board = ServiceTable()
         self._names = [spec.name for spec in specs]
         self._elsewhere = ("bridge",) if stack.robot == REMOTE else ()
@@ -102,6 +102,8 @@ class _Run:
             if name != WITHOUT_STATUS:
                 stack.link(name)  # raises InvalidInput before anything starts
         self._link = stack.link("supervisor")
+        server = ForkServer() if ForkServer.wanted(os.environ) else None
+        self._supervisor = Supervisor(specs, stack.log_dir, fork_server=server)
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
             self._state_dirs.append(default)  # where `helios status` looks
