@@ -178,6 +178,7 @@ def publish_status(
 def _report(bus: Bus, name: str, instance: str, health: Health, over: threading.Event) -> None:
     """Publish the status at every change, every second, and once at the end."""
     began, logged, last = time.monotonic(), ("", ""), False
+    log = logging.getLogger(f"helios_{name}")  # names the service where several share a process
     while not last:
         health.changed.clear()
         last = over.is_set()  # after `clear`, so that the wait below cannot miss the end

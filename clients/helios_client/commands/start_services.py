@@ -84,6 +84,10 @@ RouterHost = Annotated[
     str,
     typer.Option(help="address that the router listens on; 0.0.0.0: for other machines, too"),
 ]
+Compact = Annotated[
+    bool,
+    typer.Option("--compact", help="all services in one process, for computers with little memory"),
+]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
 
@@ -110,6 +114,7 @@ def up(
     router_host: RouterHost = LOOPBACK,
     certs: Certs = None,
     name: BusName = "robot",
+    compact: Compact = False,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
@@ -124,6 +129,7 @@ def up(
             detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
             source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
             ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
+            compact=compact,
         )
     )  # fmt: skip
     if source is not None:

@@ -32,6 +32,12 @@ class ProcessSpec:
     name: str
     argv: tuple[str, ...]
     ends_last: bool = False  # other processes need it while they end: the router
+    hosts: tuple[str, ...] = ()  # services in it; none: one with the name of the process
+
+    @property
+    def services(self) -> tuple[str, ...]:
+        """Names of the services in it."""
+        return self.hosts or (self.name,)
 
 
 @dataclass(frozen=True)

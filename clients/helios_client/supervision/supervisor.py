@@ -33,13 +33,14 @@ class ProcessState(StrEnum):
 
 @dataclass(frozen=True)
 class ProcessInfo:
-    """Row of the process table."""
+    """Row of the process table, one per service."""
 
     name: str
     pid: int  # 0 while it does not run
     restarts: int
     state: ProcessState
     reason: str  # why it was restarted, waits or is stopped; empty at first
+    process: str = ""  # name of its process; empty: its own name
 
 
 def restart_delay_s(failures: int) -> float:
@@ -110,10 +111,13 @@ class Supervisor:
         return tuple(ended)
 
     def table(self) -> tuple[ProcessInfo, ...]:
-        """All processes, in the order of `specs`."""
+        """All services, in the order of `specs`."""
         return tuple(
-            ProcessInfo(r.spec.name, r.child.pid if r.child else 0, r.restarts, r.state, r.reason)
+            ProcessInfo(
+                name, r.child.pid if r.child else 0, r.restarts, r.state, r.reason, r.spec.name
+            )
             for r in self._rows
+            for name in r.spec.services
         )
 
     def stop(self) -> None:

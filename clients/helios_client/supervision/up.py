@@ -96,13 +96,14 @@ class _Run:
         specs = stack.processes()
         self._stack, self._screen = stack, screen
         self._board = ServiceTable()
-        self._names = [spec.name for spec in specs]
+        self._names = [name for spec in specs for name in spec.services]
         self._elsewhere = ("bridge",) if stack.robot == REMOTE else ()
         for name in self._names:
             if name != WITHOUT_STATUS:
                 stack.link(name)  # raises InvalidInput before anything starts
         self._link = stack.link("supervisor")
-        server = ForkServer() if ForkServer.wanted(os.environ) else None
+        forks = ForkServer.wanted(os.environ) and not stack.compact  # two processes share little
+        server = ForkServer() if forks else None
         self._supervisor = Supervisor(specs, stack.log_dir, fork_server=server)
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
@@ -149,9 +150,9 @@ class _Run:
     def _say_endings(
         self, ended: Sequence[tuple[str, ProcessExit]], table: Sequence[ProcessInfo]
     ) -> None:
-        rows = {info.name: info for info in table}
+        rows = {info.process: info for info in table}
         for name, ending in ended:
-            self._was_ready.discard(name)
+            self._was_ready -= {info.name for info in table if info.process == name}
             self._all_ready = False
             info = rows[name]
             stays_down = info.state is ProcessState.STOPPED
