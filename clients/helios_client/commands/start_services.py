@@ -117,24 +117,27 @@ def up(
     compact: Compact = False,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
-    from helios_client.replay.input_selection import check_source, default_detector
-    from helios_client.supervision.up import Screen
-    from helios_client.supervision.up import up as run_up
-    from helios_client.supervision.up_flags import UpFlags, stack_options
+    from helios_client.supervision.forked_process import fork_server_for
 
-    specs = stack_options(
-        UpFlags(
-            robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
-            furniture=furniture, state=state,
-            detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
-            source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
-            ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
-            compact=compact,
-        )
-    )  # fmt: skip
-    if source is not None:
-        check_source(source)
-    run_up(specs, Screen())
+    with fork_server_for(several=not compact) as server:  # first: it imports meanwhile
+        from helios_client.replay.input_selection import check_source, default_detector
+        from helios_client.supervision.up import Screen
+        from helios_client.supervision.up import up as run_up
+        from helios_client.supervision.up_flags import UpFlags, stack_options
+
+        stack = stack_options(
+            UpFlags(
+                robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
+                furniture=furniture, state=state,
+                detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
+                source=source, rate=rate, record=record, record_dir=record_dir,
+                spot_host=spot_host, ros2=ros2, router_port=router_port, router_host=router_host,
+                certs=certs, name=name, compact=compact,
+            )
+        )  # fmt: skip
+        if source is not None:
+            check_source(source)
+        run_up(stack, Screen(), server)
 
 
 @app.command()

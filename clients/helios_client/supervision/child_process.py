@@ -16,7 +16,7 @@ from typing import IO
 from helios_core.errors import Unavailable
 
 from helios_client.supervision import parent_watch
-from helios_client.supervision.forked_process import ForkedProcess, ForkServer
+from helios_client.supervision.forked_process import ENVIRONMENT, ForkedProcess, ForkServer
 
 log = logging.getLogger(__name__)
 
@@ -144,6 +144,7 @@ def _spawned(spec: ProcessSpec, output: IO[bytes]) -> subprocess.Popen[bytes]:
         stdout=output,
         stderr=subprocess.STDOUT,
         start_new_session=True,
+        env=ENVIRONMENT | os.environ,
     )
 
 

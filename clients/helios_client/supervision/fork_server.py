@@ -5,8 +5,9 @@
     {"module": "helios_map2d", "args": ["--router", …], "log": "/…/map2d.log"}  ->  {"pid": 123}
 
 The answer is `{"error": reason}` if this process has a second thread: a fork copies only one, and
-the locks that others hold stay locked in the copy. So this process opens no bus and runs no kernel,
-and the numerical libraries get one thread each. The services open and run theirs after the fork.
+the locks that others hold stay locked in the copy. So this process opens no bus and runs no
+parallel kernel, and the numerical libraries get one thread each. The services start theirs after
+the fork.
 
 The child of a child becomes the service. Linux gives it to PID, the supervisor, which can thus wait
 for it as for any child. The end of this process ends no service.
@@ -14,6 +15,7 @@ for it as for any child. The end of this process ends no service.
 
 from __future__ import annotations
 
+import functools
 import gc
 import importlib
 import json
@@ -34,7 +36,6 @@ SHARED = (
     "helios_core.service_process",
     "helios_core.zenoh_bus",
 )
-COMPILED = ("numba",)  # imported before the first service that has kernels
 HAVE_KERNELS = frozenset({"helios_map2d", "helios_objectmap", "helios_planner"})
 PR_SET_PDEATHSIG = 1
 
@@ -61,7 +62,7 @@ def _serve(requests: socket.socket, supervisor: int) -> Request | None:
     while message := requests.recv(MESSAGE_BYTES):
         request = Request(**json.loads(message))
         if request.module in HAVE_KERNELS:
-            _import(COMPILED)
+            _prepare_numba()
         gc.collect()
         gc.freeze()  # the collector does not write to memory that is shared with the services
         threads = os.listdir("/proc/self/task")
@@ -128,6 +129,16 @@ def _show_as(argv: tuple[str, ...]) -> None:
     import setproctitle
 
     setproctitle.setproctitle(" ".join(argv))
+
+
+@functools.cache
+def _prepare_numba() -> None:
+    """Import Numba and compile one line, which loads the tables that every kernel needs."""
+    with suppress(ImportError):
+        import numba
+        import numpy as np
+
+        numba.njit(lambda values: values[0])(np.zeros(1))
 
 
 def _import(modules: tuple[str, ...]) -> None:

@@ -28,9 +28,10 @@ SWITCH = "HELIOS_FORK"
 ANSWER_WITHIN_S = 30.0  # its imports on a busy machine
 POLL_S = 0.01
 PR_SET_CHILD_SUBREAPER = 36
-ONE_THREAD = dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
-)  # else they start threads when they are imported
+ENVIRONMENT = {  # of the services, unless the user's has the variable
+    "OPENBLAS_NUM_THREADS": "1",  # else OpenBLAS starts threads when it is imported
+    "MALLOC_ARENA_MAX": "2",  # the C library keeps free memory per arena, one for each thread
+}
 
 
 class ForkedProcess:
@@ -68,11 +69,6 @@ class ForkServer:
 
     def __init__(self) -> None:
         self._start()
-
-    @staticmethod
-    def wanted(environment: Mapping[str, str]) -> bool:
-        """True on Linux, unless HELIOS_FORK=0."""
-        return sys.platform == "linux" and environment.get(SWITCH, "1") != "0"
 
     def fork(self, module: str, args: Sequence[str], log_path: Path) -> ForkedProcess:
         """Start `python -m MODULE ARG …`. Raises Unavailable, with nothing started."""
@@ -112,8 +108,26 @@ class ForkServer:
             self._process = subprocess.Popen(
                 (sys.executable, "-m", fork_server.__name__, str(fd), str(os.getpid())),
                 stdin=subprocess.DEVNULL, pass_fds=(fd,), start_new_session=True,
-                env=os.environ | ONE_THREAD,
+                env=ENVIRONMENT | os.environ,
             )  # fmt: skip
+
+
+def is_wanted(environment: Mapping[str, str]) -> bool:
+    """True on Linux, unless HELIOS_FORK=0."""
+    return sys.platform == "linux" and environment.get(SWITCH, "1") != "0"
+
+
+@contextmanager
+def fork_server_for(several: bool) -> Iterator[ForkServer | None]:
+    """Fork server for several services, until the end of the block; None where it is not wanted."""
+    if not (several and is_wanted(os.environ)):
+        yield None
+        return
+    server = ForkServer()
+    try:
+        yield server
+    finally:
+        server.close()
 
 
 @contextmanager

@@ -74,7 +74,7 @@ class Supervisor:
         clock: Callable[[], float] = time.monotonic,
         fork_server: ForkServer | None = None,
     ) -> None:
-        """fork_server: it forks the services; the supervisor ends it."""
+        """fork_server: forks the services; None: each starts with an interpreter of its own."""
         self._rows = [_Row(spec, log_dir / f"{spec.name}.log") for spec in specs]
         self._restart = restart
         self._clock = clock
@@ -124,8 +124,6 @@ class Supervisor:
         """End all processes within about three seconds: SIGTERM first, then SIGKILL."""
         for last, within_s in ((False, TERMINATE_WITHIN_S), (True, LAST_WITHIN_S)):
             self._end([r for r in self._rows if r.spec.ends_last is last], within_s)
-        if self._fork_server is not None:
-            self._fork_server.close()
 
     def _start(self, row: _Row) -> None:
         row.started_s = self._clock()

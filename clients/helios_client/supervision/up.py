@@ -47,9 +47,10 @@ class Screen(TextScreen):
             super().on_broken_pipe()
 
 
-def up(stack: StackOptions, screen: Screen) -> None:
+def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) -> None:
     """Run the stack until SIGINT, SIGTERM or SIGHUP.
 
+    server: forks the services; None: each starts with an interpreter of its own.
     Raises HeliosError, with nothing left running, for a port or state directory in use and for
     wrong flags.
     """
@@ -71,7 +72,7 @@ def up(stack: StackOptions, screen: Screen) -> None:
     stopping = threading.Event()
     on_signals(ending_signals(), stopping.set)
     with held:
-        _Run(stack, screen).run(stopping)
+        _Run(stack, screen, server).run(stopping)
 
 
 def check_port(port: int, flag: str) -> None:
@@ -91,7 +92,7 @@ def check_port(port: int, flag: str) -> None:
 
 
 class _Run:
-    def __init__(self, stack: StackOptions, screen: Screen) -> None:
+    def __init__(self, stack: StackOptions, screen: Screen, server: ForkServer | None) -> None:
         assert stack.port is not None
         specs = stack.processes()
         self._stack, self._screen = stack, screen
@@ -102,8 +103,6 @@ class _Run:
             if name != WITHOUT_STATUS:
                 stack.link(name)  # raises InvalidInput before anything starts
         self._link = stack.link("supervisor")
-        forks = ForkServer.wanted(os.environ) and not stack.compact  # two processes share little
-        server = ForkServer() if forks else None
         self._supervisor = Supervisor(specs, stack.log_dir, fork_server=server)
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
