@@ -38,6 +38,8 @@ SHARED = (
 )
 HAVE_KERNELS = frozenset({"helios_map2d", "helios_objectmap", "helios_planner"})
 PR_SET_PDEATHSIG = 1
+TITLE_BYTES = 1024  # room for the command line of a service, in the command line of this process
+KEEP_ENVIRONMENT = {"SPT_NOENV": "1"}  # else the title overwrites it, and tools read nonsense
 
 
 class Request(NamedTuple):
@@ -51,6 +53,7 @@ class Request(NamedTuple):
 def main(descriptor: int, supervisor: int) -> None:
     """Answer requests until the supervisor ends. In a forked process it runs the service."""
     _import(SHARED)
+    _show_as((sys.executable, "-m", *sys.argv[:3]))
     with socket.socket(fileno=descriptor) as requests:
         request = _serve(requests, supervisor)
     if request is not None:
@@ -103,10 +106,17 @@ def _become(request: Request, supervisor: int) -> None:
     """Run the service as `python -m MODULE ARG …` would."""
     _end_with(supervisor)
     _write_to(request.log)
-    random.seed()
+    _draw_other_numbers()
     sys.argv = [request.module, *request.args]
     _show_as((sys.executable, "-m", *sys.argv))
     runpy.run_module(request.module, run_name="__main__", alter_sys=True)
+
+
+def _draw_other_numbers() -> None:
+    """Seed the global generators anew, which are equal in all copies."""
+    random.seed()
+    if (of_numpy := sys.modules.get("numpy.random")) is not None:
+        of_numpy.seed()
 
 
 def _end_with(supervisor: int) -> None:

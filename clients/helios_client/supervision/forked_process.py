@@ -105,10 +105,11 @@ class ForkServer:
         self._requests.settimeout(ANSWER_WITHIN_S)
         with theirs:
             fd = theirs.fileno()
+            command = (sys.executable, "-m", fork_server.__name__, str(fd), str(os.getpid()))
             self._process = subprocess.Popen(
-                (sys.executable, "-m", fork_server.__name__, str(fd), str(os.getpid())),
+                (*command, " " * fork_server.TITLE_BYTES),
                 stdin=subprocess.DEVNULL, pass_fds=(fd,), start_new_session=True,
-                env=ENVIRONMENT | os.environ,
+                env=ENVIRONMENT | os.environ | fork_server.KEEP_ENVIRONMENT,
             )  # fmt: skip
 
 
