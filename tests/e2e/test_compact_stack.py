@@ -125,7 +125,8 @@ def test_a_wrong_setting_of_one_service_ends_the_start_with_what_to_do(
     tmp_path: Path,
 ) -> None:
     wrong = {"HELIOS_MAP2D_CELL_M": "-1"}
-    with pytest.raises(AssertionError, match="helios-map2d: wrong setting: cell_m"), helios_up(  # noqa: SIM117, PT012
-        tmp_path, "--robot", "sim", "--compact", kind=Up, environment=wrong
-    ) as up:
+    with (
+        pytest.raises(AssertionError, match="helios-map2d: wrong setting: cell_m"),
+        helios_up(tmp_path, "--robot", "sim", "--compact", kind=Up, environment=wrong) as up,
+    ):
         wait_until(up.ready, 60, "it ends")
