@@ -38,6 +38,7 @@ SHARED = (
 )
 HAVE_KERNELS = frozenset({"helios_map2d", "helios_objectmap", "helios_planner"})
 PR_SET_PDEATHSIG = 1
+NAME = "helios_client.supervision.fork_server"
 TITLE_BYTES = 1024  # room for the command line of a service, in the command line of this process
 KEEP_ENVIRONMENT = {"SPT_NOENV": "1"}  # else the title overwrites it, and tools read nonsense
 
@@ -53,7 +54,7 @@ class Request(NamedTuple):
 def main(descriptor: int, supervisor: int) -> None:
     """Answer requests until the supervisor ends. In a forked process it runs the service."""
     _import(SHARED)
-    _show_as((sys.executable, "-m", *sys.argv[:3]))
+    _show_as((sys.executable, "-m", NAME))
     with socket.socket(fileno=descriptor) as requests:
         request = _serve(requests, supervisor)
     if request is not None:

@@ -105,7 +105,7 @@ class ForkServer:
         self._requests.settimeout(ANSWER_WITHIN_S)
         with theirs:
             fd = theirs.fileno()
-            command = (sys.executable, "-m", fork_server.__name__, str(fd), str(os.getpid()))
+            command = (sys.executable, "-m", fork_server.NAME, str(fd), str(os.getpid()))
             self._process = subprocess.Popen(
                 (*command, " " * fork_server.TITLE_BYTES),
                 stdin=subprocess.DEVNULL, pass_fds=(fd,), start_new_session=True,
