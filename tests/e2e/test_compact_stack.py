@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -25,6 +26,7 @@ from helios_core.topics import (
     TASK,
     TRUTH_EPISODE,
     TRUTH_METRICS,
+    Topic,
     settings_method,
     status_topic,
 )
@@ -38,6 +40,10 @@ pytestmark = pytest.mark.timeout(600)
 
 TOGETHER = ("bridge", "detector", "objectmap", "map2d", "planner", "gateway")
 ALL = ("router", "world", *TOGETHER)
+PUBLISHED: tuple[Topic[Any], ...] = (
+    ROBOT_STATE, KEYFRAME, OBSERVATION, MAP2D_ACK, OBJECTMAP_ACK, TASK, PLAN, DECISION,
+    *map(status_topic, TOGETHER),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +88,7 @@ def test_every_service_announces_itself_and_serves_all_its_methods(bus: ZenohBus
         reply = bus.call(settings_method(name), pb.Empty(), 10)
         assert json.loads(reply.json)["robot"]["value"] == "robot"
         for method in ACCESS[name].serves:
-            querier = bus._session.declare_querier(method.key(bus.robot))
+            querier: Any = bus._session.declare_querier(method.key(bus.robot))
             wait_until(lambda q=querier: q.matching_status.matching, 30, f"{method.name} is served")
             querier.undeclare()
 
@@ -90,12 +96,8 @@ def test_every_service_announces_itself_and_serves_all_its_methods(bus: ZenohBus
 def test_a_task_goes_on_after_the_process_was_killed_and_succeeds(
     stack: Stack, bus: ZenohBus
 ) -> None:
-    published = (
-        ROBOT_STATE, KEYFRAME, OBSERVATION, MAP2D_ACK, OBJECTMAP_ACK, TASK, PLAN,
-        DECISION, *map(status_topic, TOGETHER),
-    )  # fmt: skip
     heard: set[str] = set()
-    for topic in published:
+    for topic in PUBLISHED:
         bus.subscribe(topic, lambda _, name=topic.name: heard.add(name))
     instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
     id = stack.post("/v1/tasks", {"instruction": instruction})["id"]
@@ -109,7 +111,7 @@ def test_a_task_goes_on_after_the_process_was_killed_and_succeeds(
     )
     assert stack.task(id)["state"] == "succeeded", stack.task(id)
     assert bus.call(TRUTH_METRICS, pb.Empty(), 10).success
-    assert heard == {topic.name for topic in published}
+    assert heard == {topic.name for topic in PUBLISHED}
 
 
 def test_the_log_of_a_service_is_that_of_the_process(stack: Stack) -> None:

@@ -25,7 +25,7 @@ from helios_client.supervision import fork_server
 log = logging.getLogger(__name__)
 
 SWITCH = "HELIOS_FORK"
-ANSWER_WITHIN_S = 30.0  # its imports on a busy machine
+ANSWER_WITHIN_S = 60.0  # its imports on a busy machine
 POLL_S = 0.01
 PR_SET_CHILD_SUBREAPER = 36
 ENVIRONMENT = {  # of the services, unless the user's has the variable
@@ -73,15 +73,14 @@ class ForkServer:
     def fork(self, module: str, args: Sequence[str], log_path: Path) -> ForkedProcess:
         """Start `python -m MODULE ARG …`. Raises Unavailable, with nothing started."""
         request = {"module": module, "args": list(args), "log": str(log_path)}
-        for again in (True, False):
-            try:
-                answer = self._ask(request)
-                break
-            except OSError as error:
-                self.close()
-                if not again:
-                    raise Unavailable(f"the fork server does not answer: {error}") from error
-                self._start()
+        if self._process.poll() is not None:
+            self.close()
+            self._start()
+        try:
+            answer = self._ask(request)
+        except OSError as error:
+            self.close()  # the next call must not read the answer to this one
+            raise Unavailable(f"the fork server does not answer: {error}") from error
         if "pid" not in answer:
             raise Unavailable(answer["error"])
         return ForkedProcess(answer["pid"])
