@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import subprocess
 import sys
 import textwrap
@@ -66,9 +67,11 @@ def test_if_one_service_ends_all_end_with_its_status(
         code = textwrap.dedent(SERVICE).format(name=name, build=does)
         (folder / "__main__.py").write_text(code)
     services = json.dumps([["helios_first"], ["helios_second", *flags]])
+    paths = os.pathsep.join(str(Path(path).resolve()) for path in sys.path if path)
     done = subprocess.run(
-        [*RUN, services], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
-    )
+        [*RUN, services], cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
     assert done.returncode == status, done.stderr
     assert said in done.stderr
     assert ("first closed" in done.stdout) is (not flags)
