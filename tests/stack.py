@@ -18,9 +18,9 @@ FLAGS = ("--robot", "sim", "--seed", "1", "--detector", "ground-truth")
 class Stack:
     """A running `helios up` with the simulated robot. Call `close` at the end."""
 
-    def __init__(self, state: Path) -> None:
+    def __init__(self, state: Path, *flags: str) -> None:
         self._running = ExitStack()
-        self._up = self._running.enter_context(helios_up(state, *FLAGS))
+        self._up = self._running.enter_context(helios_up(state, *FLAGS, *flags))
         self.router_port, self.state = self._up.router_port, state
         self.ready, self.address = self._up.ready, self._up.address
 

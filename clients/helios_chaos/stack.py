@@ -76,7 +76,7 @@ class Stack:
         with suppress(psutil.Error):
             for child in psutil.Process(self.process.pid).children():
                 with suppress(psutil.Error):
-                    if MODULES[name] in child.cmdline():
+                    if MODULES[name] in " ".join(child.cmdline()).split():
                         return child.pid
         return 0
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
-from helios_core.service_process import run_service
+from helios_core.service_process import Service, run_service
 
 from helios_ros2.output_service import OutputService
 from helios_ros2.settings import Ros2Settings
 
+
+def service(argv: Sequence[str] | None = None) -> Service:
+    settings = Ros2Settings.load(argv)
+    return Service("ros2", settings, lambda bus, health: OutputService(bus, settings, health))
+
+
 if __name__ == "__main__":
-    settings = Ros2Settings.load()
-    sys.exit(
-        run_service("ros2", settings, lambda bus, health: OutputService(bus, settings, health))
-    )
+    sys.exit(run_service(service()))

@@ -46,8 +46,6 @@ from helios_sim.ground_truth_messages import (
 )
 from helios_sim.home import PRESETS, Episode, Home, generate_home
 from helios_sim.home.task_sampling import NoTask
-from helios_sim.plans import PlanSource, drawn_home, home_of_plan
-from helios_sim.plans.plan_summary import summary
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.settings import Settings
 from helios_sim.simulation_thread import WorldThread
@@ -127,6 +125,9 @@ def world_of(settings: Settings) -> World:
     if settings.home is None:
         home = generate_home(settings.seed, PRESETS[settings.preset], furniture_models)
     else:
+        from helios_sim.plans import PlanSource, drawn_home, home_of_plan  # takes a second
+        from helios_sim.plans.plan_summary import summary
+
         source = PlanSource.of(settings.home, settings.level)
         home = home_of_plan(source, settings.seed, furniture_models)
         for line in summary(drawn_home(source, furniture_models)):

@@ -6,11 +6,12 @@ import logging
 import os
 import sys
 import threading
+from collections.abc import Sequence
 
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
-from helios_core.service_process import run_service
+from helios_core.service_process import Service, run_service
 
 from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.driver_loading import load_driver
@@ -59,15 +60,19 @@ class RobotHost:
             self._executor.wait(END_WITHIN_S)
         if self._service is not None:
             self._service.close()
+        if hanging := self._executor.wait(0.0):
+            log.error("abandoned, because the driver does not return: %s", ", ".join(hanging))
+
+
+def service(argv: Sequence[str] | None = None, executor: DriverExecutor | None = None) -> Service:
+    settings, jobs = Settings.load(argv), executor or DriverExecutor()
+    return Service("bridge", settings, lambda bus, health: RobotHost(bus, health, settings, jobs))
 
 
 def main() -> int:
-    settings, executor = Settings.load(), DriverExecutor()
-    status = run_service(
-        "bridge", settings, lambda bus, health: RobotHost(bus, health, settings, executor)
-    )
-    if hanging := executor.wait(0.0):
-        log.error("abandoned, because the driver does not return: %s", ", ".join(hanging))
+    executor = DriverExecutor()
+    status = run_service(service(executor=executor))
+    if executor.wait(0.0):
         logging.shutdown()
         os._exit(status or 1)
     return status

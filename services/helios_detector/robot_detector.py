@@ -24,6 +24,7 @@ class RobotDetector:
         self._bus, self._health, self._settings = bus, health, settings
         self._ending = threading.Event()
         self._service: DetectorService | None = None
+        self._truth = BusTruth(bus)
         self._thread = threading.Thread(target=self._host, name="load", daemon=True)
         self._thread.start()
 
@@ -32,10 +33,9 @@ class RobotDetector:
 
     def _run(self) -> None:
         s = self._settings
-        truth = BusTruth(self._bus)
         not_yet = LoadingQueryMethods(self._bus, self._health)
         not_yet.open()
-        models = load_models(s, truth, self._health, self._ending)
+        models = load_models(s, self._truth, self._health, self._ending)
         if models is None:
             return  # `LoadingQueryMethods` and `health` keep reporting the reason
         not_yet.close()
@@ -49,6 +49,7 @@ class RobotDetector:
 
     def close(self) -> None:
         self._ending.set()
+        self._truth.close()
         self._thread.join(1.0)
         if self._service is not None:
             self._service.close()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,12 +13,14 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import vector_from_proto
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.topics import TRUTH_SEGMENTATION, WORLD_DESCRIBE
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
 TIMEOUT_S = 3.0  # longest wait for the simulated world
+STARTS_WITHIN_S = 10.0  # longest wait for its start; then the reason is reported
+ASK_AGAIN_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -116,9 +120,12 @@ def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
 class BusTruth:
     """Ground truth from the simulated world by method call."""
 
-    def __init__(self, bus: Bus, timeout_s: float = TIMEOUT_S) -> None:
+    def __init__(
+        self, bus: Bus, timeout_s: float = TIMEOUT_S, starts_within_s: float = STARTS_WITHIN_S
+    ) -> None:
         self._bus = bus
-        self._timeout_s = timeout_s
+        self._timeout_s, self._starts_within_s = timeout_s, starts_within_s
+        self._closed = threading.Event()
 
     def segmentation(self, stamp_ns: int) -> Truth:
         """Ground truth of the frame with that stamp (ns, the robot's clock). Raises Unavailable or
@@ -128,7 +135,19 @@ class BusTruth:
         return truth_from_proto(self._bus.call(TRUTH_SEGMENTATION, request, self._timeout_s))
 
     def check(self) -> None:
-        self._bus.call(WORLD_DESCRIBE, pb.Empty(), self._timeout_s)
+        """Wait for the world while it starts. Raises Unavailable if it does not, or on `close`."""
+        deadline_s = time.monotonic() + self._starts_within_s
+        while True:
+            try:
+                self._bus.call(WORLD_DESCRIBE, pb.Empty(), self._timeout_s)
+                return
+            except Unavailable:
+                if time.monotonic() > deadline_s or self._closed.wait(ASK_AGAIN_S):
+                    raise
+
+    def close(self) -> None:
+        """End the wait of `check`."""
+        self._closed.set()
 
 
 def truth_of(frame: Frame, source: TruthSource) -> Truth:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+from collections.abc import Sequence
 
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.service_process import run_service, until_warm
+from helios_core.service_process import Service, run_service, until_warm
 
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
@@ -49,6 +50,10 @@ class MapHost:
             )
 
 
+def service(argv: Sequence[str] | None = None) -> Service:
+    settings = Settings.load(argv)
+    return Service("map2d", settings, lambda bus, health: MapHost(bus, health, settings))
+
+
 if __name__ == "__main__":
-    settings = Settings.load()
-    sys.exit(run_service("map2d", settings, lambda bus, health: MapHost(bus, health, settings)))
+    sys.exit(run_service(service()))

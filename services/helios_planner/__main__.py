@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
-from helios_core.service_process import run_service
+from helios_core.service_process import Service, run_service
 
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
 
+
+def service(argv: Sequence[str] | None = None) -> Service:
+    settings = Settings.load(argv)
+    return Service("planner", settings, lambda bus, health: PlannerService(bus, settings, health))
+
+
 if __name__ == "__main__":
-    settings = Settings.load()
-    sys.exit(
-        run_service("planner", settings, lambda bus, health: PlannerService(bus, settings, health))
-    )
+    sys.exit(run_service(service()))

@@ -15,7 +15,7 @@ import zenoh
 
 from helios_core.errors import InvalidInput
 from helios_core.router_link import ROUTER_FILE, TLS
-from helios_core.service_process import stop_on_signals
+from helios_core.signal_handling import stop_on_signals
 from helios_core.zenoh_config import router_config, router_config_of_file
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"

@@ -1,7 +1,12 @@
 """Life cycle of a service process: connect, announce, run, report, stop cleanly on SIGTERM.
 
+    def service() -> Service:
+        return Service("map2d", Settings.load(), build)
+
     def build(bus: Bus, health: Health) -> Closeable: ...
-    sys.exit(run_service("map2d", Settings.load(), build))
+
+    if __name__ == "__main__":
+        sys.exit(run_service(service()))
 
 The process waits for its router without a time limit and logs that. It ends within two seconds of
 SIGTERM, SIGINT or SIGHUP, or of the end of its parent process.
@@ -12,12 +17,12 @@ from __future__ import annotations
 import json
 import logging
 import os
-import signal
 import sys
 import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from helios_core import proto as pb
@@ -25,55 +30,18 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.settings import ServiceSettings
-from helios_core.signal_handling import on_signals
+from helios_core.signal_handling import stop_on_signals
 from helios_core.topics import settings_method, status_topic
 
 log = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 1.0
-STOP_WITHIN_S = 2.0
-ALARM_AFTER_S = 10.0  # the interpreter may take seconds to end on a busy machine
 
 
 class Closeable(Protocol):
     """Running service, as `build` returns it."""
 
     def close(self) -> None: ...
-
-
-def ending_signals() -> tuple[int, ...]:
-    """Signals that end a process: SIGTERM, SIGINT, and SIGHUP (sent when a terminal session
-    closes), except for a process started with `nohup`."""
-    hangup = getattr(signal, "SIGHUP", None)  # missing on some systems
-    if hangup is None or signal.getsignal(hangup) is signal.SIG_IGN:
-        return (signal.SIGTERM, signal.SIGINT)
-    return (signal.SIGTERM, signal.SIGINT, hangup)
-
-
-def stop_on_signals(stopped: threading.Event) -> None:
-    """Set `stopped` on `ending_signals`, and when the parent process ends.
-
-    The process exits two seconds later at the latest, also during a long start or if a library
-    hangs while it closes. If no Python thread can run, even after `main` has returned, SIGALRM ends
-    the process after ALARM_AFTER_S.
-    """
-    on_signals(ending_signals(), stopped.set)
-    parent = os.getppid()
-
-    def watch_parent() -> None:
-        while not stopped.wait(0.5):
-            if os.getppid() != parent:
-                stopped.set()
-
-    def leave() -> None:
-        stopped.wait()
-        signal.setitimer(signal.ITIMER_REAL, ALARM_AFTER_S)  # SIGALRM ends the process
-        time.sleep(STOP_WITHIN_S)
-        log.error("did not stop within %.1f s; leaving", STOP_WITHIN_S)
-        os._exit(1)
-
-    threading.Thread(target=watch_parent, name="watch parent", daemon=True).start()
-    threading.Thread(target=leave, name="leave", daemon=True).start()
 
 
 def until_warm(
@@ -98,26 +66,41 @@ def until_warm(
     return False
 
 
-def run_service(
-    name: str, settings: ServiceSettings, build: Callable[[Bus, Health], Closeable]
-) -> int:
-    """Run a service until a signal stops it. Returns the exit status.
+@dataclass(frozen=True)
+class Service:
+    """What a service needs to run: its name, its settings and its constructor.
 
-    `build` may raise HeliosError, whose text goes to standard error. The status is then 2 for
+    `build` may raise HeliosError, whose text goes to standard error. The exit status is then 2 for
     InvalidInput (wrong settings, which a restart does not fix), else 1.
     """
+
+    name: str
+    settings: ServiceSettings
+    build: Callable[[Bus, Health], Closeable]
+
+
+def run_service(service: Service) -> int:
+    """Run a service until a signal stops it. Returns the exit status."""
     logging.basicConfig(
-        level=settings.log_level.upper(),
+        level=service.settings.log_level.upper(),
         stream=sys.stderr,
-        format=f"%(asctime)s {name} %(levelname)s %(message)s",
+        format=f"%(asctime)s {service.name} %(levelname)s %(message)s",
     )
     stopped = threading.Event()
     stop_on_signals(stopped)
+    return run_until(service, stopped)
+
+
+def run_until(service: Service, stopped: threading.Event) -> int:
+    """Run a service in this thread until `stopped` is set. Returns its exit status, or raises what
+    ended it; sets `stopped` in any case."""
+    name, settings = service.name, service.settings
     health = Health()
     try:
         bus = _connect(name, settings, stopped)
     except InvalidInput as error:  # the certificates
         print(f"helios-{name}: {error.message}", file=sys.stderr)
+        stopped.set()
         return 2
     if bus is None:
         return 0
@@ -127,12 +110,12 @@ def run_service(
     reporter = threading.Thread(
         target=_report, args=(bus, name, instance, health, over), name="report", daemon=True
     )
-    service: Closeable | None = None
+    running: Closeable | None = None
     try:
         bus.serve(settings_method(name), lambda _: pb.SettingsReply(json=settings_json))
         bus.announce(name, instance)
         reporter.start()
-        service = build(bus, health)
+        running = service.build(bus, health)
         stopped.wait()
         health.stopping()
         return 0
@@ -146,8 +129,8 @@ def run_service(
     finally:
         stopped.set()
         try:
-            if service is not None:
-                service.close()
+            if running is not None:
+                running.close()
         finally:
             over.set()
             health.changed.set()
@@ -195,6 +178,7 @@ def publish_status(
 def _report(bus: Bus, name: str, instance: str, health: Health, over: threading.Event) -> None:
     """Publish the status at every change, every second, and once at the end."""
     began, logged, last = time.monotonic(), ("", ""), False
+    log = logging.getLogger(f"helios_{name}")  # names the service where several share a process
     while not last:
         health.changed.clear()
         last = over.is_set()  # after `clear`, so that the wait below cannot miss the end

@@ -41,6 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stack(folder: Path) -> Iterator[Up]:
     environment = {
         "HELIOS_TEST_BUS_FOLDER": str(folder / "bus"),
+        "HELIOS_FORK": "0",  # the recorder names its file after the command line
         "PYTHONPATH": os.pathsep.join([str(RECORDER), os.environ.get("PYTHONPATH", "")]),
     }
     flags = ["--seed", "1", "--detector", "ground-truth", "--record"]

@@ -12,11 +12,12 @@ from typing import BinaryIO
 
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.name_rules import same_name
-from helios_core.settings_spelling import nearest
+from helios_core.settings_spelling import SERVICES, nearest
 
 from helios_client.commands.local_address import local_port_of_url
 from helios_client.commands.shared_options import chosen_address
 from helios_client.supervision import state_file
+from helios_client.supervision.service_specs import TOGETHER
 from helios_client.usage_errors import UsageError
 
 FOLLOW_S = 0.2
@@ -57,6 +58,8 @@ def log_file(folder: Path, service: str) -> Path:
     names for an unknown service, and Unavailable if there are no logs."""
     names = services_in(folder)
     found = same_name(service, names)
+    if found is None and TOGETHER in names and same_name(service, SERVICES):
+        found = TOGETHER  # of `helios up --compact`; its lines name the service
     if found is None:
         near = nearest(service, names)
         hint = f"; did you mean {near}?" if near else ""

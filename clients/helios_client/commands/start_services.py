@@ -84,6 +84,10 @@ RouterHost = Annotated[
     str,
     typer.Option(help="address that the router listens on; 0.0.0.0: for other machines, too"),
 ]
+Compact = Annotated[
+    bool,
+    typer.Option("--compact", help="all services in one process, for computers with little memory"),
+]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
 
@@ -110,25 +114,30 @@ def up(
     router_host: RouterHost = LOOPBACK,
     certs: Certs = None,
     name: BusName = "robot",
+    compact: Compact = False,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
-    from helios_client.replay.input_selection import check_source, default_detector
-    from helios_client.supervision.up import Screen
-    from helios_client.supervision.up import up as run_up
-    from helios_client.supervision.up_flags import UpFlags, stack_options
+    from helios_client.supervision.forked_process import fork_server_for
 
-    specs = stack_options(
-        UpFlags(
-            robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
-            furniture=furniture, state=state,
-            detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
-            source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
-            ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
-        )
-    )  # fmt: skip
-    if source is not None:
-        check_source(source)
-    run_up(specs, Screen())
+    with fork_server_for(several=not compact) as server:  # first: it imports meanwhile
+        from helios_client.replay.input_selection import check_source, default_detector
+        from helios_client.supervision.up import Screen
+        from helios_client.supervision.up import up as run_up
+        from helios_client.supervision.up_flags import UpFlags, stack_options
+
+        stack = stack_options(
+            UpFlags(
+                robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
+                furniture=furniture, state=state,
+                detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
+                source=source, rate=rate, record=record, record_dir=record_dir,
+                spot_host=spot_host, ros2=ros2, router_port=router_port, router_host=router_host,
+                certs=certs, name=name, compact=compact,
+            )
+        )  # fmt: skip
+        if source is not None:
+            check_source(source)
+        run_up(stack, Screen(), server)
 
 
 @app.command()

@@ -57,8 +57,7 @@ def view(
     machine only."""
     import threading
 
-    from helios_core.service_process import ending_signals
-    from helios_core.signal_handling import on_signals
+    from helios_core.signal_handling import ending_signals, on_signals
     from helios_viewers.view import ViewOptions
     from helios_viewers.view import view as run_view
 

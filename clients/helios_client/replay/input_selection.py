@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from helios_core.types import SearchContext
-
-from helios_client.replay.class_thresholds import search_context_from_flags
 from helios_client.supervision.service_specs import RECORDED_DETECTOR
 from helios_client.usage_errors import UsageError
+
+if TYPE_CHECKING:
+    from helios_core.types import SearchContext
 
 
 def check_source(source: Path) -> None:
@@ -35,6 +36,8 @@ def search_and_detector(
 
     Raises UsageError if an omitted flag would need a recording.
     """
+    from helios_client.replay.class_thresholds import search_context_from_flags
+
     recorded = _is_recording(source)
     if classes is None:
         if not recorded:

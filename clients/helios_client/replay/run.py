@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,6 +24,8 @@ from helios_client.replay.frame_answers import FrameAcks
 from helios_client.replay.input_checks import examine
 from helios_client.replay.progress import ReplayMonitor
 from helios_client.replay.results import Results, collect, unreadable_frames
+from helios_client.supervision.child_process import ProcessSpec
+from helios_client.supervision.forked_process import fork_server_for
 from helios_client.supervision.model_check import check_models
 from helios_client.supervision.service_specs import StackOptions, free_port
 from helios_client.supervision.service_table import ServiceTable
@@ -89,27 +91,37 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
     specs = stack.processes()
-    supervisor = Supervisor(specs, stack.log_dir, restart=False)
-    supervisor.start()
-    try:
-        with _bus(stack, supervisor, job, interrupts) as bus:
-            board, tally = ServiceTable(), FrameAcks()
-            board.subscribe(bus, [spec.name for spec in specs])
-            tally.listen(bus)
-            if job.context is not None:
-                bus.publish(CONTEXT, context_to_proto(job.context))
-            watch = ReplayMonitor(job, known, board, console)
-            _play(watch, supervisor, tally, interrupts, console)
-            _settle(supervisor, interrupts)
-            interrupted = interrupts.came
-            if not interrupted:
-                watch.classes.check(board, over=True, console=console)
-                _say_unreadable(unreadable_frames(board), known.frames, job, console)
-            results = collect(bus, tally, board, known.frames, time.monotonic() - began_s)
-            more = {"lost": known.lost, "interrupted": interrupted}
-            return replace(results, summary=results.summary | more)
-    finally:
-        supervisor.stop()
+    with (
+        _running(specs, stack.log_dir) as supervisor,
+        _bus(stack, supervisor, job, interrupts) as bus,
+    ):
+        board, tally = ServiceTable(), FrameAcks()
+        board.subscribe(bus, [spec.name for spec in specs])
+        tally.listen(bus)
+        if job.context is not None:
+            bus.publish(CONTEXT, context_to_proto(job.context))
+        watch = ReplayMonitor(job, known, board, console)
+        _play(watch, supervisor, tally, interrupts, console)
+        _settle(supervisor, interrupts)
+        interrupted = interrupts.came
+        if not interrupted:
+            watch.classes.check(board, over=True, console=console)
+            _say_unreadable(unreadable_frames(board), known.frames, job, console)
+        results = collect(bus, tally, board, known.frames, time.monotonic() - began_s)
+        more = {"lost": known.lost, "interrupted": interrupted}
+        return replace(results, summary=results.summary | more)
+
+
+@contextlib.contextmanager
+def _running(specs: Sequence[ProcessSpec], log_dir: Path) -> Iterator[Supervisor]:
+    """Started processes, which end after the block."""
+    with fork_server_for(several=True) as server:
+        supervisor = Supervisor(specs, log_dir, restart=False, fork_server=server)
+        supervisor.start()
+        try:
+            yield supervisor
+        finally:
+            supervisor.stop()
 
 
 @contextlib.contextmanager

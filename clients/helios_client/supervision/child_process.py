@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import shutil
 import signal
@@ -10,8 +11,14 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
+
+from helios_core.errors import Unavailable
 
 from helios_client.supervision import parent_watch
+from helios_client.supervision.forked_process import ENVIRONMENT, ForkedProcess, ForkServer
+
+log = logging.getLogger(__name__)
 
 TAIL_BYTES = 4096
 KEEP_LOG_BYTES = 8_000_000  # a larger log is renamed at the next start
@@ -25,6 +32,12 @@ class ProcessSpec:
     name: str
     argv: tuple[str, ...]
     ends_last: bool = False  # other processes need it while they end: the router
+    hosts: tuple[str, ...] = ()  # services in it; none: one with the name of the process
+
+    @property
+    def services(self) -> tuple[str, ...]:
+        """Names of the services in it."""
+        return self.hosts or (self.name,)
 
 
 @dataclass(frozen=True)
@@ -55,27 +68,22 @@ class ProcessExit:
 class ChildProcess:
     """Running process in a session of its own, which a terminal's Ctrl-C does not reach."""
 
-    def __init__(self, spec: ProcessSpec, log_path: Path) -> None:
+    def __init__(
+        self, spec: ProcessSpec, log_path: Path, fork_server: ForkServer | None = None
+    ) -> None:
         """Start the process. Raises OSError if that fails. Call it from a thread that outlives the
-        process."""
-        program = shutil.which(spec.argv[0])
-        if program is None:
-            raise FileNotFoundError(f"there is no program {spec.argv[0]}")
-        watch = (sys.executable, "-I", "-S", parent_watch.__file__, str(os.getpid()))
+        process.
+
+        fork_server: forks modules of this interpreter; None: each has an interpreter of its own.
+        """
         self.spec = spec
         self._log_path = log_path
         log_path.parent.mkdir(parents=True, exist_ok=True)
         if log_path.exists() and log_path.stat().st_size > KEEP_LOG_BYTES:
             log_path.replace(log_path.with_suffix(".log.1"))
-        with log_path.open("ab") as log:
-            self._log_start = log.tell()
-            self._process = subprocess.Popen(
-                (*watch, program, *spec.argv[1:]),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+        with log_path.open("ab") as file:
+            self._log_start = file.tell()
+            self._process = _forked(spec, log_path, fork_server) or _spawned(spec, file)
         self.pid = self._process.pid
 
     def poll_exit(self) -> ProcessExit | None:
@@ -109,6 +117,35 @@ class ChildProcess:
     def _kill_group(self) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
+
+
+def _forked(
+    spec: ProcessSpec, log_path: Path, fork_server: ForkServer | None
+) -> ForkedProcess | None:
+    """Process of a module of this interpreter; None if it has to be spawned."""
+    python, *rest = spec.argv
+    if fork_server is None or python != sys.executable or rest[:1] != ["-m"]:
+        return None
+    try:
+        return fork_server.fork(rest[1], rest[2:], log_path)
+    except Unavailable as error:
+        log.warning("%s starts with an interpreter of its own: %s", spec.name, error.message)
+        return None
+
+
+def _spawned(spec: ProcessSpec, output: IO[bytes]) -> subprocess.Popen[bytes]:
+    program = shutil.which(spec.argv[0])
+    if program is None:
+        raise FileNotFoundError(f"there is no program {spec.argv[0]}")
+    watch = (sys.executable, "-I", "-S", parent_watch.__file__, str(os.getpid()))
+    return subprocess.Popen(
+        (*watch, program, *spec.argv[1:]),
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+        env=ENVIRONMENT | os.environ,
+    )
 
 
 def last_line(path: Path, start: int) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
 REMOTE = "remote"  # the robot's driver runs on another machine
+TOGETHER = "services"  # process of `helios up --compact` with the services in it
+OWN_PROCESS = ("router", "world")  # never in it: others need the router, the world is no service
 RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 
 
@@ -52,6 +56,7 @@ class StackOptions:
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
     certs: Path | None = None  # folder of `helios certs`; None: the bus is not encrypted
     router_host: str = LOOPBACK  # address that the router listens on
+    compact: bool = False  # all services in one process
 
     @property
     def router(self) -> str:
@@ -82,6 +87,11 @@ class StackOptions:
 
     def processes(self) -> tuple[ProcessSpec, ...]:
         """Processes, in the order of the process table; they may start in any order."""
+        apart = self._apart()
+        return together(apart) if self.compact else apart
+
+    def _apart(self) -> tuple[ProcessSpec, ...]:
+        """Processes with one service each."""
         out = [
             ProcessSpec(
                 "router",
@@ -170,6 +180,22 @@ class StackOptions:
             elif value is not None:
                 argv += [f"--{flag.replace('_', '-')}", str(value)]
         return ProcessSpec(name, _python(module, *argv, python=python))
+
+
+def together(apart: Sequence[ProcessSpec]) -> tuple[ProcessSpec, ...]:
+    """The same services with one process for all that can share it.
+
+    The router and the simulated world keep their own, as do services with another interpreter.
+    """
+    of_all = (sys.executable, "-m")
+    hosted = [s for s in apart if s.name not in OWN_PROCESS and s.argv[:2] == of_all]
+    command_lines = json.dumps([spec.argv[2:] for spec in hosted])
+    one = ProcessSpec(
+        TOGETHER,
+        _python("helios_core.compact_process", command_lines),
+        hosts=tuple(spec.name for spec in hosted),
+    )
+    return (*(spec for spec in apart if spec not in hosted), one)
 
 
 def _python(module: str, *args: str, python: str | None = None) -> tuple[str, ...]:

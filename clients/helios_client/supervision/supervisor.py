@@ -15,6 +15,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from helios_client.supervision.child_process import ChildProcess, ProcessExit, ProcessSpec
+from helios_client.supervision.forked_process import ForkServer
 
 RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 5.0)
 STEADY_S = 20.0  # after this run time, the next restart is immediate again
@@ -32,13 +33,14 @@ class ProcessState(StrEnum):
 
 @dataclass(frozen=True)
 class ProcessInfo:
-    """Row of the process table."""
+    """Row of the process table, one per service."""
 
     name: str
     pid: int  # 0 while it does not run
     restarts: int
     state: ProcessState
     reason: str  # why it was restarted, waits or is stopped; empty at first
+    process: str = ""  # name of its process; empty: its own name
 
 
 def restart_delay_s(failures: int) -> float:
@@ -70,10 +72,13 @@ class Supervisor:
         log_dir: Path,
         restart: bool = True,
         clock: Callable[[], float] = time.monotonic,
+        fork_server: ForkServer | None = None,
     ) -> None:
+        """fork_server: forks the services; None: each starts with an interpreter of its own."""
         self._rows = [_Row(spec, log_dir / f"{spec.name}.log") for spec in specs]
         self._restart = restart
         self._clock = clock
+        self._fork_server = fork_server
 
     def start(self) -> None:
         """Start all processes. Raises OSError, with none left running, if a program does not
@@ -106,10 +111,13 @@ class Supervisor:
         return tuple(ended)
 
     def table(self) -> tuple[ProcessInfo, ...]:
-        """All processes, in the order of `specs`."""
+        """All services, in the order of `specs`."""
         return tuple(
-            ProcessInfo(r.spec.name, r.child.pid if r.child else 0, r.restarts, r.state, r.reason)
+            ProcessInfo(
+                name, r.child.pid if r.child else 0, r.restarts, r.state, r.reason, r.spec.name
+            )
             for r in self._rows
+            for name in r.spec.services
         )
 
     def stop(self) -> None:
@@ -119,7 +127,7 @@ class Supervisor:
 
     def _start(self, row: _Row) -> None:
         row.started_s = self._clock()
-        row.child = ChildProcess(row.spec, row.log_path)
+        row.child = ChildProcess(row.spec, row.log_path, self._fork_server)
         row.due_s, row.state = None, ProcessState.RUNNING
 
     def _note_ending(self, row: _Row, ending: ProcessExit, now_s: float) -> None:

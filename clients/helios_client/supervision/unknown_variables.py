@@ -14,6 +14,7 @@ from helios_core.settings_spelling import PREFIX, SERVICES, variable
 SHARED_VARIABLES = (
     "HELIOS_CERTS",
     "HELIOS_CONFIG",
+    "HELIOS_FORK",
     "HELIOS_URL",
     "HELIOS_API_KEY",
     "HELIOS_RECORD",

@@ -12,13 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.service_process import ending_signals
-from helios_core.signal_handling import on_signals
+from helios_core.signal_handling import ending_signals, on_signals
 from rich.markup import escape
 
 from helios_client.supervision import state_file
 from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import ProcessExit
+from helios_client.supervision.forked_process import ForkServer
 from helios_client.supervision.service_specs import REMOTE, StackOptions, port_bind_error
 from helios_client.supervision.service_table import (
     WITHOUT_STATUS,
@@ -47,9 +47,10 @@ class Screen(TextScreen):
             super().on_broken_pipe()
 
 
-def up(stack: StackOptions, screen: Screen) -> None:
+def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) -> None:
     """Run the stack until SIGINT, SIGTERM or SIGHUP.
 
+    server: forks the services; None: each starts with an interpreter of its own.
     Raises HeliosError, with nothing left running, for a port or state directory in use and for
     wrong flags.
     """
@@ -71,7 +72,7 @@ def up(stack: StackOptions, screen: Screen) -> None:
     stopping = threading.Event()
     on_signals(ending_signals(), stopping.set)
     with held:
-        _Run(stack, screen).run(stopping)
+        _Run(stack, screen, server).run(stopping)
 
 
 def check_port(port: int, flag: str) -> None:
@@ -91,18 +92,18 @@ def check_port(port: int, flag: str) -> None:
 
 
 class _Run:
-    def __init__(self, stack: StackOptions, screen: Screen) -> None:
+    def __init__(self, stack: StackOptions, screen: Screen, server: ForkServer | None) -> None:
         assert stack.port is not None
         specs = stack.processes()
         self._stack, self._screen = stack, screen
-        self._supervisor = Supervisor(specs, stack.log_dir)
         self._board = ServiceTable()
-        self._names = [spec.name for spec in specs]
+        self._names = [name for spec in specs for name in spec.services]
         self._elsewhere = ("bridge",) if stack.robot == REMOTE else ()
         for name in self._names:
             if name != WITHOUT_STATUS:
                 stack.link(name)  # raises InvalidInput before anything starts
         self._link = stack.link("supervisor")
+        self._supervisor = Supervisor(specs, stack.log_dir, fork_server=server)
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
             self._state_dirs.append(default)  # where `helios status` looks
@@ -148,9 +149,9 @@ class _Run:
     def _say_endings(
         self, ended: Sequence[tuple[str, ProcessExit]], table: Sequence[ProcessInfo]
     ) -> None:
-        rows = {info.name: info for info in table}
+        rows = {info.process: info for info in table}
         for name, ending in ended:
-            self._was_ready.discard(name)
+            self._was_ready -= {info.name for info in table if info.process == name}
             self._all_ready = False
             info = rows[name]
             stays_down = info.state is ProcessState.STOPPED

@@ -43,6 +43,7 @@ class UpFlags:
     router_host: str
     certs: Path | None
     name: str
+    compact: bool
 
 
 def stack_options(given: UpFlags) -> StackOptions:
@@ -75,6 +76,7 @@ def stack_options(given: UpFlags) -> StackOptions:
         rate=given.rate if robot == "replay" else None, record=recordings,
         ros2_python=chosen_ros2_python(by_zenoh=not given.ros2) if by_ros else None,
         ros2_output=given.ros2, certs=certs, router_host=given.router_host,
+        compact=given.compact,
     )  # fmt: skip
 
 

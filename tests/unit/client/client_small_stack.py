@@ -14,7 +14,7 @@ from helios_client.supervision.up import Screen, up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
 from helios_core.health import Health
-from helios_core.service_process import run_service
+from helios_core.service_process import Service, run_service
 from helios_core.settings import ServiceSettings
 
 SLIPS = "detector"  # the service that reports "degraded"
@@ -51,7 +51,8 @@ def main() -> int:
     if sys.argv[1] == "service":
         name = sys.argv[2]
         settings = ServiceSettings.load(sys.argv[3:])
-        return run_service(name, settings, lambda bus, health: IdleService(bus, health, name))
+        build = lambda bus, health: IdleService(bus, health, name)  # noqa: E731
+        return run_service(Service(name, settings, build))
     port, folder, preset = int(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
     stack = SmallStack("sim", free_port(), folder, port=port, preset=preset)
     try:

@@ -205,7 +205,7 @@ def test_an_environment_variable_makes_every_start_record(
     tmp_path: Path,
 ) -> None:  # fmt: skip
     started: list[StackOptions] = []
-    monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, _: started.append(stack))
+    monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, *_: started.append(stack))
     if set_to is not None:
         monkeypatch.setenv("HELIOS_RECORD", set_to)
     assert helios("up", "--state", str(tmp_path)).status == 0

@@ -23,7 +23,7 @@ def stack_of(monkeypatch: pytest.MonkeyPatch, folder: Path, *flags: str) -> Stac
     """Options of the stack that `helios up` would start."""
     asked: list[StackOptions] = []
 
-    def run_up(stack: StackOptions, _: Any) -> None:
+    def run_up(stack: StackOptions, *_: Any) -> None:
         asked.append(stack)
 
     monkeypatch.setattr("helios_client.supervision.up.up", run_up)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -43,3 +44,16 @@ def test_every_service_refuses_a_misspelt_agent_name(
         SETTINGS[service].load(["--agent", "heliso"])
     assert ended.value.code == 2
     assert "choose one of helios, helios-paper" in capsys.readouterr().err
+
+
+def test_compact_puts_all_services_in_one_process_but_router_world_and_ros() -> None:
+    options = {"port": 8080, "ros2_python": "/ros/python", "ros2_output": True}
+    apart = StackOptions("sim", 7447, Path("state"), **options).processes()
+    compact = StackOptions("sim", 7447, Path("state"), **options, compact=True).processes()
+    assert [spec.name for spec in compact] == ["router", "world", "ros2", "services"]
+    assert compact[-1].services == (
+        "bridge", "detector", "objectmap", "map2d", "planner", "gateway",
+    )  # fmt: skip
+    command_lines = json.loads(compact[-1].argv[-1])
+    of_each = {spec.name: list(spec.argv[2:]) for spec in apart}
+    assert command_lines == [of_each[name] for name in compact[-1].services]

@@ -236,6 +236,23 @@ def test_a_process_marked_ends_last_ends_after_the_others(bench: Bench) -> None:
     assert order.read_text() == "servicerouter"
 
 
+def test_services_of_one_process_share_its_id_and_its_restarts(bench: Bench) -> None:
+    spec = ProcessSpec("services", (sys.executable, "-c", STAY), hosts=("map2d", "planner"))
+    supervisor = Supervisor([spec], bench.folder)
+    supervisor.start()
+    try:
+        first = supervisor.table()
+        assert [row.name for row in first] == ["map2d", "planner"]
+        assert len({row.pid for row in first}) == 1
+        os.kill(first[0].pid, signal.SIGKILL)
+        wait_for_ending(supervisor)
+        again = supervisor.table()
+        assert [row.restarts for row in again] == [1, 1]
+        assert {row.pid for row in again}.isdisjoint({first[0].pid})
+    finally:
+        supervisor.stop()
+
+
 def test_a_missing_program_leaves_no_process_running(bench: Bench) -> None:
     specs = [
         ProcessSpec("good", (sys.executable, "-c", STAY)),

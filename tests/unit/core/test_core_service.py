@@ -12,7 +12,7 @@ from helios_core.bus import Bus
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.service_process import run_service, until_warm
+from helios_core.service_process import Service, run_service, until_warm
 from helios_core.settings import ServiceSettings
 from helios_core.topics import status_topic
 
@@ -33,7 +33,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Build], tuple[int, list[tu
         viewer = MemoryBus(hub)
         viewer.subscribe(status_topic("sample"), heard)
         monkeypatch.setattr(service_process, "_connect", lambda *_: MemoryBus(hub))
-        return run_service("sample", ServiceSettings.load([]), build), reported
+        return run_service(Service("sample", ServiceSettings.load([]), build)), reported
 
     return run
 

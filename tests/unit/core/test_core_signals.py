@@ -41,7 +41,7 @@ hang(ctypes.CDLL(None))
 # A library hangs after the stop and holds the interpreter's own lock, so no Python code runs.
 HINDERS_ALL_PYTHON = f"""{HANGS}
 import signal, threading, time
-from helios_core.service_process import stop_on_signals
+from helios_core.signal_handling import stop_on_signals
 stopped = threading.Event()
 stop_on_signals(stopped)
 print("up", flush=True)

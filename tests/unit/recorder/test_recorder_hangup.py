@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 
-from helios_core.service_process import ending_signals
+from helios_core.signal_handling import ending_signals
 
 from tests.support import ENDS_WITHIN_S, free_port
 
