@@ -100,6 +100,26 @@ class ServiceRegistry:
             if s.name in REQUIRED_SERVICES and s.state != "ready"
         ]
 
+    def troubles(self) -> list[tuple[str, str, str]]:
+        """(service, kind, reason) of each service with a fault; kind: degraded, silent or down.
+
+        A service that has not been seen, or that has ended in an orderly way, has none. Without the
+        router nothing is known of the others.
+        """
+        with self._lock:
+            state, reason = self._router()
+            if state == "down":
+                return [("router", "down", reason)]
+            out = []
+            for name, (status, heard_s) in self._statuses.items():
+                state, reason = self._state(name)
+                silent = self._clock() - heard_s > self._silent_after_s
+                if state == "down" and status.state != "stopping":
+                    out.append((name, "down", reason))
+                elif state == "degraded":
+                    out.append((name, "silent" if silent else "degraded", reason))
+            return out
+
     def metrics(self) -> Mapping[str, Mapping[str, float]]:
         """Metrics that each service publishes."""
         with self._lock:

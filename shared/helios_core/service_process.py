@@ -20,6 +20,7 @@ import uuid
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from helios_core import log_format, span_recording
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
@@ -106,13 +107,28 @@ def run_service(
     `build` may raise HeliosError, whose text goes to standard error. The status is then 2 for
     InvalidInput (wrong settings, which a restart does not fix), else 1.
     """
-    logging.basicConfig(
-        level=settings.log_level.upper(),
-        stream=sys.stderr,
-        format=f"%(asctime)s {name} %(levelname)s %(message)s",
-    )
+    log_format.configure(name, settings.robot, settings.log_level, settings.log_format)
     stopped = threading.Event()
     stop_on_signals(stopped)
+    try:
+        spans = span_recording.start(name, settings.robot, settings.tracing)
+    except InvalidInput as error:
+        print(f"helios-{name}: {error.message}", file=sys.stderr)
+        return 2
+    try:
+        return _run(name, settings, build, stopped)
+    finally:
+        if spans is not None:
+            spans.close()
+
+
+def _run(
+    name: str,
+    settings: ServiceSettings,
+    build: Callable[[Bus, Health], Closeable],
+    stopped: threading.Event,
+) -> int:
+    """Connect, run and report until `stopped`; see `run_service`."""
     health = Health()
     try:
         bus = _connect(name, settings, stopped)
@@ -130,6 +146,7 @@ def run_service(
     service: Closeable | None = None
     try:
         bus.serve(settings_method(name), lambda _: pb.SettingsReply(json=settings_json))
+        span_recording.serve(bus, name)
         bus.announce(name, instance)
         reporter.start()
         service = build(bus, health)

@@ -84,6 +84,14 @@ RouterHost = Annotated[
     str,
     typer.Option(help="address that the router listens on; 0.0.0.0: for other machines, too"),
 ]
+Tracing = Annotated[
+    bool,
+    typer.Option("--tracing", help="record spans for helios why TASK --trace (extra: tracing)"),
+]
+LogForm = Annotated[
+    str | None,
+    typer.Option("--log-format", help="form of the services' logs: text or json  [default: text]"),
+]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
 
@@ -110,6 +118,8 @@ def up(
     router_host: RouterHost = LOOPBACK,
     certs: Certs = None,
     name: BusName = "robot",
+    tracing: Tracing = False,
+    log_format: LogForm = None,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
@@ -124,6 +134,7 @@ def up(
             detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
             source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
             ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
+            tracing=tracing, log_format=log_format,
         )
     )  # fmt: skip
     if source is not None:

@@ -43,6 +43,8 @@ class UpFlags:
     router_host: str
     certs: Path | None
     name: str
+    tracing: bool = False
+    log_format: str | None = None
 
 
 def stack_options(given: UpFlags) -> StackOptions:
@@ -74,7 +76,8 @@ def stack_options(given: UpFlags) -> StackOptions:
         source=given.source, robot_host=given.spot_host,
         rate=given.rate if robot == "replay" else None, record=recordings,
         ros2_python=chosen_ros2_python(by_zenoh=not given.ros2) if by_ros else None,
-        ros2_output=given.ros2, certs=certs, router_host=given.router_host,
+        ros2_output=given.ros2, certs=certs, router_host=given.router_host, tracing=given.tracing,
+        log_format=given.log_format and flag_checks.check_log_format(given.log_format),
     )  # fmt: skip
 
 

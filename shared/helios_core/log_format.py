@@ -1,0 +1,67 @@
+"""Form of a service's log lines: text for people, or one JSON object per line for programs."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from datetime import UTC, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from helios_core import tracing
+
+LOG_FORMATS = ("text", "json")
+
+
+def _known(name: str) -> str:
+    if name.lower() not in LOG_FORMATS:
+        raise ValueError(
+            f"no log format is called {name!r}; choose one of {', '.join(LOG_FORMATS)}"
+        )
+    return name.lower()
+
+
+LogFormat = Annotated[str, AfterValidator(_known)]
+
+
+def configure(service: str, robot: str, level: str, form: str) -> None:
+    """Send the log of this process to standard error in the given form."""
+    handler = logging.StreamHandler(sys.stderr)
+    if form == "json":
+        handler.setFormatter(JsonLines(service, robot))
+    else:
+        handler.setFormatter(logging.Formatter(f"%(asctime)s {service} %(levelname)s %(message)s"))
+    logging.basicConfig(level=level.upper(), handlers=[handler])
+
+
+class JsonLines(logging.Formatter):
+    """Formatter of one JSON object per line. Fields without a value are left out.
+
+    time (ISO 8601, UTC), level, service, robot, logger, message; task, keyframe; trace_id and
+    span_id as in OpenTelemetry; exception (the traceback).
+    """
+
+    def __init__(self, service: str, robot: str) -> None:
+        super().__init__()
+        self._service, self._robot = service, robot
+
+    def format(self, record: logging.LogRecord) -> str:
+        ids, traceparent = tracing.work_ids(), tracing.current_traceparent()
+        line = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "service": self._service,
+            "robot": self._robot,
+            "logger": record.name,
+            "message": record.getMessage(),
+            "task": ids.task,
+            "keyframe": ids.keyframe,
+            "trace_id": tracing.trace_id_of(traceparent),
+            "span_id": tracing.span_id_of(traceparent),
+            "exception": self.formatException(record.exc_info) if record.exc_info else "",
+        }
+        return json.dumps(
+            {name: value for name, value in line.items() if value}, ensure_ascii=False
+        )
