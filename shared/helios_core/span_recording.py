@@ -1,7 +1,7 @@
 """Recording of spans with the OpenTelemetry SDK: turned on by a setting or by `OTEL_…` variables.
 
-The newest spans of a process stay in its memory, and `<service>/spans` hands them out. They are also
-exported if `OTEL_EXPORTER_OTLP_ENDPOINT`, `OTEL_EXPORTER_OTLP_TRACES_ENDPOINT` or
+The newest spans of a process stay in its memory, and `<service>/spans` hands them out. They are
+also exported if `OTEL_EXPORTER_OTLP_ENDPOINT`, `OTEL_EXPORTER_OTLP_TRACES_ENDPOINT` or
 `OTEL_TRACES_EXPORTER` is set. The SDK itself reads the other standard variables (headers, timeout,
 sampler, batch sizes).
 """
@@ -259,7 +259,6 @@ def _remote(traceparent: str) -> Context | None:
     from opentelemetry import trace
 
     _, trace_id, span_id, flags = traceparent.split("-")
-    at = trace.SpanContext(
-        int(trace_id, 16), int(span_id, 16), is_remote=True, trace_flags=trace.TraceFlags(int(flags, 16))
-    )  # fmt: skip
+    sampled = trace.TraceFlags(int(flags, 16))
+    at = trace.SpanContext(int(trace_id, 16), int(span_id, 16), True, sampled)
     return trace.set_span_in_context(trace.NonRecordingSpan(at))

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 ATTACHED = b"traceparent="  # begins an attachment that carries a traceparent
@@ -71,7 +71,8 @@ class _NoSpan:
 
 NO_SPAN: Span = _NoSpan()
 _NOTHING = nullcontext()
-_ids: ContextVar[WorkIds] = ContextVar("work ids", default=WorkIds())  # noqa: B039: it is frozen
+_NO_IDS = WorkIds()
+_ids: ContextVar[WorkIds] = ContextVar("work ids", default=_NO_IDS)
 _recorder: Recorder | None = None
 
 
@@ -100,9 +101,7 @@ def span(
     parent: traceparent of the span that it belongs to; empty: the present one.
     """
     before = _ids.get()
-    token = _ids.set(
-        replace(before, task=task or before.task, keyframe=keyframe or before.keyframe)
-    )
+    token = _ids.set(WorkIds(task or before.task, keyframe or before.keyframe))
     try:
         if _recorder is None:
             yield NO_SPAN
@@ -132,7 +131,7 @@ def attachment() -> bytes | None:
 
 
 def received(attached: bytes | None) -> AbstractContextManager[object]:
-    """Context for the handler of a message with this attachment. Any other attachment is ignored."""
+    """Context for the handler of a message with this attachment; others change nothing."""
     return _NOTHING if _recorder is None else continuing(traceparent_of(attached))
 
 

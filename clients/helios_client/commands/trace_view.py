@@ -16,6 +16,7 @@ from helios_client.terminal_output import plain_table
 from helios_client.trace_chain import Link, Share, Span, Step, TraceTree, shares
 
 MOST_SHARES = 12
+LEAST_S = 0.001  # shorter links of a chain are left out of its table
 SHOWN = ("action", "rule", "do", "detector", "scorer", "helios.keyframe")  # attributes, in order
 
 
@@ -100,6 +101,8 @@ def _slowest(steps: Sequence[Step], at: int, chain: Sequence[Link]) -> list[Rend
     title = f"slowest chain: step {at + 1} of {len(steps)}, {1e3 * step.took_s:.0f} ms"
     table = plain_table("at (ms)", "took (ms)", "service", "work", "")
     for link in chain:
+        if link.took_s < LEAST_S:
+            continue
         table.add_row(
             f"{1e3 * (link.start_s - step.start_s):.0f}", f"{1e3 * link.took_s:.0f}",
             link.span.service, escape(link.name), escape(_detail(link)),
@@ -109,4 +112,6 @@ def _slowest(steps: Sequence[Step], at: int, chain: Sequence[Link]) -> list[Rend
 
 def _detail(link: Link) -> str:
     found = [link.span.attributes[name] for name in SHOWN if name in link.span.attributes]
-    return ", ".join([*found, *([f"failed: {link.span.error}"] if link.span.error else [])])
+    missing, error = link.span.attributes.get("missing"), link.span.error
+    found += [f"without an answer of {missing}"] if missing else []
+    return ", ".join([*found, *([f"failed: {error}"] if error else [])])

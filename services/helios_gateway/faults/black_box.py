@@ -101,18 +101,15 @@ class BlackBox:
         self._ring = _Ring()
         self._lock = threading.Lock()  # guards `_ring` and `_recording`
         self._recording: _Recording | None = None
-        self._image_ns = 0
+        self._image_s = self._keyframe_s = -IMAGE_EVERY_S  # monotonic; newest kept ones
         self._clock_ns = time.time_ns() - time.monotonic_ns()  # as the queue's: it never jumps
         self._thread = threading.Thread(target=self._run, name="black box", daemon=True)
         self._thread.start()
 
     def put(self, channel: str, message: Message) -> None:
         """Take a message of the bus. Never blocks; a full queue drops it."""
-        if channel in _IMAGES:
-            now_ns = time.monotonic_ns()
-            if now_ns - self._image_ns < IMAGE_EVERY_S * 1e9:
-                return
-            self._image_ns = now_ns
+        if channel in _IMAGES and not self._is_due(channel, time.monotonic()):
+            return
         self._queue.put(channel, message, channel in _DROPPABLE)
 
     def record(self, name: str, about: Mapping[str, str]) -> str:
@@ -147,6 +144,18 @@ class BlackBox:
             except Exception:  # one bad message must not end the black box
                 log.exception("a message could not be kept for recordings of faults")
         self._finish_if_due(None)
+
+    def _is_due(self, channel: str, now_s: float) -> bool:
+        """True if an image is to be kept. A stream frame gives way to keyframes."""
+        is_keyframe = channel == channel_of(KEYFRAME)
+        newest_s = self._keyframe_s if is_keyframe else max(self._image_s, self._keyframe_s)
+        if now_s - newest_s < IMAGE_EVERY_S:
+            return False
+        if is_keyframe:
+            self._keyframe_s = now_s
+        else:
+            self._image_s = now_s
+        return True
 
     def _now_ns(self) -> int:
         return self._clock_ns + time.monotonic_ns()

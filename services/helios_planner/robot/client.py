@@ -211,6 +211,8 @@ class RobotClient(RobotInterface):
             frame, self._parts, ack_s, self._line.cancelled, lambda: self._returns.since(began_s)
         )
         self._line.check()
+        if missing:
+            tracing.present_span().set("missing", ", ".join(missing))
         answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
         return result, answers, missing
 
