@@ -37,10 +37,10 @@ def configure(service: str, robot: str, level: str, form: str) -> None:
 
 
 class JsonLines(logging.Formatter):
-    """Formatter of one JSON object per line. Fields without a value are left out.
+    """Formatter of one JSON object per line.
 
-    time (ISO 8601, UTC), level, service, robot, logger, message; task, keyframe; trace_id and
-    span_id as in OpenTelemetry; exception (the traceback).
+    Always: time (ISO 8601, UTC), level, service, robot, logger, message. Where known: task,
+    keyframe, trace_id and span_id as in OpenTelemetry, exception (the traceback).
     """
 
     def __init__(self, service: str, robot: str) -> None:
@@ -56,12 +56,13 @@ class JsonLines(logging.Formatter):
             "robot": self._robot,
             "logger": record.name,
             "message": record.getMessage(),
+        }
+        more = {
             "task": ids.task,
             "keyframe": ids.keyframe,
             "trace_id": tracing.trace_id_of(traceparent),
             "span_id": tracing.span_id_of(traceparent),
             "exception": self.formatException(record.exc_info) if record.exc_info else "",
         }
-        return json.dumps(
-            {name: value for name, value in line.items() if value}, ensure_ascii=False
-        )
+        known = {name: value for name, value in more.items() if value}
+        return json.dumps(line | known, ensure_ascii=False)

@@ -11,7 +11,15 @@ from helios_core import topics
 from helios_core.access_control import Identity, access_control, allowed_keys
 from helios_core.bus_access import ACCESS, SERVICES, SIMULATED_DETECTOR, Access, access_of
 from helios_core.settings_spelling import SERVICES as WITH_SETTINGS
-from helios_core.topics import METHODS, TOPICS, Method, Topic, settings_method, spans_method, status_topic
+from helios_core.topics import (
+    METHODS,
+    TOPICS,
+    Method,
+    Topic,
+    settings_method,
+    spans_method,
+    status_topic,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
