@@ -111,6 +111,7 @@ class RobotMonitor:
 
     def task(self, message: pb.Task) -> api_models.Task:
         """HTTP model of a task, with the recordings around its failure."""
+        self.faults.on_task(message)  # first: it names the recording of a failure
         return message_conversion.task(message, self.faults.recordings_of(message.id))
 
     @property
@@ -214,7 +215,6 @@ class RobotMonitor:
             self.tick()
 
     def _on_task(self, message: pb.Task) -> None:
-        self.faults.on_task(message)  # first: it names the recording of a failure
         task = self.task(message)
         self.events.publish("task", task, "task", task.id, task.ended)
 

@@ -13,7 +13,7 @@ from helios_gateway.faults.life_cycle import Finding
 ROBOT, TASK = "robot", "task"
 DOWN_S = 10.0  # a service that the supervisor restarts is back by then
 RESTARTED_KEEP_S = 60.0  # a restarted service that runs so long is well again
-LATE_S = 10.0  # a task that ended before is old news, as after a restart of the gateway
+LATE_S = 60.0  # a task that ended before is old news, as after a restart of the gateway
 
 
 def condition(service: str, kind: str, reason: str) -> Finding:

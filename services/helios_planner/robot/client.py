@@ -171,12 +171,6 @@ class RobotClient(RobotInterface):
     def _do(
         self, action: Action, ack_s: float
     ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
-        with self._spans.action(action, self._context_id):
-            return self._carry_out(action, ack_s)
-
-    def _carry_out(
-        self, action: Action, ack_s: float
-    ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
         if self.steps >= self._max_steps:
             used = "is" if self._max_steps == 1 else "are"
             said = (
@@ -184,6 +178,12 @@ class RobotClient(RobotInterface):
                 f"{self.detector_trouble()}"
             )
             raise TaskFailed(Cause.STEP_BUDGET, said)
+        with self._spans.action(action, self._context_id):
+            return self._carry_out(action, ack_s)
+
+    def _carry_out(
+        self, action: Action, ack_s: float
+    ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
         began_s = time.monotonic()
         reply = self._driver.do(action)
         self.steps += 1
