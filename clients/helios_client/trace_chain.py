@@ -84,7 +84,7 @@ class TraceTree:
         parts = [s for s in self.spans if s.service == "planner" and s.name in STEP_PARTS]
         starts = [i for i, part in enumerate(parts) if part.name == ACTION]
         out = []
-        for start, end in zip(starts, [*starts[1:], len(parts)], strict=True):
+        for start, end in zip(starts, [*starts, len(parts)][1:], strict=True):
             mine = tuple(parts[start:end])
             ends_s = parts[end].start_s if end < len(parts) else mine[-1].end_s
             out.append(Step(mine, ends_s))

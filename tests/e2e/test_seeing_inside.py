@@ -17,11 +17,14 @@ from helios_gateway.faults.box_file import METADATA
 from mcap.reader import make_reader
 
 from tests.helios_up import Up, helios_up
+from tests.otlp_collector import Collector
 from tests.support import LOOPBACK, wait_until
 
 pytest.importorskip("opentelemetry.sdk.trace", reason="extra tracing is missing")
 pytestmark = pytest.mark.timeout(420)
 
+TRACE, PARENT = "0af7651916cd43dd8448eb211c80319c", "b7ad6b7169203331"
+TRACEPARENT = f"00-{TRACE}-{PARENT}-01"  # of the program that submits the task
 ENDED = ("succeeded", "failed", "cancelled")
 # Each step of a traced task, as parent -> child, with the services that do it.
 STEP = {
@@ -33,10 +36,10 @@ STEP = {
 
 
 class Running:
-    """A running `helios up --tracing --log-format json`."""
+    """A running `helios up --tracing --log-format json` that exports to a collector."""
 
-    def __init__(self, up: Up) -> None:
-        self.up, self.port = up, str(up.port)
+    def __init__(self, up: Up, collector: Collector) -> None:
+        self.up, self.port, self.collector = up, str(up.port), collector
 
     def get(self, path: str) -> Any:
         answer = LOOPBACK.get(f"{self.up.address}{path}", timeout=30)
@@ -44,9 +47,12 @@ class Running:
         return answer.json()
 
     def task(self, instruction: str, max_steps: int) -> dict[str, Any]:
-        """Submit a task, and return it when it has ended."""
+        """Submit a task within `TRACEPARENT`, and return it when it has ended."""
         body = {"instruction": instruction, "max_steps": max_steps}
-        answer = LOOPBACK.post(f"{self.up.address}/v1/tasks", json=body, timeout=30)
+        answer = LOOPBACK.post(
+            f"{self.up.address}/v1/tasks", json=body, headers={"traceparent": TRACEPARENT},
+            timeout=30,
+        )  # fmt: skip
         answer.raise_for_status()
         path = f"/v1/tasks/{answer.json()['id']}"
         wait_until(lambda: self.get(path)["state"] in ENDED, 180, "the task has ended")
@@ -65,9 +71,15 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     flags = ("--robot", "sim", "--seed", "1", "--detector", "ground-truth", "--tracing",
              "--log-format", "json")  # fmt: skip
     with ExitStack() as stack:
-        up = stack.enter_context(helios_up(tmp_path_factory.mktemp("state"), *flags))
+        collector = Collector()
+        stack.callback(collector.close)
+        variables = {
+            "OTEL_EXPORTER_OTLP_ENDPOINT": collector.endpoint, "OTEL_BSP_SCHEDULE_DELAY": "500",
+        }  # fmt: skip
+        state = tmp_path_factory.mktemp("state")
+        up = stack.enter_context(helios_up(state, *flags, environment=variables))
         wait_until(up.ready, 300, "all services are ready")
-        yield Running(up)
+        yield Running(up, collector)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +92,7 @@ def test_a_trace_leads_from_the_request_to_the_maps(
     running: Running, failed: dict[str, Any]
 ) -> None:
     trace = running.get(f"/v1/tasks/{failed['id']}/trace")
-    assert trace["trace_id"] == failed["trace_id"]
+    assert trace["trace_id"] == failed["trace_id"] == TRACE
     assert not [s for s in trace["sources"] if s["note"]]
     spans = {span["id"]: span for span in trace["spans"]}
     found = {
@@ -89,7 +101,7 @@ def test_a_trace_leads_from_the_request_to_the_maps(
         if (p := spans.get(s["parent_id"])) is not None
     }
     assert found >= set(STEP.items())
-    (root,) = (s for s in spans.values() if not s["parent_id"])
+    (root,) = (s for s in spans.values() if s["parent_id"] == PARENT)
     assert (root["service"], root["name"]) == ("gateway", "POST /v1/tasks")
     (task,) = (s for s in spans.values() if s["name"] == "task")
     assert spans[task["parent_id"]]["name"] == "planner/submit"
@@ -97,6 +109,16 @@ def test_a_trace_leads_from_the_request_to_the_maps(
     assert len(tree.steps) == failed["steps"]
     keyframes = {s["attributes"].get("helios.keyframe") for s in spans.values()} - {None}
     assert len(keyframes) == failed["steps"]
+
+
+def test_every_service_exports_its_spans(running: Running, failed: dict[str, Any]) -> None:
+    wanted = {"POST /v1/tasks", "task", *(name for _, name in STEP)}
+    collector = running.collector
+    wait_until(lambda: collector.spans().keys() >= wanted, 30, "all spans are exported")
+    for service, name in STEP:
+        exporter, span = collector.spans()[name]
+        assert exporter == f"helios-{service}"
+        assert span.trace_id.hex() == TRACE
 
 
 def test_why_prints_the_slowest_chain(
