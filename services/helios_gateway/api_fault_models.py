@@ -33,7 +33,7 @@ class Fault(BaseModel):
 class FaultRecording(BaseModel):
     """Recording of the time around one or more faults, an MCAP file."""
 
-    name: str = Field(description="name for `/v1/faults/recordings/{name}`")
+    name: str = Field(description="name for `/v1/faults/recordings/{recording}`")
     made_s: float = Field(description="time of the fault, seconds since 1970")
     faults: list[str]
     tasks: list[str] = Field(description="failed tasks that it shows")

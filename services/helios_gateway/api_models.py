@@ -194,7 +194,8 @@ class Task(BaseModel):
         description="identifier of the task's trace in OpenTelemetry; null: it is not traced"
     )
     recordings: list[str] = Field(
-        description="names of the recordings around its failure, for `/v1/faults/recordings/{name}`"
+        description="names of the recordings around its failure, for "
+        "`/v1/faults/recordings/{recording}`"
     )
 
     @property

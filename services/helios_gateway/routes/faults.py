@@ -33,39 +33,39 @@ def faults(robot: AddressedRobot) -> api_fault_models.FaultList:
 
 
 @router.post(
-    "/faults/{id}/clear",
+    "/faults/{fault}/clear",
     summary="Clear a fault",
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.TASK),
 )
 def clear(
     robot: AddressedRobot,
-    id: Annotated[str, Path(max_length=200, description="id of the fault")],
+    fault: Annotated[str, Path(max_length=200, description="id of the fault")],
 ) -> api_fault_models.Fault:
     """Clear a fault, such as that of a failed task.
 
     One that is still present is refused.
     """
-    return fault_model(robot.monitor.faults.clear(id), robot.monitor.faults.recordings())
+    return fault_model(robot.monitor.faults.clear(fault), robot.monitor.faults.recordings())
 
 
 @router.get(
-    "/faults/recordings/{name}",
+    "/faults/recordings/{recording}",
     summary="Get a recording",
     response_class=FileResponse,
     responses={200: {"content": {MCAP: {"schema": {"type": "string", "format": "binary"}}}}}
     | problems(404),
     dependencies=secured(Scope.READ),
 )
-def recording(
+def get_recording(
     robot: AddressedRobot,
-    name: Annotated[str, Path(max_length=200, description="name of the recording")],
+    recording: Annotated[str, Path(max_length=200, description="name of the recording")],
 ) -> FileResponse:
     """Return the MCAP file of a recording, for `helios view`, Foxglove or Rerun."""
-    path = robot.monitor.faults.path(name)
+    path = robot.monitor.faults.path(recording)
     if path is None:
         raise NotFound(
-            f"there is no recording {name[:100]!r}; list them with GET /v1/faults. One that is "
-            "still being made takes a few seconds"
+            f"there is no recording {recording[:100]!r}; list them with GET /v1/faults, and wait "
+            "for one that is still being made"
         )
-    return FileResponse(path, media_type=MCAP, filename=name)
+    return FileResponse(path, media_type=MCAP, filename=recording)

@@ -24,6 +24,7 @@ from helios_gateway.faults.black_box import BlackBox
 from helios_gateway.faults.box_file import METADATA, compressed, mcap_bytes
 from helios_gateway.faults.fault_files import LIST_NAME, FaultFiles, RecordingNote
 from helios_gateway.faults.fault_monitor import FaultMonitor
+from helios_gateway.faults.findings import LATE_S
 from helios_gateway.faults.life_cycle import Fault, Finding
 from mcap.reader import make_reader
 
@@ -276,7 +277,7 @@ def test_the_next_gateway_knows_faults_and_recordings(
     second.close()
     clock.now_s += 100.0
     third = monitor(None, told, clock)
-    third.on_task(pb.Task(id="old", state="failed", ended_s=clock.now_s - 60.0))
+    third.on_task(pb.Task(id="old", state="failed", ended_s=clock.now_s - 2 * LATE_S))
     assert not third.faults()
 
 

@@ -15,6 +15,8 @@ from helios_gateway.service_registry import ServiceRegistry
 
 from tests.gateway_backend import Backend
 
+TASK = {"instruction": "move the mug to the kitchen counter"}
+
 
 class Clock:
     now = 100.0
@@ -121,7 +123,7 @@ def test_a_change_of_a_fault_is_an_event(
 def test_a_task_that_was_not_traced_has_no_trace_and_says_what_to_do(
     backend: Backend, client: TestClient
 ) -> None:
-    task = client.post("/v1/tasks", json={"instruction": "find the mug"}).json()
+    task = client.post("/v1/tasks", json=TASK).json()
     assert task["trace_id"] is None
     answer = client.get(f"/v1/tasks/{task['id']}/trace")
     assert answer.status_code == 404
@@ -144,7 +146,7 @@ def exported() -> Iterator[Any]:
 def test_a_change_is_a_span_with_its_route_and_status(
     backend: Backend, client: TestClient, exported: Any
 ) -> None:
-    client.post("/v1/tasks", json={"instruction": "find the mug"})
+    client.post("/v1/tasks", json=TASK)
     client.post("/v1/tasks/c0ffee/cancel")
     taken, cancelled = exported.get_finished_spans()
     assert taken.name == "POST /v1/tasks"
