@@ -14,6 +14,8 @@ import pytest
 from helios_client.cli import run
 from helios_client.trace_chain import Span, TraceTree
 from helios_gateway.faults.box_file import METADATA
+from helios_replay.format_detection import open_source
+from helios_viewers.recorded_source import RecordedSource
 from mcap.reader import make_reader
 
 from tests.helios_up import Up, helios_up
@@ -153,6 +155,8 @@ def test_a_failed_task_names_a_recording_of_the_time_around_it(
         topics = {channel.topic for _, channel, _ in reader.iter_messages()}
         (about,) = (m.metadata for m in reader.iter_metadata() if m.name == METADATA)
     assert about["task"] == failed["id"]
+    assert set(RecordedSource(tmp_path / name).channels) <= topics  # for viewers
+    open_source(tmp_path / name)  # for a replay; raises without a keyframe
     assert topics >= {
         "/bridge/keyframe", "/camera/keyframe/color", "/camera/keyframe/depth",
         "/detector/observation", "/planner/task", "/objectmap/ack",
