@@ -16,7 +16,7 @@ class Fault(BaseModel):
         description="degraded, silent, down or restarted; stopped; or the cause of a failed task",
         examples=["degraded"],
     )
-    severity: Literal["warning", "error"]
+    severity: Literal["warning", "error"] = Field(description="how bad it is")
     state: Literal["raised", "confirmed", "cleared"] = Field(
         description="raised: it is new; confirmed: it lasts, came again or is an event; cleared"
     )
@@ -35,7 +35,7 @@ class FaultRecording(BaseModel):
 
     name: str = Field(description="name for `/v1/faults/recordings/{recording}`")
     made_s: float = Field(description="time of the fault, seconds since 1970")
-    faults: list[str]
+    faults: list[str] = Field(description="ids of the faults that it shows")
     tasks: list[str] = Field(description="failed tasks that it shows")
     bytes: int | None = Field(description="size of the file; null: it is still being made")
 

@@ -21,7 +21,7 @@ class TraceSpan(BaseModel):
 class TraceSource(BaseModel):
     """Contribution of one service to a trace."""
 
-    service: str
+    service: str = Field(examples=["map2d"])
     spans: int = Field(description="number of its spans in the trace")
     note: str = Field(description="why spans are missing; empty if none is known to be")
 
@@ -29,7 +29,7 @@ class TraceSource(BaseModel):
 class Trace(BaseModel):
     """Spans of one task that the running services still have in memory."""
 
-    task_id: str
+    task_id: str = Field(description="identifier of the task")
     trace_id: str = Field(description="identifier of the trace, 32 hexadecimal digits")
     spans: list[TraceSpan] = Field(description="spans that have ended, by start time")
-    sources: list[TraceSource]
+    sources: list[TraceSource] = Field(description="one entry per live service")
