@@ -172,3 +172,8 @@ def trace_id_of(traceparent: str) -> str:
 def span_id_of(traceparent: str) -> str:
     """Span id in a traceparent; empty for an empty one."""
     return traceparent.split("-")[2] if valid(traceparent) else ""
+
+
+def is_sampled(traceparent: str) -> bool:
+    """True if the spans of a trace are recorded."""
+    return bool(valid(traceparent)) and bool(int(traceparent.split("-")[3], 16) & 1)

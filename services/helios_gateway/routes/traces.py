@@ -11,7 +11,7 @@ from helios_core.bus_access import SERVICES
 from helios_core.errors import HeliosError
 from helios_core.printable_text import printable
 from helios_core.topics import GET_TASK, spans_method
-from helios_core.tracing import trace_id_of
+from helios_core.tracing import is_sampled, trace_id_of
 
 from helios_gateway.api_keys import Scope
 from helios_gateway.api_trace_models import Trace, TraceSource, TraceSpan
@@ -38,6 +38,11 @@ def trace(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> Trace:
         raise NotFound(
             f"task {task.id} has no trace, because tracing was off when it was submitted; start "
             "HELIOS with `helios up --tracing`, then submit a task"
+        )
+    if not is_sampled(task.traceparent):
+        raise NotFound(
+            f"task {task.id} has no trace, because OTEL_TRACES_SAMPLER or the program that "
+            "submitted it left it out; submit another, or let it sample all"
         )
     spans: list[TraceSpan] = []
     sources = []

@@ -129,6 +129,16 @@ def test_a_task_that_was_not_traced_has_no_trace_and_says_what_to_do(
     assert answer.status_code == 404
     assert "helios up --tracing" in answer.json()["detail"]
     assert client.get("/v1/tasks/mug/trace").status_code == 404
+    trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331"
+    backend.tasks[task["id"]].traceparent = f"{trace}-00"
+    answer = client.get(f"/v1/tasks/{task['id']}/trace")
+    assert (answer.status_code, "OTEL_TRACES_SAMPLER" in answer.json()["detail"]) == (404, True)
+    backend.tasks[task["id"]].traceparent = f"{trace}-01"
+    (planner,) = (
+        s for s in client.get(f"/v1/tasks/{task['id']}/trace").json()["sources"]
+        if s["service"] == "planner"
+    )  # fmt: skip
+    assert planner["note"] == "it does not answer, or runs without tracing"
 
 
 # --- spans of requests -------------------------------------------------------------------------
