@@ -101,7 +101,8 @@ def read(data: bytes, viewpoints: Viewpoints) -> LoadedMap:
         if header["format"] != FORMAT or header["version"] != VERSION:
             raise InvalidInput(
                 f"the file is {header['format']!r} version {header['version']}; wanted "
-                f"{FORMAT!r} version {VERSION}"
+                f"{FORMAT!r} version {VERSION}; use the HELIOS that wrote it, or start with an "
+                "empty map"
             )
         content = _content(header, arrays, viewpoints)
         world, newest = _place(header)

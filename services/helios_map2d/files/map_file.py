@@ -68,7 +68,10 @@ def decode_map(
     """
     start = len(HEAD) + hashlib.sha256().digest_size
     if not data.startswith(HEAD):
-        raise InvalidInput(f"these {len(data)} bytes are no map file of this version of HELIOS")
+        raise InvalidInput(
+            f"these {len(data)} bytes are no map file of this version of HELIOS; use the "
+            "HELIOS that wrote it, or start with an empty map"
+        )
     if hashlib.sha256(data[start:]).digest() != data[len(HEAD) : start]:
         raise InvalidInput(f"the map file is damaged or cut short, at {len(data)} bytes")
     try:

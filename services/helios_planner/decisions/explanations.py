@@ -151,6 +151,15 @@ def look(c: Candidate, threshold: float, tau_inc: float) -> str:
     )
 
 
+def check_first(what: Act, c: Candidate) -> str:
+    """Sentence for a view of an accepted candidate from a new side."""
+    return (
+        f"look at the {c.name}{_away(c)} from a new side before the {what}: its score is "
+        f"{_scored(c.terms, 'score')}, and that view could bring it to "
+        f"{_scored(c.terms, 'score_after_view')}"
+    )
+
+
 def visit_first(candidates: Sequence[Candidate], winner: int) -> str:
     """Sentence for a candidate whose gaze points come before its score."""
     c = candidates[winner]
@@ -188,6 +197,21 @@ def search_on(
         view = f"one more view would bring only {after} (worth it from {need:.{n}f})"
     which = f"the {best.name}" if len(usable) == 1 else f"the best {best.name} of {len(usable)}"
     return f"search on: {which} has score {_scored(t, 'score', n)} < {threshold:.{n}f}, and {view}"
+
+
+def absent(
+    name: str, candidates: Sequence[Candidate], probability: float, searches: int, floor_m2: float
+) -> str:
+    """Sentence for a search that ends because the object is probably not there."""
+    times = "once" if searches == 1 else f"{searches} times"
+    best = max((c.terms["total"] for c in candidates), default=None)
+    of = "nothing looked like one" if best is None else (
+        f"the best of {counted(len(candidates), 'candidate')} has score {best:.2f}"
+    )  # fmt: skip
+    return (
+        f"the {name} is probably not here ({probability:.0%}): the whole floor in reach, "
+        f"{floor_m2:.0f} m², was searched {times}, and {of}"
+    )
 
 
 def less(value: float, than: float) -> str:

@@ -94,7 +94,10 @@ class Search(ABC):
 
     def decide_and_publish(self) -> Decision:
         """Decide, publish the decision and return it: act on a candidate, or search on."""
-        decision = self.decide()
+        return self.publish(self.decide())
+
+    def publish(self, decision: Decision) -> Decision:
+        """Publish a decision and return it. Raises TypeError if it is something else."""
         if not isinstance(decision, Decision):  # a custom search may return anything
             raise TypeError(
                 f"decide() gave a value of type {type(decision).__name__}; wanted a Decision, as "
@@ -140,6 +143,10 @@ class Search(ABC):
         left."""
         return False
 
+    def end_if_absent(self) -> None:
+        """Raise TaskFailed if the object is probably not there; nothing is left to explore now."""
+        return
+
     def find(self) -> ObjectInstance:
         """Search until there is a candidate to act on. Raises TaskFailed when nothing is left."""
         first, self._first_round = self._first_round, 0
@@ -153,7 +160,10 @@ class Search(ABC):
                     self._acted_from = self.robot.pose()
                     return self.chosen(decision)
                 more = self.explore() or self.clear_way() or self.patrol()
-                if not self.end_waiting() and not more and not self.relax():
+                if self.end_waiting() or more:
+                    continue
+                self.end_if_absent()
+                if not self.relax():
                     break
         raise self._not_found()
 

@@ -8,6 +8,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
 
+from helios_planner.decisions.absence import absent
 from helios_planner.decisions.acceptance import Rule
 from helios_planner.decisions.decision import (
     Act,
@@ -25,6 +26,7 @@ from helios_planner.decisions.global_search import (
 )
 from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
+from helios_planner.motion_planning.unknown_borders import floor_m2
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import PlaceSet
@@ -111,6 +113,16 @@ class ObjectSearch(ScoredSearch):
     def relax(self) -> bool:
         self._last_seen = ()
         return super().relax()
+
+    def end_if_absent(self) -> None:
+        if self.settings.absent_from >= 1:
+            return
+        candidates = self.decide().candidates
+        area_m2 = floor_m2(self.robot.ground())
+        probability, decision = absent(self.name, candidates, self._round + 1, area_m2)
+        if probability >= self.settings.absent_from:
+            self.robot.listener.on_decision(decision)
+            raise TaskFailed(Cause.OBJECT_NOT_FOUND, decision.why)
 
     def _something_to_do(self) -> bool:
         """True if a candidate object interrupts the search."""
