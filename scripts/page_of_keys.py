@@ -3,7 +3,7 @@ stale."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from helios_core.bus_access import ACCESS, SERVICES, SIMULATED_DETECTOR, Access
 from helios_core.topics import (
@@ -13,6 +13,7 @@ from helios_core.topics import (
     Method,
     Topic,
     settings_method,
+    spans_method,
     status_topic,
 )
 
@@ -42,12 +43,6 @@ def tables() -> str:
         )
         for m in METHODS
     )
-    settings = settings_method("<service>")
-    of_settings = (
-        code(settings.name), code(settings.request.DESCRIPTOR.name),
-        code(settings.reply.DESCRIPTOR.name),
-        _names(a for a in ACCESS if settings_method("objectmap") in ACCESS[a].calls),
-    )  # fmt: skip
     return "\n".join([
         "Data, below `helios/v1/<robot>/`. `recorder`, `operator` and `program` receive "
         "everything:\n",
@@ -55,8 +50,19 @@ def tables() -> str:
         "Methods, below `helios/v1/<robot>/svc/` (`truth`: `helios/v1/<robot>/truth/svc/`). The "
         "first word is the service that answers; `robot` also answers `world/…`, without the "
         "truth:\n",
-        table(("method", "request", "reply", "may call it"), (*methods, of_settings)),
+        table(("method", "request", "reply", "may call it"), (*methods, *_of_each_service())),
     ])  # fmt: skip
+
+
+def _of_each_service() -> Iterator[tuple[str, ...]]:
+    """Rows of the methods that every service has."""
+    for of in (settings_method, spans_method):
+        method = of("<service>")
+        yield (
+            code(method.name), code(method.request.DESCRIPTOR.name),
+            code(method.reply.DESCRIPTOR.name),
+            _names(name for name, access in ACCESS.items() if of("objectmap") in access.calls),
+        )  # fmt: skip
 
 
 def _senders(topic: Topic) -> str:

@@ -16,12 +16,12 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorProto,
     FileDescriptorSet,
 )
-from helios_core.topics import METHODS, TOPICS, settings_method, status_topic
+from helios_core.topics import METHODS, TOPICS, settings_method, spans_method, status_topic
 
 from scripts.generate_proto import PROTO_ROOT, foxglove_descriptors
 from scripts.markdown_tables import code, plain, sentence, table, unit_of
 
-FILES = ("common", "robot", "frame", "search", "map", "task")
+FILES = ("common", "robot", "frame", "search", "map", "task", "trace")
 PACKAGE = ".helios.v1."
 HEAD = ("number", "field", "type", "unit", "meaning")
 # Field numbers in descriptor.proto; the path of a declaration alternates them with indices.
@@ -147,7 +147,7 @@ def _type(field: FieldDescriptorProto, message: DescriptorProto) -> str:
 def _carried(name: str) -> str:
     """Keys whose payload is the message; empty for `Empty`."""
     topics = (*TOPICS, status_topic("<service>"))
-    methods = (*METHODS, settings_method("<service>"))
+    methods = (*METHODS, settings_method("<service>"), spans_method("<service>"))
     data = [code(t.name) for t in topics if t.type.DESCRIPTOR.name == name]
     requests = [code(m.name) for m in methods if m.request.DESCRIPTOR.name == name]
     replies = [code(m.name) for m in methods if m.reply.DESCRIPTOR.name == name]

@@ -55,6 +55,8 @@ class Task(_FromJson):
     seen_at_goal: bool | None = None  # seen after placing; None: not placed, or unknown
 
     point: GoalPoint | None = None  # for kind go_to_point
+    trace_id: str = ""  # trace in OpenTelemetry; empty: it is not traced
+    recordings: list[str] = field(default_factory=list)  # names of recordings around its failure
 
     @property
     def ended(self) -> bool:
@@ -79,6 +81,64 @@ class Decision(_FromJson):
     settings: dict[str, float] = field(default_factory=dict)
     made_s: float = 0.0
     recomputed: dict[str, Any] | None = None  # decision under other settings, if requested
+
+
+@dataclass(frozen=True)
+class Trace(_FromJson):
+    """Spans of one task, and what each service contributed."""
+
+    task_id: str = ""
+    trace_id: str = ""
+    spans: list[dict[str, Any]] = field(default_factory=list)
+    sources: list[dict[str, Any]] = field(default_factory=list)  # service, spans, note
+
+
+@dataclass(frozen=True)
+class Fault(_FromJson):
+    """A fault of a service, of the robot or of a task. Times are seconds since 1970."""
+
+    id: str = ""
+    source: str = ""  # service, robot or task
+    kind: str = ""
+    severity: str = ""  # warning or error
+    state: str = ""  # raised, confirmed, cleared
+    message: str = ""  # its newest occurrence
+    count: int = 0  # occurrences since the first
+    first_s: float = 0.0
+    last_s: float = 0.0
+    raised_s: float = 0.0
+    confirmed_s: float = 0.0  # 0: not confirmed
+    cleared_s: float = 0.0  # 0: not cleared
+    recordings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class FaultRecording(_FromJson):
+    """Recording of the time around faults, an MCAP file."""
+
+    name: str = ""
+    made_s: float = 0.0
+    faults: list[str] = field(default_factory=list)
+    tasks: list[str] = field(default_factory=list)  # failed tasks that it shows
+    bytes: int | None = None  # None: it is still being made
+
+
+@dataclass(frozen=True)
+class FaultList(_FromJson):
+    """Faults, and the recordings around them, newest first."""
+
+    faults: list[Fault] = field(default_factory=list)
+    recordings: list[FaultRecording] = field(default_factory=list)
+    folder: str = ""  # of the recordings, on the gateway's machine; empty: none are made
+
+    @classmethod
+    def from_json(cls, raw: dict[str, Any]) -> Self:
+        found = super().from_json(raw)
+        return replace(
+            found,
+            faults=[Fault.from_json(f) for f in raw["faults"]],
+            recordings=[FaultRecording.from_json(r) for r in raw["recordings"]],
+        )
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ from helios_client.answer_types import (
     Decision,
     DriveAnswer,
     Event,
+    Fault,
+    FaultList,
     FoundObject,
     Frontier,
     LoadedMaps,
@@ -38,6 +40,7 @@ from helios_client.answer_types import (
     Status,
     Suggestions,
     Task,
+    Trace,
     Vocabulary,
 )
 from helios_client.http import requests
@@ -143,6 +146,22 @@ class Helios:
         """Decisions of a task with their reasons, oldest first. With `changes` such as
         "alpha_d=0.01", `recomputed` holds each decision under these settings."""
         return self._do(requests.decisions(id, changes))
+
+    def trace(self, id: str) -> Trace:
+        """Spans of a task that was submitted while tracing was on (`helios up --tracing`)."""
+        return self._do(requests.trace(id))
+
+    def faults(self) -> FaultList:
+        """All known faults with their states and counts, and the recordings around them."""
+        return self._do(requests.faults())
+
+    def clear_fault(self, id: str) -> Fault:
+        """Clear a fault, such as that of a failed task. Raises Conflict if it is still present."""
+        return self._do(requests.clear_fault(id))
+
+    def fault_recording(self, name: str) -> bytes:
+        """The MCAP file of a recording around a fault."""
+        return self._do(requests.fault_recording(name))
 
     def vocabulary(self) -> Vocabulary:
         """Names that a task may use: any name, or those of the detector."""

@@ -28,6 +28,8 @@ from helios_client.answer_types import (
     Decision,
     DriveAnswer,
     Event,
+    Fault,
+    FaultList,
     FoundObject,
     Frontier,
     LoadedMaps,
@@ -39,6 +41,7 @@ from helios_client.answer_types import (
     Status,
     Suggestions,
     Task,
+    Trace,
     Vocabulary,
 )
 from helios_client.http import requests
@@ -144,6 +147,22 @@ class AsyncHelios:
         """Decisions of a task with their reasons, oldest first. With `changes` such as
         "alpha_d=0.01", `recomputed` holds each decision under these settings."""
         return await self._do(requests.decisions(id, changes))
+
+    async def trace(self, id: str) -> Trace:
+        """Spans of a task that was submitted while tracing was on (`helios up --tracing`)."""
+        return await self._do(requests.trace(id))
+
+    async def faults(self) -> FaultList:
+        """All known faults with their states and counts, and the recordings around them."""
+        return await self._do(requests.faults())
+
+    async def clear_fault(self, id: str) -> Fault:
+        """Clear a fault, such as that of a failed task. Raises Conflict if it is still present."""
+        return await self._do(requests.clear_fault(id))
+
+    async def fault_recording(self, name: str) -> bytes:
+        """The MCAP file of a recording around a fault."""
+        return await self._do(requests.fault_recording(name))
 
     async def vocabulary(self) -> Vocabulary:
         """Names that a task may use: any name, or those of the detector."""

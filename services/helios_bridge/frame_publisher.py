@@ -10,6 +10,7 @@ import uuid
 from collections.abc import Iterable
 
 import numpy as np
+from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
@@ -67,6 +68,14 @@ class FramePublisher:
     def capture_and_publish(self, keyframe: bool) -> FrameId:
         """Capture and publish. Raises like `capture_and_wait`, and InvalidInput for a bad image or
         pose."""
+        if not keyframe:
+            return self._capture_and_publish(keyframe)
+        with tracing.span("keyframe") as recorded:
+            id = self._capture_and_publish(keyframe)
+            recorded.set("helios.keyframe", str(id))
+            return id
+
+    def _capture_and_publish(self, keyframe: bool) -> FrameId:
         began = time.monotonic()
         try:
             capture = self._driver.capture()

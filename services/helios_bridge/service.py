@@ -16,6 +16,7 @@ from concurrent import futures
 from concurrent.futures import Future
 
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import (
     action_from_proto,
@@ -30,7 +31,7 @@ from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidI
 from helios_core.health import Health
 from helios_core.heartbeat import HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
-from helios_core.robot import Action, EndOfRecording, RobotDriver
+from helios_core.robot import Action, ActionResult, EndOfRecording, RobotDriver
 from helios_core.topics import (
     ACT,
     CLEAR_STOP,
@@ -331,9 +332,7 @@ class BridgeService:
             self._busy_until_s = deadline_s
             try:
                 with self._monitor.watching(request.action_id, request.beats):
-                    done = self._actions.robot_result(
-                        request.action_id, lambda: self._driver.act(action, request.action_id)
-                    )
+                    done = self._robot_acts(action, request.action_id)
             finally:
                 self._busy_until_s = None
                 self._end_halt()
@@ -350,6 +349,12 @@ class BridgeService:
             out.T_world_base.CopyFrom(transform_to_proto(self._driver.state().T_world_base))
         self._publish_state()
         return out
+
+    def _robot_acts(self, action: Action, action_id: str) -> ActionResult:
+        with tracing.span("robot acts", action=type(action).__name__.lower()):
+            return self._actions.robot_result(
+                action_id, lambda: self._driver.act(action, action_id)
+            )
 
     def _look_after(self, request: pb.ActionRequest) -> FrameId | None:
         """Capture after an action. Returns the id of the keyframe; None without one.

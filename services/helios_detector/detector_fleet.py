@@ -12,6 +12,7 @@ import time
 import uuid
 
 from helios_core import proto as pb
+from helios_core import span_recording, tracing
 from helios_core.bus import Bus
 from helios_core.bus_access import FLEET_TOKEN
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
@@ -53,6 +54,7 @@ class RobotSlot:
         self._fault = ""  # unexpected exception in the keeper's last cycle, as text
         self._closed = False
         self._model_keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
+        span_recording.serve(bus, "detector")
         bus.announce("detector", members.me)
         self._model_keeper.start()
 
@@ -182,8 +184,11 @@ class RobotSlot:
         assert self._service is not None
         self._tell(self._claim(message, answered=False))
         done = self._claim(message, answered=True)
+        with self._lock:
+            sender = self._ledger.traceparent(message.id)
         try:
-            self._service.on_keyframe(message, sent=lambda: self._tell(done))
+            with tracing.continuing(sender):
+                self._service.on_keyframe(message, sent=lambda: self._tell(done))
         except Exception:  # only this keyframe is lost; the slot goes on
             log.exception("%s: keyframe %d failed", self.robot, message.id.seq)
         with self._lock:

@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from helios_core import proto as pb
+from helios_core import tracing
 
 SETTLE_S = 1.0
 MOST_HELD = 8  # keyframes of one robot; robots wait for answers, so one is usual
@@ -68,6 +69,7 @@ class _Entry:
     """State of one keyframe; `message` is None before it arrives and after it is answered."""
 
     message: pb.Frame | None = None
+    traceparent: str = ""  # span that sent the message
     taken_by: str = ""
     answered: bool = False
 
@@ -83,7 +85,7 @@ class AssignmentTable:
         held. No effect for a keyframe that is already answered."""
         entry = self._entry(key_of(message.id))
         if not entry.answered:
-            entry.message = message
+            entry.message, entry.traceparent = message, tracing.current_traceparent()
         held = [e for e in self._entries.values() if e.message is not None]
         given_up = []
         for old in held[: max(0, len(held) - MOST_HELD)]:
@@ -98,6 +100,10 @@ class AssignmentTable:
         entry.taken_by = claim.instance
         if claim.answered:
             entry.answered, entry.message = True, None
+
+    def traceparent(self, id: pb.FrameId) -> str:
+        """Traceparent of the span that sent a keyframe; empty without one."""
+        return self._entry(key_of(id)).traceparent
 
     def next(self, there: frozenset[str]) -> pb.Frame | None:
         """The oldest unanswered keyframe that no detector of `live` has claimed."""

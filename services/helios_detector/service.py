@@ -19,8 +19,14 @@ from dataclasses import replace
 
 import cv2
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.bus import Bus
-from helios_core.codec import context_from_proto, frame_from_proto, observation_to_proto
+from helios_core.codec import (
+    context_from_proto,
+    frame_from_proto,
+    frame_id_from_proto,
+    observation_to_proto,
+)
 from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
@@ -183,8 +189,10 @@ class DetectorService:
                 replaced, "a newer keyframe came before anything was looked for"
             )
         if context is not None:
-            why_not = self._answered(message, context, sent)
-            self._acknowledge(message.id, context.id, why_not)
+            keyframe = str(frame_id_from_proto(message.id))
+            with tracing.span("detection", keyframe=keyframe, task=context.id):
+                why_not = self._answered(message, context, sent)
+                self._acknowledge(message.id, context.id, why_not)
 
     def acknowledge_dropped(self, message: pb.Frame, why: str) -> None:
         """Acknowledge a keyframe that is dropped, with the reason."""
@@ -245,12 +253,14 @@ class DetectorService:
         self, message: pb.Frame, frame: Frame, context: SearchContext, sent: Callable[[], None]
     ) -> None:
         began = time.perf_counter()
-        findings, wrong = self._analyst.detect(frame, context)
+        with tracing.span("detect", detector=self._models.detector.name):
+            findings, wrong = self._analyst.detect(frame, context)
         if wrong or findings.detections or findings.seen:  # empty findings do not clear a fault
             self._say_trouble("found", wrong)
         detect_ms = self._analyst.timed("detect", began)
         began = time.perf_counter()
-        judged, wrong = self._analyst.judge(frame, findings, context)
+        with tracing.span("score", scorer=self._models.scorer.name):
+            judged, wrong = self._analyst.judge(frame, findings, context)
         self._say_trouble("scored", wrong)
         models = self._models
         mine, others = by_class(findings.detections, context)

@@ -190,6 +190,13 @@ class Task(BaseModel):
     point: GoalPoint | None = Field(
         description="goal of a task of kind go_to_point; null: task of another kind"
     )
+    trace_id: str | None = Field(
+        description="identifier of the task's trace in OpenTelemetry; null: it is not traced"
+    )
+    recordings: list[str] = Field(
+        description="names of the recordings around its failure, for "
+        "`/v1/faults/recordings/{recording}`"
+    )
 
     @property
     def ended(self) -> bool:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
+from helios_core.recording_format import channel_of
 from helios_core.topics import (
     CONTEXT,
     DECISION,
@@ -21,12 +23,19 @@ from helios_core.topics import (
     ROBOT_STATE,
     SUPERVISOR,
     TASK,
+    M,
+    Topic,
     status_topic,
 )
 
 from helios_gateway import api_map_models, api_models, message_conversion
 from helios_gateway.camera_image import Camera
 from helios_gateway.event_hub import BACKLOG, EventHub
+from helios_gateway.faults import findings
+from helios_gateway.faults.black_box import MB
+from helios_gateway.faults.fault_monitor import FaultMonitor
+from helios_gateway.faults.life_cycle import Fault, Finding
+from helios_gateway.faults.messages import fault_model
 from helios_gateway.map_cache import MapCache
 from helios_gateway.service_registry import STATUS_PUBLISHERS, ServiceRegistry
 from helios_gateway.settings import Settings
@@ -46,6 +55,8 @@ class RobotMonitor:
         self.camera = Camera()
         self.maps = MapCache(bus, settings.call_timeout_s)
         self.events = EventHub(BACKLOG, settings.max_viewers, settings.keepalive_s)
+        folder = settings.faults and settings.faults / bus.robot
+        self.faults = FaultMonitor(folder, settings.faults_mb * MB, self._on_fault)
         self._lock = threading.Lock()
         self._ticking = threading.Lock()
         self._robot: api_models.RobotState | None = None
@@ -59,20 +70,20 @@ class RobotMonitor:
         for (
             service
         ) in STATUS_PUBLISHERS:  # by name, because `*/status` would also match the supervisor's
-            bus.subscribe(status_topic(service), self.services.listener(service))
-        bus.subscribe(SUPERVISOR, self.services.on_supervisor)
-        bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
-        bus.subscribe(ROBOT_STATE, self._on_robot)
-        bus.subscribe(FRAME, self.camera.on_frame)
-        bus.subscribe(KEYFRAME, self.camera.on_frame)
-        bus.subscribe(PREVIEW, self.camera.on_preview)
-        bus.subscribe(OBSERVATION, self.camera.on_observation)
-        bus.subscribe(MAP2D_ACK, self.maps.on_ack)
-        bus.subscribe(OBJECTMAP_ACK, self.maps.on_ack)
-        bus.subscribe(CONTEXT, lambda _: self.maps.on_change())
-        bus.subscribe(TASK, self._on_task)
-        bus.subscribe(DECISION, self._on_decision)
-        bus.subscribe(PLAN, self._on_plan)
+            self._hear(bus, status_topic(service), self.services.listener(service))
+        self._hear(bus, SUPERVISOR, self._on_supervisor)
+        self._hear(bus, ROBOT_DESCRIPTION, self._on_description)
+        self._hear(bus, ROBOT_STATE, self._on_robot)
+        self._hear(bus, FRAME, self.camera.on_frame)
+        self._hear(bus, KEYFRAME, self.camera.on_frame)
+        self._hear(bus, PREVIEW, self.camera.on_preview)
+        self._hear(bus, OBSERVATION, self.camera.on_observation)
+        self._hear(bus, MAP2D_ACK, self.maps.on_ack)
+        self._hear(bus, OBJECTMAP_ACK, self.maps.on_ack)
+        self._hear(bus, CONTEXT, lambda _: self.maps.on_change())
+        self._hear(bus, TASK, self._on_task)
+        self._hear(bus, DECISION, self._on_decision)
+        self._hear(bus, PLAN, self._on_plan)
 
     def start(self) -> None:
         """Start the periodic check for changed state."""
@@ -80,6 +91,7 @@ class RobotMonitor:
 
     def close(self) -> None:
         self._ended.set()
+        self.faults.close()
         self.events.close()
 
     def robot(self) -> api_models.Robot:
@@ -96,6 +108,11 @@ class RobotMonitor:
             stop_reason=self.stop_reason,
             services=self.services.services(),
         )
+
+    def task(self, message: pb.Task) -> api_models.Task:
+        """HTTP model of a task, with the recordings around its failure."""
+        self.faults.on_task(message)  # first: it names the recording of a failure
+        return message_conversion.task(message, self.faults.recordings_of(message.id))
 
     @property
     def stopped(self) -> bool:
@@ -136,6 +153,7 @@ class RobotMonitor:
                 reasons=self.not_ready_reasons(),
             )
             self._publish_if_changed("ready", "ready", readiness)
+            self.faults.observe(self._conditions())
 
     def _publish_if_changed(
         self,
@@ -148,6 +166,21 @@ class RobotMonitor:
             self._published[state_key] = now
             self.events.publish(type, now, state_key)
 
+    def _conditions(self) -> list[Finding]:
+        """Faulty conditions of the services and the robot that are present now."""
+        found = [findings.condition(*trouble) for trouble in self.services.troubles()]
+        return [*found, findings.stop(self.stop_reason)] if self.stopped else found
+
+    def _hear(self, bus: Bus, topic: Topic[M], handler: Callable[[M], None]) -> None:
+        """Subscribe, and give every message to the black box as well."""
+        channel = channel_of(topic)
+
+        def take(message: M) -> None:
+            self.faults.record(channel, message)
+            handler(message)
+
+        bus.subscribe(topic, take)
+
     def _run(self) -> None:
         while not self._ended.wait(self._tick_s):
             try:
@@ -159,6 +192,14 @@ class RobotMonitor:
         self.services.on_alive(service, instance, alive)
         if service in ("map2d", "objectmap"):
             self.maps.on_change()
+
+    def _on_supervisor(self, message: pb.SupervisorStatus) -> None:
+        self.services.on_supervisor(message)
+        self.faults.on_supervisor(message)
+
+    def _on_fault(self, fault: Fault) -> None:
+        model = fault_model(fault, self.faults.recordings())
+        self.events.publish("fault", model, f"fault/{fault.id}")
 
     def _on_description(self, message: pb.RobotDescription) -> None:
         self.services.on_description(message)
@@ -174,7 +215,7 @@ class RobotMonitor:
             self.tick()
 
     def _on_task(self, message: pb.Task) -> None:
-        task = message_conversion.task(message)
+        task = self.task(message)
         self.events.publish("task", task, "task", task.id, task.ended)
 
     def _on_decision(self, message: pb.Decision) -> None:

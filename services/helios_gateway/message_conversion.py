@@ -9,6 +9,7 @@ from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.printable_text import printable
 from helios_core.task_states import is_task_state
+from helios_core.tracing import trace_id_of
 
 from helios_gateway import api_map_models, api_models
 from helios_gateway.task_suggestions import KnownObject, words
@@ -61,8 +62,9 @@ def _eta_s(message: pb.Task) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
 
 
-def task(message: pb.Task) -> api_models.Task:
-    """HTTP model of a task. Raises Internal for an unknown state."""
+def task(message: pb.Task, recordings: Sequence[str] = ()) -> api_models.Task:
+    """HTTP model of a task; recordings: names of those around its failure. Raises Internal for an
+    unknown state."""
     state = message.state
     if not is_task_state(state):
         raise Internal(f"the planner named a state {state!r} of task {message.id}")
@@ -81,6 +83,7 @@ def task(message: pb.Task) -> api_models.Task:
         unused=list(message.unused),
         seen_at_goal=message.seen_at_goal if message.HasField("seen_at_goal") else None,
         point=_point(message.point) if message.HasField("point") else None,
+        trace_id=trace_id_of(message.traceparent) or None, recordings=list(recordings),
     )  # fmt: skip
 
 

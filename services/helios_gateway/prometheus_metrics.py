@@ -30,6 +30,7 @@ class Metrics:
             ["method", "route"], buckets=BUCKETS_S, registry=self.registry,
         )  # fmt: skip
         self.registry.register(_Services(robots))
+        self.registry.register(_Faults(robots))
 
     def text(self) -> tuple[bytes, str]:
         """Body and content type."""
@@ -79,6 +80,32 @@ class _Services(Collector):
             dropped.add_metric([robot], served.monitor.events.dropped)
             queue.add_metric([robot], served.monitor.events.longest_queue)
         return [ready, stopped, up, restarts, figures, viewers, dropped, queue]
+
+
+class _Faults(Collector):
+    def __init__(self, robots: RobotRegistry) -> None:
+        self._robots = robots
+
+    def collect(self) -> Iterable[Metric]:
+        labels = ["robot", "source", "kind"]
+        confirmed = GaugeMetricFamily(
+            "helios_fault_confirmed", "1 where a fault is confirmed and not cleared", labels=labels
+        )
+        count = CounterMetricFamily(
+            "helios_fault_occurrences", "occurrences of a fault", labels=labels
+        )
+        recordings = GaugeMetricFamily(
+            "helios_fault_recording_bytes", "size of the recordings around faults",
+            labels=["robot"],
+        )  # fmt: skip
+        for robot, served in self._robots.robots.items():
+            for fault in served.monitor.faults.faults():
+                values = [robot, fault.source, fault.kind]
+                confirmed.add_metric(values, float(fault.state == "confirmed"))
+                count.add_metric(values, fault.count)
+            notes = served.monitor.faults.recordings()
+            recordings.add_metric([robot], sum(note.bytes for note in notes))
+        return [confirmed, count, recordings]
 
 
 class RequestMetrics:

@@ -40,6 +40,7 @@ class ServiceRegistry:
         self._silent_after_s = silent_after_s
         self._clock = clock
         self._alive: dict[str, dict[str, None]] = {}  # service -> its instances, oldest first
+        self._was_alive: set[str] = set()
         self._statuses: dict[str, tuple[pb.ServiceStatus, float]] = {}
         self._processes: dict[str, pb.ProcessStatus] = {}
         self._simulated = False
@@ -49,6 +50,7 @@ class ServiceRegistry:
             instances = self._alive.setdefault(service, {})
             if alive:
                 instances[instance] = None
+                self._was_alive.add(service)
             else:
                 instances.pop(instance, None)
 
@@ -99,6 +101,26 @@ class ServiceRegistry:
             for s in self.services()
             if s.name in REQUIRED_SERVICES and s.state != "ready"
         ]
+
+    def troubles(self) -> list[tuple[str, str, str]]:
+        """(service, kind, reason) of each service with a fault; kind: degraded, silent or down.
+
+        A service that has not been seen, or that has ended in an orderly way, has none. Without the
+        router nothing is known of the others.
+        """
+        with self._lock:
+            state, reason = self._router()
+            if state == "down":
+                return [("router", "down", reason)]
+            out = []
+            for name, (status, heard_s) in self._statuses.items():
+                state, reason = self._state(name)
+                silent = self._clock() - heard_s > self._silent_after_s
+                if state == "down" and status.state != "stopping" and name in self._was_alive:
+                    out.append((name, "down", reason))
+                elif state == "degraded":
+                    out.append((name, "silent" if silent else "degraded", reason))
+            return out
 
     def metrics(self) -> Mapping[str, Mapping[str, float]]:
         """Metrics that each service publishes."""

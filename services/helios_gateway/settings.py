@@ -35,6 +35,16 @@ class Settings(ServiceSettings):
         default=None,
         description="file for a record of every change over HTTP, as JSON lines; none: no record",
     )
+    faults: Path | None = Field(
+        default=None,
+        description="folder for the list of faults and the recordings around them; none: both are "
+        "lost at the end, and nothing is recorded",
+    )
+    faults_mb: float = Field(
+        default=500,
+        gt=0,
+        description="size of all recordings of one robot's faults; the oldest are removed",
+    )
     origins: str = Field(
         default="",
         description="origins of other sites that may use the API (CORS), separated by commas",

@@ -22,9 +22,11 @@ from helios_gateway.error_responses import add_problems
 from helios_gateway.openapi_schema import correct_error_responses
 from helios_gateway.prometheus_metrics import Metrics, RequestMetrics
 from helios_gateway.request_limits import MOST_LARGE, LimitSettings, RequestLimits
+from helios_gateway.request_spans import RequestSpans
 from helios_gateway.robot_registry import API_ROOT, ROBOT_ROOT, RobotRegistry
 from helios_gateway.routes import (
     events,
+    faults,
     frames,
     health,
     map_file,
@@ -36,6 +38,7 @@ from helios_gateway.routes import (
     session,
     tasks,
     teleop,
+    traces,
     view3d,
 )
 from helios_gateway.routes import map as map_routes
@@ -53,7 +56,7 @@ MOST_STOPS = 16  # concurrent stop-now requests
 ROBOT_ROUTERS = (  # each mounted below `/v1` and below `/v1/robots/{robot}`
     tasks.router, events.router, objects.router, map_routes.router, map_file.router,
     map_reset.router, past_views.router, view3d.router, frames.router, robot.router, moves.router,
-    teleop.router, health.service_router,
+    teleop.router, traces.router, faults.router, health.service_router,
 )  # fmt: skip
 pages = APIRouter(include_in_schema=False)
 
@@ -125,6 +128,7 @@ def _add_middleware(app: FastAPI, state: GatewayState, audit: AuditLog | None) -
             allow_headers=["authorization", "content-type", "last-event-id", "if-none-match"],
             expose_headers=["etag", "x-map-version", "x-frame-id"],
         )  # fmt: skip
+    app.add_middleware(RequestSpans)
     app.add_middleware(RequestMetrics, metrics=state.metrics)
     app.add_middleware(PageMiddleware)
     if audit is not None:  # the last one: it records refusals by the others, too

@@ -14,11 +14,13 @@ from collections import deque
 from collections.abc import Callable
 
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import (
     context_from_proto,
     description_from_proto,
     frame_from_proto,
+    frame_id_from_proto,
     observation_from_proto,
 )
 from helios_core.errors import Conflict, HeliosError, Internal, InvalidInput, Unavailable
@@ -254,6 +256,13 @@ class Map2DService:
         self, part: MapPart, id: pb.FrameId, context_id: str, fold: Callable[[], None]
     ) -> None:
         """Fuse and acknowledge; the acknowledgement is sent without the lock."""
+        keyframe = str(frame_id_from_proto(id))
+        with tracing.span(f"update of {part}", keyframe=keyframe, task=context_id):
+            self._fuse(part, id, context_id, fold)
+
+    def _fuse(
+        self, part: MapPart, id: pb.FrameId, context_id: str, fold: Callable[[], None]
+    ) -> None:
         began = time.perf_counter()
         error: HeliosError | None = None
         try:

@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from helios_core import map_autosave
+from helios_core import map_autosave, tracing
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import (
@@ -381,6 +381,11 @@ class ObjectMapService:
 
     # Parts ------------------------------------------------------------------------------------
     def _integrate(self, message: pb.Observation, observation: Observation) -> None:
+        keyframe, context_id = str(observation.frame.id), observation.context_id
+        with tracing.span("update of objects", keyframe=keyframe, task=context_id):
+            self._fuse(message, observation)
+
+    def _fuse(self, message: pb.Observation, observation: Observation) -> None:
         began = time.perf_counter()
         try:
             with self._lock:

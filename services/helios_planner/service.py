@@ -11,6 +11,7 @@ import uuid
 from collections import deque
 
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.agent_presets import AGENT_NAMES, same_settings
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
@@ -113,6 +114,12 @@ class PlannerService:
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
         """Store a task, queue it and return it. Raises Unavailable while tasks cannot be stored."""
+        if tracing.current_traceparent():
+            return self._submit(request)
+        with tracing.span(SUBMIT.name):  # begins the task's trace
+            return self._submit(request)
+
+    def _submit(self, request: pb.SubmitRequest) -> pb.Task:
         self._registry.check_keeping()
         instruction = parse_with_help(request.instruction, self._model)
         agent = self._known_agent(request.agent or self._settings.agent)
@@ -147,6 +154,7 @@ class PlannerService:
             agent=agent,
             priority=request.priority,
             settings=dict(request.settings),
+            traceparent=tracing.current_traceparent(),
         )
         with self._lock:
             self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is published
@@ -281,7 +289,9 @@ class PlannerService:
         self._tell_health()
         while (id := self._next()) is not None:
             try:
-                self._run(id)
+                traceparent = self._registry.known(id).traceparent
+                with tracing.span("task", task=id, parent=traceparent):
+                    self._run(id)
             except (Exception, SystemExit) as error:  # a custom agent may raise anything
                 if self._ending.is_set():
                     return

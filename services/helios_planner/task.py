@@ -108,6 +108,7 @@ class Task:
     settings: Mapping[str, str] = field(default_factory=dict)  # planner settings of this task alone
     seen_at_goal: bool | None = None  # after placing; None: not placed, or unknown
     on_hold: bool = False  # True while a client has paused it
+    traceparent: str = ""  # span of its submission; empty if that was not traced
 
     def with_(self, **changes: Any) -> Task:
         """A copy with some fields changed."""

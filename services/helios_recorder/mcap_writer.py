@@ -8,10 +8,9 @@ import time
 from pathlib import Path
 
 from helios_core.recording_format import PROFILE
-from helios_core.viewing.channel_schema import ENCODING, schema_of
 from helios_core.viewing.entry import Entry
+from helios_core.viewing.mcap_channels import McapChannels
 from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from helios_recorder.settings import MB, Settings
@@ -49,8 +48,7 @@ class RecordingFile:
             chunk_size=int(settings.chunk_mb * MB),
             compression=COMPRESSION[settings.compression],
         )
-        self._channels: dict[str, Channel] = {}  # topic -> channel
-        self._schemas: dict[str, Schema] = {}  # name -> schema
+        self._table = McapChannels(self._writer)
         self._declared = 0  # channels already repeated between two chunks
         self._declared_s = time.monotonic()
         self._began_s = self._flushed_s = self._synced_s = time.monotonic()
@@ -66,9 +64,7 @@ class RecordingFile:
     def write(self, entry: Entry, log_time_ns: int, publish_time_ns: int) -> None:
         """Add an entry to the current chunk."""
         before = self.bytes
-        channel = self._channels.get(entry.channel)
-        if channel is None:
-            channel = self._register(entry)
+        channel = self._table.channel(entry.channel, type(entry.message))
         self._sequence = (self._sequence + 1) % 2**32
         self._writer.add_message(
             channel.id, log_time_ns, entry.message.SerializeToString(), publish_time_ns,
@@ -122,28 +118,14 @@ class RecordingFile:
         except OSError:  # the buffered rest is lost
             self._stream.raw.close()
 
-    def _register(self, entry: Entry) -> Channel:
-        kind = type(entry.message)
-        name = kind.DESCRIPTOR.full_name
-        schema = self._schemas.get(name)
-        if schema is None:
-            data = schema_of(kind)
-            id = self._writer.register_schema(name, ENCODING, data)
-            schema = self._schemas[name] = Schema(id, data, ENCODING, name)
-        id = self._writer.register_channel(entry.channel, ENCODING, schema.id)
-        channel = self._channels[entry.channel] = Channel(
-            id, entry.channel, ENCODING, {}, schema.id
-        )
-        return channel
-
     def _declare(self) -> None:
         """Repeat all schemas and channels if due. Call it only between two chunks."""
-        now_s = time.monotonic()
-        if self._declared == len(self._channels) and now_s - self._declared_s < DECLARE_EVERY_S:
+        now_s, count = time.monotonic(), len(self._table.channels)
+        if self._declared == count and now_s - self._declared_s < DECLARE_EVERY_S:
             return
-        self._declared, self._declared_s = len(self._channels), now_s
+        self._declared, self._declared_s = count, now_s
         records = RecordBuilder()
-        for one in (*self._schemas.values(), *self._channels.values()):
+        for one in (*self._table.schemas.values(), *self._table.channels.values()):
             one.write(records)
         self._stream.write(records.end())
 

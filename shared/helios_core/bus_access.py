@@ -46,7 +46,7 @@ def _process(service: str) -> Access:
     """What `service_process.run_service` does for every service."""
     return Access(
         publishes=(t.status_topic(service),),
-        serves=(t.settings_method(service),),
+        serves=(t.settings_method(service), t.spans_method(service)),
         announces=(service,),
     )
 
@@ -140,6 +140,7 @@ ACCESS: dict[str, Access] = {
             t.LOAD_OBJECTS, t.SNAPSHOT, t.PICTURE, t.RECALL, t.SAVE_MAP2D, t.LOAD_MAP2D,
             t.RESET_MAP2D, t.SUBMIT, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME,
             t.DECISIONS, t.RESERVE, *(t.settings_method(name) for name in SERVICES),
+            *(t.spans_method(name) for name in SERVICES),
         ),
         watches=True,
     ),

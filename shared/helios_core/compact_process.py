@@ -17,12 +17,15 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
+from helios_core import log_format, span_recording
+from helios_core.errors import InvalidInput
 from helios_core.service_process import Service, run_until
 from helios_core.signal_handling import stop_on_signals
 
 log = logging.getLogger(__name__)
 
 PACKAGE = "helios_"
+PROCESS = "services"  # name of this process in traces
 
 
 class ServiceName(logging.Filter):
@@ -40,12 +43,20 @@ def main(command_lines: Sequence[Sequence[str]]) -> int:
     """Run the services until a signal, or until one of them ends. Returns the exit status."""
     stopped = threading.Event()
     stop_on_signals(stopped)
-    _log_to_stderr()
     services = [_loaded(module, argv) for module, *argv in command_lines]
+    shared = services[0].settings  # the supervisor gives all the same robot, log form and tracing
+    log_format.configure(ServiceName(), shared.robot, "INFO", shared.log_format)
+    try:
+        spans = span_recording.start(PROCESS, shared.robot, shared.tracing)
+    except InvalidInput as error:
+        print(f"helios: {error.message}", file=sys.stderr)
+        return 2
     for service, (module, *_) in zip(services, command_lines, strict=True):
         logging.getLogger(module).setLevel(service.settings.log_level.upper())
     with ThreadPoolExecutor(len(services)) as pool:
         ends = [pool.submit(_run, service, stopped) for service in services]
+    if spans is not None:
+        spans.close()
     return _status(ends)
 
 
@@ -68,13 +79,6 @@ def _status(ends: Sequence[Future[int]]) -> int:
         if status := end.result():
             return status
     return 0
-
-
-def _log_to_stderr() -> None:
-    handler = logging.StreamHandler(sys.stderr)
-    handler.addFilter(ServiceName())
-    handler.setFormatter(logging.Formatter("%(asctime)s %(service)s %(levelname)s %(message)s"))
-    logging.basicConfig(level=logging.INFO, handlers=[handler])
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from helios_core import log_format, span_recording
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
@@ -81,14 +82,20 @@ class Service:
 
 def run_service(service: Service) -> int:
     """Run a service until a signal stops it. Returns the exit status."""
-    logging.basicConfig(
-        level=service.settings.log_level.upper(),
-        stream=sys.stderr,
-        format=f"%(asctime)s {service.name} %(levelname)s %(message)s",
-    )
+    s = service.settings
+    log_format.configure(service.name, s.robot, s.log_level, s.log_format)
     stopped = threading.Event()
     stop_on_signals(stopped)
-    return run_until(service, stopped)
+    try:
+        spans = span_recording.start(service.name, s.robot, s.tracing)
+    except InvalidInput as error:
+        print(f"helios-{service.name}: {error.message}", file=sys.stderr)
+        return 2
+    try:
+        return run_until(service, stopped)
+    finally:
+        if spans is not None:
+            spans.close()
 
 
 def run_until(service: Service, stopped: threading.Event) -> int:
@@ -113,6 +120,7 @@ def run_until(service: Service, stopped: threading.Event) -> int:
     running: Closeable | None = None
     try:
         bus.serve(settings_method(name), lambda _: pb.SettingsReply(json=settings_json))
+        span_recording.serve(bus, name)
         bus.announce(name, instance)
         reporter.start()
         running = service.build(bus, health)

@@ -6,8 +6,9 @@
 
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. The file's table `[all]` holds defaults for the
-settings that every service has (router, certs, robot, log_level). No other code in a service reads
-the environment. A service with a setting `agent` takes all settings not given from that agent's
+settings that every service has (router, certs, robot, log_level, log_format, tracing). No other
+code in a service reads the environment, except for OpenTelemetry's own variables
+(`span_recording`). A service with a setting `agent` takes all settings not given from that agent's
 preset (`agent_presets`). Unknown names are refused (`settings_spelling`).
 """
 
@@ -33,6 +34,7 @@ from pydantic_settings import (
 
 from helios_core.agent_presets import service_settings
 from helios_core.errors import InvalidInput
+from helios_core.log_format import LogFormat
 from helios_core.name_rules import robot_name, robot_names
 from helios_core.router_link import RouterLink, router_link
 from helios_core.settings_spelling import (
@@ -104,6 +106,14 @@ class ServiceSettings(BaseSettings):
         default="robot", description="name of the robot: the first part of every key"
     )
     log_level: LogLevel = Field(default="info", description="debug, info, warning or error")
+    log_format: LogFormat = Field(
+        default="text", description="form of log lines: text, or json for one object per line"
+    )
+    tracing: bool = Field(
+        default=False,
+        description="record spans for `helios why TASK --trace`; also on if OTEL_… variables name "
+        "an exporter",
+    )
 
     @classmethod
     def service_name(cls) -> str:

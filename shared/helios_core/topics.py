@@ -138,6 +138,11 @@ def settings_method(service: str) -> Method[pb.Empty, pb.SettingsReply]:
     return Method(f"{service}/settings", pb.Empty, pb.SettingsReply)
 
 
+def spans_method(service: str) -> Method[pb.SpansRequest, pb.SpansReply]:
+    """Method that returns the spans of a running service that traces."""
+    return Method(f"{service}/spans", pb.SpansRequest, pb.SpansReply)
+
+
 # --- the simulated world --------------------------------------------------------------------
 WORLD_DESCRIBE = Method("world/describe", pb.Empty, pb.RobotDescription)
 WORLD_STATE = Method("world/state", pb.Empty, pb.RobotState)

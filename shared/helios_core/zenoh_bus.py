@@ -22,6 +22,7 @@ from typing import TypeVar
 import zenoh
 from zenoh import ext
 
+from helios_core import tracing
 from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
@@ -72,7 +73,7 @@ class ZenohBus(Bus):
             if topic.qos is QoS.LATEST_WINS:
                 self._repeater.send(topic.name, publisher.put, data)
             else:
-                publisher.put(data)
+                publisher.put(data, attachment=tracing.attachment())
         except zenoh.ZError as error:
             raise Unavailable(f"{topic.name} could not be published: {error}") from error
 
@@ -99,7 +100,8 @@ class ZenohBus(Bus):
                 if latest and not unseen.take(_attached(sample)):
                     continue
                 try:
-                    handler(topic.type.FromString(sample.payload.to_bytes()))
+                    with tracing.received(_attached(sample)):
+                        handler(topic.type.FromString(sample.payload.to_bytes()))
                 except Exception:
                     log.exception("the handler of %s failed; the message is lost to it", topic.name)
 
@@ -175,6 +177,7 @@ class ZenohBus(Bus):
                 method.key(self.robot),
                 zenoh.handlers.FifoChannel(QUEUE_DEPTH),
                 payload=request.SerializeToString(),
+                attachment=tracing.attachment(),
                 timeout=timeout_s,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 congestion_control=zenoh.CongestionControl.BLOCK,

@@ -11,6 +11,7 @@ import zenoh
 from google.protobuf.message import DecodeError
 
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.errors import (
     HeliosError,
     Internal,
@@ -57,7 +58,9 @@ def answer(
     with query:
         try:
             data = query.payload.to_bytes() if query.payload is not None else b""
-            reply = handler(request_of(method, data)).SerializeToString()
+            attached = query.attachment.to_bytes() if query.attachment is not None else None
+            with tracing.served(method.name, attached):
+                reply = handler(request_of(method, data)).SerializeToString()
         except Exception as error:
             if not isinstance(error, HeliosError):
                 log.exception("the handler of %s failed", method.name)

@@ -23,6 +23,7 @@ from helios_core.topics import (
     Topic,
     alive_key,
     settings_method,
+    spans_method,
     status_topic,
 )
 
@@ -32,7 +33,8 @@ Attempt = tuple[str, str, str]  # certificate, operation, key
 Sessions = Mapping[str, zenoh.Session]
 WITHIN_S = 60.0
 EVERY_TOPIC = (*TOPICS, *(status_topic(name) for name in SERVICES))
-EVERY_METHOD = (*METHODS, *(settings_method(name) for name in SERVICES))
+OF_EACH = (settings_method, spans_method)
+EVERY_METHOD = (*METHODS, *(of(name) for of in OF_EACH for name in SERVICES))
 EVERY_TOKEN = (*SERVICES, "supervisor", "robot", "operator", FLEET_TOKEN)
 # Wider keys: nobody may use one to reach more than the keys of the table.
 WILD = ("**", f"{ROOT}/**", f"{ROOT}/*/svc/**", f"{ROOT}/*/*/*", f"{ROOT}/*/truth/**")

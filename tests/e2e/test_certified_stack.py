@@ -44,7 +44,7 @@ def stack(folder: Path) -> Iterator[Up]:
         "HELIOS_FORK": "0",  # the recorder names its file after the command line
         "PYTHONPATH": os.pathsep.join([str(RECORDER), os.environ.get("PYTHONPATH", "")]),
     }
-    flags = ["--seed", "1", "--detector", "ground-truth", "--record"]
+    flags = ["--seed", "1", "--detector", "ground-truth", "--record", "--tracing"]
     flags += ["--certs", str(folder / "certs")]
     with helios_up(folder / "state", *flags, environment=environment) as up:
         wait_until(up.ready, 180, "all services are ready")

@@ -70,6 +70,7 @@ def test_each_image_runs_as_a_user_and_installs_extras_that_exist(target: str) -
     named = re.search(r"\.\[(.*)\]", installed[1])
     extras = named[1].replace("${DETECTOR_EXTRAS}", "detector").split(",") if named else []
     assert set(extras) <= EXTRAS.keys()
+    assert ("tracing" in extras) == (target != "router")
     last_user = re.findall(r"^USER (.*)$", IMAGE, re.M)[-1]
     assert last_user == "1000"
 

@@ -84,3 +84,11 @@ def test_the_compose_file_mounts_files_that_exist() -> None:
                 assert (ROOT / "deploy" / source).is_file(), source
             else:
                 assert source in compose["volumes"]
+
+
+def test_every_service_exports_to_the_receiver_of_the_compose_file() -> None:
+    services = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())["services"]
+    beside = yaml.safe_load((ROOT / "deploy/compose.observability.yaml").read_text())["services"]
+    for name in services.keys() - {"router"}:
+        assert beside[name]["environment"] == {"OTEL_EXPORTER_OTLP_ENDPOINT": "http://jaeger:4318"}
+    assert "jaeger" in beside

@@ -88,6 +88,14 @@ Compact = Annotated[
     bool,
     typer.Option("--compact", help="all services in one process, for computers with little memory"),
 ]
+Tracing = Annotated[
+    bool,
+    typer.Option("--tracing", help="record spans for helios why TASK --trace (extra: tracing)"),
+]
+LogForm = Annotated[
+    str | None,
+    typer.Option("--log-format", help="form of the services' logs: text or json  [default: text]"),
+]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
 
 
@@ -115,6 +123,8 @@ def up(
     certs: Certs = None,
     name: BusName = "robot",
     compact: Compact = False,
+    tracing: Tracing = False,
+    log_format: LogForm = None,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
     from helios_client.supervision.forked_process import fork_server_for
@@ -132,7 +142,8 @@ def up(
                 detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
                 source=source, rate=rate, record=record, record_dir=record_dir,
                 spot_host=spot_host, ros2=ros2, router_port=router_port, router_host=router_host,
-                certs=certs, name=name, compact=compact,
+                certs=certs, name=name, compact=compact, tracing=tracing,
+                log_format=log_format,
             )
         )  # fmt: skip
         if source is not None:

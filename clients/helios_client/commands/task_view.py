@@ -37,6 +37,8 @@ def panel(task: Task, why: str) -> Table:
         out.add_row("phase", task.phase.replace("_", " ") or "waiting")
         out.add_row("seeking", escape(task.seeking) or "nothing yet")
     out.add_row("now" if not task.ended else "ended", escape(task.message))
+    if task.recordings:
+        out.add_row("recording", escape(task.recordings[-1]))
     if why:
         out.add_row("why", escape(why))
     out.add_row("steps", f"{task.steps} of {task.max_steps}" if task.max_steps else f"{task.steps}")

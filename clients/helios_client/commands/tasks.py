@@ -149,6 +149,9 @@ def _tell_end(ended: Task, as_json: bool) -> None:
     if not ended.succeeded:
         how = "was cancelled" if ended.state == "cancelled" else ended.state
         print_line(f"helios: the task {how}: {ended.message}".removesuffix(": "), stderr=True)
+        if ended.recordings:
+            shown = f"the time around it is recorded in {ended.recordings[-1]}"
+            print_line(f"helios: {shown}; helios faults says where", stderr=True)
         raise typer.Exit(1)
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from helios_client.answer_types import Task, Trace
 from helios_client.commands.shared_options import (
     GatewayAddress,
     Json,
@@ -14,6 +15,7 @@ from helios_client.commands.shared_options import (
     named_values,
     print_json,
 )
+from helios_client.usage_errors import UsageError
 
 app = typer.Typer()
 
@@ -38,15 +40,28 @@ def why(
     everything: Annotated[
         bool, typer.Option("--all", help="with --set: also show decisions that would stay the same")
     ] = False,
+    traced: Annotated[
+        bool,
+        typer.Option(
+            "--trace",
+            help="show instead where its time went and its slowest chain of work; needs helios up "
+            "--tracing",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Explain a task by its decisions. Shows the candidates and one sentence for each."""
     from helios_client.commands.decision_view import flips, report
     from helios_client.commands.tables import task_by_name
 
+    if traced and changes:
+        raise UsageError("--trace and --set are two questions; ask one at a time")
     named_values(changes or ())  # checked before the gateway is queried
     with at.connect() as helios:
         found = task_by_name(helios, task)
+        if traced:
+            _show_trace(found, helios.trace(found.id), as_json)
+            return
         decisions = helios.decisions(found.id, changes or ())
     if as_json:
         out = {"task": found.raw, "decisions": [d.raw for d in decisions]}
@@ -55,3 +70,12 @@ def why(
         print_json(out)
         return
     console().print(report(found, decisions, changes or (), top, everything))
+
+
+def _show_trace(task: Task, trace: Trace, as_json: bool) -> None:
+    from helios_client.commands.trace_view import trace_json, trace_report
+
+    if as_json:
+        print_json({"task": task.raw, **trace_json(trace)})
+    else:
+        console().print(trace_report(task, trace))

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from helios_client.answer_types import (
     Decision,
     DriveAnswer,
+    Fault,
+    FaultList,
     FoundObject,
     Frontier,
     LoadedMaps,
@@ -31,6 +33,7 @@ from helios_client.answer_types import (
     Status,
     Suggestions,
     Task,
+    Trace,
     Vocabulary,
 )
 from helios_client.http.errors import response_error
@@ -115,6 +118,22 @@ def decisions(id: str, changes: Sequence[str] = ()) -> Call[tuple[Decision, ...]
 
     query = {"set": tuple(changes)} if changes else {}
     return Call("GET", f"/tasks/{_part(id)}/decisions", read, query=query)
+
+
+def trace(id: str) -> Call[Trace]:
+    return Call("GET", f"/tasks/{_part(id)}/trace", lambda r: Trace.from_json(_json(r)))
+
+
+def faults() -> Call[FaultList]:
+    return Call("GET", "/faults", lambda r: FaultList.from_json(_json(r)))
+
+
+def clear_fault(id: str) -> Call[Fault]:
+    return Call("POST", f"/faults/{_part(id)}/clear", lambda r: Fault.from_json(_json(r)))
+
+
+def fault_recording(name: str) -> Call[bytes]:
+    return Call("GET", f"/faults/recordings/{_part(name)}", lambda r: r.content)
 
 
 def vocabulary() -> Call[Vocabulary]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import os
 import shutil
@@ -159,7 +160,18 @@ def last_line(path: Path, start: int) -> str:
     except OSError:
         return ""
     said = [line.strip() for line in reversed(lines) if line.strip()]
-    return next((line for line in said if line.startswith("helios-")), said[0] if said else "")
+    chosen = next((line for line in said if line.startswith("helios-")), said[0] if said else "")
+    return _message(chosen)
+
+
+def _message(line: str) -> str:
+    """Message in a line of JSON, as of `log_format`; any other line as it is."""
+    if not line.startswith("{"):
+        return line
+    try:
+        return str(json.loads(line)["message"])
+    except (ValueError, KeyError, TypeError):
+        return line
 
 
 def _signal_name(number: int) -> str:

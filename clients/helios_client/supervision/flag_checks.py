@@ -10,6 +10,7 @@ from pathlib import Path
 from helios_core import plugins
 from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.log_format import LOG_FORMATS
 from helios_core.models.catalogue import known, missing_sentence
 from helios_core.models.model_folder import onnx_file
 from helios_core.name_rules import robot_name, same_name
@@ -38,6 +39,13 @@ def check_name(name: str) -> None:
         robot_name(name)
     except InvalidInput as error:
         raise UsageError(f"--name: {error.message}") from error
+
+
+def check_log_format(name: str) -> str:
+    """Log format as the services spell it. Raises UsageError."""
+    if name.lower() not in LOG_FORMATS:
+        raise UsageError(f"--log-format is {name!r}; choose one of {', '.join(LOG_FORMATS)}")
+    return name.lower()
 
 
 def check_together(robot: str, spot_host: str | None, source: Path | None) -> None:

@@ -57,6 +57,8 @@ class StackOptions:
     certs: Path | None = None  # folder of `helios certs`; None: the bus is not encrypted
     router_host: str = LOOPBACK  # address that the router listens on
     compact: bool = False  # all services in one process
+    tracing: bool = False  # every service records spans
+    log_format: str | None = None  # text or json; None: the services' setting
 
     @property
     def router(self) -> str:
@@ -136,7 +138,12 @@ class StackOptions:
                 )
             )
             audit = self.state_dir / "audit.jsonl"
-            out.append(self._service("gateway", "helios_gateway", port=self.port, audit=audit))
+            faults = self.state_dir / "faults"
+            out.append(
+                self._service(
+                    "gateway", "helios_gateway", port=self.port, audit=audit, faults=faults
+                )
+            )
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:
@@ -174,6 +181,7 @@ class StackOptions:
         self, name: str, module: str, python: str | None = None, **flags: object
     ) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name, *self._certs()]
+        flags |= {"tracing": self.tracing or None, "log_format": self.log_format}
         for flag, value in flags.items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")

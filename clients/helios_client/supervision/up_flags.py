@@ -44,6 +44,8 @@ class UpFlags:
     certs: Path | None
     name: str
     compact: bool
+    tracing: bool = False
+    log_format: str | None = None
 
 
 def stack_options(given: UpFlags) -> StackOptions:
@@ -76,7 +78,8 @@ def stack_options(given: UpFlags) -> StackOptions:
         rate=given.rate if robot == "replay" else None, record=recordings,
         ros2_python=chosen_ros2_python(by_zenoh=not given.ros2) if by_ros else None,
         ros2_output=given.ros2, certs=certs, router_host=given.router_host,
-        compact=given.compact,
+        compact=given.compact, tracing=given.tracing,
+        log_format=given.log_format and flag_checks.check_log_format(given.log_format),
     )  # fmt: skip
 
 

@@ -17,7 +17,6 @@ from helios_core.topics import GET_TASK
 from starlette.requests import HTTPConnection
 from starlette.types import Send
 
-from helios_gateway import message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.dependencies import AddressedRobot, State, check, secured
 from helios_gateway.error_responses import (
@@ -31,7 +30,7 @@ from helios_gateway.event_hub import Event, EventFilter, as_sse
 from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.settings import Settings
 
-TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
+TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready", "fault")
 
 Types = Annotated[
     str,
@@ -190,7 +189,7 @@ def _task_event(robot: RobotEndpoint, task_id: str, timeout_s: float) -> Event:
     """Event with the current state of a task; without an id, because it is not from the stream."""
     with invalid_as_not_found():
         task = robot.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
-    model = message_conversion.task(task)
+    model = robot.monitor.task(task)
     return Event("", 0, "task", model.model_dump_json(), task_id=task_id, ends_task=model.ended)
 
 

@@ -12,7 +12,7 @@ from helios_core import proto as pb
 from helios_core.geometry import wrap_angle
 from helios_core.topics import SUBMIT
 
-from helios_gateway import api_models, message_conversion
+from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.api_move_models import ExploreRequest, GoRequest
 from helios_gateway.dependencies import AddressedRobot, CallTimeout, secured
@@ -32,7 +32,7 @@ def go(robot: AddressedRobot, request: GoRequest, timeout_s: CallTimeout) -> api
     place.
     """
     message = pb.SubmitRequest(instruction=sentence_to(request))
-    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
+    return robot.monitor.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 @router.post("/explore", status_code=202, summary="Explore the home", responses=REFUSALS)
@@ -45,7 +45,7 @@ def explore(
     the time is up. Equivalent to the instruction “explore the home”.
     """
     message = pb.SubmitRequest(instruction=EXPLORE, time_limit_s=request.time_limit_s or 0.0)
-    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
+    return robot.monitor.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 @router.post(
@@ -57,7 +57,7 @@ def home(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Task:
     Equivalent to the instruction “return to the start”.
     """
     message = pb.SubmitRequest(instruction=HOME)
-    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
+    return robot.monitor.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 def sentence_to(goal: GoRequest) -> str:

@@ -58,7 +58,7 @@ def submit(
         priority=request.priority,
         settings={name: str(value) for name, value in request.settings.items()},
     )
-    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
+    return robot.monitor.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 @router.get("/tasks", summary="List the tasks", responses=problems())
@@ -75,12 +75,12 @@ def list_tasks(
     tasks = robot.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks
     fitting = [t for t in tasks if state in (None, t.state)]
     newest_first = sorted(fitting, key=lambda t: -t.created_s)
-    return api_models.TaskList(tasks=[message_conversion.task(t) for t in newest_first[:limit]])
+    return api_models.TaskList(tasks=[robot.monitor.task(t) for t in newest_first[:limit]])
 
 
 @router.get("/tasks/{id}", summary="Get a task", responses=problems(404))
 def get_task(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
-    return message_conversion.task(_of_task(robot, GET_TASK, id, timeout_s))
+    return robot.monitor.task(_of_task(robot, GET_TASK, id, timeout_s))
 
 
 @router.post(
@@ -94,7 +94,7 @@ def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mod
 
     A task that has ended stays unchanged.
     """
-    return message_conversion.task(_of_task(robot, CANCEL, id, timeout_s))
+    return robot.monitor.task(_of_task(robot, CANCEL, id, timeout_s))
 
 
 @router.post(
@@ -108,7 +108,7 @@ def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mode
 
     No further action starts until the task is resumed.
     """
-    return message_conversion.task(_of_task(robot, PAUSE, id, timeout_s))
+    return robot.monitor.task(_of_task(robot, PAUSE, id, timeout_s))
 
 
 @router.post(
@@ -118,7 +118,7 @@ def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mode
     dependencies=secured(Scope.TASK),
 )
 def resume(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
-    return message_conversion.task(_of_task(robot, RESUME, id, timeout_s))
+    return robot.monitor.task(_of_task(robot, RESUME, id, timeout_s))
 
 
 @router.get(

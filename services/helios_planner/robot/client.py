@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import (
     description_from_proto,
@@ -46,6 +47,7 @@ from helios_planner.robot.detector_status import DetectorStatus
 from helios_planner.robot.interface import Frontier, ProgressListener, RobotInterface, WhatIf
 from helios_planner.robot.rpc import RETRY_S, ActionSender, RobotConnection, system_error
 from helios_planner.robot.service_returns import ServiceReturns
+from helios_planner.robot.step_spans import StepSpans
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 
@@ -98,6 +100,7 @@ class RobotClient(RobotInterface):
         self._context_id, self._max_steps = context_id, max_steps
         self.listener = self._listener = listener
         self.steps, self.collisions = 0, 0
+        self._spans = StepSpans()
         self._frame: FrameId | None = None
         self._state: RobotState | None = None
         self._ground: GroundMap | None = None
@@ -134,6 +137,7 @@ class RobotClient(RobotInterface):
 
     def end(self) -> None:
         """Close the subscriptions, and release the robot."""
+        self._spans.end()
         self._driver.release()
         self._detector.close()
         self._returns.close()
@@ -174,6 +178,12 @@ class RobotClient(RobotInterface):
                 f"{self.detector_trouble()}"
             )
             raise TaskFailed(Cause.STEP_BUDGET, said)
+        with self._spans.action(action, self._context_id):
+            return self._carry_out(action, ack_s)
+
+    def _carry_out(
+        self, action: Action, ack_s: float
+    ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
         began_s = time.monotonic()
         reply = self._driver.do(action)
         self.steps += 1
@@ -195,11 +205,14 @@ class RobotClient(RobotInterface):
                 "the robot restarted or its localisation jumped; submit the task again",
             )
         self._frame = frame
+        tracing.present_span().set("helios.keyframe", str(frame))
         self._listener.on_keyframe(frame)
         missing = self._acks.wait(
             frame, self._parts, ack_s, self._line.cancelled, lambda: self._returns.since(began_s)
         )
         self._line.check()
+        if missing:
+            tracing.present_span().set("missing", ", ".join(missing))
         answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
         return result, answers, missing
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core.codec import frame_id_to_proto
 from helios_core.types import FrameId
@@ -48,6 +49,7 @@ def task_to_proto(task: Task) -> pb.Task:
         settings=task.settings,
         on_hold=task.on_hold,
         unused=i.unused,
+        traceparent=task.traceparent,
     )
     if task.seen_at_goal is not None:
         task_message.seen_at_goal = task.seen_at_goal
@@ -92,6 +94,7 @@ def task_from_proto(task: pb.Task) -> Task:
         settings=dict(task.settings),
         on_hold=task.on_hold,
         seen_at_goal=task.seen_at_goal if task.HasField("seen_at_goal") else None,
+        traceparent=tracing.valid(task.traceparent),
     )
 
 

@@ -22,6 +22,7 @@ from helios_planner.decisions.counterfactual import with_replay_settings
 from helios_planner.decisions.decision import Decision
 from helios_planner.instruction.parser import Instruction
 from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.robot.step_spans import note_decision
 from helios_planner.settings import Settings
 from helios_planner.task import HELD, Cause, Phase, State, Task
 from helios_planner.tasks.messages import (
@@ -402,6 +403,7 @@ class TaskReporter:
         if places:
             self._pace.on_choice(places)
         message = decision_to_proto(kept, task, self._decisions, self._frame, time.time())
+        note_decision(self._decisions, decision.rule, decision.do)
         self._decisions += 1
         self._registry.keep(message)
 

@@ -6,3 +6,4 @@ from helios_core.proto.helios.v1.map_pb2 import *
 from helios_core.proto.helios.v1.robot_pb2 import *
 from helios_core.proto.helios.v1.search_pb2 import *
 from helios_core.proto.helios.v1.task_pb2 import *
+from helios_core.proto.helios.v1.trace_pb2 import *

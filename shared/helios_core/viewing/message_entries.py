@@ -35,8 +35,10 @@ ORANGE = (1.0, 0.55, 0.0, 1.0)
 class Entries:
     """Converter of messages. It keeps the stamps of the newest frames for image annotations."""
 
-    def __init__(self, jpeg_quality: int) -> None:
+    def __init__(self, jpeg_quality: int, lossless_keyframes: bool = True) -> None:
+        """jpeg_quality: of stream frames, percent; also of keyframes if they are not lossless."""
         self._jpeg_quality = jpeg_quality
+        self._keyframe_quality = None if lossless_keyframes else jpeg_quality
         self._stamps: dict[tuple[str, int, int], Timestamp] = {}
         self._kinds: dict[str, Callable[[Message, int], Iterator[Entry]]] = {
             KEYFRAME_CHANNELS.head: self._frame,
@@ -62,7 +64,9 @@ class Entries:
         while len(self._stamps) > 64:
             del self._stamps[next(iter(self._stamps))]
         channels = KEYFRAME_CHANNELS if message.keyframe else STREAM_CHANNELS
-        parts = split_frame(message, None if message.keyframe else self._jpeg_quality)
+        parts = split_frame(
+            message, self._keyframe_quality if message.keyframe else self._jpeg_quality
+        )
         yield Entry(channels.head, parts.head)
         yield Entry(channels.color, parts.color)
         yield Entry(channels.depth, parts.depth)

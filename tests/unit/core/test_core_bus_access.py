@@ -11,7 +11,15 @@ from helios_core import topics
 from helios_core.access_control import Identity, access_control, allowed_keys
 from helios_core.bus_access import ACCESS, SERVICES, SIMULATED_DETECTOR, Access, access_of
 from helios_core.settings_spelling import SERVICES as WITH_SETTINGS
-from helios_core.topics import METHODS, TOPICS, Method, Topic, settings_method, status_topic
+from helios_core.topics import (
+    METHODS,
+    TOPICS,
+    Method,
+    Topic,
+    settings_method,
+    spans_method,
+    status_topic,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -47,7 +55,8 @@ def _in_code(service: str) -> set[str]:
 
 def _in_table(access: Access) -> set[str]:
     entries = (*access.publishes, *access.subscribes, *access.serves, *access.calls)
-    derived = {status_topic(s).name for s in SERVICES} | {settings_method(s).name for s in SERVICES}
+    of_each = (status_topic, settings_method, spans_method)
+    derived = {of(service).name for of in of_each for service in SERVICES}
     return {entry.name for entry in entries} - derived
 
 

@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 import schemathesis
 from helios_client.commands.api_keys import add_key
+from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import spans_method
 from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.faults.findings import stop
 from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings as GatewaySettings
 from helios_gateway.web_app import create_app
@@ -51,7 +54,12 @@ CHECKS = [
 ]  # fmt: skip
 # A stream without an end; test_gateway_interface.py tests it.
 ENDLESS = "^/v1/events$"
-NAMES = {"id": "t1", "layer": "pick", "name": "planner"}  # that exist
+SPAN = pb.Span(span_id="b7ad6b7169203331", name="task", start_ns=10**18, end_ns=2 * 10**18)
+RECORDING = "20260101T000000Z-robot-stopped.mcap"
+NAMES = {  # that exist
+    "id": "t1", "layer": "pick", "name": "planner", "fault": "robot-stopped",
+    "recording": RECORDING,
+}  # fmt: skip
 
 
 class Rig:
@@ -60,11 +68,19 @@ class Rig:
     def __init__(self) -> None:
         hub = MemoryHub()
         patient = ["--silent-after-s", "3600"]
-        live = RobotMonitor(MemoryBus(hub), GatewaySettings.load(patient))
+        faults = Path(tempfile.mkdtemp())
+        live = RobotMonitor(
+            MemoryBus(hub), GatewaySettings.load([*patient, "--faults", str(faults)])
+        )
+        live.faults.observe([stop("a cat")])
+        live.faults.observe([])
+        (faults / "robot" / RECORDING).write_bytes(b"")
         self.backend = Backend(hub)
         self.backend.start()
         self.backend.serve_settings("planner", {"agent": "helios"})
-        self.backend.submit("move the mug to the kitchen counter")
+        task = self.backend.submit("move the mug to the kitchen counter")
+        task.traceparent = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
+        self.backend.bus.serve(spans_method("planner"), lambda _: pb.SpansReply(spans=[SPAN]))
         self.backend.decide()
         self.backend.publish_observation(self.backend.publish_frame())
         file = Path(tempfile.mkdtemp()) / "keys.toml"

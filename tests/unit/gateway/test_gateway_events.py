@@ -185,7 +185,7 @@ def test_the_pose_is_reported_once_per_tick_and_a_stop_at_once(
     assert types_since(live, past) == ["robot"]
     backend.stopped = True
     backend.publish_robot()
-    assert types_since(live, past) == ["robot", "robot", "ready"]
+    assert types_since(live, past) == ["robot", "robot", "ready", "fault"]
 
 
 def test_a_change_of_a_service_state_is_reported_once(live: RobotMonitor, backend: Backend) -> None:

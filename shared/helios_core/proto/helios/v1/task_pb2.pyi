@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Task(_message.Message):
-    __slots__ = ("id", "instruction", "state", "phase", "cause", "message", "object", "start", "goal", "kind", "steps", "max_steps", "picks", "created_s", "started_s", "ended_s", "progress", "context_id", "seeking", "agent", "time_limit_s", "priority", "settings", "on_hold", "unused", "seen_at_goal", "eta_low_s", "eta_high_s", "point")
+    __slots__ = ("id", "instruction", "state", "phase", "cause", "message", "object", "start", "goal", "kind", "steps", "max_steps", "picks", "created_s", "started_s", "ended_s", "progress", "context_id", "seeking", "agent", "time_limit_s", "priority", "settings", "on_hold", "unused", "seen_at_goal", "eta_low_s", "eta_high_s", "point", "traceparent")
     class SettingsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -44,6 +44,7 @@ class Task(_message.Message):
     ETA_LOW_S_FIELD_NUMBER: _ClassVar[int]
     ETA_HIGH_S_FIELD_NUMBER: _ClassVar[int]
     POINT_FIELD_NUMBER: _ClassVar[int]
+    TRACEPARENT_FIELD_NUMBER: _ClassVar[int]
     id: str
     instruction: str
     state: str
@@ -73,7 +74,8 @@ class Task(_message.Message):
     eta_low_s: float
     eta_high_s: float
     point: GoalPoint
-    def __init__(self, id: _Optional[str] = ..., instruction: _Optional[str] = ..., state: _Optional[str] = ..., phase: _Optional[str] = ..., cause: _Optional[str] = ..., message: _Optional[str] = ..., object: _Optional[str] = ..., start: _Optional[str] = ..., goal: _Optional[str] = ..., kind: _Optional[str] = ..., steps: _Optional[int] = ..., max_steps: _Optional[int] = ..., picks: _Optional[int] = ..., created_s: _Optional[float] = ..., started_s: _Optional[float] = ..., ended_s: _Optional[float] = ..., progress: _Optional[float] = ..., context_id: _Optional[str] = ..., seeking: _Optional[str] = ..., agent: _Optional[str] = ..., time_limit_s: _Optional[float] = ..., priority: _Optional[int] = ..., settings: _Optional[_Mapping[str, str]] = ..., on_hold: bool = ..., unused: _Optional[_Iterable[str]] = ..., seen_at_goal: bool = ..., eta_low_s: _Optional[float] = ..., eta_high_s: _Optional[float] = ..., point: _Optional[_Union[GoalPoint, _Mapping]] = ...) -> None: ...
+    traceparent: str
+    def __init__(self, id: _Optional[str] = ..., instruction: _Optional[str] = ..., state: _Optional[str] = ..., phase: _Optional[str] = ..., cause: _Optional[str] = ..., message: _Optional[str] = ..., object: _Optional[str] = ..., start: _Optional[str] = ..., goal: _Optional[str] = ..., kind: _Optional[str] = ..., steps: _Optional[int] = ..., max_steps: _Optional[int] = ..., picks: _Optional[int] = ..., created_s: _Optional[float] = ..., started_s: _Optional[float] = ..., ended_s: _Optional[float] = ..., progress: _Optional[float] = ..., context_id: _Optional[str] = ..., seeking: _Optional[str] = ..., agent: _Optional[str] = ..., time_limit_s: _Optional[float] = ..., priority: _Optional[int] = ..., settings: _Optional[_Mapping[str, str]] = ..., on_hold: bool = ..., unused: _Optional[_Iterable[str]] = ..., seen_at_goal: bool = ..., eta_low_s: _Optional[float] = ..., eta_high_s: _Optional[float] = ..., point: _Optional[_Union[GoalPoint, _Mapping]] = ..., traceparent: _Optional[str] = ...) -> None: ...
 
 class GoalPoint(_message.Message):
     __slots__ = ("x_m", "y_m", "yaw_rad")
