@@ -18,7 +18,14 @@ from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
 from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_columns
 from helios_objectmap.fusion.view_history import PastViews
-from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore, InstanceGaussians, surplus
+from helios_objectmap.gaussians import (
+    NO_INSTANCE,
+    OTHER,
+    GaussianStore,
+    InstanceGaussians,
+    mark_seen_kernel,
+    surplus,
+)
 from helios_objectmap.instances import information_gain
 from helios_objectmap.instances.beliefs import InstanceBeliefs
 from helios_objectmap.instances.information_gain import (
@@ -451,9 +458,7 @@ class ObjectMap:
         s, store, names = self._settings, self._store, self._names
         kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
-        store.last_seen_update[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = (
-            self._updates
-        )
+        mark_seen_kernel(rows, kappa, store.last_seen_update, self._updates)
         weights = self._viewpoints.weights(look, names, store.created_update[rows])
         self._viewpoints.mark(look, names, self._updates)
         if s.by_sides:

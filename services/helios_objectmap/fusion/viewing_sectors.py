@@ -44,8 +44,10 @@ def add_votes(
     world. Evidence without votes stays, and is added to. The indices returned are into `rows`.
     """
     took = np.empty(len(rows), np.int64)
+    may = took[: voters_kernel(kappa, weights, took)]
     n = add_votes_kernel(
-        rows, kappa, np.array(columns, np.int64), weights, sector_of(store.means[rows], eye_m),
+        rows, may, kappa, np.array(columns, np.int64), weights,
+        sector_of(store.means[rows[may]], eye_m),
         UNIT, MOST_VOTES * UNIT, WHOLE_KAPPA, side_views * UNIT, alpha_side,
         store.votes, store.class_evidence, store.total_evidence, took,
     )  # fmt: skip
@@ -78,9 +80,28 @@ def expected_new_votes(
     return alone, (np.minimum(more, 1) - before).sum(axis=1)
 
 
+@njit(cache=True, nogil=True)
+def voters_kernel(kappa, weights, may):
+    """List in may [k] the indices of the rows that the view shows and gives a weight.
+
+    kappa: [k, 1 + C]; weights: [k, C]. Returns their number.
+    """
+    n = 0
+    for k in range(kappa.shape[0]):
+        shown = counts = False
+        for c in range(kappa.shape[1]):
+            shown |= kappa[k, c] > 0
+        for j in range(weights.shape[1]):
+            counts |= weights[k, j] > 0
+        may[n] = k
+        n += shown and counts
+    return n
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_votes_kernel(
     rows,
+    may,
     kappa,
     columns,
     weights,
@@ -95,18 +116,20 @@ def add_votes_kernel(
     asked,
     took,
 ):
-    """Add votes from sectors [k] to votes [., columns, sectors, (own, all)], in place of eq. 3.
+    """Add votes to votes [., columns, sectors, (own, all)], in place of eq. 3.
 
+    may: [m] indices into the rows [k] that may vote, rising; sectors: [m] their viewing sectors;
     unit: stored value of one vote; full: votes with which a sector counts in full; most: limit of a
     sector. Adds the resulting changes to positive and asked [., columns]. Lists in took [k] the
     indices into `rows` that received votes, and returns their number.
     """
     n = 0
-    for k in range(rows.size):
+    for m in range(may.size):  # `took` may be the memory of `may`: it is written behind m
+        k = may[m]
         total = 0.0
         for c in range(kappa.shape[1]):
             total += kappa[k, c]
-        row, side, some = rows[k], sectors[k], False
+        row, side, some = rows[k], sectors[m], False
         scale = unit / max(total, whole_kappa)
         for j in range(columns.size):
             more = int(weights[k, j] * total * scale + 0.5)
