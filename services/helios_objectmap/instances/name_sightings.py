@@ -166,7 +166,8 @@ class NameSightings:
         self._eye_m.append(reading.view.T_world_cam[:3, 3])
         stamps, filled = np.full(len(self._voxels), -1, np.int32), np.empty(voxel.size, np.int32)
         for k, d in enumerate(detections):
-            n = filled_kernel(d.mask, first, stride * coarse, voxel, stamps, k, filled)
+            box = np.array(d.box_xyxy, np.int64)
+            n = filled_kernel(d.mask, box, first, stride * coarse, voxel, stamps, k, filled)
             if not n:
                 continue
             self._add_entries(filled[:n], len(self._name.values))
@@ -294,15 +295,19 @@ def sum_kernel(points, total):
 
 
 @njit(cache=True, nogil=True)
-def filled_kernel(mask, first, step, voxel, stamps, stamp, filled):
+def filled_kernel(mask, box, first, step, voxel, stamps, stamp, filled):
     """List in `filled` the voxels of the pixels of a mask, each once; returns their number.
 
-    mask: [height, width]; voxel: [h, w] number at pixel (first + step * row, first + step *
-    column), NO_VOXEL for none; stamps: [voxels], where no voxel has the value `stamp` yet.
+    mask: [height, width]; box: [4] first and end pixel of the mask, x, y, x, y; voxel: [h, w]
+    number at pixel (first + step * row, first + step * column), NO_VOXEL for none; stamps:
+    [voxels], where no voxel has the value `stamp` yet.
     """
     n = 0
-    for row in range(min(voxel.shape[0], (mask.shape[0] - first + step - 1) // step)):
-        for column in range(min(voxel.shape[1], (mask.shape[1] - first + step - 1) // step)):
+    first_row, first_column = max(box[1] - first, 0) // step, max(box[0] - first, 0) // step
+    end_row = min(voxel.shape[0], (min(box[3], mask.shape[0]) - first + step - 1) // step)
+    end_column = min(voxel.shape[1], (min(box[2], mask.shape[1]) - first + step - 1) // step)
+    for row in range(first_row, end_row):
+        for column in range(first_column, end_column):
             if mask[first + step * row, first + step * column]:
                 v = voxel[row, column]
                 if v != NO_VOXEL and stamps[v] != stamp:
