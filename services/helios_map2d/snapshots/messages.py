@@ -33,11 +33,11 @@ def reported_pose(message: pb.RobotState) -> Pose | None:
 def snapshot_to_proto(
     snapshot: MapSnapshot, layers: bool, ground_only: bool = False
 ) -> pb.MapSnapshot:
-    """Message of a version, or the part for a planner (`SnapshotRequest.ground_only`); without arrays and with cell size 0 if the map is empty or the robot's
+    """Message of a version; without arrays and with cell size 0 if the map is empty or the robot's
     pose is not known.
 
-    `explored` is the area seen since the search began, but `explored_m2` is the area of all known
-    cells; heights are in millimetres.
+    ground_only: the part for a planner, see `SnapshotRequest`. `explored` is the area seen since
+    the search began, but `explored_m2` is the area of all known cells; heights are in millimetres.
     """
     out = pb.MapSnapshot(
         version=snapshot.version, context_id=snapshot.context_id, map_id=snapshot.map_id
@@ -84,9 +84,7 @@ class CachedEncoding:
         self._lock = threading.Lock()
         self._made: dict[tuple[bool, bool], tuple[MapSnapshot, pb.MapSnapshot]] = {}
 
-    def of(
-        self, snapshot: MapSnapshot, layers: bool, ground_only: bool = False
-    ) -> pb.MapSnapshot:
+    def of(self, snapshot: MapSnapshot, layers: bool, ground_only: bool = False) -> pb.MapSnapshot:
         """Message of a version, encoded at the first request."""
         with self._lock:
             made = self._made.get((layers, ground_only))

@@ -199,9 +199,7 @@ class NameSightings:
     def _add_entries(self, voxels: NDArray[np.int32], detection: int) -> None:
         self._add(voxels, np.full(len(voxels), detection, np.int32), len(self._voxels))
 
-    def _add(
-        self, voxels: NDArray[np.int32], detections: NDArray[np.int32], n_voxels: int
-    ) -> None:
+    def _add(self, voxels: NDArray[np.int32], detections: NDArray[np.int32], n_voxels: int) -> None:
         self._newest.resize(n_voxels, _NONE)
         start = len(self._voxel.values)
         self._voxel.append(voxels)
