@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
-from helios_objectmap.instances.size_prior import agreement, extents_of
+from helios_objectmap.instances.size_prior import agreement, extents_of, usual_extents
 from helios_objectmap.instances.summary import (
     Belief,
     Shape,
@@ -135,6 +135,8 @@ class InstanceBeliefs:
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
         s, record = self._settings, self._registry.records[label]
+        if usual_extents(record.class_name) is None:
+            return 1.0
         shape = self._shape(label, belief)
         measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
         top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import cv2
 import numpy as np
 import pytest
 from helios_core.types import Detection
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import viewing_sectors
+from helios_objectmap.fusion.geometry import (
+    CARVE_FRONT_M,
+    CREATE_FRONT_M,
+    MODELLED,
+    compare_with_depth,
+    creation_mask,
+    tolerance_m,
+)
 from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.view_history import PastView, VisiblePoints
 from helios_objectmap.gaussians import GaussianStore, mark_seen_kernel
@@ -22,6 +33,7 @@ from helios_objectmap.instances.name_sightings import (
 from helios_objectmap.instances.summary import believed, with_trust
 from helios_objectmap.instances.voxel_numbers import VoxelNumbers
 from helios_objectmap.rendering import cpu
+from helios_objectmap.rendering.renderer_interface import Rendering
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -149,6 +161,55 @@ def vote_of_one_view(store: GaussianStore, rows, shown: VisiblePoints) -> None:
         np.tile(shown.past.weights[known], (len(shown.points), 1)),
         shown.past.view.T_world_cam[:3, 3], 6.0, 6.0,
     )  # fmt: skip
+
+
+# --- geometry -------------------------------------------------------------------------------------
+def a_wall(rng: np.random.Generator) -> tuple[np.ndarray, Rendering]:
+    """Measured depth of a wall, and a rendering with surfaces before and behind it."""
+    shape = (int(rng.integers(1, 40)), int(rng.integers(1, 40)))
+    depth_m = (rng.uniform(0.4, 5) + rng.normal(0, 0.01, shape)).astype(np.float32)
+    depth_m[rng.random(shape) < 0.05] = 0
+    steps = rng.choice([0.0, 0.04, 0.06, 0.3], (-(-shape[0] // 5), -(-shape[1] // 5)))
+    off = np.kron(steps, np.ones((5, 5)))[: shape[0], : shape[1]]
+    coverage = rng.choice([0.2, 0.5, 0.9], shape, p=[0.1, 0.1, 0.8]).astype(np.float32)
+    return depth_m, Rendering((depth_m + off).astype(np.float32), coverage, np.empty((0, *shape)))
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_new_surfaces_are_those_of_whole_images(seed):
+    rng = np.random.default_rng(seed)
+    depth_m, rendering = a_wall(rng)
+    detected = rng.random(depth_m.shape) < 0.8
+    tolerance = tolerance_m(depth_m, CREATE_FRONT_M)
+    modelled = rendering.coverage >= MODELLED
+    in_front = modelled & (depth_m < rendering.depth_m - tolerance)
+    whole = cv2.erode(in_front.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+    wanted = detected & (depth_m > 0) & (~modelled | whole)
+    assert np.array_equal(creation_mask(depth_m, rendering, detected), wanted)
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_gaussians_are_seen_through_as_in_whole_images(seed):
+    rng = np.random.default_rng(seed)
+    depth_m, _ = a_wall(rng)
+    height, width = depth_m.shape
+    uv = rng.uniform(-2, (width + 2, height + 2), (300, 2)).astype(np.float32)
+    z = (rng.choice(depth_m.ravel(), 300) - rng.choice([0, 0.05, 0.2], 300)).astype(np.float32)
+    found = compare_with_depth(SimpleNamespace(uv=uv, depth_m=z, rows=np.arange(300)), depth_m)
+    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0).reshape(height, width)
+    through, there = [], []
+    for k, (u, v) in enumerate(np.rint(uv).astype(int)):
+        if not (0 <= u < width and 0 <= v < height):
+            continue
+        here, around = depth_m[v, u], nearest[v, u]
+        if around > 0 and z[k] < around - tolerance_m(around, CARVE_FRONT_M):
+            through.append(k)
+        elif here > 0 and abs(z[k] - here) < tolerance_m(here, CARVE_FRONT_M):
+            there.append(k)
+    assert found.through.tolist() == through
+    assert found.there.tolist() == there
 
 
 # --- names ---------------------------------------------------------------------------------------
