@@ -129,7 +129,7 @@ class InstanceBeliefs:
         if self._settings.look_alikes == "ignored":
             return 1.0
         name = self._registry.records[label].class_name
-        rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
+        rates = self._sightings.rates(self._store.means, rows, name, self._settings.side_views)
         return 1.0 if rates is None else rates.probability(name, self._name_errors)
 
     def _size_agreement(self, label: int, belief: Belief) -> float:

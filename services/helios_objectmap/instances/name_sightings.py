@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import offset
 from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.viewing_sectors import sector_of
-from helios_objectmap.instances.clustering import voxel_keys
+from helios_objectmap.instances.clustering import BITS, voxel_keys
 from helios_objectmap.instances.furniture import is_furniture
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 
@@ -223,14 +223,20 @@ class NameSightings:
         del self._eye_m[:count]
 
     def rates(
-        self, points: NDArray[np.float32], class_name: str, side_views: float
+        self,
+        points: NDArray[np.float32],
+        rows: NDArray[np.integer],
+        class_name: str,
+        side_views: float,
     ) -> NameRates | None:
-        """Names of the instance that has these points [n, 3]; None if nothing was detected there.
+        """Names of the instance that has the rows [n] of points [., 3]; None if nothing was
+        detected there.
 
         Furniture is compared with furniture only, and other things with other things.
         """
-        named = self.named(voxel_keys(points, VOXEL_M), class_name)
-        return None if named is None else named.rates(mean_of(points), side_views)
+        keys, center_m = voxels_and_mean(points, rows)
+        named = self.named(keys, class_name)
+        return None if named is None else named.rates(center_m, side_views)
 
     def named(self, keys: NDArray[np.integer], class_name: str) -> NamedViews | None:
         """Views that named the instance with these voxels [n] (keys, which may repeat); None
@@ -274,22 +280,30 @@ class NameSightings:
         )
 
 
-def mean_of(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Mean [3] of points [n, 3]; equals `points.mean(axis=0)` bit by bit, and is faster."""
-    total = np.zeros(3, np.float32)
-    sum_kernel(points, total)
-    return (total / np.float64(len(points))).astype(np.float32)
+def voxels_and_mean(
+    points: NDArray[np.float32], rows: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Voxel keys [n] and mean [3] of the rows [n] of points [., 3].
+
+    Equals `voxel_keys(points[rows], VOXEL_M)` and `points[rows].mean(axis=0)` bit by bit.
+    """
+    keys, total = np.empty(len(rows), np.int64), np.zeros(3, np.float32)
+    gathered_kernel(points, rows, VOXEL_M, BITS, keys, total)
+    return keys, (total / np.float64(len(rows))).astype(np.float32)
 
 
 @njit(cache=True, nogil=True)
-def sum_kernel(points, total):
-    """Add points [n, 3] to total [3], one after the other."""
-    x, y, z = total[0], total[1], total[2]
-    for k in range(points.shape[0]):
-        x += points[k, 0]
-        y += points[k, 1]
-        z += points[k, 2]
-    total[0], total[1], total[2] = x, y, z
+def gathered_kernel(points, rows, voxel_m, bits, keys, total):
+    """Fill keys [n] like `clustering.voxel_keys_kernel`; add the points, one after the other, to
+    total [3]."""
+    half = np.int64(1) << (bits - 1)
+    for k in range(rows.size):
+        key = np.int64(0)
+        for axis in range(3):
+            at = points[rows[k], axis]
+            total[axis] += at
+            key = (key << bits) | (np.int64(np.floor(np.float64(at) / voxel_m)) + half)
+        keys[k] = key
 
 
 @njit(cache=True, nogil=True)

@@ -28,7 +28,7 @@ from helios_objectmap.instances.name_sightings import (
     OWN_OVERLAP,
     VOXEL_M,
     NameSightings,
-    mean_of,
+    voxels_and_mean,
 )
 from helios_objectmap.instances.summary import believed, with_trust
 from helios_objectmap.instances.voxel_numbers import VoxelNumbers
@@ -62,9 +62,13 @@ def a_store(rng: np.random.Generator, n: int, sectors: int = 0) -> GaussianStore
 
 @settings(max_examples=30, deadline=None)
 @given(SEEDS, st.integers(1, 3000))
-def test_the_mean_of_points_is_numpys(seed, n):
-    points = np.random.default_rng(seed).normal(0, 9, (n, 3)).astype(np.float32)
-    assert mean_of(points).tobytes() == points.mean(axis=0).tobytes()
+def test_voxels_and_mean_of_some_points_are_those_of_numpy(seed, n):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, 9, (n, 3)).astype(np.float32)
+    rows = np.sort(rng.permutation(n)[: n // 2 + 1]).astype(np.int32)
+    keys, mean = voxels_and_mean(points, rows)
+    assert np.array_equal(keys, voxel_keys(points[rows], VOXEL_M))
+    assert mean.tobytes() == points[rows].mean(axis=0).tobytes()
 
 
 @settings(max_examples=20, deadline=None)
