@@ -25,7 +25,7 @@ from helios_planner.warm_up import warm_up as warm_up_paths
 def objects() -> None:
     """Compile the object map's kernels, for evidence by views and by sectors (`hindsight`)."""
     warm_up_objects(ObjectMapSettings())
-    warm_up_objects(ObjectMapSettings(evidence="hindsight"))
+    warm_up_objects(ObjectMapSettings(evidence="hindsight", look_alikes="compared"))
 
 
 # longest compilation first

@@ -37,7 +37,7 @@ class MapQueries:
             return pb.MapSnapshot(
                 version=published.version, map_id=published.map_id, unchanged=True
             )
-        return self._encoded.of(published, request.layers)
+        return self._encoded.of(published, request.layers, request.ground_only)
 
     def changes(self, request: pb.MapChangesRequest) -> pb.MapChanges:
         """Next chunk of changes for a viewer; empty while there is no map."""

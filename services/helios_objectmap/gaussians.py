@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from helios_objectmap.camera import View
@@ -274,3 +275,13 @@ def surplus(believed: NDArray[np.int16], seen: NDArray[np.int64], most: int) -> 
         return np.empty(0, np.intp)
     order = np.lexsort((seen, believed != OTHER))
     return order[: len(believed) - int(KEPT * most)]
+
+
+@njit(cache=True, nogil=True)
+def mark_seen_kernel(rows, kappa, seen, update):
+    """Set seen [.] to `update` in those of the rows [k] that have some kappa [k, labels]."""
+    for k in range(rows.size):
+        for c in range(kappa.shape[1]):
+            if kappa[k, c] > 0:
+                seen[rows[k]] = update
+                break

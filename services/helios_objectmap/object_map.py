@@ -18,7 +18,14 @@ from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
 from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_columns
 from helios_objectmap.fusion.view_history import PastViews
-from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore, InstanceGaussians, surplus
+from helios_objectmap.gaussians import (
+    NO_INSTANCE,
+    OTHER,
+    GaussianStore,
+    InstanceGaussians,
+    mark_seen_kernel,
+    surplus,
+)
 from helios_objectmap.instances import information_gain
 from helios_objectmap.instances.beliefs import InstanceBeliefs
 from helios_objectmap.instances.information_gain import (
@@ -422,19 +429,8 @@ class ObjectMap:
     def _add_hindsight_votes(self, rows: NDArray[np.int32]) -> None:
         """Give new Gaussians the evidence of past views that show their positions."""
         s, store = self._settings, self._store
-        for shown in self._past.of(store.means[rows]):
-            past = shown.past
-            counts = [i for i, name in enumerate(past.names) if name in store.class_names]
-            columns = [store.class_names.index(past.names[i]) for i in counts]
-            voted = rows[shown.points]
-            kappa = shown.labels[:, None] == [OTHER_LABEL, *(1 + i for i in counts)]
-            kappa[:, 0] |= ~kappa.any(axis=1)
-            weights = np.tile(past.weights[counts], (len(voted), 1))
-            eye_m = past.view.T_world_cam[:3, 3]
-            viewing_sectors.add_votes(
-                store, voted, kappa.astype(np.float32), columns, weights, eye_m, s.side_views,
-                s.alpha_side,
-            )  # fmt: skip
+        shown = list(self._past.of(store.means[rows]))
+        viewing_sectors.add_past_votes(store, rows, shown, s.side_views, s.alpha_side)
 
     def _fuse(
         self,
@@ -451,9 +447,7 @@ class ObjectMap:
         s, store, names = self._settings, self._store, self._names
         kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
-        store.last_seen_update[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = (
-            self._updates
-        )
+        mark_seen_kernel(rows, kappa, store.last_seen_update, self._updates)
         weights = self._viewpoints.weights(look, names, store.created_update[rows])
         self._viewpoints.mark(look, names, self._updates)
         if s.by_sides:
@@ -465,7 +459,7 @@ class ObjectMap:
         rows = rows[took]
         self._believe(rows)
         given = self._registry.note_view(
-            store.instance[rows], kappa[took], weights[took], projection.depth_m[took], names
+            store.instance[rows], took, kappa, weights, projection.depth_m, names
         )
         if s.detector_trust != "full":
             self._beliefs.drop_all()  # the learnt detector precision changes every score

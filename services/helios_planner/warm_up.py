@@ -24,4 +24,6 @@ def warm_up() -> None:
     reached = reach(ground, robot, rules)
     next_primitive(straightened(reached.route_to((2.2, 2.2)), reached), reached, rules)
     kernels.hidden_along(ground.top_m, 1.0, 1.0, 1.0, 9.0, 9.0, 0.5, 1.0, 1.25)
+    mask, labels = np.ones((2, 2), np.uint8), np.zeros((2, 2), np.int32)
+    kernels.clear_labels(labels, np.ones(1, np.bool_), mask)
     pose_reach(ground, robot, Capsule.around(0.6, 0.4), rules)

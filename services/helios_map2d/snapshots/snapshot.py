@@ -92,6 +92,12 @@ class MapSnapshot:
         return assembled(parts, self.grid)
 
     @cached_property
+    def top_mm(self) -> NDArray[np.uint16]:
+        """Height of the highest obstacle in millimetres, 0 where not occupied."""
+        parts = [(t, g.top_mm) for t, g in self.ground.items()]
+        return assembled(parts, self.grid).astype(np.uint16, copy=False)
+
+    @cached_property
     def values(self) -> Mapping[str, NDArray[np.float32]]:
         """Values by layer, 0 in unseen cells."""
         return MappingProxyType({

@@ -43,10 +43,11 @@ def creation_mask(
     depth_m: Float32, rendering: Rendering, detected: Mask, front_m: float = CREATE_FRONT_M
 ) -> Mask:
     """Pixels [h, w] that get a new Gaussian: nothing is modelled, or a new surface is in front."""
-    in_front = depth_m < rendering.depth_m - tolerance_m(depth_m, front_m)
-    in_front &= rendering.coverage >= MODELLED
-    new = (rendering.coverage < MODELLED) | _eroded(in_front)
-    return detected & (depth_m > 0) & new
+    new = np.zeros(depth_m.shape, np.bool_)
+    creation_kernel(
+        depth_m, rendering.depth_m, rendering.coverage, detected, np.float32(front_m), new
+    )
+    return new
 
 
 def paper_creation_mask(depth_m: Float32, rendering: Rendering, detected: Mask) -> Mask:
@@ -77,12 +78,8 @@ def compare_with_depth(
     at an edge that is off by a pixel is kept.
     """
     depth_m = np.ascontiguousarray(depth_m, np.float32)
-    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0).astype(np.float32)
     state = np.empty(len(projection.rows), np.uint8)
-    sight_kernel(
-        projection.uv, projection.depth_m, nearest, tolerance_m(nearest, front_m), depth_m,
-        tolerance_m(depth_m, front_m), state,
-    )  # fmt: skip
+    sight_kernel(projection.uv, projection.depth_m, depth_m, np.float32(front_m), state)
     return DepthComparison(np.flatnonzero(state == THROUGH), np.flatnonzero(state == THERE))
 
 
@@ -104,21 +101,67 @@ def reobserved(
     return cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel).astype(bool) & (depth_m > 0)
 
 
-@njit(cache=True, nogil=True)
-def sight_kernel(uv, depth_m, nearest_m, nearest_tolerance_m, measured_m, tolerance_m, state):
-    """Fill state [k] for splats at uv [k, 2] pixels and depth_m [k].
+@njit(cache=True, nogil=True, inline="always")
+def _tolerance_m(depth_m, floor_m):
+    """`tolerance_m` of one depth; every operation is in float32."""
+    off = depth_m - _f4(0.4)
+    noise = _f4(0.0012) + _f4(0.0019) * (off * off)
+    return max(floor_m, _f4(4) * noise)
 
-    measured_m, tolerance_m: [h, w]; nearest_m, nearest_tolerance_m: [h, w] smallest depth of the
-    nine pixels around, 0 where one of them is invalid.
-    """
+
+@njit(cache=True, nogil=True)
+def _nearest_m(depth_m, v, u):
+    """Smallest of the nine depths around a pixel; 0 at the edge of the image."""
+    if v < 1 or u < 1 or v >= depth_m.shape[0] - 1 or u >= depth_m.shape[1] - 1:
+        return _f4(0)
+    least = depth_m[v, u]
+    for r in range(v - 1, v + 2):
+        for c in range(u - 1, u + 2):
+            least = min(least, depth_m[r, c])
+    return least
+
+
+@njit(cache=True, nogil=True)
+def creation_kernel(depth_m, rendered_m, coverage, detected, front_m, new):
+    """Fill new [h, w]: detected pixels with a depth that are not modelled, or where the depth of
+    all nine pixels around lies in front of the rendered one."""
+    height, width = depth_m.shape
+    for v in range(height):
+        for u in range(width):
+            if not (detected[v, u] and depth_m[v, u] > 0):
+                continue
+            if coverage[v, u] < _f4(MODELLED):
+                new[v, u] = True
+                continue
+            if v < 1 or u < 1 or v >= height - 1 or u >= width - 1:
+                continue
+            in_front = _in_front(depth_m, rendered_m, coverage, v, u, front_m)
+            for k in range(9):
+                in_front = in_front and _in_front(
+                    depth_m, rendered_m, coverage, v + k // 3 - 1, u + k % 3 - 1, front_m
+                )
+            new[v, u] = in_front
+
+
+@njit(cache=True, nogil=True)
+def _in_front(depth_m, rendered_m, coverage, v, u, front_m):
+    here = depth_m[v, u]
+    near = here < rendered_m[v, u] - _tolerance_m(here, front_m)
+    return near and coverage[v, u] >= _f4(MODELLED)
+
+
+@njit(cache=True, nogil=True)
+def sight_kernel(uv, depth_m, measured_m, front_m, state):
+    """Fill state [k] for splats at uv [k, 2] pixels and depth_m [k]. measured_m: [h, w]; front_m:
+    smallest difference that counts."""
     height, width = measured_m.shape
     for k in range(uv.shape[0]):
         state[k] = UNKNOWN
         u, v = np.int64(np.rint(uv[k, 0])), np.int64(np.rint(uv[k, 1]))
         if u < 0 or v < 0 or u >= width or v >= height:
             continue
-        z, around, here = depth_m[k], nearest_m[v, u], measured_m[v, u]
-        if around > 0 and z < around - nearest_tolerance_m[v, u]:
+        z, around, here = depth_m[k], _nearest_m(measured_m, v, u), measured_m[v, u]
+        if around > 0 and z < around - _tolerance_m(around, front_m):
             state[k] = THROUGH
-        elif here > 0 and abs(z - here) < tolerance_m[v, u]:
+        elif here > 0 and abs(z - here) < _tolerance_m(here, front_m):
             state[k] = THERE

@@ -40,7 +40,7 @@ class PastView:
     labels: NDArray[np.uint8]  # [h, w], 0 = other, 1 + i = names[i]
     names: tuple[str, ...]  # classes that it searched for; "" for one that no longer counts
     weights: NDArray[np.float32]  # [names] weight in [0, 1] of the view for each class
-    half_angles: tuple[float, float]  # from the optical axis to the widest edges, across and down
+    T_cam_world: NDArray[np.float64]  # [4, 4], of `view`
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,8 @@ class PastViews:
 
     def __init__(self, most: int = MOST_PAST_VIEWS) -> None:
         self._views: deque[PastView] = deque(maxlen=most)
+        # Of each view: pose in the world, and angles from the optical axis to the widest edges.
+        self._T_world_cam, self._half_angles = np.empty((0, 4, 4)), np.empty((0, 2))
 
     def __len__(self) -> int:
         return len(self._views)
@@ -72,6 +74,7 @@ class PastViews:
         view = reading.view.strided(stride)
         grid = (slice(offset(stride), None, stride), slice(offset(stride), None, stride))
         depth_mm = np.rint(reading.depth_m[grid] * _MM).clip(0, np.iinfo(np.uint16).max)
+        self._keep_pose(view)
         self._views.append(
             PastView(
                 view,
@@ -79,9 +82,23 @@ class PastViews:
                 reading.labels[grid].astype(np.uint8),
                 tuple(names),
                 weights.astype(np.float32),
-                _half_angles(view),
+                view.T_cam_world,
             )
         )
+
+    def _keep_pose(self, view: View) -> None:
+        """Add the pose and angles of a view that is about to be stored."""
+        n, most = len(self._views), self._views.maxlen
+        if n == most:  # the first view drops out
+            n -= 1
+            self._T_world_cam[:n], self._half_angles[:n] = (
+                self._T_world_cam[1 : n + 1].copy(), self._half_angles[1 : n + 1].copy()
+            )  # fmt: skip
+        elif n == len(self._T_world_cam):
+            more = max(n, 16)
+            self._T_world_cam = np.concatenate([self._T_world_cam, np.empty((more, 4, 4))])
+            self._half_angles = np.concatenate([self._half_angles, np.empty((more, 2))])
+        self._T_world_cam[n], self._half_angles[n] = view.T_world_cam, _half_angles(view)
 
     def forget(self, is_gone: Callable[[str], bool]) -> None:
         """Drop the evidence of past views on the classes for which `is_gone` is true; it is not
@@ -101,7 +118,7 @@ class PastViews:
             past = self._views[k]
             v = past.view
             n = shown_kernel(
-                points, v.T_cam_world, v.fx, v.fy, v.cx, v.cy, past.depth_mm, past.labels,
+                points, past.T_cam_world, v.fx, v.fy, v.cx, v.cy, past.depth_mm, past.labels,
                 NEAREST_M, AGREES_M, AGREES_SHARE, which, labels,
             )  # fmt: skip
             if n:
@@ -109,10 +126,10 @@ class PastViews:
 
     def _near(self, middle: NDArray[np.floating], radius_m: float) -> NDArray[np.intp]:
         """Indices of the views that a ball may reach into."""
-        T_world_cam = np.stack([p.view.T_world_cam for p in self._views])
+        T_world_cam = self._T_world_cam[: len(self._views)]
         in_cam = np.einsum("kji,kj->ki", T_world_cam[:, :3, :3], middle - T_world_cam[:, :3, 3])
         x, y, z = np.abs(in_cam[:, 0]), np.abs(in_cam[:, 1]), in_cam[:, 2]
-        wide, high = np.array([p.half_angles for p in self._views]).T
+        wide, high = self._half_angles[: len(self._views)].T
         # Distance of the ball's centre from the two nearest side planes of the view.
         outside = np.maximum(
             x * np.cos(wide) - z * np.sin(wide), y * np.cos(high) - z * np.sin(high)

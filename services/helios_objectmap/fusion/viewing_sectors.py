@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from helios_objectmap.fusion.view_history import VisiblePoints
 from helios_objectmap.gaussians import GaussianStore
 
 SECTORS = 12
@@ -44,12 +45,46 @@ def add_votes(
     world. Evidence without votes stays, and is added to. The indices returned are into `rows`.
     """
     took = np.empty(len(rows), np.int64)
+    may = took[: voters_kernel(kappa, weights, took)]
     n = add_votes_kernel(
-        rows, kappa, np.array(columns, np.int64), weights, sector_of(store.means[rows], eye_m),
+        rows, may, kappa, np.array(columns, np.int64), weights,
+        sector_of(store.means[rows[may]], eye_m),
         UNIT, MOST_VOTES * UNIT, WHOLE_KAPPA, side_views * UNIT, alpha_side,
         store.votes, store.class_evidence, store.total_evidence, took,
     )  # fmt: skip
     return took[:n]
+
+
+def add_past_votes(
+    store: GaussianStore,
+    rows: NDArray[np.integer],
+    shown: Sequence[VisiblePoints],
+    side_views: float,
+    alpha_side: float,
+) -> None:
+    """Add past views to the votes of Gaussians that they show, one after the other.
+
+    rows: [n]; shown: for each view, which of the rows it shows with which labels. Equals
+    `add_votes` for each view, where each Gaussian has kappa 1 for its label. A class that the store
+    does not know, or that no longer counts, gets no vote; its pixels are evidence against others.
+    """
+    if not shown:
+        return
+    number = {name: i for i, name in enumerate(store.class_names)}
+    most = max(len(s.past.names) for s in shown)
+    columns = np.full((len(shown), most), -1, np.int64)
+    weights = np.zeros((len(shown), most), np.float32)
+    for k, s in enumerate(shown):
+        columns[k, : len(s.past.names)] = [number.get(name, -1) for name in s.past.names]
+        weights[k, : len(s.past.names)] = s.past.weights
+    eyes_m = np.array([s.past.view.T_world_cam[:3, 3] for s in shown])
+    view = np.repeat(np.arange(len(shown)), [len(s.points) for s in shown])
+    voted = rows[np.concatenate([s.points for s in shown])]
+    past_votes_kernel(
+        voted, view, np.concatenate([s.labels for s in shown]), columns, weights,
+        sector_of(store.means[voted], eyes_m[view]), UNIT, MOST_VOTES * UNIT, side_views * UNIT,
+        alpha_side, store.votes, store.class_evidence, store.total_evidence,
+    )  # fmt: skip
 
 
 def expected_new_votes(
@@ -78,9 +113,28 @@ def expected_new_votes(
     return alone, (np.minimum(more, 1) - before).sum(axis=1)
 
 
+@njit(cache=True, nogil=True)
+def voters_kernel(kappa, weights, may):
+    """List in may [k] the indices of the rows that the view shows and gives a weight.
+
+    kappa: [k, 1 + C]; weights: [k, C]. Returns their number.
+    """
+    n = 0
+    for k in range(kappa.shape[0]):
+        shown = counts = False
+        for c in range(kappa.shape[1]):
+            shown |= kappa[k, c] > 0
+        for j in range(weights.shape[1]):
+            counts |= weights[k, j] > 0
+        may[n] = k
+        n += shown and counts
+    return n
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_votes_kernel(
     rows,
+    may,
     kappa,
     columns,
     weights,
@@ -95,34 +149,68 @@ def add_votes_kernel(
     asked,
     took,
 ):
-    """Add votes from sectors [k] to votes [., columns, sectors, (own, all)], in place of eq. 3.
+    """Add votes to votes [., columns, sectors, (own, all)], in place of eq. 3.
 
+    may: [m] indices into the rows [k] that may vote, rising; sectors: [m] their viewing sectors;
     unit: stored value of one vote; full: votes with which a sector counts in full; most: limit of a
     sector. Adds the resulting changes to positive and asked [., columns]. Lists in took [k] the
     indices into `rows` that received votes, and returns their number.
     """
     n = 0
-    for k in range(rows.size):
+    for m in range(may.size):  # `took` may be the memory of `may`: it is written behind m
+        k = may[m]
         total = 0.0
         for c in range(kappa.shape[1]):
             total += kappa[k, c]
-        row, side, some = rows[k], sectors[k], False
+        row, side, some = rows[k], sectors[m], False
         scale = unit / max(total, whole_kappa)
         for j in range(columns.size):
             more = int(weights[k, j] * total * scale + 0.5)
             if more > 0:
-                column = columns[j]
-                own, all_votes = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
-                own_before = own / max(all_votes, full)
-                asked_before = all_votes / max(all_votes, full)
-                if all_votes + more > most:
-                    own, all_votes = own // 2, all_votes // 2
-                own += min(int(weights[k, j] * kappa[k, 1 + j] * scale + 0.5), more)
-                all_votes += more
-                votes[row, column, side, 0], votes[row, column, side, 1] = own, all_votes
-                positive[row, column] += alpha_side * (own / max(all_votes, full) - own_before)
-                asked[row, column] += alpha_side * (all_votes / max(all_votes, full) - asked_before)
+                own_more = min(int(weights[k, j] * kappa[k, 1 + j] * scale + 0.5), more)
+                _vote(
+                    row, columns[j], side, own_more, more, most, full, alpha_side, votes, positive,
+                    asked,
+                )  # fmt: skip
                 some = True
         took[n] = k
         n += some
     return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def past_votes_kernel(
+    rows, view, labels, columns, weights, sectors, unit, most, full, alpha_side, votes, positive,
+    asked,
+):  # fmt: skip
+    """Add the votes of past views: entry k is row rows[k], seen by view view[k] with labels[k] (0:
+    "other", 1 + i: class i) from sector sectors[k].
+
+    columns, weights: [views, classes] store column, -1 for none, and weight. The other parameters
+    are those of `add_votes_kernel`.
+    """
+    for k in range(rows.size):
+        v = view[k]
+        for i in range(columns.shape[1]):
+            more = int(weights[v, i] * 1.0 * unit + 0.5)
+            if columns[v, i] >= 0 and more > 0:
+                own_more = more if labels[k] == 1 + i else 0
+                _vote(
+                    rows[k], columns[v, i], sectors[k], own_more, more, most, full, alpha_side,
+                    votes, positive, asked,
+                )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _vote(row, column, side, own_more, more, most, full, alpha_side, votes, positive, asked):
+    """Add `more` units of votes, own_more of them for the class, and the change of the evidence."""
+    own, all_votes = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
+    own_before = own / max(all_votes, full)
+    asked_before = all_votes / max(all_votes, full)
+    if all_votes + more > most:
+        own, all_votes = own // 2, all_votes // 2
+    own += own_more
+    all_votes += more
+    votes[row, column, side, 0], votes[row, column, side, 1] = own, all_votes
+    positive[row, column] += alpha_side * (own / max(all_votes, full) - own_before)
+    asked[row, column] += alpha_side * (all_votes / max(all_votes, full) - asked_before)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
-from helios_objectmap.instances.size_prior import agreement, extents_of
+from helios_objectmap.instances.size_prior import agreement, extents_of, usual_extents
 from helios_objectmap.instances.summary import (
     Belief,
     Shape,
@@ -19,6 +19,7 @@ from helios_objectmap.instances.summary import (
     describe,
     shape_of,
     sure_part,
+    with_trust,
 )
 from helios_objectmap.searched_classes import SearchedClasses
 from helios_objectmap.settings import ObjectMapSettings
@@ -45,6 +46,7 @@ class InstanceBeliefs:
         self._settings, self._store, self._registry = settings, store, registry
         self._classes, self._sightings, self._name_errors = classes, sightings, name_errors
         self._beliefs: dict[int, Belief | None] = {}
+        self._shapes: dict[int, Shape] = {}  # of the beliefs; they depend on no score
         self._described: dict[int, ObjectInstance | None] = {}
 
     def drop(self, labels: Iterable[int]) -> None:
@@ -52,14 +54,16 @@ class InstanceBeliefs:
         for label in labels:
             self._described.pop(label, None)
             self._beliefs.pop(label, None)
+            self._shapes.pop(label, None)
 
     def drop_all(self) -> None:
         self._described.clear()
-        self._beliefs.clear()
+        self.drop_rows()
 
     def drop_rows(self) -> None:
         """Forget all beliefs, whose rows were renumbered; descriptions stay."""
         self._beliefs.clear()
+        self._shapes.clear()
 
     def belief(self, label: int) -> Belief | None:
         """Belief that an instance is of its own class; None if it is too small to be reported."""
@@ -93,7 +97,13 @@ class InstanceBeliefs:
         belief = self._believed(rows, class_name, names, trust)
         if s.size_agreement == "off":
             return belief
-        return self._believed(rows, class_name, names, trust * self._size_agreement(label, belief))
+        sized = trust * self._size_agreement(label, belief)
+        if sized == trust:
+            return belief
+        return with_trust(
+            belief, self._store, class_name, s.prior_concentration, self._classes.prior_classes,
+            s.alpha_cs, sized,
+        )  # fmt: skip
 
     def _believed(
         self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
@@ -119,12 +129,14 @@ class InstanceBeliefs:
         if self._settings.look_alikes == "ignored":
             return 1.0
         name = self._registry.records[label].class_name
-        rates = self._sightings.rates(self._store.means[rows], name, self._settings.side_views)
+        rates = self._sightings.rates(self._store.means, rows, name, self._settings.side_views)
         return 1.0 if rates is None else rates.probability(name, self._name_errors)
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
         s, record = self._settings, self._registry.records[label]
+        if usual_extents(record.class_name) is None:
+            return 1.0
         shape = self._shape(label, belief)
         measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
         top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
@@ -132,7 +144,10 @@ class InstanceBeliefs:
         return agreement(record.class_name, measured_m, views, top_m)
 
     def _shape(self, label: int, belief: Belief) -> Shape:
-        return shape_of(self._store.means, belief, self.box_threshold(label, belief.mean))
+        if label not in self._shapes:
+            least = self.box_threshold(label, belief.mean)
+            self._shapes[label] = shape_of(self._store.means, belief, least)
+        return self._shapes[label]
 
     def _new_description(self, label: int) -> ObjectInstance | None:
         belief = self.belief(label)

@@ -106,7 +106,13 @@ def expected(
     base = member.positive.astype(np.float64)
     base[:, wanted] *= rates.trust
     n_classes = max(rates.n_classes, base.shape[1] + 1)
-    before = entropy(concentration_of(base, member.asked, rates.prior, n_classes))
+    shown = np.zeros(len(base), np.bool_)
+    for kappa in kappas:
+        shown |= kappa != 0
+    before = np.empty(len(base))
+    before[shown] = entropy(
+        concentration_of(base[shown], member.asked[shown], rates.prior, n_classes)
+    )
     out = []
     for kappa in kappas:
         seen = np.flatnonzero(kappa)

@@ -12,26 +12,28 @@ full from `side_views` views on, and the sides of one thing depend on one anothe
 from __future__ import annotations
 
 import math
-from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from helios_core.types import Detection
+from numba import njit
 from numpy.typing import NDArray
 
 from helios_objectmap.camera import offset
 from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.viewing_sectors import sector_of
-from helios_objectmap.instances.clustering import distinct, voxel_keys
+from helios_objectmap.instances.clustering import BITS, voxel_keys
 from helios_objectmap.instances.furniture import is_furniture
+from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 
 VOXEL_M = 0.1
 WIDTH_PX = 160  # largest width of the image from which voxels are filled
 OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
 MOST_VIEWS = 2048  # about 6 kB each
+_NONE = -1  # end of a list of entries
 _is_furniture = lru_cache(maxsize=4096)(is_furniture)
 
 
@@ -106,23 +108,23 @@ class SightingTable:
 
 
 class _Column:
-    """Growing array of integers."""
+    """Growing array of int32."""
 
     def __init__(self) -> None:
         self._values, self._n = np.empty(1024, np.int32), 0
 
-    def append(self, value: int) -> None:
-        if self._n == len(self._values):
-            self._values = np.concatenate([self._values, np.empty(1024 + self._n, np.int32)])
-        self._values[self._n] = value
-        self._n += 1
+    def append(self, values: NDArray[np.integer] | Sequence[int]) -> None:
+        end = self._n + len(values)
+        if end > len(self._values):
+            more = max(end, 2 * len(self._values)) - len(self._values)
+            self._values = np.concatenate([self._values, np.empty(more, np.int32)])
+        self._values[self._n : end] = values
+        self._n = end
 
-    def __len__(self) -> int:
-        return self._n
-
-    def drop(self, count: int) -> None:
-        """Remove the first values."""
-        self._values, self._n = self.values[count:].copy(), self._n - count
+    def resize(self, n: int, fill: int) -> None:
+        """Make it at least n long; new values are `fill`."""
+        if n > self._n:
+            self.append(np.full(n - self._n, fill, np.int32))
 
     @property
     def values(self) -> NDArray[np.int32]:
@@ -130,15 +132,21 @@ class _Column:
 
 
 class NameSightings:
-    """Detections of the latest views, with their voxels."""
+    """Detections of the latest views, with their voxels.
+
+    The detections of a voxel are a linked list of entries: `_newest` of a voxel is its first entry,
+    and `_before` of an entry the next one.
+    """
 
     def __init__(self, most_views: int = MOST_VIEWS) -> None:
         """most_views: beyond, the older half is dropped."""
         self._most_views = most_views
-        self._at: dict[int, array[int]] = {}  # voxel key -> detections
         self._names: dict[str, int] = {}  # name -> its number
-        self._name, self._view, self._size = _Column(), _Column(), _Column()  # of each detection
+        self._furniture: list[bool] = []  # of each name
         self._eye_m: list[NDArray[np.float64]] = []  # of each view
+        self._voxels = VoxelNumbers()
+        self._set_entries((), (), ())
+        self._name, self._view, self._size = _Column(), _Column(), _Column()  # of each detection
 
     def __len__(self) -> int:
         """Number of views."""
@@ -150,90 +158,241 @@ class NameSightings:
             self._forget_views(self._most_views // 2)
         coarse = max(1, -(-reading.view.width // WIDTH_PX))
         first = offset(stride) + stride * offset(coarse)
-        grid = (slice(first, None, stride * coarse), slice(first, None, stride * coarse))
         depth_m = reading.depth_m[offset(coarse) :: coarse, offset(coarse) :: coarse]
         measured = depth_m > 0
         points = reading.view.strided(coarse).lift(depth_m, measured)
-        keys, of_point = distinct(voxel_keys(points, VOXEL_M))
-        voxel: NDArray[np.int64] = np.full(depth_m.shape, -1, np.int64)
-        voxel[measured] = of_point
+        voxel = np.full(depth_m.shape, NO_VOXEL, np.int32)
+        voxel[measured] = self._voxels.of_keys(voxel_keys(points, VOXEL_M))
         self._eye_m.append(reading.view.T_world_cam[:3, 3])
-        for d in detections:
-            mine = voxel[d.mask[grid][: voxel.shape[0], : voxel.shape[1]]]
-            filled = np.flatnonzero(np.bincount(mine[mine >= 0], minlength=len(keys)))
-            if not len(filled):
+        stamps, filled = np.full(len(self._voxels), -1, np.int32), np.empty(voxel.size, np.int32)
+        for k, d in enumerate(detections):
+            box = np.array(d.box_xyxy, np.int64)
+            n = filled_kernel(d.mask, box, first, stride * coarse, voxel, stamps, k, filled)
+            if not n:
                 continue
-            for key in keys[filled].tolist():
-                self._at.setdefault(key, array("i")).append(len(self._name))
-            self._name.append(self._names.setdefault(d.class_name, len(self._names)))
-            self._view.append(len(self._eye_m) - 1)
-            self._size.append(len(filled))
+            self._add_entries(filled[:n], len(self._name.values))
+            self._name.append([self._number_of(d.class_name)])
+            self._view.append([len(self._eye_m) - 1])
+            self._size.append([n])
 
     def forget_at(self, points: NDArray[np.float32]) -> None:
         """Drop what was detected in the voxels of points [n, 3], where a thing was taken away."""
-        for key in distinct(voxel_keys(points, VOXEL_M))[0].tolist():
-            self._at.pop(key, None)
+        voxels = np.unique(self._voxels.of_keys(voxel_keys(points, VOXEL_M)))
+        self._newest.resize(len(self._voxels), _NONE)
+        self._newest.values[voxels] = _NONE
+        self._voxel.values[np.isin(self._voxel.values, voxels)] = NO_VOXEL
+
+    def _number_of(self, name: str) -> int:
+        if name not in self._names:
+            self._names[name] = len(self._names)
+            self._furniture.append(_is_furniture(name))
+        return self._names[name]
+
+    def _set_entries(
+        self, voxel: Sequence[int], detection: Sequence[int], keys: Sequence[int]
+    ) -> None:
+        """Replace all entries. keys: of the voxels, by number."""
+        self._newest, self._before = _Column(), _Column()
+        self._voxel, self._detection = _Column(), _Column()  # of each entry
+        self._add(np.asarray(voxel, np.int32), np.asarray(detection, np.int32), len(keys))
+
+    def _add_entries(self, voxels: NDArray[np.int32], detection: int) -> None:
+        self._add(voxels, np.full(len(voxels), detection, np.int32), len(self._voxels))
+
+    def _add(self, voxels: NDArray[np.int32], detections: NDArray[np.int32], n_voxels: int) -> None:
+        self._newest.resize(n_voxels, _NONE)
+        start = len(self._voxel.values)
+        self._voxel.append(voxels)
+        self._detection.append(detections)
+        self._before.append(np.empty(len(voxels), np.int32))
+        link_kernel(voxels, start, self._newest.values, self._before.values)
 
     def _forget_views(self, count: int) -> None:
-        """Drop the oldest views and their detections."""
+        """Drop the oldest views and their detections, and the voxels that have no more."""
         gone = int(np.searchsorted(self._view.values, count))
-        for key, detections in list(self._at.items()):
-            kept = np.frombuffer(detections, np.int32)
-            kept = kept[kept >= gone] - gone
-            if len(kept):
-                self._at[key] = array("i", kept.tolist())
-            else:
-                del self._at[key]
-        for column in (self._name, self._view, self._size):
-            column.drop(gone)
+        kept = (self._detection.values >= gone) & (self._voxel.values != NO_VOXEL)
+        keys = self._voxels.keys[self._voxel.values[kept]]
+        detections = self._detection.values[kept] - gone
+        self._voxels = VoxelNumbers()
+        self._set_entries(self._voxels.of_keys(keys), detections, self._voxels.keys)
+        for name in ("_name", "_view", "_size"):
+            column = _Column()
+            column.append(getattr(self, name).values[gone:])
+            setattr(self, name, column)
         self._view.values[:] -= count
         del self._eye_m[:count]
 
     def rates(
-        self, points: NDArray[np.float32], class_name: str, side_views: float
+        self,
+        points: NDArray[np.float32],
+        rows: NDArray[np.integer],
+        class_name: str,
+        side_views: float,
     ) -> NameRates | None:
-        """Names of the instance that has these points [n, 3]; None if nothing was detected there.
+        """Names of the instance that has the rows [n] of points [., 3]; None if nothing was
+        detected there.
 
         Furniture is compared with furniture only, and other things with other things.
         """
-        keys = distinct(voxel_keys(points, VOXEL_M))[0]
+        keys, center_m = voxels_and_mean(points, rows)
         named = self.named(keys, class_name)
-        return None if named is None else named.rates(points.mean(axis=0), side_views)
+        return None if named is None else named.rates(center_m, side_views)
 
     def named(self, keys: NDArray[np.integer], class_name: str) -> NamedViews | None:
-        """Views that named the instance with these voxels [n] (distinct keys); None without one."""
-        found = [np.frombuffer(self._at[k], np.int32) for k in keys.tolist() if k in self._at]
-        if not found:
+        """Views that named the instance with these voxels [n] (keys, which may repeat); None
+        without one."""
+        voxels = self._voxels.of_keys(keys)
+        self._newest.resize(len(self._voxels), _NONE)
+        overlap = np.zeros(len(self._name.values), np.int32)
+        ids = np.empty(len(overlap), np.int32)
+        stamps = np.zeros(len(self._voxels), np.bool_)
+        n_voxels, n = overlap_kernel(
+            voxels, stamps, self._newest.values, self._before.values, self._detection.values,
+            overlap, ids,
+        )  # fmt: skip
+        ids = np.sort(ids[:n])
+        alike = np.array(self._furniture, np.bool_) == _is_furniture(class_name)
+        views, of_view, of_name = (np.empty(n, np.int32) for _ in range(3))
+        n_views, n_given = naming_kernel(
+            ids, overlap, n_voxels, self._size.values, self._name.values, self._view.values, alike,
+            OWN_OVERLAP, LEAST_OF_LARGEST, views, of_view, of_name,
+        )  # fmt: skip
+        if not n_views:
             return None
-        overlap = np.bincount(np.concatenate(found))
-        ids = np.flatnonzero(overlap)
-        overlap, size = overlap[ids], self._size.values[ids]
-        alike = np.array([_is_furniture(n) == _is_furniture(class_name) for n in self._names])
-        good = alike[self._name.values[ids]] & (
-            overlap >= OWN_OVERLAP * np.minimum(size, len(keys))
-        )
-        ids, overlap = ids[good], overlap[good]
-        if not len(ids):
-            return None
-        views, of_view = np.unique(self._view.values[ids], return_inverse=True)
-        largest = np.zeros(len(views))
-        np.maximum.at(largest, of_view, overlap)
-        good = overlap >= LEAST_OF_LARGEST * largest[of_view]
-        numbers, of_name = np.unique(self._name.values[ids[good]], return_inverse=True)
-        given = np.zeros((len(views), len(numbers)), bool)
-        given[of_view[good], of_name] = True
+        numbers, of_number = np.unique(of_name[:n_given], return_inverse=True)
+        given = np.zeros((n_views, len(numbers)), bool)
+        given[of_view[:n_given], of_number] = True
         names = list(self._names)
-        eyes_m = np.stack([self._eye_m[k] for k in views])
+        eyes_m = np.stack([self._eye_m[k] for k in views[:n_views].tolist()])
         return NamedViews(tuple(names[k] for k in numbers), given, eyes_m)
 
     def table(self) -> SightingTable:
         """All detections with their voxels."""
-        keys = np.fromiter(self._at, np.int64, len(self._at))
-        lists = [np.frombuffer(a, np.int32) for a in self._at.values()]
+        kept = self._voxel.values != NO_VOXEL
+        filled, voxel = np.unique(self._voxel.values[kept], return_inverse=True)
+        order = np.argsort(voxel, kind="stable")
         return SightingTable(
             tuple(self._names),
             self._name.values.copy(),
-            np.repeat(np.arange(len(keys)), [len(a) for a in lists]),
-            np.concatenate([*lists, np.empty(0, np.int32)]),
-            keys,
+            voxel[order],
+            self._detection.values[kept][order],
+            self._voxels.keys[filled],
         )
+
+
+def voxels_and_mean(
+    points: NDArray[np.float32], rows: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Voxel keys [n] and mean [3] of the rows [n] of points [., 3].
+
+    Equals `voxel_keys(points[rows], VOXEL_M)` and `points[rows].mean(axis=0)` bit by bit.
+    """
+    keys, total = np.empty(len(rows), np.int64), np.zeros(3, np.float32)
+    gathered_kernel(points, rows, VOXEL_M, BITS, keys, total)
+    return keys, (total / np.float64(len(rows))).astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def gathered_kernel(points, rows, voxel_m, bits, keys, total):
+    """Fill keys [n] like `clustering.voxel_keys_kernel`; add the points, one after the other, to
+    total [3]."""
+    half = np.int64(1) << (bits - 1)
+    for k in range(rows.size):
+        key = np.int64(0)
+        for axis in range(3):
+            at = points[rows[k], axis]
+            total[axis] += at
+            key = (key << bits) | (np.int64(np.floor(np.float64(at) / voxel_m)) + half)
+        keys[k] = key
+
+
+@njit(cache=True, nogil=True)
+def filled_kernel(mask, box, first, step, voxel, stamps, stamp, filled):
+    """List in `filled` the voxels of the pixels of a mask, each once; returns their number.
+
+    mask: [height, width]; box: [4] first and end pixel of the mask, x, y, x, y; voxel: [h, w]
+    number at pixel (first + step * row, first + step * column), NO_VOXEL for none; stamps:
+    [voxels], where no voxel has the value `stamp` yet.
+    """
+    n = 0
+    first_row, first_column = max(box[1] - first, 0) // step, max(box[0] - first, 0) // step
+    end_row = min(voxel.shape[0], (min(box[3], mask.shape[0]) - first + step - 1) // step)
+    end_column = min(voxel.shape[1], (min(box[2], mask.shape[1]) - first + step - 1) // step)
+    for row in range(first_row, end_row):
+        for column in range(first_column, end_column):
+            if mask[first + step * row, first + step * column]:
+                v = voxel[row, column]
+                if v != NO_VOXEL and stamps[v] != stamp:
+                    stamps[v] = stamp
+                    filled[n] = v
+                    n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def link_kernel(voxels, start, newest, before):
+    """Prepend entries, numbered from `start`, to the lists of their voxels."""
+    for k in range(voxels.size):
+        before[start + k] = newest[voxels[k]]
+        newest[voxels[k]] = start + k
+
+
+@njit(cache=True, nogil=True)
+def overlap_kernel(voxels, stamps, newest, before, detection, overlap, ids):
+    """Add to overlap [detections] the distinct voxels among `voxels` that each detection fills.
+
+    stamps: [voxels], all False. Lists in `ids` the detections with an overlap. Returns the number
+    of distinct voxels, and that of detections.
+    """
+    n_voxels, n = 0, 0
+    for k in range(voxels.size):
+        v = voxels[k]
+        if stamps[v]:
+            continue
+        stamps[v] = True
+        n_voxels += 1
+        entry = newest[v]
+        while entry != _NONE:
+            d = detection[entry]
+            if overlap[d] == 0:
+                ids[n] = d
+                n += 1
+            overlap[d] += 1
+            entry = before[entry]
+    return n_voxels, n
+
+
+@njit(cache=True, nogil=True)
+def naming_kernel(
+    ids, overlap, n_voxels, size, name, view, alike, own_overlap, least_of_largest, views, of_view,
+    of_name,
+):  # fmt: skip
+    """Views that named an instance of n_voxels voxels, and the names that they gave.
+
+    ids: [n] detections in rising order, view by view; alike: [names]. A detection counts if its
+    name is alike, it overlaps with the share own_overlap of the smaller one's voxels, and with
+    least_of_largest of the largest overlap in its view. Fills views with their numbers, and of_view
+    (index into views) and of_name for each detection that counts. Returns both numbers.
+    """
+    n_views, n_given, k = 0, 0, 0
+    while k < ids.size:
+        number, end, largest = view[ids[k]], k, 0
+        while end < ids.size and view[ids[end]] == number:
+            d = ids[end]
+            if alike[name[d]] and overlap[d] >= own_overlap * min(size[d], n_voxels):
+                largest = max(largest, overlap[d])
+            end += 1
+        if largest > 0:
+            for i in range(k, end):
+                d = ids[i]
+                if (
+                    alike[name[d]]
+                    and overlap[d] >= own_overlap * min(size[d], n_voxels)
+                    and overlap[d] >= least_of_largest * largest
+                ):
+                    of_view[n_given], of_name[n_given] = n_views, name[d]
+                    n_given += 1
+            views[n_views] = number
+            n_views += 1
+        k = end
+    return n_views, n_given

@@ -239,6 +239,7 @@ class InstanceRegistry:
     def note_view(
         self,
         instance: NDArray[np.int32],
+        took: NDArray[np.integer],
         kappa: NDArray[np.float32],
         weights: NDArray[np.float32],
         depth_m: NDArray[np.float32],
@@ -246,15 +247,16 @@ class InstanceRegistry:
     ) -> list[int]:
         """Count a view for the instances it gave evidence for. Returns their labels.
 
-        instance: [k] labels; kappa: [k, 1 + C] per label of the image, "other" first; weights: [k,
-        C] of the view; depth_m: [k]. An instance counts as seen from a kappa sum of one pixel, and
+        instance: [t] labels of the Gaussians that received evidence; took: [t] their indices into
+        the others; kappa: [k, 1 + C] per label of the image, "other" first; weights: [k, C] of the
+        view; depth_m: [k]. An instance counts as seen from a kappa sum of one pixel, and
         as detected if half of that kappa has its class.
         """
         labels, of_row = distinct(instance)
         seen = np.zeros((len(labels), kappa.shape[1]))
         weighed = np.zeros((len(labels), weights.shape[1]))
         far_m = np.zeros(len(labels))
-        views_kernel(of_row, kappa, weights, depth_m, seen, weighed, far_m)
+        views_kernel(of_row, took, kappa, weights, depth_m, seen, weighed, far_m)
         given = [label for label in labels.tolist() if label != NO_INSTANCE]
         for k, label in enumerate(labels.tolist()):
             record = self.records.get(label)
@@ -299,14 +301,14 @@ def _by_group(
 
 
 @njit(cache=True, nogil=True)
-def views_kernel(of_row, kappa, weights, depth_m, seen, weighed, far_m):
-    """Sum over the rows of each label; of_row: [k] index of the label.
+def views_kernel(of_row, took, kappa, weights, depth_m, seen, weighed, far_m):
+    """Sum over the rows `took` [t] of each label; of_row: [t] index of the label.
 
     Adds kappa [k, 1 + C] to seen [labels, 1 + C]; weights [k, C] and depth_m [k], both times the
     sum of kappa, to weighed [labels, C] and far_m [labels].
     """
-    for k in range(of_row.size):
-        label, total = of_row[k], 0.0
+    for t in range(of_row.size):
+        k, label, total = took[t], of_row[t], 0.0
         for c in range(kappa.shape[1]):
             seen[label, c] += kappa[k, c]
             total += kappa[k, c]

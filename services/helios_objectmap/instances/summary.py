@@ -81,6 +81,29 @@ def believed(
     return Belief(rows, mine, trust, probabilities, scored)
 
 
+def with_trust(
+    belief: Belief,
+    store: GaussianStore,
+    class_name: str,
+    prior: float,
+    n_classes: int,
+    alpha_cs: float,
+    trust: float,
+) -> Belief:
+    """The belief that `believed` gives with another trust; class_name: its own class."""
+    columns = np.array([store.class_names.index(class_name)], np.int64)
+    rows, mean, deviation, mine = belief.rows, np.zeros(1), np.zeros(1), np.empty(len(belief.rows))
+    beliefs_kernel(
+        rows, store.class_evidence, store.total_evidence, columns, 0, prior, prior * n_classes,
+        trust, mean, deviation, mine,
+    )  # fmt: skip
+    class_score, uncertainty = float(mean[0] / len(rows)), float(deviation[0] / len(rows))
+    likely = {name: p for name, p in belief.probabilities.items() if name != "other"}
+    likely[class_name] = class_score
+    likely["other"] = max(0.0, 1.0 - float(np.array(list(likely.values())).sum()))
+    return Belief(rows, mine, trust, likely, score_from(class_score, uncertainty, alpha_cs))
+
+
 def sure_part(mean: NDArray[np.floating]) -> float:
     """Probability above which Gaussians count like the surest ones of their instance. mean: [n].
 

@@ -42,8 +42,10 @@ def project_kernel(
         first = run * _RUN
         if first != total:
             for i in range(counts[run]):
-                splats[total + i] = splats[first + i]
-                tiles[total + i] = tiles[first + i]
+                for c in range(COLUMNS):
+                    splats[total + i, c] = splats[first + i, c]
+                for c in range(4):
+                    tiles[total + i, c] = tiles[first + i, c]
                 visible[total + i] = visible[first + i]
         total += counts[run]
     return total
@@ -58,6 +60,7 @@ def _project_run(
     near_m, far_m, low_pass = limits
     one = _f4(1)
     to = first
+    last_opacity, reach, log2_strength = _f4(-1), _f4(0), _f4(0)
     for k in range(first, end):
         i = rows[k]
         x, y, z = means[i, 0], means[i, 1], means[i, 2]
@@ -74,8 +77,11 @@ def _project_run(
         cov_uu = scale_x * scale_x * (one + slope_x * slope_x) + low_pass
         cov_uv = scale_x * scale_y * slope_x * slope_y
         cov_vv = scale_y * scale_y * (one + slope_y * slope_y) + low_pass
-        strength = min(opacity[i], _f4(OPACITY_MAX))
-        reach = _f4(2) * math.log(strength * _f4(1 / ALPHA_MIN))
+        if opacity[i] != last_opacity:  # most Gaussians have the opacity of a new one
+            last_opacity = opacity[i]
+            strength = min(last_opacity, _f4(OPACITY_MAX))
+            reach = _f4(2) * math.log(strength * _f4(1 / ALPHA_MIN))
+            log2_strength = math.log2(strength)
         if not reach > 0:
             continue
         half_w = math.sqrt(reach * cov_uu)
@@ -94,7 +100,7 @@ def _project_run(
         splats[to, QUADRATIC_UU] = cov_vv * scale
         splats[to, QUADRATIC_UV] = _f4(-2) * cov_uv * scale
         splats[to, QUADRATIC_VV] = cov_uu * scale
-        splats[to, LOG2_OPACITY] = math.log2(strength)
+        splats[to, LOG2_OPACITY] = log2_strength
         splats[to, DEPTH] = depth
         splats[to, RADIUS] = radius[i]
         tiles[to, 0] = first_u // TILE

@@ -1,8 +1,8 @@
 """Front-to-back blending of the splats of a tile: kappa (eq. 1), row by row of sixteen pixels.
 
 The splats of a tile are taken in chunks. For each row of the tile, the kernel lists the splats that
-reach the row, computes their kappa with the remaining light held in a register, and then either
-blends features or sums kappa per label.
+reach the row, computes their kappa with the remaining light held in a register, and either blends
+features, blends depth alone, or sums kappa per label.
 """
 
 from __future__ import annotations
@@ -172,6 +172,53 @@ def _blend_tile(
             break
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _depth_of_row(own, depths, hits, n, row, light, at_light, band, at_band):
+    """Add kappa times the depth of the splats that reach a row to band [at_band : + 16].
+
+    Like `_kappa_of_row` and `_blend_row` with one channel, without storing kappa. Dims light
+    [at_light : + 16] and returns the largest remaining light of a pixel.
+    """
+    left, total, u = load(light, at_light), load(band, at_band), ramp()
+    for i in range(n):
+        j = _i8(hits[row * CHUNK + i])
+        at = j * _PARAMETERS
+        du = u - fill_from(own, at)
+        dv = _f4(row) - own[at + 1]
+        exponent = du * (du * fill_from(own, at + 2) + fill(own[at + 3] * dv)) + fill(
+            own[at + 4] * dv * dv + own[at + 5]
+        )
+        k = exp2_above(exponent, _f4(_LOG2_ALPHA_MIN)) * left
+        left = left - k
+        total = total + k * fill_from(depths, j)
+    store(light, at_light, left)
+    store(band, at_band, total)
+    return largest_of(left)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _blend_depth_of_tile(splats, entries, start, end, tile_u, tile_v, light, band, stride):
+    """Like `_blend_tile` without features: band [row, u]."""
+    own = np.empty(CHUNK * _PARAMETERS, np.float32)
+    depths = np.empty(CHUNK, np.float32)
+    hits, n_hits = np.empty(TILE * CHUNK, np.int32), np.empty(TILE, np.int32)
+    finished = 0
+    for first in range(start, end, CHUNK):
+        n = min(CHUNK, end - first)
+        _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits)
+        for j in range(n):
+            depths[j] = splats[entries[first + j], DEPTH]
+        for row in range(TILE):
+            m = n_hits[row]
+            if m > 0 and not (finished >> row) & 1:
+                at = row * stride + tile_u
+                left = _depth_of_row(own, depths, hits, m, row, light, at, band, at)
+                if left < _f4(TRANSMITTANCE_MIN):
+                    finished |= 1 << row
+        if finished == _ALL_ROWS:
+            break
+
+
 @njit(parallel=True, cache=True, nogil=True, error_model="numpy")
 def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended):
     """Blend depth [h, w] and features [k * c] into blended [c, h, w]; coverage: sum of kappa.
@@ -182,6 +229,8 @@ def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended
     height, width = coverage.shape
     n_features = blended.shape[0]
     n_channels = (1 + n_features + CHANNEL_BLOCK - 1) // CHANNEL_BLOCK * CHANNEL_BLOCK
+    if n_features == 0:
+        n_channels = 1
     tiles_x = (width + TILE - 1) // TILE
     tiles_y = (height + TILE - 1) // TILE
     stride = (tiles_x | 1) * TILE  # an odd number of tiles: rows map to different cache sets
@@ -191,10 +240,16 @@ def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended
         band = np.zeros(TILE * n_channels * stride, np.float32)  # [row, channel, u]
         for tile_x in range(tiles_x):
             t = tile_y * tiles_x + tile_x
-            _blend_tile(
-                splats, features, n_features, entries, offsets[t], offsets[t + 1], tile_x * TILE,
-                tile_y * TILE, n_channels, light, band, stride,
-            )  # fmt: skip
+            if n_features == 0:
+                _blend_depth_of_tile(
+                    splats, entries, offsets[t], offsets[t + 1], tile_x * TILE, tile_y * TILE,
+                    light, band, stride,
+                )  # fmt: skip
+            else:
+                _blend_tile(
+                    splats, features, n_features, entries, offsets[t], offsets[t + 1],
+                    tile_x * TILE, tile_y * TILE, n_channels, light, band, stride,
+                )  # fmt: skip
         for row in range(min(TILE, height - tile_y * TILE)):
             v = tile_y * TILE + row
             for u in range(width):
@@ -222,10 +277,18 @@ def _dealt(i, n):
 def _sum_tile(
     splats, entries, start, end, tile_u, tile_v, planes, present, n_labels, light, partial
 ):
+    """Sum kappa per label in one tile. planes: [labels * TILE * TILE], 1 where a pixel has the
+    label; present: [labels * TILE], True where a pixel of the row has it."""
     own = np.empty(CHUNK * _PARAMETERS, np.float32)
     kappa = np.empty(CHUNK * TILE, np.float32)
     hits, n_hits = np.empty(TILE * CHUNK, np.int32), np.empty(TILE, np.int32)
     finished = 0
+    for row in range(TILE):
+        some = False
+        for label in range(n_labels):
+            some |= present[label * TILE + row]
+        if not some:  # its light does not reach other rows
+            finished |= 1 << row
     for first in range(start, end, CHUNK):
         n = min(CHUNK, end - first)
         _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits)
@@ -256,6 +319,8 @@ def kappa_sums_kernel(splats, offsets, entries, labels, n_labels, partial):
         tile_v = tile_y * TILE
         tile_u = i % tiles_x * TILE
         partial[offsets[t] : offsets[t + 1]] = 0
+        if offsets[t + 1] == offsets[t]:
+            continue
         planes = np.zeros(n_labels * TILE * TILE, np.float32)
         present = np.zeros(n_labels * TILE, np.bool_)
         some = False
@@ -266,7 +331,7 @@ def kappa_sums_kernel(splats, offsets, entries, labels, n_labels, partial):
                     planes[(label * TILE + r) * TILE + x] = _f4(1)
                     present[label * TILE + r] = True
                     some = True
-        if some and offsets[t + 1] > offsets[t]:
+        if some:
             light = np.ones(TILE * TILE, np.float32)
             _sum_tile(
                 splats, entries, offsets[t], offsets[t + 1], tile_u, tile_v, planes, present,

@@ -228,7 +228,7 @@ def fill_specks(unknown: NDArray[np.uint8], smallest: int) -> None:
     small = stats[:, cv2.CC_STAT_AREA] < smallest
     small[0] = False
     if small[:count].any():
-        unknown[np.take(small, np.asarray(labels, np.int32))] = 0
+        kernels.clear_labels(np.asarray(labels, np.int32), small, unknown)
 
 
 def blind_m(robot: RobotDescription) -> float:

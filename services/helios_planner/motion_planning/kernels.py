@@ -97,6 +97,15 @@ def march(speed, sources, arrival, following, cell_of, head, bucket_width, slowe
 
 
 @njit(cache=True)
+def clear_labels(labels, chosen, mask):
+    """Set mask [h, w] to 0 where the label [h, w] is chosen [labels]."""
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            if chosen[labels[r, c]]:
+                mask[r, c] = 0
+
+
+@njit(cache=True)
 def _open_between(arrival, row, column, down, right):
     """True if the step touches only reached cells: it crosses no wall and cuts no corner."""
     rows, columns = abs(down), abs(right)

@@ -336,7 +336,8 @@ class RobotClient(RobotInterface):
 
     def _snapshot(self, known: int) -> pb.MapSnapshot:
         """Newest map; without arrays if it has the version `known`."""
-        return self._line.call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
+        request = pb.SnapshotRequest(layers=False, if_newer=known, ground_only=True)
+        return self._line.call(SNAPSHOT, request)
 
     def _on_pause(self, why: str | None) -> None:
         if why is None:

@@ -18,6 +18,7 @@ from helios_core.topics import (
     RESET_MAP2D,
     ROBOT_STATE,
     SIGHT,
+    SNAPSHOT,
 )
 from helios_core.types import FrameId, RobotState
 from map2d_rig import Rig
@@ -48,6 +49,19 @@ def test_keyframes_and_observations_are_acknowledged_and_the_snapshot_decodes(ri
     unchanged = rig.snapshot(if_newer=view.version)
     assert unchanged.unchanged
     assert not unchanged.occupancy
+
+
+def test_a_planner_can_request_the_ground_alone(rig: Rig) -> None:
+    rig.settle()
+    whole = decode_snapshot(rig.snapshot())
+    reply = rig.bus.call(SNAPSHOT, pb.SnapshotRequest(ground_only=True), 5)
+    ground = decode_snapshot(reply)
+    assert np.array_equal(ground.occupancy, whole.occupancy)
+    assert np.array_equal(ground.top_m, whole.top_m)
+    assert (ground.version, ground.origin_m) == (whole.version, whole.origin_m)
+    assert list(ground.frontiers) == list(whole.frontiers)
+    assert not any((reply.explored, reply.bottom_mm, reply.values))
+    assert decode_snapshot(rig.snapshot()).explored.any()  # the two replies are kept apart
 
 
 def test_keyframes_wait_for_the_robot_description() -> None:

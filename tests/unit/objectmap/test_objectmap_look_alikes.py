@@ -101,9 +101,9 @@ def test_names_at_the_place_of_a_picked_object_are_forgotten() -> None:
     views_of_mug(objects, EYES)
     (mug,) = (o for o in objects.objects() if o.class_name == "mug")
     points = objects.gaussians(mug.id).means
-    assert objects._sightings.rates(points, "mug", 1.0) is not None
+    assert objects._sightings.rates(points, np.arange(len(points)), "mug", 1.0) is not None
     objects.retire(mug.id)
-    assert objects._sightings.rates(points, "mug", 1.0) is None
+    assert objects._sightings.rates(points, np.arange(len(points)), "mug", 1.0) is None
 
 
 @pytest.mark.parametrize("most_views", [2, 4, 6])
@@ -118,7 +118,7 @@ def test_only_the_latest_views_are_kept(most_views: int) -> None:
         named = Detection(f"name {seq}", 0.9, mug_seen.box_xyxy, mug_seen.mask)
         sightings.note(reading, 1, (named,))
         assert len(sightings) <= most_views
-    rates = sightings.rates(mug, "mug", 1.0)
+    rates = sightings.rates(mug, np.arange(len(mug)), "mug", 1.0)
     assert rates is not None
     kept = {f"name {seq}" for seq in range(len(EYES) - len(sightings), len(EYES))}
     assert set(rates.names) <= kept

@@ -79,7 +79,8 @@ def test_a_view_is_counted_for_the_instances_that_it_shows(seed):
         3: InstanceRecord("x"),
     }
     depth_m = (1 + 1.25 * labels).astype(np.float32)  # the mug at 2.25 m, the table at 3.5 m
-    given_labels = registry.note_view(labels, kappa, weights, depth_m, ["mug", "table"])
+    everyone, names = np.arange(len(labels)), ["mug", "table"]
+    given_labels = registry.note_view(labels, everyone, kappa, weights, depth_m, names)
     assert given_labels == sorted(set(labels.tolist()) - {NO_INSTANCE})
     for label, own in ((1, 0), (2, 1)):
         mine = labels == label

@@ -8,12 +8,14 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class SnapshotRequest(_message.Message):
-    __slots__ = ("layers", "if_newer")
+    __slots__ = ("layers", "if_newer", "ground_only")
     LAYERS_FIELD_NUMBER: _ClassVar[int]
     IF_NEWER_FIELD_NUMBER: _ClassVar[int]
+    GROUND_ONLY_FIELD_NUMBER: _ClassVar[int]
     layers: bool
     if_newer: int
-    def __init__(self, layers: bool = ..., if_newer: _Optional[int] = ...) -> None: ...
+    ground_only: bool
+    def __init__(self, layers: bool = ..., if_newer: _Optional[int] = ..., ground_only: bool = ...) -> None: ...
 
 class Frontier(_message.Message):
     __slots__ = ("id", "x_m", "y_m", "size_m", "values", "reachable")
