@@ -10,7 +10,7 @@ import sys
 
 import pytest
 from helios_core import log_format, tracing
-from helios_core.log_format import JsonLines
+from helios_core.log_format import JsonLines, OneService
 from helios_core.settings import ServiceSettings
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +27,8 @@ with tracing.span("a", task="t", keyframe="k"):
 def line(message: str, *args: object, error: BaseException | None = None) -> dict[str, str]:
     info = (type(error), error, error.__traceback__) if error else None
     record = logging.LogRecord("a.b", logging.WARNING, "f.py", 1, message, args, info)
-    text = JsonLines("planner", "r").format(record)
+    OneService("planner").filter(record)
+    text = JsonLines("r").format(record)
     assert "\n" not in text
     return json.loads(text)
 
