@@ -136,6 +136,7 @@ class InProcessStack:
         Raises the planner's errors, and DeadlineExceeded.
         """
         request = pb.SubmitRequest(instruction=instruction, max_steps=max_steps)
+        self._ended.clear()
         task = self._bus.call(SUBMIT, request, CALL_S)
         if not self._ended.wait(within_s):
             raise DeadlineExceeded(f"the episode did not end within {within_s:g} s")

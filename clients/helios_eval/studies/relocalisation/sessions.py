@@ -1,0 +1,158 @@
+"""Sessions of the study: a first visit that makes the saved map, and a later start elsewhere.
+
+The task of a home is "Find the <object>". In every session the robot does that task, and then
+searches for something that the home does not have, which makes it explore, up to a number of steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix
+from helios_core.map_snapshot import MapView
+from helios_core.topics import SAVE_MAP2D, SAVE_OBJECTS
+from helios_core.types import ObjectInstance
+from helios_sim.episode_tracker import episode_of
+from helios_sim.home import Episode, Home
+from helios_sim.sensor_noise import SENSORS
+from helios_sim.simulation_thread import WorldThread
+from helios_sim.start_poses import with_random_start
+from helios_sim.world import World
+
+from helios_eval.episodes import home_presets
+from helios_eval.episodes.absent_targets import absent_episode_of
+from helios_eval.episodes.episode_player import LONGEST_S
+from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
+from helios_eval.episodes.in_process_stack import CALL_S, InProcessStack
+
+VISIT_STEPS = 200  # actions of a first visit
+LATER_STEPS = 40  # actions of a later session until it must be relocalised
+AGENT = "helios"
+_ORIGIN = (0.0, 0.0, 0.0)  # pose that a robot of unknown origin reports at its start
+
+
+@dataclass(frozen=True)
+class Place:
+    """Home of a session, and its task."""
+
+    preset: str
+    seed: int
+    sensor: str
+    random_start: int | None = None  # seed of the start pose; None: the start of the home
+
+    @property
+    def home(self) -> Home:
+        home = home_presets.home_of(self.preset, self.seed)
+        return home if self.random_start is None else with_random_start(home, self.random_start)
+
+    @property
+    def sought(self) -> str:
+        """Class of the object to find."""
+        return episode_of(home_presets.home_of(self.preset, self.seed), self.seed).object_class
+
+    @property
+    def absent(self) -> str:
+        """Class of an object that is not in the home."""
+        home = home_presets.home_of(self.preset, self.seed)
+        return absent_episode_of(home, self.seed).object_class
+
+
+@dataclass(frozen=True)
+class SavedMap:
+    """Both maps as `helios map save` writes them."""
+
+    map2d: bytes
+    objects: bytes
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Maps of a session after an action, and the truth about its frame."""
+
+    step: int
+    view: MapView
+    objects: tuple[ObjectInstance, ...]
+    T_estimated_true: Matrix
+
+
+@dataclass(frozen=True)
+class Session:
+    """Result of a session."""
+
+    found_step: int  # actions until the object was found (FindObj); 0: not found
+    found_state: str  # state of the task that looked for it
+    steps: int
+    saved: SavedMap
+
+
+@contextmanager
+def running(
+    place: Place, on_step: Callable[[InProcessStack, World], None]
+) -> Iterator[tuple[WorldThread, InProcessStack]]:
+    """World and stack of a session, for the duration of the block. on_step: called after each
+    action, on the thread of the planner, with the world on its own thread."""
+    home = place.home
+    episode = Episode(place.sought, "", "", f"Find the {place.sought}")
+    origin = None if place.random_start is None else _ORIGIN
+    thread = WorldThread(
+        lambda: World(
+            home, episode, sensor=SENSORS[place.sensor], colored=False, reported_start=origin
+        )
+    )
+    noise = noise_of(home_presets.noise_of(place.preset), 1.0, None)
+    stack: InProcessStack | None = None
+
+    def step() -> None:
+        if stack is not None:
+            on_step(stack, thread)
+
+    try:
+        stack = InProcessStack(
+            thread, AGENT, noise, place.seed, {SCORER: DEFAULT_SCORER}, step
+        )
+        with stack:
+            yield thread, stack
+    finally:
+        thread.close()
+
+
+def play(
+    place: Place, most_steps: int, on_step: Callable[[InProcessStack, WorldThread], None]
+) -> Session:
+    """Play a session of at most `most_steps` actions. Raises HeliosError."""
+    found = 0
+
+    def step(stack: InProcessStack, thread: WorldThread) -> None:
+        nonlocal found
+        progress = thread.run(lambda world: world.progress)
+        if progress.find_object and not found:
+            found = progress.steps
+        on_step(stack, thread)
+
+    with running(place, step) as (thread, stack):
+        first = stack.run(f"Find the {place.sought}", most_steps, LONGEST_S)
+        steps = thread.run(lambda world: world.progress.steps)
+        if steps < most_steps - 1:
+            stack.run(f"Find the {place.absent}", most_steps - steps, LONGEST_S)
+        return Session(
+            found, first.state, thread.run(lambda world: world.progress.steps), saved_map(stack)
+        )
+
+
+def moment_of(stack: InProcessStack, thread: WorldThread) -> Moment:
+    """Present maps of a session."""
+    step, T = thread.run(lambda world: (world.progress.steps, world.T_estimated_true))
+    return Moment(step, stack.map(), tuple(stack.objects()), T)
+
+
+def saved_map(stack: InProcessStack) -> SavedMap:
+    """Both maps of a running session."""
+    bus = stack.bus()
+    [map2d] = bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(), CALL_S).files
+    return SavedMap(map2d.data, bus.call(SAVE_OBJECTS, pb.Empty(), CALL_S).data)
