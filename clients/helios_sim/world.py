@@ -102,7 +102,14 @@ class World(RobotDriver):
         self._settle()
         movable = [int(model.body(thing.name).id) for thing in home.objects]
         self._sensors = RobotSensors(
-            model, self._data, robot, camera, home, movable, sensor, colored,
+            model,
+            self._data,
+            robot,
+            camera,
+            home,
+            movable,
+            sensor,
+            colored,
             reported_start,
         )
         self.trace = DriveTrace(pace)

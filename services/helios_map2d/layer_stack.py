@@ -155,7 +155,9 @@ class LayerStack:
             self.values.restore(name, values.values())
         self.known = self.known.union(self.values.box)
 
-    def fill_unknown(self, stored: LayerStack, T_here_there: Transform2) -> list[tuple[Tile, bool, bool]]:
+    def fill_unknown(
+        self, stored: LayerStack, T_here_there: Transform2
+    ) -> list[tuple[Tile, bool, bool]]:
         """Fill unknown cells with the known cells of another map; known cells stay.
 
         T_here_there: place of the other map. Each cell takes the content of the cell that its

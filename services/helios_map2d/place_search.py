@@ -148,7 +148,10 @@ class PlaceSearch:
                 return
             self._stored = stored
             before = self._fix if self._present == present else Fix()
-            self._fix, self._present = before.after(found, grid.known_m2, _robot_m(published)), present
+            self._fix, self._present = (
+                before.after(found, grid.known_m2, _robot_m(published)),
+                present,
+            )
             self._attempts += 1
             self._last = self._message(sought.world, present[0], found)
             relocalised = self._fix.state is PlaceState.RELOCALISED
@@ -162,11 +165,16 @@ class PlaceSearch:
     def _take_over(self, sought: Sought) -> bool:
         """Add the stored map to the present one; False, with the reason, if that is refused."""
         maps, T = self._maps(), self._fix.T_stored_present
-        assert maps is not None and maps.current is not None and T is not None
+        assert maps is not None and T is not None
+        assert maps.current is not None
         try:
             maps.current.add_stored(sought.map, T.inverse)
         except HeliosError as error:
-            self._fix, self._last.state, self._last.reason = Fix(), PlaceState.UNKNOWN, error.message
+            self._fix, self._last.state, self._last.reason = (
+                Fix(),
+                PlaceState.UNKNOWN,
+                error.message,
+            )
             self._last.ClearField("T_present_stored")
             return False
         self._sought = self._stored = None

@@ -257,9 +257,7 @@ def areas_m2(published: MapSnapshot) -> tuple[float, float]:
     return known_cells * cell_m2, int((published.occupancy == OCCUPIED).sum()) * cell_m2
 
 
-def loaded(
-    request: pb.LoadMap2DRequest, maps: EpochMaps
-) -> tuple[EpochMap, WorldId | None]:
+def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> tuple[EpochMap, WorldId | None]:
     """Map of some files, and its world if they name it. Raises InvalidInput if they are
     unusable."""
     by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}

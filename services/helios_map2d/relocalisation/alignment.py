@@ -97,7 +97,11 @@ def align(
         return None
     score_m, best = scored[0]
     second_m = next(
-        (s for s, fit in scored[1:] if _is_apart(fit.T_stored_present, best.T_stored_present, points)),
+        (
+            s
+            for s, fit in scored[1:]
+            if _is_apart(fit.T_stored_present, best.T_stored_present, points)
+        ),
         0.0,
     )
     found = Alignment(best, score_m - best.score_m, score_m, second_m, "")

@@ -87,10 +87,8 @@ def _shrunk(field: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
     return blocks.mean(axis=(1, 3))
 
 
-def _splat(
-    points: Points, half: int, shape: tuple[int, ...], weight: float
-) -> NDArray[np.float32]:
-    """Sum of the weights of points [n, 2] (in cells) by cell; the centre of the points is in cell (half, half)."""
+def _splat(points: Points, half: int, shape: tuple[int, ...], weight: float) -> NDArray[np.float32]:
+    """Sum of the weights of points [n, 2], in cells, by cell; their origin is in cell (half, half)."""
     at = np.floor(points + half + 0.5).astype(np.intp)
     flat = np.bincount(at[:, 1] * shape[1] + at[:, 0], minlength=shape[0] * shape[1])
     return (flat * weight).astype(np.float32).reshape(shape)

@@ -32,9 +32,7 @@ class Fix:
     T_stored_present: Transform2 | None = None  # None while unknown
     known_m2: float = 0.0  # area of the present map at the last alignment that passed
 
-    def after(
-        self, found: Alignment | None, known_m2: float, robot_m: NDArray[np.float64]
-    ) -> Fix:
+    def after(self, found: Alignment | None, known_m2: float, robot_m: NDArray[np.float64]) -> Fix:
         """Estimate after another alignment. known_m2: area of the present map; robot_m: position
         [2] of the robot in the present frame.
 

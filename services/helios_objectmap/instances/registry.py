@@ -176,7 +176,9 @@ class InstanceRegistry:
         labels, there: [n] labels of the same Gaussians here and there; NO_INSTANCE for none.
         """
         both = (labels != NO_INSTANCE) & (there != NO_INSTANCE)
-        for here, label in sorted(set(zip(labels[both].tolist(), there[both].tolist(), strict=True))):
+        for here, label in sorted(
+            set(zip(labels[both].tolist(), there[both].tolist(), strict=True))
+        ):
             if here in self.records and label in other.records:
                 self.records[here].inherit(other.records[label])
         for name, ended in other.ended.items():

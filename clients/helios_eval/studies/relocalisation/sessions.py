@@ -6,14 +6,11 @@ searches for something that the home does not have, which makes it explore, up t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
 from helios_core.map_snapshot import MapView
 from helios_core.topics import SAVE_MAP2D, SAVE_OBJECTS
@@ -113,9 +110,7 @@ def running(
             on_step(stack, thread)
 
     try:
-        stack = InProcessStack(
-            thread, AGENT, noise, place.seed, {SCORER: DEFAULT_SCORER}, step
-        )
+        stack = InProcessStack(thread, AGENT, noise, place.seed, {SCORER: DEFAULT_SCORER}, step)
         with stack:
             yield thread, stack
     finally:
