@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core import proto as pb
 from helios_core.errors import Internal
+from helios_core.geometry import se2_to_se3
 from helios_core.printable_text import printable
 from helios_core.task_states import is_task_state
 

@@ -165,16 +165,14 @@ class PlaceSearch:
     def _take_over(self, sought: Sought) -> bool:
         """Add the stored map to the present one; False, with the reason, if that is refused."""
         maps, T = self._maps(), self._fix.T_stored_present
-        assert maps is not None and T is not None
+        assert maps is not None
+        assert T is not None
         assert maps.current is not None
         try:
             maps.current.add_stored(sought.map, T.inverse)
         except HeliosError as error:
-            self._fix, self._last.state, self._last.reason = (
-                Fix(),
-                PlaceState.UNKNOWN,
-                error.message,
-            )
+            self._fix = Fix()
+            self._last.state, self._last.reason = PlaceState.UNKNOWN, error.message
             self._last.ClearField("T_present_stored")
             return False
         self._sought = self._stored = None

@@ -357,7 +357,8 @@ class ObjectMapService:
         world = persistence.world_of(request.data)
         with self._lock:
             present = self._maps.robot_world or self._maps.world
-            is_stored = not (request.same_frame or world is None or world == present)
+            named = world is not None and present is not None
+            is_stored = named and world != present and not request.same_frame
             if is_stored:
                 gaussians, objects = self._stored.store(request.data)
         if is_stored:

@@ -106,10 +106,11 @@ def load(
 ) -> api_map_models.LoadedMaps:
     """Replace both maps with those of a file, or store a file of another world.
 
-    If one map refuses the file, neither is replaced. The poses of a robot that restarts may begin
-    elsewhere, which makes its world another one. Then the file is not in use until the robot has
-    found its place in it (`/v1/objects` reports the state of each stored object). Returns 409 while a task is queued or under way; a new
-    task waits. After a 504 the state of the maps is unknown: load a file again.
+    If one map refuses the file, neither is replaced. The poses of a robot that restarts may
+    begin elsewhere, which makes its world another one. Then the file is not in use until the
+    robot has found its place in it (`/v1/objects` reports the state of each stored object).
+    Returns 409 while a task is queued or under way; a new task waits. After a 504 the state of
+    the maps is unknown: load a file again.
     """
     settings = state.settings
     maps = unpacked(file, settings.map_limit_bytes)

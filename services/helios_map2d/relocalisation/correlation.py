@@ -88,7 +88,7 @@ def _shrunk(field: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 
 
 def _splat(points: Points, half: int, shape: tuple[int, ...], weight: float) -> NDArray[np.float32]:
-    """Sum of the weights of points [n, 2], in cells, by cell; their origin is in cell (half, half)."""
+    """Sum of the weights of points [n, 2] (cells) by cell; their origin is at (half, half)."""
     at = np.floor(points + half + 0.5).astype(np.intp)
     flat = np.bincount(at[:, 1] * shape[1] + at[:, 0], minlength=shape[0] * shape[1])
     return (flat * weight).astype(np.float32).reshape(shape)

@@ -89,7 +89,9 @@ def test_a_turned_stored_map_gives_the_turned_place(T: Transform2) -> None:
     moved = seen_from(whole, T, (3.0, 2.5), 4.0)
     there = found(moved, present).T_stored_present
     expected = T @ found(whole, present).T_stored_present
-    away_m, turned_rad = there.difference(expected, Transform2(1.0, -2.0, 0.7).of(np.array([[3.4, 2.6]]))[0])
+    away_m, turned_rad = there.difference(
+        expected, Transform2(1.0, -2.0, 0.7).of(np.array([[3.4, 2.6]]))[0]
+    )
     assert away_m < 0.05
     assert turned_rad < math.radians(1)
 
