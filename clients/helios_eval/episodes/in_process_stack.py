@@ -151,6 +151,10 @@ class InProcessStack:
         """Current 2D map."""
         return decode_snapshot(self._bus.call(SNAPSHOT, pb.SnapshotRequest(layers=False), CALL_S))
 
+    def settle(self) -> None:
+        """Wait for an attempt to relocalise in a stored map, if one is due."""
+        self._map2d.places_settled(CALL_S)
+
     def bus(self) -> MemoryBus:
         """New bus of this stack, for a subscriber."""
         return MemoryBus(self._hub)

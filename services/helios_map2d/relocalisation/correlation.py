@@ -43,7 +43,7 @@ def candidates(stored: StoredFields, present: PresentPoints, most: int) -> list[
     for_surface, for_floor = (_shrunk(field, factor) for field in _fields(stored))
     centre = present.centre_m
     surface, floor = present.surface_m - centre, present.free_m - centre
-    reach = max(np.abs(surface).max(initial=0), np.abs(floor).max(initial=0)) * math.sqrt(2)
+    reach = max(float(np.hypot(*points.T).max(initial=0)) for points in (surface, floor))
     half = math.ceil(reach / cell_m) + 1
     shape = tuple(fft.next_fast_len(n + 2 * half + 1, real=True) for n in for_surface.shape)
     spectra = [fft.rfft2(field, shape) for field in (for_surface, for_floor)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,13 +51,13 @@ class Robot:
 
     def see(self, T_now_home: Matrix, views: list[tuple[float, float]] = VIEWS) -> Robot:
         for seq, (x, y) in enumerate(views):
-            raw = observation_to_proto(observe(SCENE, looking_at(x, y, MUG), seq=seq + 1))
-            frame = raw.frame
-            frame.id.robot_boot_id = self.boot
-            for pose in (frame.T_world_cam, frame.T_world_base):
-                moved = T_now_home @ np.array(pose.rows).reshape(4, 4)
-                pose.rows[:] = moved.ravel().tolist()
-            self.bus.publish(OBSERVATION, raw)
+            seen = observe(SCENE, looking_at(x, y, MUG), seq=seq + 1)
+            frame = replace(
+                seen.frame, id=replace(seen.frame.id, robot_boot_id=self.boot),
+                T_world_cam=T_now_home @ seen.frame.T_world_cam,
+                T_world_base=T_now_home @ seen.frame.T_world_base,
+            )  # fmt: skip
+            self.bus.publish(OBSERVATION, observation_to_proto(replace(seen, frame=frame)))
         return self
 
     def objects(self) -> list[pb.ObjectInstance]:

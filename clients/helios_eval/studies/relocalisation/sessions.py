@@ -1,7 +1,8 @@
-"""Sessions of the study: a first visit that makes the saved map, and a later start elsewhere.
+"""Sessions of the study: a first visit that makes the saved map, and later ones that start
+elsewhere.
 
-The task of a home is "Find the <object>". In every session the robot does that task, and then
-searches for something that the home does not have, which makes it explore, up to a number of steps.
+The task of a home is "Find the <object>". A session does that task, and may then search for
+something that the home does not have, which makes the robot explore.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from helios_core import proto as pb
 from helios_core.geometry import Matrix
 from helios_core.map_snapshot import MapView
-from helios_core.topics import SAVE_MAP2D, SAVE_OBJECTS
+from helios_core.topics import LOAD_MAP2D, LOAD_OBJECTS, SAVE_MAP2D, SAVE_OBJECTS
 from helios_core.types import ObjectInstance
 from helios_sim.episode_tracker import episode_of
 from helios_sim.home import Episode, Home
@@ -33,10 +34,12 @@ LATER_STEPS = 40  # actions of a later session until it must be relocalised
 AGENT = "helios"
 _ORIGIN = (0.0, 0.0, 0.0)  # pose that a robot of unknown origin reports at its start
 
+OnStep = Callable[[InProcessStack, WorldThread], None]
+
 
 @dataclass(frozen=True)
 class Place:
-    """Home of a session, and its task."""
+    """Home of a session, its sensors, and where the robot starts."""
 
     preset: str
     seed: int
@@ -45,19 +48,22 @@ class Place:
 
     @property
     def home(self) -> Home:
-        home = home_presets.home_of(self.preset, self.seed)
+        home = self._own
         return home if self.random_start is None else with_random_start(home, self.random_start)
 
     @property
     def sought(self) -> str:
         """Class of the object to find."""
-        return episode_of(home_presets.home_of(self.preset, self.seed), self.seed).object_class
+        return episode_of(self._own, self.seed).object_class
 
     @property
     def absent(self) -> str:
         """Class of an object that is not in the home."""
-        home = home_presets.home_of(self.preset, self.seed)
-        return absent_episode_of(home, self.seed).object_class
+        return absent_episode_of(self._own, self.seed).object_class
+
+    @property
+    def _own(self) -> Home:
+        return home_presets.home_of(self.preset, self.seed)
 
 
 @dataclass(frozen=True)
@@ -83,44 +89,22 @@ class Session:
     """Result of a session."""
 
     found_step: int  # actions until the object was found (FindObj); 0: not found
-    found_state: str  # state of the task that looked for it
     steps: int
     saved: SavedMap
 
 
-@contextmanager
-def running(
-    place: Place, on_step: Callable[[InProcessStack, World], None]
-) -> Iterator[tuple[WorldThread, InProcessStack]]:
-    """World and stack of a session, for the duration of the block. on_step: called after each
-    action, on the thread of the planner, with the world on its own thread."""
-    home = place.home
-    episode = Episode(place.sought, "", "", f"Find the {place.sought}")
-    origin = None if place.random_start is None else _ORIGIN
-    thread = WorldThread(
-        lambda: World(
-            home, episode, sensor=SENSORS[place.sensor], colored=False, reported_start=origin
-        )
-    )
-    noise = noise_of(home_presets.noise_of(place.preset), 1.0, None)
-    stack: InProcessStack | None = None
-
-    def step() -> None:
-        if stack is not None:
-            on_step(stack, thread)
-
-    try:
-        stack = InProcessStack(thread, AGENT, noise, place.seed, {SCORER: DEFAULT_SCORER}, step)
-        with stack:
-            yield thread, stack
-    finally:
-        thread.close()
-
-
 def play(
-    place: Place, most_steps: int, on_step: Callable[[InProcessStack, WorldThread], None]
+    place: Place,
+    most_steps: int,
+    on_step: OnStep = lambda *_: None,
+    stored: SavedMap | None = None,
+    explores: bool = True,
 ) -> Session:
-    """Play a session of at most `most_steps` actions. Raises HeliosError."""
+    """Play a session of at most `most_steps` actions. Raises HeliosError.
+
+    on_step: called after each action. stored: map to load at the start, as `helios map load` does.
+    explores: go on to search for an absent object after the task.
+    """
     found = 0
 
     def step(stack: InProcessStack, thread: WorldThread) -> None:
@@ -130,14 +114,15 @@ def play(
             found = progress.steps
         on_step(stack, thread)
 
-    with running(place, step) as (thread, stack):
-        first = stack.run(f"Find the {place.sought}", most_steps, LONGEST_S)
+    with _running(place, step) as (thread, stack):
+        if stored is not None:
+            _load(stack, stored)
+        stack.run(f"Find the {place.sought}", most_steps, LONGEST_S)
         steps = thread.run(lambda world: world.progress.steps)
-        if steps < most_steps - 1:
+        if explores and steps < most_steps - 1:
             stack.run(f"Find the {place.absent}", most_steps - steps, LONGEST_S)
-        return Session(
-            found, first.state, thread.run(lambda world: world.progress.steps), saved_map(stack)
-        )
+            steps = thread.run(lambda world: world.progress.steps)
+        return Session(found, steps, saved_map(stack))
 
 
 def moment_of(stack: InProcessStack, thread: WorldThread) -> Moment:
@@ -151,3 +136,37 @@ def saved_map(stack: InProcessStack) -> SavedMap:
     bus = stack.bus()
     [map2d] = bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(), CALL_S).files
     return SavedMap(map2d.data, bus.call(SAVE_OBJECTS, pb.Empty(), CALL_S).data)
+
+
+def _load(stack: InProcessStack, stored: SavedMap) -> None:
+    bus = stack.bus()
+    bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=stored.objects), CALL_S)
+    file = pb.Map2DFile(name="map2d.map", data=stored.map2d)
+    bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=[file]), CALL_S)
+
+
+@contextmanager
+def _running(place: Place, on_step: OnStep) -> Iterator[tuple[WorldThread, InProcessStack]]:
+    """World and stack of a session, for the duration of the block."""
+    home = place.home
+    episode = Episode(place.sought, "", "", f"Find the {place.sought}")
+    origin = None if place.random_start is None else _ORIGIN
+    thread = WorldThread(
+        lambda: World(
+            home, episode, sensor=SENSORS[place.sensor], colored=False, reported_start=origin
+        )
+    )
+    noise = noise_of(home_presets.noise_of(place.preset), 1.0, None)
+    stack: InProcessStack | None = None
+
+    def step() -> None:
+        if stack is not None:
+            stack.settle()
+            on_step(stack, thread)
+
+    try:
+        stack = InProcessStack(thread, AGENT, noise, place.seed, {SCORER: DEFAULT_SCORER}, step)
+        with stack:
+            yield thread, stack
+    finally:
+        thread.close()
