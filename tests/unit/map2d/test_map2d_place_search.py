@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.errors import Unavailable
 from helios_core.geometry import Matrix, invert, se2_to_se3
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN, decode_snapshot
 from helios_core.topics import RECALL, RELOCALISATION, RESET_MAP2D
@@ -36,9 +37,16 @@ def in_frame(frame: Frame, T_now_home: Matrix, boot: str) -> Frame:
     )  # fmt: skip
 
 
-def look(rig: Rig, places: Iterable[tuple[float, float]], blocks: Sequence[Block], boot: str,
-         T_now_home: Matrix) -> None:  # fmt: skip
-    """Look around at places, and wait for each attempt that becomes due."""
+def look(
+    rig: Rig,
+    places: Iterable[tuple[float, float]],
+    blocks: Sequence[Block],
+    boot: str,
+    T_now_home: Matrix,
+    most: int = 12,
+) -> None:
+    """Look around at places, at most `most` frames at each; wait for each attempt that becomes
+    due."""
     rig.walk = Walk(list(blocks), seq=rig.walk.seq)
     for x, y in places:
         for frame in rig.walk.look_around(x, y)[:most]:
@@ -100,7 +108,8 @@ def test_past_views_of_a_stored_map_are_searched_once_it_is_relocalised(
     load(rig, home_file, same_frame=False)
     asked = pb.RecallRequest(prompt="a teapot", most_places=5)
     look(rig, [(4.2, 2.5)], HOME, "tuesday", T_NOW_HOME, most=3)
-    assert not rig.bus.call(RECALL, asked, 5).views
+    with pytest.raises(Unavailable, match="no view has been kept"):
+        rig.bus.call(RECALL, asked, 5)
     look(rig, [(3.9, 3.4), (2.2, 2.4)], HOME, "tuesday", T_NOW_HOME)
     found = rig.bus.call(RECALL, asked, 5)
     assert found.views == 1

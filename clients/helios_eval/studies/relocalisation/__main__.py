@@ -39,6 +39,7 @@ from helios_eval.studies.relocalisation.judging import (
     transform_of,
     true_transform,
 )
+from helios_eval.studies.relocalisation.pictures import write_picture
 from helios_eval.studies.relocalisation.recordings import Recording
 from helios_eval.studies.relocalisation.sessions import (
     LATER_STEPS,
@@ -90,11 +91,14 @@ def second_visit(preset: str, recording: Recording) -> SecondVisit:
     return SecondVisit(done.found_step, done.steps, step, error_m, error_rad)
 
 
-def played(folder: Path, preset: str, seed: int, other: int, sensor: str) -> HomeOutcome:
-    """Outcome of a home. Raises HeliosError, OSError."""
+def played(
+    folder: Path, preset: str, seed: int, other: int, sensor: str, second_visits: bool
+) -> HomeOutcome:
+    """Outcome of a home. other: seed of another home. Raises HeliosError, OSError."""
     own = recorded(folder, preset, seed, sensor)
     elsewhere = recorded(folder, preset, other, sensor)
-    second = second_visit(preset, own) if own.first_found_step else None
+    again = second_visits and own.first_found_step > 0
+    second = second_visit(preset, own) if again else None
     return HomeOutcome(
         seed, sensor, own.first_found_step, own.later_found_step, searched(own, own),
         searched(own, elsewhere), second,
@@ -107,6 +111,10 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if given.command == "play":
             _play_all(given, console)
+        if given.command == "picture":
+            write_picture(recordings.read(given.recording), given.step, given.out)
+            console.print(given.out)
+            return 0
         done = outcomes_in(given.out)
         if not done:
             raise InvalidInput(f"{given.out} has no outcomes; `play` writes them")
@@ -131,7 +139,7 @@ def _play_all(given: argparse.Namespace, console: Console) -> None:
         if path.exists():
             continue
         other = given.seeds[i - 1] if len(given.seeds) > 1 else seed + 1
-        done = played(given.out, given.preset, seed, other, given.sensor)
+        done = played(given.out, given.preset, seed, other, given.sensor, given.second_visits)
         path.write_text(json.dumps(asdict(done)))
         console.print(_line(done))
 
@@ -155,9 +163,16 @@ def _arguments() -> argparse.ArgumentParser:
     one.add_argument("--seeds", type=seeds, required=True, help="3 or 0-9")
     one.add_argument("--preset", default="ovmm-v1", choices=sorted(PRESETS))
     one.add_argument("--sensor", default="none", choices=sorted(SENSORS))
+    one.add_argument(
+        "--no-second-visits", dest="second_visits", action="store_false", help="leave them out"
+    )
     one.add_argument("--out", type=Path, required=True, help="folder for recordings and outcomes")
     two = commands.add_parser("report", help="figures of the homes that are done")
     two.add_argument("out", type=Path, help="folder of `play`")
+    three = commands.add_parser("picture", help="draw an alignment")
+    three.add_argument("recording", type=Path, help="NPZ file of `play`")
+    three.add_argument("--step", type=int, default=21, help="action of the later session")
+    three.add_argument("--out", type=Path, required=True, help="PNG file to write")
     return parser
 
 

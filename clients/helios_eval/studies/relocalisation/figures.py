@@ -27,6 +27,8 @@ def figures(done: Sequence[HomeOutcome]) -> dict[str, str]:
     errors_deg = [math.degrees(o.error_rad) for o in found]
     both = [(o.first_found_step, o.second) for o in done if o.second and o.second.found_step]
     visits = [o.second for o in done if o.second is not None]
+    relocalised = sum(v.place_step > 0 for v in visits)
+    again = [float(b.found_step) for _, b in both]
     return {
         "relocalised after at most 40 actions": _share(len(right), len(done)),
         "actions until then (median, largest)": _middle([float(o.step) for o in right], 0),
@@ -34,15 +36,11 @@ def figures(done: Sequence[HomeOutcome]) -> dict[str, str]:
         "error of the heading (median, largest), degrees": _middle(errors_deg, 2),
         "false fixes in the same home": _share(sum(o.own.is_false for o in done), len(done)),
         "false fixes in another home": _share(sum(o.other.is_false for o in done), len(done)),
-        "second visits that relocalised": _share(
-            sum(v.place_step > 0 for v in visits), len(visits)
-        ),
+        "second visits that relocalised": _share(relocalised, len(visits)),
         "false fixes of second visits": _share(sum(v.is_false for v in visits), len(visits)),
         "second visits that found the object": _share(len(both), len(visits)),
         "actions to find: first visit (median)": _middle([float(a) for a, _ in both], 0),
-        "actions to find: second visit (median)": _middle(
-            [float(b.found_step) for _, b in both], 0
-        ),
+        "actions to find: second visit (median)": _middle(again, 0),
         "second visit in shares of the first (sum of actions)": _ratio(both),
     }
 
