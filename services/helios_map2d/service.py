@@ -322,10 +322,12 @@ class Map2DService:
         return maps
 
     def _seek_stored(self) -> None:
-        """Seek the place of the stored map of an earlier process, if any. The lock is held."""
-        if self._maps is None or self._places.sought is not None:
+        """Seek the place of the map of an earlier process, if any. The lock is held."""
+        if self._maps is None:
             return
-        stored = self._keeping.stored(self._maps) or self._keeping.left_behind()
+        stored = self._keeping.left_behind()
+        if stored is None and self._places.sought is None:
+            stored = self._keeping.stored(self._maps)
         if stored is not None:
             self._places.seek(Sought(*stored))
 

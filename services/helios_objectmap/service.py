@@ -29,7 +29,6 @@ from helios_core.keyframe_acks import MapPart
 from helios_core.map_autosave import AutosavedFile
 from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
-from helios_core.stored_map_file import StoredMapFile
 from helios_core.topics import (
     CONTEXT,
     EXPORT_OBJECTS,
@@ -116,7 +115,7 @@ class ObjectMapService:
             self._kept = AutosavedFile(path, settings.save_every_s, self._unkept, self._troubled)
         self._found: bytes | None = None  # file of the map in `_restored`
         stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
-        self._stored = StoredObjects(settings, StoredMapFile(stored_file))
+        self._stored = StoredObjects(settings, stored_file)
         self._take_up_kept_map()
         bus.serve(STORED_OBJECTS, self.stored_objects)
         bus.subscribe(RELOCALISATION, self.on_relocalisation)
@@ -360,7 +359,7 @@ class ObjectMapService:
             named = world is not None and present is not None
             is_stored = named and world != present and not request.same_frame
             if is_stored:
-                gaussians, objects = self._stored.store(request.data)
+                gaussians, objects = self._stored.replace(request.data)
         if is_stored:
             self._say()
             return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects, stored=True)
@@ -478,7 +477,7 @@ class ObjectMapService:
     def _store_left_behind(self) -> None:
         """Store the map of an earlier process, which is of another world. The lock is held."""
         found, self._found = self._found, None
-        if found is not None and not self._stored.waits:
+        if found is not None:
             self._stored.store(found)
 
     def _replaced(self) -> None:

@@ -1,8 +1,9 @@
-"""Stored object map of another world: its objects, and its way into the present map."""
+"""Stored object maps of other worlds: their objects, and their way into the present map."""
 
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 
 from helios_core import proto as pb
 from helios_core.codec import object_to_proto, world_from_proto, world_to_proto
@@ -13,7 +14,6 @@ from helios_core.types import WorldId
 
 from helios_objectmap import persistence
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.persistence import LoadedMap
 from helios_objectmap.settings import ObjectMapSettings
 
 log = logging.getLogger(__name__)
@@ -22,40 +22,52 @@ UNKNOWN, RELOCALISED = "unknown", "relocalised"
 
 
 class StoredObjects:
-    """The stored map, if any. Not thread-safe: the owner locks."""
+    """At most two stored maps, the newest first; map2d decides whose place is sought.
 
-    def __init__(self, settings: ObjectMapSettings, file: StoredMapFile) -> None:
-        self._settings, self._file = settings, file
-        self._map: ObjectMap | None = None
-        self._world: WorldId | None = None
+    Not thread-safe: the owner locks.
+    """
+
+    def __init__(self, settings: ObjectMapSettings, map_file: Path | None) -> None:
+        """map_file: file of the present map; None: nothing is written."""
+        self._settings = settings
+        self._files = StoredMapFile(map_file), StoredMapFile(map_file, "older")
+        self._maps: dict[WorldId, ObjectMap] = {}
         self._place = pb.Relocalisation()  # newest message of map2d
-        try:
-            data = file.read()
-            if data is not None:
-                self._hold(persistence.read(data, ObjectMap(settings).empty_viewpoints()))
-        except InvalidInput as error:
-            log.error("the stored objects were refused and are removed: %s", error.message)
-            file.remove()
-        except OSError as error:
-            log.error("the stored objects cannot be read: %s", error)
+        for file in self._files:
+            self._read(file)
 
     @property
     def waits(self) -> bool:
         """True while there is a stored map that is not relocalised."""
-        return self._map is not None
+        return bool(self._maps)
 
     def store(self, data: bytes) -> tuple[int, int]:
-        """Store a map file in place of the former one. Returns the numbers of its Gaussians and
-        objects. Raises InvalidInput."""
-        self._hold(persistence.read(data, ObjectMap(self._settings).empty_viewpoints()))
-        self._file.write(data)
-        assert self._map is not None
-        return len(self._map), len(self._map.objects())
+        """Store a map file before the newest of the others. Returns the numbers of its Gaussians
+        and objects. Raises InvalidInput."""
+        world, stored = self._decoded(data)
+        newest, older = self._files
+        try:
+            former = newest.read()
+        except OSError:
+            former = None
+        if former is not None:
+            older.write(former)
+        newest.write(data)
+        others = [(w, m) for w, m in self._maps.items() if w != world]
+        self._maps = dict([(world, stored), *others][:2])
+        return len(stored), len(stored.objects())
+
+    def replace(self, data: bytes) -> tuple[int, int]:
+        """Store a map file in place of all others; a refused one changes nothing. As `store`."""
+        self._decoded(data)
+        self.drop()
+        return self.store(data)
 
     def drop(self) -> None:
-        """Forget the stored map, also on the disk."""
-        self._map = self._world = None
-        self._file.remove()
+        """Forget the stored maps, also on the disk."""
+        self._maps = {}
+        for file in self._files:
+            file.remove()
 
     def note_place(self, place: pb.Relocalisation) -> None:
         """Note the newest message of map2d."""
@@ -68,35 +80,50 @@ class StoredObjects:
         `drop`.
         """
         place = self._place
-        if self._map is None or place.state != RELOCALISED or not self._is_of(place):
+        stored = self._maps.get(world_from_proto(place.stored))
+        if stored is None or place.state != RELOCALISED:
             return None
         if world is None or world_from_proto(place.present) != world:
             return None
         T = place.T_present_stored
-        added = present.add_stored(self._map.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
-        self._map = self._world = None
+        added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
+        self._maps = {}
         log.info("relocalised: %d Gaussians of the stored map are in use", added)
         return added
 
     def described(self) -> pb.StoredObjectsReply:
         """Objects in the frame of the stored map, and what is known of its place."""
         reply = pb.StoredObjectsReply()
-        if self._map is None or self._world is None:
+        if not self._maps:
             return reply
-        if self._is_of(self._place) and self._place.state != RELOCALISED:
+        sought = world_from_proto(self._place.stored)
+        if sought in self._maps and self._place.state != RELOCALISED:
             reply.relocalisation.CopyFrom(self._place)
         else:
+            sought = next(iter(self._maps)) if sought not in self._maps else sought
             reply.relocalisation.state = UNKNOWN
-            reply.relocalisation.stored.CopyFrom(world_to_proto(self._world))
-        reply.objects.extend(object_to_proto(o) for o in self._map.objects())
+            reply.relocalisation.stored.CopyFrom(world_to_proto(sought))
+        reply.objects.extend(object_to_proto(o) for o in self._maps[sought].objects())
         return reply
 
-    def _is_of(self, place: pb.Relocalisation) -> bool:
-        return self._world is not None and world_from_proto(place.stored) == self._world
+    def _read(self, file: StoredMapFile) -> None:
+        """Take up the map of an earlier process; an unusable file is removed."""
+        try:
+            data = file.read()
+            if data is not None:
+                world, stored = self._decoded(data)
+                self._maps.setdefault(world, stored)
+        except InvalidInput as error:
+            log.error("stored objects were refused and are removed: %s", error.message)
+            file.remove()
+        except OSError as error:
+            log.error("stored objects cannot be read: %s", error)
 
-    def _hold(self, found: LoadedMap) -> None:
+    def _decoded(self, data: bytes) -> tuple[WorldId, ObjectMap]:
+        """World and map of a file. Raises InvalidInput."""
+        stored = ObjectMap(self._settings)
+        found = persistence.read(data, stored.empty_viewpoints())
         if found.world is None:
             raise InvalidInput("the map file names no world: load it with --same-frame")
-        self._map = ObjectMap(self._settings)
-        self._map.load_content(found.content)
-        self._world = found.world
+        stored.load_content(found.content)
+        return found.world, stored

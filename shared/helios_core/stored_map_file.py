@@ -11,15 +11,19 @@ log = logging.getLogger(__name__)
 
 
 class StoredMapFile:
-    """The file beside the map file of a service; without a folder nothing is written."""
+    """A file beside the map file of a service; without a folder nothing is written."""
 
-    def __init__(self, map_file: Path | None) -> None:
-        """map_file: file of the present map."""
-        self._path = None if map_file is None else map_file.with_name(f"stored-{map_file.name}")
+    def __init__(self, map_file: Path | None, prefix: str = "stored") -> None:
+        """map_file: file of the present map; prefix: of the file's name."""
+        self._path = None if map_file is None else map_file.with_name(f"{prefix}-{map_file.name}")
+
+    @property
+    def exists(self) -> bool:
+        return self._path is not None and self._path.exists()
 
     def read(self) -> bytes | None:
         """Content; None if there is no stored map. Raises OSError."""
-        if self._path is None or not self._path.exists():
+        if self._path is None or not self.exists:
             return None
         return self._path.read_bytes()
 

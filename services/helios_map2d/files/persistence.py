@@ -28,6 +28,7 @@ from helios_map2d.snapshots.snapshot import MapSnapshot, encode_npz
 log = logging.getLogger(__name__)
 
 FORMATS = "map, npz, ros or png"
+ENOUGH_M2 = 15.0  # known area with which a robot would have found its place in a stored map
 LOST_VERSIONS = 10_000  # exceeds the possible number of versions between last write and crash
 
 
@@ -105,9 +106,7 @@ class MapFiles:
             data = self._stored.read()
             if data is None:
                 return None
-            stored = decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
-            self._found = None  # an older map waits already
-            return stored
+            return decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
         except OSError as error:
             log.error("the stored map cannot be read: %s", error)
         except InvalidInput as error:
@@ -117,13 +116,16 @@ class MapFiles:
 
     def left_behind(self) -> tuple[EpochMap, WorldId] | None:
         """Map and world of an earlier process's map that is of another world than the robot's, at
-        the first call; it becomes the stored map. The caller holds the lock."""
+        the first call. It becomes the stored map, unless it is small and there is one already: then
+        the earlier process ended before it found its place. The caller holds the lock."""
         maps, restored, found = self._maps(), self._restored, self._found
         if maps is None or restored is None or found is None:
             return None
         if not maps.is_of_another_world(restored[0]):
             return None
         self._found = None
+        if areas_m2(restored[0].published)[0] < ENOUGH_M2 and self._stored.exists:
+            return None
         self._stored.write(found)
         return decode_map(found, maps.rules, maps.footprint_radius_m, maps.version)
 

@@ -177,3 +177,19 @@ def test_a_reset_forgets_the_stored_objects(tmp_path: Path, monday: Robot) -> No
     assert not today.stored().objects
     today.is_told("relocalised")
     assert not today.objects()
+
+
+def test_the_objects_of_two_earlier_processes_wait_for_the_place_of_either(
+    tmp_path: Path, monday: Robot
+) -> None:
+    """map2d keeps the map of an earlier process, or the one before if that is small."""
+    (tmp_path / FILE_NAME).write_bytes(monday.saved())
+    Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1]).service.close()
+    today = Robot("wednesday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    today.is_told("unknown", "monday")
+    assert today.stored().relocalisation.stored.robot_boot_id == "monday"
+    today.is_told("unknown", "tuesday")
+    assert today.stored().relocalisation.stored.robot_boot_id == "tuesday"
+    today.is_told("relocalised", "monday")
+    assert any(o.relocalised for o in today.mugs())
+    assert not today.stored().objects
