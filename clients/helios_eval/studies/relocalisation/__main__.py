@@ -35,6 +35,7 @@ from helios_eval.studies.relocalisation.judging import (
     Outcome,
     SecondVisit,
     outcome_of,
+    starts_on_known_floor,
     stored_map,
     transform_of,
     true_transform,
@@ -99,8 +100,10 @@ def played(
     elsewhere = recorded(folder, preset, other, sensor)
     again = second_visits and own.first_found_step > 0
     second = second_visit(preset, own) if again else None
+    stored = stored_map(own.saved)
+    known = stored is not None and starts_on_known_floor(own, stored)
     return HomeOutcome(
-        seed, sensor, own.first_found_step, own.later_found_step, searched(own, own),
+        seed, sensor, known, own.first_found_step, own.later_found_step, searched(own, own),
         searched(own, elsewhere), second,
     )  # fmt: skip
 

@@ -27,10 +27,13 @@ def figures(done: Sequence[HomeOutcome]) -> dict[str, str]:
     errors_deg = [math.degrees(o.error_rad) for o in found]
     both = [(o.first_found_step, o.second) for o in done if o.second and o.second.found_step]
     visits = [o.second for o in done if o.second is not None]
+    known = [one for one in done if one.starts_on_known_floor]
+    known_right = sum(one.own.is_right for one in known)
     relocalised = sum(v.place_step > 0 for v in visits)
     again = [float(b.found_step) for _, b in both]
     return {
         "relocalised after at most 40 actions": _share(len(right), len(done)),
+        "- of starts on floor that the saved map knows": _share(known_right, len(known)),
         "actions until then (median, largest)": _middle([float(o.step) for o in right], 0),
         "error of the position (median, largest), m": _middle(errors_m, 3),
         "error of the heading (median, largest), degrees": _middle(errors_deg, 2),

@@ -74,6 +74,7 @@ class HomeOutcome:
 
     seed: int
     sensor: str
+    starts_on_known_floor: bool  # the later session starts on floor that the saved map knows
     first_found_step: int  # actions until the first visit found the object; 0: not found
     later_found_step: int  # the same of the later session without the saved map, within 40
     own: Outcome
@@ -85,7 +86,8 @@ class HomeOutcome:
         """Outcome from the JSON of its fields."""
         second = raw["second"]
         return HomeOutcome(
-            raw["seed"], raw["sensor"], raw["first_found_step"], raw["later_found_step"],
+            raw["seed"], raw["sensor"], raw["starts_on_known_floor"], raw["first_found_step"],
+            raw["later_found_step"],
             Outcome(**raw["own"]), Outcome(**raw["other"]),
             None if second is None else SecondVisit(**second),
         )  # fmt: skip
@@ -106,6 +108,13 @@ def outcome_of(session: Recording, stored_seed: int, stored: StoredMap) -> Outco
             error_m, error_rad = fix.T_stored_present.difference(truth, moment.middle_m)
             return Outcome(session.seed, stored_seed, moment.step, error_m, error_rad, attempts)
     return Outcome(session.seed, stored_seed, 0, attempts=attempts, reason=reason)
+
+
+def starts_on_known_floor(session: Recording, stored: StoredMap) -> bool:
+    """True if the robot's start is on floor that the stored map knows."""
+    start = true_transform(session.moments[0].T_estimated_true).of(np.zeros((1, 2)))
+    cell, on = stored.fields.cells_of(start)
+    return bool(on[0] and stored.fields.free.ravel()[cell[0]])
 
 
 def true_transform(T_estimated_true: np.ndarray) -> Transform2:
