@@ -278,7 +278,8 @@ def _cells_there(
     """Row and column in another map of the cells [n] of a box that it knows, and which those are
     [n]."""
     corner = np.array([grid.corner[1] + box.column_lo, grid.corner[0] + box.row_lo])
-    centres_m = (np.stack([column, row], 1) + corner + 0.5) * grid.cell_m
+    cells = np.stack([column, row], 1).astype(np.float64) + corner
+    centres_m = (cells + 0.5) * grid.cell_m
     at = np.floor(T_here_there.inverse.of(centres_m) / stored.grid.cell_m).astype(np.intp)
     r, c = at[:, 1] - stored.grid.corner[0], at[:, 0] - stored.grid.corner[1]
     rows, columns = stored.grid.shape

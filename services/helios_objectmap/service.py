@@ -357,12 +357,12 @@ class ObjectMapService:
         with self._lock:
             present = self._maps.robot_world or self._maps.world
             named = world is not None and present is not None
-            is_stored = named and world != present and not request.same_frame
-            if is_stored:
-                gaussians, objects = self._stored.replace(request.data)
-        if is_stored:
+            counts = None
+            if named and world != present and not request.same_frame:
+                counts = self._stored.replace(request.data)
+        if counts is not None:
             self._say()
-            return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects, stored=True)
+            return pb.ObjectMapLoaded(gaussians=counts[0], objects=counts[1], stored=True)
         loaded = self._recall(request.data)
         with self._lock:
             self._stored.drop()

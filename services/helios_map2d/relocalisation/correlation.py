@@ -45,7 +45,7 @@ def candidates(stored: StoredFields, present: PresentPoints, most: int) -> list[
     surface, floor = present.surface_m - centre, present.free_m - centre
     reach = max(float(np.hypot(*points.T).max(initial=0)) for points in (surface, floor))
     half = math.ceil(reach / cell_m) + 1
-    shape = tuple(fft.next_fast_len(n + 2 * half + 1, real=True) for n in for_surface.shape)
+    shape = tuple(_fast_length(n + 2 * half + 1) for n in for_surface.shape)
     spectra = [fft.rfft2(field, shape) for field in (for_surface, for_floor)]
     weights = (present.surface_weight_m, -CONTRADICTED_FREE_PER_M * present.free_weight_m2)
     found: list[Candidate] = []
@@ -54,8 +54,8 @@ def candidates(stored: StoredFields, present: PresentPoints, most: int) -> list[
         total = np.zeros((shape[0], shape[1] // 2 + 1), np.complex64)
         for points, spectrum, weight in zip((surface, floor), spectra, weights, strict=True):
             splat = _splat(turn.of(points) / cell_m, half, shape, weight)
-            total += spectrum * np.conj(fft.rfft2(splat))
-        scores = fft.irfft2(total, shape)
+            total += np.asarray(spectrum) * np.conj(np.asarray(fft.rfft2(splat)))
+        scores = np.asarray(fft.irfft2(total, shape), np.float32)
         for row, column, score in _peaks(scores):
             # Cell (row, column) of the stored grid lies under the corner of the splat.
             row = row - shape[0] if row > shape[0] - half - 1 else row
@@ -65,6 +65,13 @@ def candidates(stored: StoredFields, present: PresentPoints, most: int) -> list[
             x, y = np.array([x_m, y_m]) - turn.of(centre[None])[0]
             found.append(Candidate(Transform2(float(x), float(y), float(yaw_rad)), score))
     return _distinct(sorted(found, key=lambda c: -c.score_m), centre, most)
+
+
+def _fast_length(least: int) -> int:
+    """Next length of which a Fourier transform is fast."""
+    length = fft.next_fast_len(least, real=True)
+    assert length is not None
+    return length
 
 
 def _fields(stored: StoredFields) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

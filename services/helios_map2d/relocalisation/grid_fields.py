@@ -28,7 +28,8 @@ class OccupancyGrid:
     def centres_of(self, cells: NDArray[np.bool_]) -> Points:
         """Centres [n, 2] of the cells of a mask, x and y in m."""
         row, column = np.nonzero(cells)
-        return np.stack([column + 0.5, row + 0.5], 1) * self.cell_m + self.origin_m
+        centres = np.stack([column, row], 1).astype(np.float64) + 0.5
+        return centres * self.cell_m + np.array(self.origin_m)
 
     @property
     def known_m2(self) -> float:
@@ -72,8 +73,8 @@ class StoredFields:
 def present_points(grid: OccupancyGrid) -> PresentPoints:
     """Points of the present map."""
     surface = _surface(grid.occupancy)
-    clear = grid.occupancy == FREE
-    clear = ndimage.binary_erosion(clear, _CROSS, iterations=2, border_value=0)
+    free = grid.occupancy == FREE
+    clear = np.asarray(ndimage.binary_erosion(free, _CROSS, iterations=2, border_value=0), bool)
     step = max(1, round(_FREE_STEP_M / grid.cell_m))
     thin = np.zeros_like(clear)
     thin[::step, ::step] = clear[::step, ::step]
@@ -92,11 +93,12 @@ def stored_fields(grid: OccupancyGrid) -> StoredFields | None:
     surface = _surface(occupancy)
     if not surface.any():
         return None
-    away, nearest = ndimage.distance_transform_edt(~surface, return_indices=True)
-    inside = ndimage.distance_transform_edt(occupancy == OCCUPIED)
+    away, nearest = np.empty(surface.shape), np.empty((2, *surface.shape), np.int32)
+    ndimage.distance_transform_edt(~surface, return_indices=True, distances=away, indices=nearest)
+    inside = np.asarray(ndimage.distance_transform_edt(occupancy == OCCUPIED))
     cell = np.float32(grid.cell_m)
     return StoredFields(
-        padded, away.astype(np.float32) * cell, nearest.astype(np.int32),
+        padded, away.astype(np.float32) * cell, nearest,
         inside.astype(np.float32) * cell, occupancy == FREE, occupancy != UNKNOWN,
     )  # fmt: skip
 
