@@ -36,6 +36,7 @@ from helios_core.topics import (
     SAVE_OBJECTS,
     SNAPSHOT,
     STOP,
+    STORED_OBJECTS,
     SUPERVISOR,
     VOCABULARY,
     settings_method,
@@ -69,6 +70,7 @@ class Backend(MadeUpTasks):
         self.stopped, self.stop_reason = False, ""
         self.map_version = 41
         self.rendered: pb.RenderRequest | None = None
+        self.stored = pb.StoredObjectsReply()  # objects of a stored map
         self.kept = {"map2d": b"walls", "objects": b"things"}  # data that a save returns
         self.refuses_maps: HeliosError | None = None  # error that map2d raises at a load
         self.recalls: HeliosError | None = None  # error that map2d raises at a query of past views
@@ -81,6 +83,7 @@ class Backend(MadeUpTasks):
         serve(SNAPSHOT, self._snapshot)
         serve(PICTURE, self._picture)
         serve(OBJECTS, self._objects)
+        serve(STORED_OBJECTS, lambda _: self.stored)
         serve(OBJECT_DETAIL, self._detail)
         serve(EXPORT_OBJECTS, self._export)
         serve(GAUSSIANS, lambda _: gaussians(self.found))

@@ -156,10 +156,29 @@ class FoundObject(_FromJson):
     gaussians: int = 0
     detection_rate: float = 0.0  # share of its views in which it was detected as its class
     probabilities: dict[str, float] = field(default_factory=dict)
+    relocalisation: str | None = None  # "relocalised": of a stored map, found again
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
         """Instance from JSON; the field `class` becomes `class_name`."""
+        named = super().from_json(raw | {"class_name": raw.get("class", "")})
+        return replace(named, raw=raw)
+
+
+@dataclass(frozen=True)
+class StoredObject(_FromJson):
+    """Object of a stored map that is not in use; lengths in metres, world frame, z up."""
+
+    class_name: str = ""
+    relocalisation: str = ""  # tentative or unknown; the robot drives to neither
+    center_m: list[float | None] = field(default_factory=list)  # None while unknown
+    size_m: list[float] = field(default_factory=list)
+    score: float = 0.0  # Ψ when the map was saved
+    views: int = 0
+
+    @classmethod
+    def from_json(cls, raw: dict[str, Any]) -> Self:
+        """Object from JSON; the field `class` becomes `class_name`."""
         named = super().from_json(raw | {"class_name": raw.get("class", "")})
         return replace(named, raw=raw)
 
@@ -190,6 +209,7 @@ class Seen(_FromJson):
 
     prompt: str = ""
     objects: tuple[FoundObject, ...] = ()  # of a class that the prompt names, highest score first
+    stored: tuple[StoredObject, ...] = ()  # of a stored map that is not in use
     views: tuple[SeenView, ...] = ()  # past views that match the prompt, best first
     views_asked: int = 0  # number of stored views that were searched
     views_note: str = ""  # why past views were not searched, or only by class names
@@ -199,6 +219,7 @@ class Seen(_FromJson):
         return replace(
             super().from_json(raw),
             objects=tuple(FoundObject.from_json(o) for o in raw.get("objects", ())),
+            stored=tuple(StoredObject.from_json(o) for o in raw.get("stored", ())),
             views=tuple(SeenView.from_json(v) for v in raw.get("views", ())),
         )
 
@@ -323,6 +344,7 @@ class LoadedMaps(TypedDict):
     views: int
     objects: int
     gaussians: int
+    stored: bool  # of another world: not in use until the robot has found its place in it
 
 
 class ResetMaps(TypedDict):

@@ -39,6 +39,7 @@ from helios_client.answer_types import (
     Seen,
     SeenView,
     Status,
+    StoredObject,
     Suggestions,
     Task,
     Trace,
@@ -180,6 +181,13 @@ class AsyncHelios:
         `min_score` on."""
         return await self._do(requests.objects(class_name, min_score))
 
+    async def stored_objects(
+        self, class_name: str | None = None, min_score: float | None = None
+    ) -> tuple[StoredObject, ...]:
+        """Objects of a stored map that is not in use, because the robot has not found its place in
+        it: all, those of a class, or those with a score Ψ from `min_score` on."""
+        return await self._do(requests.stored_objects(class_name, min_score))
+
     async def object(self, id: int) -> FoundObject:
         """One instance of the object map, by its id."""
         return await self._do(requests.found_object(id))
@@ -197,10 +205,12 @@ class AsyncHelios:
         """Both maps as one ZIP file, complete enough to continue mapping from."""
         return await self._do(requests.save_map())
 
-    async def load_map(self, data: bytes) -> LoadedMaps:
-        """Replace both maps by those of `save_map`: both, or neither. Raises InvalidInput for
-        another file, Conflict while a task is under way."""
-        return await self._do(requests.load_map(data))
+    async def load_map(self, data: bytes, same_frame: bool = False) -> LoadedMaps:
+        """Replace both maps by those of `save_map`: both, or neither. A file of another world is
+        stored instead, until the robot has found its place in it; `same_frame` says that its
+        coordinates hold in the present world. Raises InvalidInput for another file, Conflict while
+        a task is under way."""
+        return await self._do(requests.load_map(data, same_frame))
 
     async def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
         """Discard both maps, or one, with its copy on disk. The next action begins a new map.

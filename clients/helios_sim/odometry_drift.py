@@ -20,14 +20,20 @@ Pose = tuple[float, float, float]  # x, y, yaw; yaw is not wrapped
 class DriftingOdometry:
     """Pose estimate of a base with drift. The same seed and motions give the same errors."""
 
-    def __init__(self, sensor: SensorErrorModel, seed: int, start: Pose) -> None:
+    def __init__(
+        self, sensor: SensorErrorModel, seed: int, start: Pose, reported: Pose | None = None
+    ) -> None:
+        """start: true pose at the start; reported: pose that the robot reports there, if it
+        differs."""
         self._sensor = sensor
         self._rng = np.random.default_rng([seed, 0xD41F7])
-        self._true = self.estimated_pose = start
+        self._true = start
+        self.estimated_pose = start if reported is None else reported
+        self.is_exact = not sensor.drifts and reported is None
 
     def follow(self, true: Pose) -> None:
         """Measure the motion since the last call."""
-        if not self._sensor.drifts:
+        if self.is_exact:
             self._true = self.estimated_pose = true
             return
         x, y, yaw = self._true

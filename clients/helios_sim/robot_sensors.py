@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from helios_sim.ground_truth import Segmentation
 from helios_sim.home import Home
-from helios_sim.odometry_drift import DriftingOdometry, moved
+from helios_sim.odometry_drift import DriftingOdometry, Pose, moved
 from helios_sim.past_frame_truth import CaptureHistory
 from helios_sim.renderer import CameraRenderer
 from helios_sim.robot_model import MAX_DEPTH_M, RobotIndex, camera_pose
@@ -36,14 +36,15 @@ class RobotSensors:
         graspable: Collection[int],
         sensor: SensorErrorModel,
         colored: bool,
+        reported_start: Pose | None = None,
     ) -> None:
-        """graspable: bodies that can be picked up. colored: as for `World`."""
+        """graspable: bodies that can be picked up. colored, reported_start: as for `World`."""
         self._data, self._robot, self._camera = data, robot, camera
         self._sensor, self._seed = sensor, home.seed
         size = (camera.width, camera.height)
         self._painter = CameraRenderer(model, robot.camera, size, DRAWN_GROUPS)
         self._past = CaptureHistory(model, self._painter, home, graspable)
-        self._drift = DriftingOdometry(sensor, home.seed, robot.pose(data))
+        self._drift = DriftingOdometry(sensor, home.seed, robot.pose(data), reported_start)
         self._last_stamp_ns = 0
         self._no_color = None if colored else np.zeros((camera.height, camera.width, 3), np.uint8)
 
@@ -59,7 +60,7 @@ class RobotSensors:
 
     def true_point_m(self, believed_m: Point) -> Point:
         """True world position of a point given in the robot's estimated world frame."""
-        return self._drift.true_point_m(believed_m) if self._sensor.drifts else believed_m
+        return believed_m if self._drift.is_exact else self._drift.true_point_m(believed_m)
 
     def update_odometry(self) -> tuple[float, float]:
         """Update the odometry; return the measured motion (m, rad) since the last call."""

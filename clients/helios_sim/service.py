@@ -49,6 +49,7 @@ from helios_sim.home.task_sampling import NoTask
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.settings import Settings
 from helios_sim.simulation_thread import WorldThread
+from helios_sim.start_poses import with_random_start
 from helios_sim.world import World
 
 log = logging.getLogger(__name__)
@@ -132,6 +133,8 @@ def world_of(settings: Settings) -> World:
         home = home_of_plan(source, settings.seed, furniture_models)
         for line in summary(drawn_home(source, furniture_models)):
             log.info("%s", line)
+    if settings.start_seed is not None:
+        home = with_random_start(home, settings.start_seed)
     task_seed = settings.seed if settings.task_seed is None else settings.task_seed
     world = World(
         home,
@@ -139,6 +142,7 @@ def world_of(settings: Settings) -> World:
         sensor=SENSORS[settings.sensor],
         pick_rule=settings.pick_rule,
         pace=settings.pace,
+        reported_start=(0.0, 0.0, 0.0) if settings.pose_origin == "start" else None,
     )
     log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
     return world

@@ -33,6 +33,15 @@ class Settings(ServiceSettings):
         "ovmm (of the sought class, in reach and in view, the one nearest to the point)",
     )
 
+    start_seed: int | None = Field(
+        None, ge=0, description="seed of a random start pose; unset: the home's own start"
+    )
+    pose_origin: Literal["home", "start"] = Field(
+        "home",
+        description="origin of the robot's poses: the home's, or the start pose, as of wheel "
+        "odometry",
+    )
+
     pace: float = Field(
         0.0,
         ge=0,

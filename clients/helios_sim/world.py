@@ -37,6 +37,7 @@ from helios_sim.ground_truth import Segmentation, TrueObjectState
 from helios_sim.home import Episode, Home
 from helios_sim.manipulation import PickRule
 from helios_sim.object_states import current_object_states
+from helios_sim.odometry_drift import Pose
 from helios_sim.ovmm_metrics import Progress
 from helios_sim.robot_model import (
     MAX_DEPTH_M,
@@ -66,6 +67,7 @@ class World(RobotDriver):
         pick_rule: PickRule = "physical",
         colored: bool = True,
         pace: float = 0.0,
+        reported_start: Pose | None = None,
     ) -> None:
         """episode: the task to measure; None measures only steps and collisions.
 
@@ -73,6 +75,8 @@ class World(RobotDriver):
         object a pick takes, see `manipulation`. colored: False takes less than half of the time for
         a capture and its ground truth. Color images are then black; all else is the same.
         pace: simulated seconds per second of a drive; 0 for as fast as possible.
+        reported_start: x, y (m), yaw (rad) that the robot reports at its start; None for the true
+        pose. Anything else makes the origin of its poses unknown.
         """
         spec = home.spec()
         add_robot(spec)
@@ -98,7 +102,15 @@ class World(RobotDriver):
         self._settle()
         movable = [int(model.body(thing.name).id) for thing in home.objects]
         self._sensors = RobotSensors(
-            model, self._data, robot, camera, home, movable, sensor, colored
+            model,
+            self._data,
+            robot,
+            camera,
+            home,
+            movable,
+            sensor,
+            colored,
+            reported_start,
         )
         self.trace = DriveTrace(pace)
         self._executor = ActionExecutor(

@@ -37,6 +37,50 @@ class ObjectInstance(BaseModel):
     outline_m: list[Vector2] = Field(
         description="convex hull of the projection to the ground, in the world frame, metres"
     )
+    relocalisation: Literal["relocalised"] | None = Field(
+        description="relocalised: of a stored map whose place was found since the start; null: "
+        "any other object of the present map"
+    )
+
+
+class StoredObject(BaseModel):
+    """Object of a stored map that is not in use, because its place is not confirmed."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    class_name: str = Field(
+        validation_alias="class_name", serialization_alias="class", examples=["mug"]
+    )
+    relocalisation: Literal["tentative", "unknown"] = Field(
+        description="tentative: its place was found once; unknown: it has no place. The robot "
+        "drives to neither"
+    )
+    center_m: Vector3 = Field(
+        description="centre of the bounding box in the world frame, metres; null while unknown"
+    )
+    size_m: Vector3 = Field(description="size of the bounding box in its own map, metres")
+    score: float | None = Field(description="score Ψ when the map was saved")
+    views: int = Field(description="number of distinct viewpoints fused")
+
+
+class Relocalisation(BaseModel):
+    """Search for the place of a stored map in the world frame."""
+
+    state: Literal["tentative", "unknown"] = Field(
+        description="tentative: one alignment passed; unknown: none has"
+    )
+    attempts: int = Field(description="number of alignments so far")
+    reason: str = Field(description="reason why the last alignment did not pass; empty: it did")
+    overlap_m: float | None = Field(
+        description="length of walls and furniture compared in the last alignment, metres"
+    )
+    agreement: float | None = Field(description="share of it that agrees, 0 to 1")
+    contradiction: float | None = Field(
+        description="share of the free floor that is inside stored obstacles, 0 to 1"
+    )
+    ratio: float | None = Field(
+        description="score of the second-best place in shares of the best, 0 to 1"
+    )
 
 
 class ObjectList(BaseModel):
@@ -45,6 +89,12 @@ class ObjectList(BaseModel):
     )
     version: int = Field(description="version of the object map")
     gaussians: int = Field(description="number of Gaussians in the whole object map")
+    stored: list[StoredObject] = Field(
+        description="objects of a stored map that is not in use, or those that match the query"
+    )
+    relocalisation: Relocalisation | None = Field(
+        description="search for the place of that map; null without one"
+    )
 
 
 class ScoreSample(BaseModel):
@@ -132,8 +182,12 @@ class LoadedMaps(BaseModel):
     known_m2: float | None = Field(description="area of all known cells of the 2D map")
     occupied_m2: float | None = Field(description="area of the occupied cells of the 2D map")
     views: int = Field(description="number of past views that can be searched")
-    objects: int = Field(description="number of instances in the object map")
-    gaussians: int = Field(description="number of Gaussians in the object map")
+    objects: int = Field(description="number of instances in the file")
+    gaussians: int = Field(description="number of Gaussians in the file")
+    stored: bool = Field(
+        description="true: the file is of another world, and is not in use until the robot has "
+        "found its place in it; false: its maps replaced the present ones"
+    )
 
 
 class ResetMaps(BaseModel):
@@ -169,6 +223,9 @@ class SeenAnswer(BaseModel):
     objects: list[ObjectInstance] = Field(
         description="matching objects, highest score first; image of each: "
         "`/v1/objects/{id}/view.png`"
+    )
+    stored: list[StoredObject] = Field(
+        description="matching objects of a stored map that is not in use"
     )
     views: list[SeenView] = Field(description="matching past views of different places, best first")
     views_asked: int = Field(description="number of stored views that were searched")

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.name_rules import closest, is_named
-from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT, VOCABULARY
+from helios_core.topics import (
+    GAUSSIANS,
+    OBJECTS,
+    PICTURE,
+    SNAPSHOT,
+    STORED_OBJECTS,
+    VOCABULARY,
+)
 
 from helios_gateway import api_map_models, map_arrays, message_conversion, viewer_scene
 from helios_gateway.cached_responses import NPZ, PNG, Encoded
@@ -33,6 +40,7 @@ class MapCache:
         self._snapshot: MapView | None = None
         self._views: RequestCoalescer[MapView] = RequestCoalescer(max_age_s)
         self._objects: RequestCoalescer[pb.ObjectsReply] = RequestCoalescer(max_age_s)
+        self._stored: RequestCoalescer[pb.StoredObjectsReply] = RequestCoalescer(max_age_s)
         self._pictures: RequestCoalescer[Encoded] = RequestCoalescer(max_age_s)
         self._lists: RequestCoalescer[Encoded] = RequestCoalescer(max_age_s)
         self._scenes: RequestCoalescer[Encoded] = RequestCoalescer(max_age_s)
@@ -132,8 +140,8 @@ class MapCache:
         return self._pictures.get((layer, size_px), state, make)
 
     def objects(self) -> api_map_models.ObjectList:
-        """All instances of the object map."""
-        return message_conversion.object_list(self._ask_objects())
+        """All instances of the object map, and the objects of a stored map."""
+        return message_conversion.object_list(self._ask_objects(), self._ask_stored())
 
     def object(self, id: int) -> api_map_models.ObjectInstance:
         """One instance of the object map. Raises NotFound."""
@@ -149,20 +157,23 @@ class MapCache:
         neither the object map nor the detector knows.
         """
         state = self._state("objectmap")
-        reply = self._ask_objects()
+        reply, stored = self._ask_objects(), self._ask_stored()
         if class_name is not None:
-            self._check_class(class_name, reply)
+            self._check_class(class_name, (*reply.objects, *stored.objects))
 
         def make() -> Encoded:
-            found = message_conversion.object_list(reply)
+            found = message_conversion.object_list(reply, stored)
             kept = [o for o in found.objects if _fits(o, class_name, min_score)]
-            return Encoded.json(found.model_copy(update={"objects": kept}))
+            waiting = [o for o in found.stored if _fits(o, class_name, min_score)]
+            return Encoded.json(found.model_copy(update={"objects": kept, "stored": waiting}))
 
-        return self._lists.get((class_name, min_score), (state, reply.version), make)
+        place = stored.relocalisation
+        key = (state, reply.version, place.state, place.attempts, len(stored.objects))
+        return self._lists.get((class_name, min_score), key, make)
 
-    def _check_class(self, class_name: str, reply: pb.ObjectsReply) -> None:
+    def _check_class(self, class_name: str, mapped: Iterable[pb.ObjectInstance]) -> None:
         """Raise NotFound for an unknown class, with similar names."""
-        names = {o.class_name for o in reply.objects}
+        names = {o.class_name for o in mapped}
         if any(is_named(class_name, name) for name in names):
             return
         try:
@@ -209,6 +220,13 @@ class MapCache:
             lambda: self._bus.call(OBJECTS, pb.ObjectsRequest(), self._timeout_s),
         )
 
+    def _ask_stored(self) -> pb.StoredObjectsReply:
+        return self._stored.get(
+            "all",
+            self._state("objectmap"),
+            lambda: self._bus.call(STORED_OBJECTS, pb.Empty(), self._timeout_s),
+        )
+
     def _marked(self) -> list[pb.MarkedObject]:
         """Objects to draw on the map; none while the object map does not answer."""
         try:
@@ -249,7 +267,9 @@ def _state(view: MapView) -> tuple[int, str, str]:
 
 
 def _fits(
-    found: api_map_models.ObjectInstance, class_name: str | None, min_score: float | None
+    found: api_map_models.ObjectInstance | api_map_models.StoredObject,
+    class_name: str | None,
+    min_score: float | None,
 ) -> bool:
     if class_name is not None and not is_named(class_name, found.class_name):
         return False

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core import proto as pb
 from helios_core.errors import Internal
+from helios_core.geometry import se2_to_se3
 from helios_core.printable_text import printable
 from helios_core.task_states import is_task_state
 from helios_core.tracing import trace_id_of
@@ -154,13 +155,41 @@ def plan(message: pb.Plan) -> api_models.Plan:
     )
 
 
-def object_list(message: pb.ObjectsReply) -> api_map_models.ObjectList:
-    """HTTP model of all instances of the object map."""
+def object_list(
+    message: pb.ObjectsReply, stored: pb.StoredObjectsReply
+) -> api_map_models.ObjectList:
+    """HTTP model of all instances of the object map, and of the objects of a stored map."""
+    place = stored.relocalisation
     return api_map_models.ObjectList(
         objects=[_object(o) for o in message.objects],
         version=message.version,
         gaussians=message.gaussians,
+        stored=[_stored_object(o, place) for o in stored.objects],
+        relocalisation=_relocalisation(place) if place.state else None,
     )
+
+
+def _stored_object(o: pb.ObjectInstance, place: pb.Relocalisation) -> api_map_models.StoredObject:
+    """HTTP model of an object of a stored map; without a place while that is unknown."""
+    center_m: list[float | None] = [None, None, None]
+    tentative = place.state == "tentative" and place.HasField("T_present_stored")
+    if tentative:
+        T = place.T_present_stored
+        center = se2_to_se3(T.x_m, T.y_m, T.yaw_rad) @ [o.center_m.x, o.center_m.y, o.center_m.z, 1]
+        center_m = [metres(float(v)) for v in center[:3]]
+    return api_map_models.StoredObject(
+        class_name=o.class_name, relocalisation="tentative" if tentative else "unknown",
+        center_m=center_m, size_m=_vector(o.size_m), score=finite(o.score), views=o.views,
+    )  # fmt: skip
+
+
+def _relocalisation(place: pb.Relocalisation) -> api_map_models.Relocalisation:
+    return api_map_models.Relocalisation(
+        state="tentative" if place.state == "tentative" else "unknown", attempts=place.attempts,
+        reason=printable(place.reason), overlap_m=finite(place.overlap_m),
+        agreement=finite(place.agreement), contradiction=finite(place.contradiction),
+        ratio=finite(place.ratio),
+    )  # fmt: skip
 
 
 def _object(o: pb.ObjectInstance) -> api_map_models.ObjectInstance:
@@ -169,7 +198,7 @@ def _object(o: pb.ObjectInstance) -> api_map_models.ObjectInstance:
         score=finite(o.score), class_score=finite(o.class_score),
         uncertainty=finite(o.uncertainty), views=o.views, gaussians=o.gaussians,
         probabilities=_numbers(o.probabilities), detection_rate=finite(o.detection_rate),
-        outline_m=pairs(o.outline_m),
+        outline_m=pairs(o.outline_m), relocalisation="relocalised" if o.relocalised else None,
     )  # fmt: skip
 
 

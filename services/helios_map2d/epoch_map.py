@@ -17,12 +17,18 @@ from helios_map2d.layer_stack import LayerStack
 from helios_map2d.layers.grid_growth import check_plausible_move
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.layers.value_layers import Cone
+from helios_map2d.relocalisation.poses import Transform2
 from helios_map2d.snapshots.snapshot import MapSnapshot
 from helios_map2d.snapshots.tile_publisher import PublishedTiles
 from helios_map2d.snapshots.tiles import GroundTile, ValueTile
 from helios_map2d.snapshots.trajectory import Trajectory
 from helios_map2d.view_memory.detected_names import sighted
-from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, small_picture
+from helios_map2d.view_memory.stored_views import (
+    SeenView,
+    ViewMemory,
+    moved_view,
+    small_picture,
+)
 
 
 class EpochMap:
@@ -177,6 +183,19 @@ class EpochMap:
         """Fill an empty map with tiles of ground and values."""
         self.stack.restore(tiles, layers)
         self.tiles.take(tiles, layers)
+
+    def add_stored(self, stored: EpochMap, T_here_there: Transform2) -> None:
+        """Add another map whose place in this frame is known: its cells where this map knows
+        nothing, and its past views. Raises InvalidInput, and changes nothing, if the map would be
+        too large."""
+        changed = self.stack.fill_unknown(stored.stack, T_here_there)
+        self.version += 1
+        for place, shown, heights in changed:
+            self.tiles.retile(place, self.stack.occupancy, self.stack.search, self.version,
+                              shown=shown, heights=heights)  # fmt: skip
+        for view in stored.memory.snapshot():
+            self.memory.add(moved_view(view, T_here_there))
+        self.published = self.publish()
 
     def publish(self, *, ground_changed: bool = True) -> MapSnapshot:
         """Present version of the map. ground_changed: False if only value layers have changed."""

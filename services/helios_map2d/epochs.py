@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from helios_core.errors import Conflict
 from helios_core.parked_maps import MOST_PARKED, ParkedMaps
 from helios_core.robot_restarts import RobotStarts
@@ -10,6 +12,14 @@ from helios_core.types import Frame, Observation, SearchContext, WorldId
 from helios_map2d.camera_view import check_pose
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """Stored map whose place in the present frame is sought, and its world."""
+
+    map: EpochMap
+    world: WorldId
 
 
 class EpochMaps:

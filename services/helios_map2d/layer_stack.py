@@ -29,6 +29,7 @@ from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.layers.reachability import ReachableFloor
 from helios_map2d.layers.value_layers import Cone, ValueLayers
+from helios_map2d.relocalisation.poses import Transform2
 from helios_map2d.snapshots.tiles import GroundTile, ValueTile
 
 
@@ -154,6 +155,35 @@ class LayerStack:
             self.values.restore(name, values.values())
         self.known = self.known.union(self.values.box)
 
+    def fill_unknown(
+        self, stored: LayerStack, T_here_there: Transform2
+    ) -> list[tuple[Tile, bool, bool]]:
+        """Fill unknown cells with the known cells of another map; known cells stay.
+
+        T_here_there: place of the other map. Each cell takes the content of the cell that its
+        centre falls on. The filled cells do not count as searched. Returns the changed tiles with
+        their flags, as `fuse` does. Raises InvalidInput if the grid would exceed the rules' limit.
+        """
+        if stored.known.empty:
+            return []
+        low, high = _bounds(stored, T_here_there)
+        corner, end = (np.floor(at / self.grid.cell_m).astype(int) for at in (low, high))
+        extent = Box(int(corner[1]), int(end[1]) + 1, int(corner[0]), int(end[0]) + 1)
+        self.make_room(extent)
+        box = self.grid.to_local(extent.tiled)
+        before = self.occupancy.occupancy[box.slices].copy()
+        searched = self.search.explored[box.slices].copy()
+        row, column = np.nonzero(before == UNKNOWN)
+        there, known = _cells_there(self.grid, stored, box, row, column, T_here_there)
+        row, column = row[known] + box.row_lo, column[known] + box.column_lo
+        mine, theirs = self.occupancy, stored.occupancy
+        for name in ("occupancy", "evidence", "floor_seen", "z_low_m", "z_high_m"):
+            getattr(mine, name)[row, column] = getattr(theirs, name)[there]
+        came_of_it = np.zeros((box.rows, box.columns), np.uint8)
+        came_of_it[row - box.row_lo, column - box.column_lo] = HEIGHTS
+        self.ground.update(mine.occupancy, before, box)
+        return self._settled(box, before, searched, came_of_it)
+
     def values_changed(self, changed: Box) -> None:
         """Note that value layers have changed within a box of world cells."""
         self.known = self.known.union(changed)
@@ -224,3 +254,35 @@ class LayerStack:
         if not found.empty:
             found = found.moved(box.row_lo, box.column_lo)
             self.known = self.known.union(self.grid.to_world(found))
+
+
+def _bounds(
+    stored: LayerStack, T_here_there: Transform2
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest x, y (m) of the known box of another map in this frame."""
+    known, cell_m = stored.known, stored.grid.cell_m
+    corners = [(c, r) for r in (known.row_lo, known.row_hi)
+               for c in (known.column_lo, known.column_hi)]  # fmt: skip
+    moved = T_here_there.of(np.array(corners, np.float64) * cell_m)
+    return moved.min(axis=0), moved.max(axis=0)
+
+
+def _cells_there(
+    grid: GridSpec,
+    stored: LayerStack,
+    box: Box,
+    row: NDArray[np.intp],
+    column: NDArray[np.intp],
+    T_here_there: Transform2,
+) -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], NDArray[np.bool_]]:
+    """Row and column in another map of the cells [n] of a box that it knows, and which those are
+    [n]."""
+    corner = np.array([grid.corner[1] + box.column_lo, grid.corner[0] + box.row_lo])
+    cells = np.stack([column, row], 1).astype(np.float64) + corner
+    centres_m = (cells + 0.5) * grid.cell_m
+    at = np.floor(T_here_there.inverse.of(centres_m) / stored.grid.cell_m).astype(np.intp)
+    r, c = at[:, 1] - stored.grid.corner[0], at[:, 0] - stored.grid.corner[1]
+    rows, columns = stored.grid.shape
+    known = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+    known[known] = stored.occupancy.occupancy[r[known], c[known]] != UNKNOWN
+    return (r[known], c[known]), known

@@ -46,9 +46,10 @@ from helios_core.topics import (
 )
 from helios_core.types import WorldId
 
-from helios_map2d.epochs import EpochMaps
+from helios_map2d.epochs import EpochMaps, Sought
 from helios_map2d.files.persistence import MapFiles
 from helios_map2d.map_queries import MapQueries
+from helios_map2d.place_search import PlaceSearch
 from helios_map2d.settings import Settings
 from helios_map2d.snapshots.messages import Pose, reported_pose
 from helios_map2d.view_search import ViewMemoryService
@@ -75,6 +76,9 @@ class Map2DService:
         self._listens = False
         self._answers = MapQueries(lambda: self._maps)
         self._keeping = MapFiles(settings, self._lock, lambda: self._maps, self._say)
+        self._places = PlaceSearch(
+            bus, self._lock, lambda: self._maps, self._keeping.taken_over, self._say
+        )
         self._recollection = ViewMemoryService(
             bus, self._lock, lambda: self._maps, lambda: self._context
         )
@@ -100,6 +104,7 @@ class Map2DService:
 
     def close(self) -> None:
         """Save the map a last time; the bus ends the calls."""
+        self._places.close()
         self._keeping.close()
 
     # --- subscriptions ------------------------------------------------------------------------
@@ -126,6 +131,7 @@ class Map2DService:
                 self._maps = self._fresh(EpochMaps(rules, radius_m, first_version=self._version()))
                 if first:
                     self._keeping.recover(self._maps)
+                    self._seek_stored()
             waiting = list(self._frames_waiting) + list(self._observations_waiting)
             self._frames_waiting.clear()
             self._observations_waiting.clear()
@@ -167,7 +173,10 @@ class Map2DService:
             if self._maps is not None:
                 self._maps.set_robot_world(*self._robot)
             goes_on = self._maps is not None and self._maps.current is not before
+            if another:
+                self._seek_stored()
         if another:
+            self._places.announce()
             self._say()
         if goes_on:
             self._catch_up()
@@ -220,7 +229,8 @@ class Map2DService:
     # --- methods ------------------------------------------------------------------------------
     def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
         """Load a map (see `MapFiles.load`), then fill the search's layers from its stored views."""
-        reply = self._keeping.load(request)
+        reply = self._keeping.load(request, self._places.seek)
+        self._places.announce()
         self._say()
         self._catch_up()
         return reply
@@ -233,9 +243,15 @@ class Map2DService:
                 self._maps = self._fresh(
                     EpochMaps(old.rules, old.footprint_radius_m, first_version=self._version() + 1)
                 )
+            self._places.seek(None)
         self._keeping.forget()
+        self._places.announce()
         self._say()
         return pb.Empty()
+
+    def places_settled(self, within_s: float) -> bool:
+        """Wait until no attempt to relocalise is due. Returns False after the time limit."""
+        return self._places.settled(within_s)
 
     # --- internals ----------------------------------------------------------------------------
     def _fold_frame(self, message: pb.Frame) -> None:
@@ -244,6 +260,7 @@ class Map2DService:
             if self._maps is not None:
                 holding = self._holding if frame.held is None else bool(frame.held)
                 self._maps.map_for(frame).integrate_frame(frame, holding=holding)
+                self._places.note_keyframe()
 
     def _fold_values(self, message: pb.Observation) -> None:
         observation = observation_from_proto(message, with_others=False)
@@ -313,6 +330,16 @@ class Map2DService:
             maps.reset_search(context_from_proto(self._context))
         return maps
 
+    def _seek_stored(self) -> None:
+        """Seek the place of the map of an earlier process, if any. The lock is held."""
+        if self._maps is None:
+            return
+        stored = self._keeping.left_behind()
+        if stored is None and self._places.sought is None:
+            stored = self._keeping.stored(self._maps)
+        if stored is not None:
+            self._places.seek(Sought(*stored))
+
     def _catch_up(self) -> None:
         """Fill the search's layers from the stored views of a new present map without values."""
         with self._lock:
@@ -330,8 +357,9 @@ class Map2DService:
             self._health.degraded(self._refused)
         else:
             waits = self._maps is None
+            notes = (self._keeping.health_note(), self._places.note())
             self._health.ready(
-                "waits for the robot's description" if waits else self._keeping.health_note()
+                "waits for the robot's description" if waits else "; ".join(filter(None, notes))
             )
 
     def _version(self) -> int:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix
 from helios_core.types import ObjectInstance, Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import export
+from helios_objectmap import export, placed
 from helios_objectmap.camera import View
 from helios_objectmap.error_model import name_errors
 from helios_objectmap.fusion import geometry, viewing_sectors
@@ -90,6 +91,7 @@ class ObjectMap:
         """Take over a content; views and sightings of the past are empty."""
         self._store, self._registry = content.store, content.registry
         self._viewpoints, self._updates = content.viewpoints, content.updates
+        self._added_update: int | None = None  # update number of `add_stored`
         self._classes = SearchedClasses(self._settings, content.roles)
         self._past, self._sightings = PastViews(), NameSightings()
         self._beliefs = InstanceBeliefs(
@@ -348,6 +350,32 @@ class ObjectMap:
     def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""
         return Viewpoints()
+
+    def add_stored(self, content: MapContent, T_here_there: Matrix) -> int:
+        """Add the content of another map whose place in this frame is known. Returns the number of
+        Gaussians added.
+
+        Where both maps have Gaussians of one object, these become one instance. Directions of view
+        are kept to the nearest viewing sector. The views of the other map may count again.
+        """
+        store, there = self._store, content.store
+        if not len(there):
+            return 0
+        labels = there.instance.copy()
+        rows = placed.append_stored(store, there, T_here_there, self._updates, self._sectors)
+        self._added_update, self._updates = self._updates, self._updates + 1
+        self._classes.add_roles(content.roles)
+        self._join(rows)
+        self._registry.inherit_from(store.instance[rows], labels, content.registry)
+        self._beliefs.drop_all()
+        return len(rows)
+
+    def added_objects(self) -> frozenset[int]:
+        """Ids of the instances with Gaussians that `add_stored` added."""
+        if self._added_update is None:
+            return frozenset()
+        added = self._store.instance[self._store.created_update == self._added_update]
+        return frozenset(np.unique(added).tolist()) - {NO_INSTANCE}
 
     # Parts of an update -----------------------------------------------------------------------
 

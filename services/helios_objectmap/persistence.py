@@ -116,6 +116,14 @@ def read(data: bytes, viewpoints: Viewpoints) -> LoadedMap:
     return LoadedMap(content, world, newest)
 
 
+def world_of(data: bytes) -> WorldId | None:
+    """World of a map file; None if the file names none or cannot be read (see `read`)."""
+    try:
+        return _place(json.loads(unpacked(data)["header"].tobytes()))[0]
+    except Exception:  # `read` gives the reason
+        return None
+
+
 def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
     """World of the map, and the newest frame in it. Files of earlier builds lack some of the
     fields."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from helios_core.types import Role, SearchContext
 
 from helios_objectmap.gaussians import GaussianStore
@@ -40,6 +42,13 @@ class SearchedClasses:
         for c in context.distinct():
             self.roles.pop(c.name, None)
             self.roles[c.name] = c.role
+
+    def add_roles(self, roles: Mapping[str, Role]) -> None:
+        """Add classes of another map, as if they had been searched before all others."""
+        new = {name: role for name, role in roles.items() if name not in self.roles}
+        known = dict(self.roles)
+        self.roles.clear()
+        self.roles |= new | known
 
     def oldest(self) -> list[str]:
         """Classes beyond the largest number that the map keeps, searched longest ago."""

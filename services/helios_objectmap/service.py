@@ -38,12 +38,14 @@ from helios_core.topics import (
     OBJECTMAP_ACK,
     OBJECTS,
     OBSERVATION,
+    RELOCALISATION,
     RENDER_OBJECTS,
     RESET_OBJECTS,
     RETIRE,
     RETIRED,
     ROBOT_STATE,
     SAVE_OBJECTS,
+    STORED_OBJECTS,
     WHAT_IF,
 )
 from helios_core.types import ObjectInstance, Observation, SearchContext, WorldId
@@ -55,6 +57,7 @@ from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.error_model import ErrorModelInUse
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.stored_objects import StoredObjects
 from helios_objectmap.warm_up import warm_up
 
 log = logging.getLogger(__name__)
@@ -72,6 +75,7 @@ class _Published:
 
     version: int
     objects: tuple[ObjectInstance, ...]
+    relocalised: frozenset[int]  # ids of those of a stored map
 
 
 class ObjectMapService:
@@ -109,7 +113,12 @@ class ObjectMapService:
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
             self._kept = AutosavedFile(path, settings.save_every_s, self._unkept, self._troubled)
+        self._found: bytes | None = None  # file of the map in `_restored`
+        stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
+        self._stored = StoredObjects(settings, stored_file)
         self._take_up_kept_map()
+        bus.serve(STORED_OBJECTS, self.stored_objects)
+        bus.subscribe(RELOCALISATION, self.on_relocalisation)
         bus.subscribe(OBSERVATION, self.on_observation)
 
     def warm_up(self) -> None:
@@ -171,9 +180,16 @@ class ObjectMapService:
             )
             if another:
                 self._replaced()
+                self._store_left_behind()
         if another:
             log.warning("%s", self._map_said)
             self._say()
+
+    def on_relocalisation(self, message: pb.Relocalisation) -> None:
+        """Take over the stored map once its place in the present frame is known."""
+        with self._lock:
+            self._stored.note_place(message)
+        self._take_over_stored()
 
     def on_observation(self, message: pb.Observation) -> None:
         """Integrate an observation, or publish a refusal with its reason. Never raises.
@@ -210,18 +226,26 @@ class ObjectMapService:
         wanted = set(request.class_names)
         with self._lock:
             if self._published is None:
-                self._published = _Published(self._version, self._maps.current.objects())
+                current = self._maps.current
+                self._published = _Published(
+                    self._version, current.objects(), current.added_objects()
+                )
             published, count = self._published, len(self._maps.current)
             newest = self._maps.newest
         reply = pb.ObjectsReply(version=published.version, gaussians=count)
         if newest is not None:
             reply.id.CopyFrom(frame_id_to_proto(newest))
         reply.objects.extend(
-            object_to_proto(o)
+            _message(o, o.id in published.relocalised)
             for o in published.objects
             if (not wanted or o.class_name in wanted) and o.class_score >= request.min_class_score
         )
         return reply
+
+    def stored_objects(self, _: pb.Empty) -> pb.StoredObjectsReply:
+        """Objects of a stored map that is not relocalised; `objects` leaves them out."""
+        with self._lock:
+            return self._stored.described()
 
     def what_if(self, request: pb.WhatIfRequest) -> pb.WhatIfReply:
         """Score and information gain if views showed an instance as a class (eq. 6, 11, 12)."""
@@ -294,7 +318,8 @@ class ObjectMapService:
         with self._lock:
             self._maps.forget()
             self._replaced()
-            self._restored = None
+            self._stored.drop()
+            self._restored = self._found = None
         if self._kept is not None:
             self._kept.forget()
         self._say()
@@ -323,11 +348,24 @@ class ObjectMapService:
         return pb.ObjectMapFile(data=persistence.to_bytes(arrays))
 
     def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
-        """Replace the current map with the map of a file. A refused file changes nothing.
+        """Replace the current map with the map of a file, or store it if it is of another world.
 
-        The world frame of the file is taken to be the current one.
+        A file names its world. In the present world, or with `same_frame`, it replaces the current
+        map; otherwise it waits until map2d has found its place. A refused file changes nothing.
         """
+        world = persistence.world_of(request.data)
+        with self._lock:
+            present = self._maps.robot_world or self._maps.world
+            named = world is not None and present is not None
+            counts = None
+            if named and world != present and not request.same_frame:
+                counts = self._stored.replace(request.data)
+        if counts is not None:
+            self._say()
+            return pb.ObjectMapLoaded(gaussians=counts[0], objects=counts[1], stored=True)
         loaded = self._recall(request.data)
+        with self._lock:
+            self._stored.drop()
         self._say()
         return loaded
 
@@ -401,6 +439,7 @@ class ObjectMapService:
         update_ms = (time.perf_counter() - began) * 1e3
         if self._superseded() | self._errors.hear(observation.detector):
             self._say()
+        self._take_over_stored()
         self._health.count("observations_accepted")
         self._health.sample("update_ms", update_ms)
         self._health.set("gaussians", report.total)
@@ -425,6 +464,26 @@ class ObjectMapService:
         self._maps.newest = observation.frame.id
         self._changed()
         return report
+
+    def _take_over_stored(self) -> None:
+        """Add the stored map to the present one if it is relocalised, and save the result."""
+        with self._lock:
+            maps = self._maps
+            added = self._stored.take_over(maps.current, maps.world)
+            if added is None:
+                return
+            self._changed()
+        if self._kept is not None:
+            self._kept.write()
+        with self._lock:
+            self._stored.drop()
+        self._say()
+
+    def _store_left_behind(self) -> None:
+        """Store the map of an earlier process, which is of another world. The lock is held."""
+        found, self._found = self._found, None
+        if found is not None:
+            self._stored.store(found)
 
     def _replaced(self) -> None:
         """Set up the map that has just replaced the current one."""
@@ -461,7 +520,13 @@ class ObjectMapService:
 
         The fate of the saved map is part of it until another map replaces that one.
         """
-        return "; ".join(part for part in (self._trouble, self._refused, self._fate()) if part)
+        waits = (
+            "stored objects are not in use until the robot has found its place"
+            if self._stored.waits
+            else ""
+        )
+        parts = (self._trouble, self._refused, self._fate(), waits)
+        return "; ".join(part for part in parts if part)
 
     def _superseded(self) -> bool:
         """Drop the note of the restored map, because the map changes now; True if there was one."""
@@ -514,6 +579,7 @@ class ObjectMapService:
             content = f"{counted(objects, 'object')}, {counted(gaussians, 'Gaussian')}{frames}"
             # Under the lock: a robot state of another world may park the map at once.
             self._restored = (present, written, content) if written else None
+            self._found = data if written else None
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
         return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
 
@@ -539,3 +605,9 @@ class ObjectMapService:
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:
         return InvalidInput(f"no object {object_id}: ask for the objects again, they have changed")
+
+
+def _message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstance:
+    out = object_to_proto(thing)
+    out.relocalised = relocalised
+    return out

@@ -91,6 +91,7 @@ RETIRED = Topic("objectmap/retired", pb.Retired, QoS.NEVER_DROP)
 GAUSSIANS = Method("objectmap/gaussians", pb.GaussiansRequest, pb.GaussiansReply)
 RESET_OBJECTS = Method("objectmap/reset", pb.Empty, pb.Empty)
 SAVE_OBJECTS = Method("objectmap/save", pb.Empty, pb.ObjectMapFile)
+STORED_OBJECTS = Method("objectmap/stored", pb.Empty, pb.StoredObjectsReply)
 LOAD_OBJECTS = Method("objectmap/load", pb.ObjectMapFile, pb.ObjectMapLoaded)
 EXPORT_OBJECTS = Method("objectmap/export", pb.ExportRequest, pb.ExportReply)
 RENDER_OBJECTS = Method("objectmap/render", pb.RenderRequest, pb.RenderReply)
@@ -101,6 +102,7 @@ PICTURE = Method("map2d/picture", pb.PictureRequest, pb.PictureReply)
 SIGHT = Method("map2d/sight", pb.SightRequest, pb.SightReply)
 MAP_CHANGES = Method("map2d/changes", pb.MapChangesRequest, pb.MapChanges)
 PATH_COST = Method("map2d/path_cost", pb.PathCostRequest, pb.PathCostReply)
+RELOCALISATION = Topic("map2d/relocalisation", pb.Relocalisation, QoS.RETAINED)
 RECALL = Method("map2d/recall", pb.RecallRequest, pb.RecallReply)
 SAVE_MAP2D = Method("map2d/save", pb.SaveMap2DRequest, pb.SaveMap2DReply)
 LOAD_MAP2D = Method("map2d/load", pb.LoadMap2DRequest, pb.LoadMap2DReply)
@@ -161,13 +163,13 @@ TRUTH_TRACE = Method("world/trace", pb.TruthTraceRequest, pb.TruthTrace, truth=T
 TOPICS: tuple[Topic, ...] = (
     FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, DETECTOR_ACK, PREVIEW, CLAIM,
     OBJECTMAP_ACK, RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR, BRIDGE_HEARTBEAT,
-    PLANNER_HEARTBEAT,
+    PLANNER_HEARTBEAT, RELOCALISATION,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS,
     RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
-    SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT,
+    SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT, STORED_OBJECTS,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
     WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
     TRUTH_EPISODE, TRUTH_METRICS, TRUTH_OBJECTS, TRUTH_TRACE,

@@ -34,15 +34,19 @@ def objects(
     as_json: Json = False,
 ) -> None:
     """List the objects of the object map, highest score first."""
-    from helios_client.commands.tables import object_table
+    from helios_client.commands.tables import object_table, stored_table
 
     with at.connect() as helios:
         found = sorted(helios.objects(class_name, min_score), key=lambda o: -o.score)
+        stored = helios.stored_objects(class_name, min_score)
     if as_json:
-        print_json({"objects": [one.raw for one in found]})
-    elif found:
+        print_json({"objects": [o.raw for o in found], "stored": [o.raw for o in stored]})
+        return
+    if found:
         console().print(object_table(found))
-    else:
+    if stored:
+        console().print(stored_table(stored))
+    if not found and not stored:
         least = "" if min_score is None else f" with a score of at least {min_score:g}"
         print(f"no {class_name or 'object'}{least} has been found yet")
 
@@ -99,20 +103,30 @@ def save(
 def load(
     at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="file written by helios map save")] = Path("map.zip"),
+    same_frame: Annotated[
+        bool,
+        typer.Option("--same-frame", help="the robot's poses have the origin of the saved maps"),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Load both maps and replace the current ones.
 
-    The robot must be in the world of the saved maps, with the same origin. Refused while a task
-    runs.
+    If the robot's poses have another origin than those of the file, the file is stored instead. It
+    is in use once the robot has found its place in it. Refused while a task runs.
     """
     from helios_client.commands.map_files import read_file
 
     data = read_file(file)
     with at.connect() as helios:
-        loaded = helios.load_map(data)
+        loaded = helios.load_map(data, same_frame)
     if as_json:
         print_json(loaded)
+    elif loaded["stored"]:
+        print(
+            f"stored: {loaded['objects']} objects. The file is of another world: it is in use once "
+            "the robot has found its place in it, which takes views from a task or a drive; "
+            "helios objects shows the state"
+        )
     else:
         print(
             f"loaded: {loaded['known_m2']:.0f} m² of known area, {loaded['objects']} objects with "

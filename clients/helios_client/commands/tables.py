@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client.answer_types import FoundObject, Seen, SeenName, Task
+from helios_client.answer_types import FoundObject, Seen, SeenName, StoredObject, Task
 from helios_client.sdk import Helios
 from helios_client.terminal_output import plain_table
 from helios_client.usage_errors import UsageError
@@ -33,12 +33,26 @@ def task_table(tasks: Sequence[Task]) -> Table:
 
 def object_table(objects: Sequence[FoundObject]) -> Table:
     """Table with one row per instance: score Ψ, class score S and uncertainty U of eq. 7."""
-    out = plain_table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)")
+    marked = any(found.relocalisation for found in objects)
+    columns = ["id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)"]
+    out = plain_table(*columns, *(["stored"] if marked else []))
     for found in objects:
         out.add_row(
             str(found.id), escape(found.class_name), f"{found.score:.2f}",
             f"{found.class_score:.2f}", f"{found.uncertainty:.2f}", str(found.views),
             _metres(found.center_m), _metres(found.size_m),
+            *([found.relocalisation or ""] if marked else []),
+        )  # fmt: skip
+    return out
+
+
+def stored_table(objects: Sequence[StoredObject]) -> Table:
+    """Table with one row per object of a stored map that is not in use."""
+    out = plain_table("stored", "class", "Ψ", "views", "centre (m)", "size (m)")
+    for found in objects:
+        out.add_row(
+            found.relocalisation, escape(found.class_name), f"{found.score:.2f}",
+            str(found.views), _metres(found.center_m), _metres(found.size_m),
         )  # fmt: skip
     return out
 
@@ -58,6 +72,8 @@ def seen_tables(found: Seen) -> list[Table | str]:
         out.append(object_table(found.objects))
     else:
         out.append(escape(f"the map has no object of that name: {found.prompt}"))
+    if found.stored:
+        out.append(stored_table(found.stored))
     if found.views:
         views = plain_table("past view", "class", "score", "at (m)", "camera (m)", "time (s)")
         for number, view in enumerate(found.views, start=1):

@@ -31,6 +31,7 @@ from helios_client.answer_types import (
     Seen,
     SeenView,
     Status,
+    StoredObject,
     Suggestions,
     Task,
     Trace,
@@ -145,10 +146,18 @@ def suggestions(limit: int) -> Call[Suggestions]:
 
 
 def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:
-    asked = {"class": class_name, "min_score": min_score}
     return Call(
         "GET", "/objects", lambda r: tuple(FoundObject.from_json(o) for o in _json(r)["objects"]),
-        query={name: value for name, value in asked.items() if value is not None},
+        query=_given({"class": class_name, "min_score": min_score}),
+    )  # fmt: skip
+
+
+def stored_objects(
+    class_name: str | None, min_score: float | None
+) -> Call[tuple[StoredObject, ...]]:
+    return Call(
+        "GET", "/objects", lambda r: tuple(StoredObject.from_json(o) for o in _json(r)["stored"]),
+        query=_given({"class": class_name, "min_score": min_score}),
     )  # fmt: skip
 
 
@@ -182,8 +191,9 @@ def save_map() -> Call[bytes]:
     return Call("GET", "/map.zip", _content, timeout_s=MAP_S)
 
 
-def load_map(data: bytes) -> Call[LoadedMaps]:
-    return Call("PUT", "/map.zip", _json, content=data, timeout_s=MAP_S)
+def load_map(data: bytes, same_frame: bool) -> Call[LoadedMaps]:
+    query = {"same_frame": True} if same_frame else {}
+    return Call("PUT", "/map.zip", _json, query=query, content=data, timeout_s=MAP_S)
 
 
 def reset_map(only: str | None) -> Call[ResetMaps]:
@@ -254,6 +264,11 @@ def _part(text: str) -> str:
 
 def _content(response: httpx.Response) -> bytes:
     return response.content
+
+
+def _given(query: dict[str, Any]) -> dict[str, Any]:
+    """Parameters that have a value."""
+    return {name: value for name, value in query.items() if value is not None}
 
 
 def _json(response: httpx.Response) -> Any:

@@ -151,6 +151,7 @@ class InProcessStack:
         Raises the planner's errors, and DeadlineExceeded.
         """
         request = pb.SubmitRequest(instruction=instruction, max_steps=max_steps)
+        self._ended.clear()
         task = self._bus.call(SUBMIT, request, CALL_S)
         if not self._ended.wait(within_s):
             raise DeadlineExceeded(f"the episode did not end within {within_s:g} s")
@@ -164,6 +165,10 @@ class InProcessStack:
     def map(self) -> MapView:
         """Current 2D map."""
         return decode_snapshot(self._bus.call(SNAPSHOT, pb.SnapshotRequest(layers=False), CALL_S))
+
+    def settle(self) -> None:
+        """Wait for an attempt to relocalise in a stored map, if one is due."""
+        self._map2d.places_settled(CALL_S)
 
     def bus(self) -> MemoryBus:
         """New bus of this stack, for a subscriber."""

@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Iterator
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Response
+from fastapi import APIRouter, Body, Query, Response
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import DeadlineExceeded, HeliosError
@@ -96,35 +96,48 @@ def load(
             description="a map file from GET /v1/map.zip or `helios map save`",
         ),
     ],
+    same_frame: Annotated[
+        bool,
+        Query(
+            description="true: a position (x, y) in the file means the same place in the robot's "
+            "world, although the file is of another world"
+        ),
+    ] = False,
 ) -> api_map_models.LoadedMaps:
-    """Replace both maps with those of a file.
+    """Replace both maps with those of a file, or store a file of another world.
 
-    If one map refuses the file, neither is replaced. A position (x, y) in the file must mean
-    the same place in the robot's world. Returns 409 while a task is queued or under way; a new
-    task waits. After a 504 the state of the maps is unknown: load a file again.
+    If one map refuses the file, neither is replaced. The poses of a robot that restarts may
+    begin elsewhere, which makes its world another one. Then the file is not in use until the
+    robot has found its place in it (`/v1/objects` reports the state of each stored object).
+    Returns 409 while a task is queued or under way; a new task waits. After a 504 the state of
+    the maps is unknown: load a file again.
     """
     settings = state.settings
     maps = unpacked(file, settings.map_limit_bytes)
     with planner_reserved(robot, "the maps are being loaded", settings.call_timeout_s):
-        objects, ground = _load_both(robot, maps)
+        objects, ground = _load_both(robot, maps, same_frame)
     return api_map_models.LoadedMaps(
         objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
         known_m2=finite(ground.known_m2), occupied_m2=finite(ground.occupied_m2),
+        stored=ground.stored,
     )  # fmt: skip
 
 
-def _load_both(robot: RobotEndpoint, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
-    """Load both maps.
+def _load_both(
+    robot: RobotEndpoint, maps: MapFile, same_frame: bool
+) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
+    """Load both maps. same_frame: their coordinates are those of the robot's world in any case.
 
     Raises HeliosError if neither is loaded, and DeadlineExceeded if that is unknown.
     """
     named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
     before = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
     try:
-        file_of_objects = pb.ObjectMapFile(data=maps.objects)
+        file_of_objects = pb.ObjectMapFile(data=maps.objects, same_frame=same_frame)
         objects = _loaded(robot.bus, LOAD_OBJECTS, file_of_objects, "the object map")
         try:
-            ground = _loaded(robot.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
+            file_of_map2d = pb.LoadMap2DRequest(files=[named], same_frame=same_frame)
+            ground = _loaded(robot.bus, LOAD_MAP2D, file_of_map2d, "map2d")
         except DeadlineExceeded:
             raise  # map2d may still load its part, which needs the new objects
         except HeliosError as error:
@@ -152,7 +165,8 @@ def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
     If that fails, raises an error of the type of `why` with both messages.
     """
     try:
-        bus.call(LOAD_OBJECTS, objects, FILE_S)
+        former = pb.ObjectMapFile(data=objects.data, same_frame=True)
+        bus.call(LOAD_OBJECTS, former, FILE_S)
     except HeliosError as error:
         raise type(why)(
             f"{why.message}; and the object map could not be given its former objects "

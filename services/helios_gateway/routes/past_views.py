@@ -43,19 +43,22 @@ def seen(
 ) -> api_map_models.SeenAnswer:
     """Find where something was seen: objects and past views that match a text.
 
-    `objects` are the instances of the object map whose class the text names. The scorer's
+    `objects` are the instances of the object map whose class the text names, `stored` those of a
+    stored map in which the robot has not found its place. The scorer's
     image-text model ranks the past views, also for names that no search has used. A scorer
     without such a model (for instance the simulator's) gives the views in which the detector
     found the name while a search looked for it; then `views_note` says so.
     """
     recalled = _recalled(robot, pb.RecallRequest(prompt=prompt, most_places=limit))
+    mapped = maps.objects()
     return api_map_models.SeenAnswer(
         prompt=prompt,
         objects=[
             found
-            for found in sorted(maps.objects().objects, key=lambda o: -(o.score or 0.0))
+            for found in sorted(mapped.objects, key=lambda o: -(o.score or 0.0))
             if mentions_class(prompt, found.class_name)
         ],
+        stored=[one for one in mapped.stored if mentions_class(prompt, one.class_name)],
         views=[_view(place) for place in recalled.places],
         views_asked=recalled.views,
         views_note=recalled.note,

@@ -9,6 +9,7 @@ export class Objects {
     this.onList = onList;
     this.onChoose = onChoose;
     this.objects = [];
+    this.stored = []; // of a stored map in which the robot has not found its place
     this.chosen = null;
     this.shown = "";
     this.pictured = null;
@@ -17,7 +18,8 @@ export class Objects {
   }
 
   async fetch() {
-    const { objects } = await ask("/objects");
+    const { objects, stored } = await ask("/objects");
+    this.stored = stored;
     this.objects = objects.sort((a, b) => (b.score ?? 0) - (a.score ?? 0));
     this.onList(this.objects);
     this.draw();
@@ -50,6 +52,7 @@ export class Objects {
         ...rest.map((textContent) => element("td", { textContent })),
       );
     });
+    rows.push(...this.stored.map(storedRow));
     $("objects").replaceChildren(
       element("thead", {}, element("tr", {}, ...head)),
       element("tbody", {}, ...rows),
@@ -97,6 +100,7 @@ export class Objects {
       ["detected in", object.detection_rate == null ? "" : `${Math.round(100 * object.detection_rate)} %`],
       ["Gaussians", object.gaussians],
       ["centre", `${place(object.center_m)} m`],
+      ["stored map", object.relocalisation ?? ""],
       ["size", `${place(object.size_m)} m`],
     ]);
     const likeliest = Object.entries(object.probabilities).sort((a, b) => (b[1] ?? 0) - (a[1] ?? 0));
@@ -137,6 +141,17 @@ function drawHistory(history) {
   $("object-history").setAttribute(
     "aria-label",
     scores.length ? `score over ${scores.length} views: first ${number(scores[0])}, now ${number(scores.at(-1))}` : "no history",
+  );
+}
+
+/** A row of an object of a stored map; it has no place to show before the robot has found its own. */
+function storedRow(object) {
+  const where = object.relocalisation === "tentative" ? place(object.center_m, 1) : "-";
+  const rest = [number(object.score), object.views, `${where} (${object.relocalisation})`];
+  return element(
+    "tr",
+    { className: "stored", title: "Of a stored map that is not in use. The robot does not drive there." },
+    ...[object.class, ...rest].map((textContent) => element("td", { textContent })),
   );
 }
 

@@ -26,18 +26,21 @@ export class Seen {
     }
   }
 
-  show({ prompt, objects, views, views_asked, views_note }) {
+  show({ prompt, objects, stored, views, views_asked, views_note }) {
     const found = objects.map((object) =>
       this.sight(object.center_m, `${object.class} ${object.id}`, `in the map, score Ψ ${number(object.score)}`),
+    );
+    const waiting = stored.map((object) =>
+      this.sight(object.center_m, object.class, `in a stored map, ${object.relocalisation}`),
     );
     const seen = views.map((view) =>
       view.class
         ? this.sight(view.center_m, view.class, `detected, ${number(view.score)}`, view.jpeg_base64)
         : this.sight(view.center_m, "past view", `fits ${number(view.score)}`, view.jpeg_base64),
     );
-    $("sights").replaceChildren(...found, ...seen);
+    $("sights").replaceChildren(...found, ...waiting, ...seen);
     const said = [];
-    if (!objects.length) said.push(`The map has no object named in “${prompt}”.`);
+    if (!objects.length && !stored.length) said.push(`The map has no object named in “${prompt}”.`);
     if (!views.length && views_asked) said.push(`None of ${views_asked} past views fits.`);
     if (views_note) said.push(`${views_note[0].toUpperCase()}${views_note.slice(1)}.`);
     $("seen-said").textContent = said.join(" ");

@@ -13,9 +13,11 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.map_autosave import AutosavedFile, SavedMap, of_another_world
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN
 from helios_core.printable_text import counted
+from helios_core.stored_map_file import StoredMapFile
+from helios_core.types import WorldId
 
 from helios_map2d.epoch_map import EpochMap
-from helios_map2d.epochs import EpochMaps
+from helios_map2d.epochs import EpochMaps, Sought
 from helios_map2d.files.map_file import FILE_NAME, decode_map, encode_map, map_from_content
 from helios_map2d.files.npz_and_ros import decode_exported, decode_ros, encode_ros
 from helios_map2d.map_queries import DEFAULT_PICTURE_PX, known
@@ -26,6 +28,7 @@ from helios_map2d.snapshots.snapshot import MapSnapshot, encode_npz
 log = logging.getLogger(__name__)
 
 FORMATS = "map, npz, ros or png"
+ENOUGH_M2 = 15.0  # known area with which a robot would have found its place in a stored map
 LOST_VERSIONS = 10_000  # exceeds the possible number of versions between last write and crash
 
 
@@ -49,6 +52,9 @@ class MapFiles:
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
             self._kept = AutosavedFile(path, settings.keep_period_s, self._newer, self._troubled)
+        state_dir = settings.state_dir
+        self._stored = StoredMapFile(None if state_dir is None else state_dir / FILE_NAME)
+        self._found: bytes | None = None  # file of the map in `_restored`
 
     def health_note(self) -> str:
         """Health note: a problem with saving, and the fate of the saved map until another map
@@ -93,13 +99,49 @@ class MapFiles:
             self._trouble = self._refused
         self._kept.start()
 
+    def stored(self, maps: EpochMaps) -> tuple[EpochMap, WorldId] | None:
+        """Map and world of the stored file, whose place the robot has yet to find; None without
+        one. An unusable file is removed. The caller holds the lock."""
+        try:
+            data = self._stored.read()
+            if data is None:
+                return None
+            return decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
+        except OSError as error:
+            log.error("the stored map cannot be read: %s", error)
+        except InvalidInput as error:
+            log.error("the stored map was refused and is removed: %s", error.message)
+            self._stored.remove()
+        return None
+
+    def left_behind(self) -> tuple[EpochMap, WorldId] | None:
+        """Map and world of an earlier process's map that is of another world than the robot's, at
+        the first call. It becomes the stored map, unless it is small and there is one already: then
+        the earlier process ended before it found its place. The caller holds the lock."""
+        maps, restored, found = self._maps(), self._restored, self._found
+        if maps is None or restored is None or found is None:
+            return None
+        if not maps.is_of_another_world(restored[0]):
+            return None
+        self._found = None
+        if areas_m2(restored[0].published)[0] < ENOUGH_M2 and self._stored.exists:
+            return None
+        self._stored.write(found)
+        return decode_map(found, maps.rules, maps.footprint_radius_m, maps.version)
+
+    def taken_over(self) -> None:
+        """Write the present map, which has taken over the stored one, and remove that one."""
+        if self._kept is not None:
+            self._kept.write()
+        self._stored.remove()
+
     def _restore(self, found: SavedMap, maps: EpochMaps) -> None:
         state, world = decode_map(found.data, maps.rules, maps.footprint_radius_m, maps.version)
         state.publish_above(state.version + LOST_VERSIONS)
         newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
         known_m2 = areas_m2(state.published)[0]
         content = f"{known_m2:.0f} m² known, {counted(len(state.memory), 'view')}{newest}"
-        self._restored = state, found.written, content
+        self._restored, self._found = (state, found.written, content), found.data
         log.info(
             "a map was kept at %s: %s; it goes on when the robot is in %s",
             found.written, content, world,
@@ -117,8 +159,9 @@ class MapFiles:
         return of_another_world(written) if maps.is_of_another_world(state) else ""
 
     def forget(self) -> None:
-        """Remove the saved map."""
-        self._restored = None
+        """Remove the saved map and the stored one."""
+        self._restored = self._found = None
+        self._stored.remove()
         if self._kept is not None:
             self._kept.forget()
 
@@ -146,27 +189,40 @@ class MapFiles:
             reply.id.CopyFrom(frame_id_to_proto(published.frame_id))
         return reply
 
-    def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
-        """Replace the present map by one from files, in the robot's present world.
+    def load(
+        self, request: pb.LoadMap2DRequest, seek: Callable[[Sought | None], None]
+    ) -> pb.LoadMap2DReply:
+        """Replace the present map by one from files, or store it if it is of another world.
 
-        Its coordinates must be those of that world. Raises InvalidInput for unusable files,
-        Unavailable before the robot's description arrives, Conflict before its state arrives.
+        A map file names its world. In the robot's present world, or with `same_frame`, its map
+        replaces the present one. Otherwise `seek` gets it, and the present map stays. Raises
+        InvalidInput for unusable files, Unavailable before the robot's description arrives,
+        Conflict before its state arrives.
         """
         maps = self._maps()
         if maps is None:
             raise Unavailable("the robot has not described itself; start its bridge")
-        state = loaded(request, maps)
+        state, world = loaded(request, maps)
         with self._lock:
             if self._maps() is not maps:
                 raise Unavailable("the maps were reset meanwhile; load again")
-            maps.replace(state)
-            self._restored = None
+            present = maps.robot_world or maps.world
+            stored = not (request.same_frame or world in (None, present))
+            self._restored = self._found = None
+            if stored and world is not None:
+                self._stored.write(request.files[0].data)
+                seek(Sought(state, world))
+            else:
+                maps.replace(state)
+                self._stored.remove()
+                seek(None)
             published = state.published
             views = len(state.memory)
         known_m2, occupied_m2 = areas_m2(published)
         return pb.LoadMap2DReply(
-            version=published.version, known_m2=known_m2, occupied_m2=occupied_m2, views=views
-        )
+            version=published.version, known_m2=known_m2, occupied_m2=occupied_m2, views=views,
+            stored=stored,
+        )  # fmt: skip
 
     def close(self) -> None:
         """Save the map a last time."""
@@ -203,8 +259,9 @@ def areas_m2(published: MapSnapshot) -> tuple[float, float]:
     return known_cells * cell_m2, int((published.occupancy == OCCUPIED).sum()) * cell_m2
 
 
-def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> EpochMap:
-    """Map of some files. Raises InvalidInput if they are unusable."""
+def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> tuple[EpochMap, WorldId | None]:
+    """Map of some files, and its world if they name it. Raises InvalidInput if they are
+    unusable."""
     by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}
     if len(by_ending) < len(request.files):
         raise InvalidInput(
@@ -212,7 +269,8 @@ def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> EpochMap:
         )
     rules, version = maps.rules, maps.version
     if set(by_ending) == {".map"}:
-        return decode_map(by_ending[".map"], rules, maps.footprint_radius_m, version)[0]
+        state, world = decode_map(by_ending[".map"], rules, maps.footprint_radius_m, version)
+        return state, world if world != WorldId("", 0) else None
     if set(by_ending) == {".npz"}:
         content = decode_exported(by_ending[".npz"], rules.cell_m, version)
     elif ".yaml" in by_ending and len(by_ending) == 2:
@@ -223,4 +281,4 @@ def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> EpochMap:
             f"cannot load {', '.join(sorted(f.name[:80] for f in request.files)) or 'nothing'}: "
             "send one .map, one .npz, or a .yaml and the picture it names"
         )
-    return map_from_content(content, rules, maps.footprint_radius_m, version)
+    return map_from_content(content, rules, maps.footprint_radius_m, version), None

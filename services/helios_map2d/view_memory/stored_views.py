@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -28,6 +28,7 @@ from helios_core.types import Embedding, FrameId
 from numpy.typing import NDArray
 
 from helios_map2d.layers.value_layers import Cone, bin_directions
+from helios_map2d.relocalisation.poses import Transform2
 from helios_map2d.view_memory.detected_names import DetectedClass
 
 PICTURE_PX = 320  # longer side of a thumbnail
@@ -85,6 +86,22 @@ class SeenView:
         if self.embedding is not None:
             view.embedding.CopyFrom(embedding_to_proto(self.embedding))
         return pb.KeptMap(views=[view]).SerializeToString()
+
+
+def moved_view(view: SeenView, T_here_there: Transform2) -> SeenView:
+    """View of another map in this frame."""
+    cone = view.cone
+    x_m, y_m = T_here_there.of(np.array([[cone.x_m, cone.y_m]]))[0].tolist()
+    heading = T_here_there.rotation @ cone.heading
+    places = T_here_there.of(np.array([(n.x_m, n.y_m) for n in view.named]).reshape(-1, 2))
+    return replace(
+        view,
+        cone=replace(cone, x_m=x_m, y_m=y_m, heading=(float(heading[0]), float(heading[1]))),
+        named=tuple(
+            replace(n, x_m=float(x), y_m=float(y))
+            for n, (x, y) in zip(view.named, places, strict=True)
+        ),
+    )
 
 
 def read_view(message: pb.KeptView) -> SeenView:

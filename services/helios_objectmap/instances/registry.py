@@ -168,6 +168,22 @@ class InstanceRegistry:
         self._voxels[group] = Voxels(voxel_m)
         self._voxels[group].fill(store.means[rows], labels)
 
+    def inherit_from(
+        self, labels: NDArray[np.int32], there: NDArray[np.int32], other: InstanceRegistry
+    ) -> None:
+        """Give instances the views of the instances of another registry that they came from.
+
+        labels, there: [n] labels of the same Gaussians here and there; NO_INSTANCE for none.
+        """
+        both = (labels != NO_INSTANCE) & (there != NO_INSTANCE)
+        for here, label in sorted(
+            set(zip(labels[both].tolist(), there[both].tolist(), strict=True))
+        ):
+            if here in self.records and label in other.records:
+                self.records[here].inherit(other.records[label])
+        for name, ended in other.ended.items():
+            self.ended.setdefault(name, ended)
+
     def is_beside_core(self, label: int) -> bool:
         """True for an instance with faint evidence that touches the core of one of its class."""
         record = self.records[label]

@@ -36,6 +36,7 @@ from helios_core.codec.search import (
     vector_from_proto,
     vector_to_proto,
 )
+from helios_core.codec.worlds import world_from_proto, world_to_proto
 
 __all__ = [
     "action_from_proto",
@@ -64,4 +65,6 @@ __all__ = [
     "transform_to_proto",
     "vector_from_proto",
     "vector_to_proto",
+    "world_from_proto",
+    "world_to_proto",
 ]

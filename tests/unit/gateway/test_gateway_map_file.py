@@ -82,6 +82,7 @@ def test_a_saved_map_can_be_loaded_again(client: TestClient, backend: Backend) -
     loaded = client.put("/v1/map.zip", content=saved.content, headers=ZIP)
     assert loaded.json() == {
         "known_m2": 40.0, "occupied_m2": 8.0, "views": 3, "objects": 4, "gaussians": 5120,
+        "stored": False,
     }  # fmt: skip
     assert backend.kept == {"map2d": b"walls", "objects": b"things"}
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import math
 
 import pytest
 from fastapi.testclient import TestClient
+from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.name_rules import mentions_class
 
@@ -58,3 +60,40 @@ def test_a_prompt_mentions_a_class_only_as_whole_words(
     prompt: str, class_name: str, named: bool
 ) -> None:
     assert mentions_class(prompt, class_name) is named
+
+
+def stored_mug(**place: object) -> pb.StoredObjectsReply:
+    mug = pb.ObjectInstance(
+        class_name="mug", center_m=pb.Vector3(x=1.0, y=2.0, z=0.8), score=0.7, views=5
+    )
+    return pb.StoredObjectsReply(relocalisation=pb.Relocalisation(**place), objects=[mug])
+
+
+def test_a_stored_object_without_a_known_place_has_no_coordinates(
+    client: TestClient, backend: Backend
+) -> None:
+    backend.stored = stored_mug(state="unknown", attempts=2, reason="too little to compare")
+    answer = client.get("/v1/objects", params={"class": "mug"}).json()
+    (mug,) = answer["stored"]
+    assert mug["relocalisation"] == "unknown"
+    assert mug["center_m"] == [None, None, None]
+    assert "id" not in mug  # nothing can name it, so nothing can drive to it
+    assert answer["relocalisation"]["reason"] == "too little to compare"
+    (seen,) = client.get("/v1/seen", params={"prompt": "the red mug"}).json()["stored"]
+    assert seen == mug
+
+
+def test_a_tentative_stored_object_is_shown_in_the_present_frame(
+    client: TestClient, backend: Backend
+) -> None:
+    T = pb.Pose2(x_m=10.0, y_m=0.0, yaw_rad=math.pi / 2)
+    backend.stored = stored_mug(state="tentative", T_present_stored=T)
+    (mug,) = client.get("/v1/objects").json()["stored"]
+    assert mug["relocalisation"] == "tentative"
+    assert mug["center_m"] == [8.0, 1.0, 0.8]
+
+
+def test_a_robot_without_a_stored_map_reports_none(client: TestClient, backend: Backend) -> None:
+    answer = client.get("/v1/objects").json()
+    assert (answer["stored"], answer["relocalisation"]) == ([], None)
+    assert {found["relocalisation"] for found in answer["objects"]} == {None}

@@ -27,8 +27,8 @@ def saved(rig: Rig, kind: str) -> list[pb.Map2DFile]:
     return list(rig.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format=kind), 10).files)
 
 
-def load(rig: Rig, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
-    return rig.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files), 10)
+def load(rig: Rig, files: list[pb.Map2DFile], same_frame: bool = True) -> pb.LoadMap2DReply:
+    return rig.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files, same_frame=same_frame), 10)
 
 
 def walked(*flags: str) -> Rig:

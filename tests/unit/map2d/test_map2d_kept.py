@@ -47,7 +47,7 @@ def test_values_beyond_the_known_floor_are_restored_too() -> None:
     assert_same_state(state_of(rig), state_of(other))
 
 
-def test_a_map_of_another_world_is_loaded_into_the_robots_present_world() -> None:
+def test_a_map_of_another_world_is_loaded_if_its_frame_is_the_same() -> None:
     files = saved(walked(), "map")
     today = Rig()
     with pytest.raises(Conflict, match="start its bridge"):

@@ -254,22 +254,60 @@ class SaveMap2DReply(_message.Message):
     def __init__(self, files: _Optional[_Iterable[_Union[Map2DFile, _Mapping]]] = ..., version: _Optional[int] = ..., map_id: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ...) -> None: ...
 
 class LoadMap2DRequest(_message.Message):
-    __slots__ = ("files",)
+    __slots__ = ("files", "same_frame")
     FILES_FIELD_NUMBER: _ClassVar[int]
+    SAME_FRAME_FIELD_NUMBER: _ClassVar[int]
     files: _containers.RepeatedCompositeFieldContainer[Map2DFile]
-    def __init__(self, files: _Optional[_Iterable[_Union[Map2DFile, _Mapping]]] = ...) -> None: ...
+    same_frame: bool
+    def __init__(self, files: _Optional[_Iterable[_Union[Map2DFile, _Mapping]]] = ..., same_frame: bool = ...) -> None: ...
 
 class LoadMap2DReply(_message.Message):
-    __slots__ = ("version", "known_m2", "occupied_m2", "views")
+    __slots__ = ("version", "known_m2", "occupied_m2", "views", "stored")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     KNOWN_M2_FIELD_NUMBER: _ClassVar[int]
     OCCUPIED_M2_FIELD_NUMBER: _ClassVar[int]
     VIEWS_FIELD_NUMBER: _ClassVar[int]
+    STORED_FIELD_NUMBER: _ClassVar[int]
     version: int
     known_m2: float
     occupied_m2: float
     views: int
-    def __init__(self, version: _Optional[int] = ..., known_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ..., views: _Optional[int] = ...) -> None: ...
+    stored: bool
+    def __init__(self, version: _Optional[int] = ..., known_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ..., views: _Optional[int] = ..., stored: bool = ...) -> None: ...
+
+class WorldName(_message.Message):
+    __slots__ = ("robot_boot_id", "world_epoch", "origin_id")
+    ROBOT_BOOT_ID_FIELD_NUMBER: _ClassVar[int]
+    WORLD_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_ID_FIELD_NUMBER: _ClassVar[int]
+    robot_boot_id: str
+    world_epoch: int
+    origin_id: str
+    def __init__(self, robot_boot_id: _Optional[str] = ..., world_epoch: _Optional[int] = ..., origin_id: _Optional[str] = ...) -> None: ...
+
+class Relocalisation(_message.Message):
+    __slots__ = ("state", "stored", "present", "T_present_stored", "overlap_m", "agreement", "contradiction", "ratio", "attempts", "reason")
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    STORED_FIELD_NUMBER: _ClassVar[int]
+    PRESENT_FIELD_NUMBER: _ClassVar[int]
+    T_PRESENT_STORED_FIELD_NUMBER: _ClassVar[int]
+    OVERLAP_M_FIELD_NUMBER: _ClassVar[int]
+    AGREEMENT_FIELD_NUMBER: _ClassVar[int]
+    CONTRADICTION_FIELD_NUMBER: _ClassVar[int]
+    RATIO_FIELD_NUMBER: _ClassVar[int]
+    ATTEMPTS_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    state: str
+    stored: WorldName
+    present: WorldName
+    T_present_stored: _common_pb2.Pose2
+    overlap_m: float
+    agreement: float
+    contradiction: float
+    ratio: float
+    attempts: int
+    reason: str
+    def __init__(self, state: _Optional[str] = ..., stored: _Optional[_Union[WorldName, _Mapping]] = ..., present: _Optional[_Union[WorldName, _Mapping]] = ..., T_present_stored: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., overlap_m: _Optional[float] = ..., agreement: _Optional[float] = ..., contradiction: _Optional[float] = ..., ratio: _Optional[float] = ..., attempts: _Optional[int] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class PathCostRequest(_message.Message):
     __slots__ = ("path_m", "radius_m", "comfort_m")

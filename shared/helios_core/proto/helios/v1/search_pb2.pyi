@@ -1,5 +1,6 @@
 from helios_core.proto.helios.v1 import common_pb2 as _common_pb2
 from helios_core.proto.helios.v1 import frame_pb2 as _frame_pb2
+from helios_core.proto.helios.v1 import map_pb2 as _map_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
@@ -39,7 +40,7 @@ class SearchContext(_message.Message):
     def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ..., also: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class ObjectInstance(_message.Message):
-    __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate")
+    __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate", "relocalised")
     class ProbabilitiesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -60,6 +61,7 @@ class ObjectInstance(_message.Message):
     TOP_M_FIELD_NUMBER: _ClassVar[int]
     OUTLINE_M_FIELD_NUMBER: _ClassVar[int]
     DETECTION_RATE_FIELD_NUMBER: _ClassVar[int]
+    RELOCALISED_FIELD_NUMBER: _ClassVar[int]
     id: int
     class_name: str
     center_m: _common_pb2.Vector3
@@ -73,7 +75,8 @@ class ObjectInstance(_message.Message):
     top_m: float
     outline_m: _containers.RepeatedScalarFieldContainer[float]
     detection_rate: float
-    def __init__(self, id: _Optional[int] = ..., class_name: _Optional[str] = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., size_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., score: _Optional[float] = ..., class_score: _Optional[float] = ..., uncertainty: _Optional[float] = ..., views: _Optional[int] = ..., gaussians: _Optional[int] = ..., probabilities: _Optional[_Mapping[str, float]] = ..., top_m: _Optional[float] = ..., outline_m: _Optional[_Iterable[float]] = ..., detection_rate: _Optional[float] = ...) -> None: ...
+    relocalised: bool
+    def __init__(self, id: _Optional[int] = ..., class_name: _Optional[str] = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., size_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., score: _Optional[float] = ..., class_score: _Optional[float] = ..., uncertainty: _Optional[float] = ..., views: _Optional[int] = ..., gaussians: _Optional[int] = ..., probabilities: _Optional[_Mapping[str, float]] = ..., top_m: _Optional[float] = ..., outline_m: _Optional[_Iterable[float]] = ..., detection_rate: _Optional[float] = ..., relocalised: bool = ...) -> None: ...
 
 class ObjectsRequest(_message.Message):
     __slots__ = ("class_names", "min_class_score")
@@ -216,18 +219,30 @@ class EmbedTextReply(_message.Message):
     def __init__(self, embeddings: _Optional[_Iterable[_Union[_frame_pb2.Embedding, _Mapping]]] = ..., scale: _Optional[float] = ..., offset: _Optional[float] = ...) -> None: ...
 
 class ObjectMapFile(_message.Message):
-    __slots__ = ("data",)
+    __slots__ = ("data", "same_frame")
     DATA_FIELD_NUMBER: _ClassVar[int]
+    SAME_FRAME_FIELD_NUMBER: _ClassVar[int]
     data: bytes
-    def __init__(self, data: _Optional[bytes] = ...) -> None: ...
+    same_frame: bool
+    def __init__(self, data: _Optional[bytes] = ..., same_frame: bool = ...) -> None: ...
 
 class ObjectMapLoaded(_message.Message):
-    __slots__ = ("gaussians", "objects")
+    __slots__ = ("gaussians", "objects", "stored")
     GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    STORED_FIELD_NUMBER: _ClassVar[int]
     gaussians: int
     objects: int
-    def __init__(self, gaussians: _Optional[int] = ..., objects: _Optional[int] = ...) -> None: ...
+    stored: bool
+    def __init__(self, gaussians: _Optional[int] = ..., objects: _Optional[int] = ..., stored: bool = ...) -> None: ...
+
+class StoredObjectsReply(_message.Message):
+    __slots__ = ("relocalisation", "objects")
+    RELOCALISATION_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    relocalisation: _map_pb2.Relocalisation
+    objects: _containers.RepeatedCompositeFieldContainer[ObjectInstance]
+    def __init__(self, relocalisation: _Optional[_Union[_map_pb2.Relocalisation, _Mapping]] = ..., objects: _Optional[_Iterable[_Union[ObjectInstance, _Mapping]]] = ...) -> None: ...
 
 class ExportRequest(_message.Message):
     __slots__ = ("format", "object_id")

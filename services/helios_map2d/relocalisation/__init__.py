@@ -1,0 +1,1 @@
+"""Relocalisation: alignment of the present map with a stored one. Pure functions of arrays."""

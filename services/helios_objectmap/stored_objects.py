@@ -1,0 +1,129 @@
+"""Stored object maps of other worlds: their objects, and their way into the present map."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from helios_core import proto as pb
+from helios_core.codec import object_to_proto, world_from_proto, world_to_proto
+from helios_core.errors import InvalidInput
+from helios_core.geometry import se2_to_se3
+from helios_core.stored_map_file import StoredMapFile
+from helios_core.types import WorldId
+
+from helios_objectmap import persistence
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.settings import ObjectMapSettings
+
+log = logging.getLogger(__name__)
+
+UNKNOWN, RELOCALISED = "unknown", "relocalised"
+
+
+class StoredObjects:
+    """At most two stored maps, the newest first; map2d decides whose place is sought.
+
+    Not thread-safe: the owner locks.
+    """
+
+    def __init__(self, settings: ObjectMapSettings, map_file: Path | None) -> None:
+        """map_file: file of the present map; None: nothing is written."""
+        self._settings = settings
+        self._files = StoredMapFile(map_file), StoredMapFile(map_file, "older")
+        self._maps: dict[WorldId, ObjectMap] = {}
+        self._place = pb.Relocalisation()  # newest message of map2d
+        for file in self._files:
+            self._read(file)
+
+    @property
+    def waits(self) -> bool:
+        """True while there is a stored map that is not relocalised."""
+        return bool(self._maps)
+
+    def store(self, data: bytes) -> tuple[int, int]:
+        """Store a map file before the newest of the others. Returns the numbers of its Gaussians
+        and objects. Raises InvalidInput."""
+        world, stored = self._decoded(data)
+        newest, older = self._files
+        try:
+            former = newest.read()
+        except OSError:
+            former = None
+        if former is not None:
+            older.write(former)
+        newest.write(data)
+        others = [(w, m) for w, m in self._maps.items() if w != world]
+        self._maps = dict([(world, stored), *others][:2])
+        return len(stored), len(stored.objects())
+
+    def replace(self, data: bytes) -> tuple[int, int]:
+        """Store a map file in place of all others; a refused one changes nothing. As `store`."""
+        self._decoded(data)
+        self.drop()
+        return self.store(data)
+
+    def drop(self) -> None:
+        """Forget the stored maps, also on the disk."""
+        self._maps = {}
+        for file in self._files:
+            file.remove()
+
+    def note_place(self, place: pb.Relocalisation) -> None:
+        """Note the newest message of map2d."""
+        self._place = place
+
+    def take_over(self, present: ObjectMap, world: WorldId | None) -> int | None:
+        """Add the stored map to the present one, if it is relocalised in this world.
+
+        Returns the number of Gaussians added, or None if nothing was done. The file stays until
+        `drop`.
+        """
+        place = self._place
+        stored = self._maps.get(world_from_proto(place.stored))
+        if stored is None or place.state != RELOCALISED:
+            return None
+        if world is None or world_from_proto(place.present) != world:
+            return None
+        T = place.T_present_stored
+        added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
+        self._maps = {}
+        log.info("relocalised: %d Gaussians of the stored map are in use", added)
+        return added
+
+    def described(self) -> pb.StoredObjectsReply:
+        """Objects in the frame of the stored map, and what is known of its place."""
+        reply = pb.StoredObjectsReply()
+        if not self._maps:
+            return reply
+        sought = world_from_proto(self._place.stored)
+        if sought in self._maps and self._place.state != RELOCALISED:
+            reply.relocalisation.CopyFrom(self._place)
+        else:
+            sought = next(iter(self._maps)) if sought not in self._maps else sought
+            reply.relocalisation.state = UNKNOWN
+            reply.relocalisation.stored.CopyFrom(world_to_proto(sought))
+        reply.objects.extend(object_to_proto(o) for o in self._maps[sought].objects())
+        return reply
+
+    def _read(self, file: StoredMapFile) -> None:
+        """Take up the map of an earlier process; an unusable file is removed."""
+        try:
+            data = file.read()
+            if data is not None:
+                world, stored = self._decoded(data)
+                self._maps.setdefault(world, stored)
+        except InvalidInput as error:
+            log.error("stored objects were refused and are removed: %s", error.message)
+            file.remove()
+        except OSError as error:
+            log.error("stored objects cannot be read: %s", error)
+
+    def _decoded(self, data: bytes) -> tuple[WorldId, ObjectMap]:
+        """World and map of a file. Raises InvalidInput."""
+        stored = ObjectMap(self._settings)
+        found = persistence.read(data, stored.empty_viewpoints())
+        if found.world is None:
+            raise InvalidInput("the map file names no world: load it with --same-frame")
+        stored.load_content(found.content)
+        return found.world, stored

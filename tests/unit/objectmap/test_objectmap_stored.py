@@ -1,0 +1,195 @@
+"""Stored objects of another world: kept apart until relocalised, then part of the present map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, observation_to_proto, state_to_proto
+from helios_core.geometry import Matrix, se2_to_se3
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CONTEXT,
+    LOAD_OBJECTS,
+    OBJECTS,
+    OBSERVATION,
+    RELOCALISATION,
+    RESET_OBJECTS,
+    RETIRE,
+    ROBOT_STATE,
+    SAVE_OBJECTS,
+    STORED_OBJECTS,
+)
+from helios_core.types import RobotState
+from helios_objectmap.service import FILE_NAME, ObjectMapService
+from objectmap_scene import CONTEXT as SOUGHT
+from objectmap_scene import ROOM, SETTINGS, looking_at, mug_at, observe
+
+MUG = (1.2, 0.0, 0.8)
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+T_NOW_HOME = se2_to_se3(3.0, -2.0, math.pi / 2)
+VIEWS = [(0.0, 0.0), (0.1, 0.3), (0.2, -0.3)]
+
+
+class Robot:
+    """An object map, and the robot that it listens to."""
+
+    def __init__(self, boot: str, folder: Path | None = None, evidence: str = "views") -> None:
+        hub = MemoryHub()
+        self.boot, self.bus, self.health = boot, MemoryBus(hub), Health()
+        kept = SETTINGS.model_copy(
+            update={"state_dir": folder, "save_every_s": 3600.0, "evidence": evidence}
+        )
+        self.service = ObjectMapService(MemoryBus(hub), kept, self.health)
+        self.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), robot_boot_id=boot)))
+        self.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+
+    def see(self, T_now_home: Matrix, views: list[tuple[float, float]] = VIEWS) -> Robot:
+        for seq, (x, y) in enumerate(views):
+            seen = observe(SCENE, looking_at(x, y, MUG), seq=seq + 1)
+            frame = replace(
+                seen.frame, id=replace(seen.frame.id, robot_boot_id=self.boot),
+                T_world_cam=T_now_home @ seen.frame.T_world_cam,
+                T_world_base=T_now_home @ seen.frame.T_world_base,
+            )  # fmt: skip
+            self.bus.publish(OBSERVATION, observation_to_proto(replace(seen, frame=frame)))
+        return self
+
+    def objects(self) -> list[pb.ObjectInstance]:
+        return list(self.bus.call(OBJECTS, pb.ObjectsRequest(), 5.0).objects)
+
+    def mugs(self) -> list[pb.ObjectInstance]:
+        return [o for o in self.objects() if o.class_name == "mug"]
+
+    def stored(self) -> pb.StoredObjectsReply:
+        return self.bus.call(STORED_OBJECTS, pb.Empty(), 5.0)
+
+    def saved(self) -> bytes:
+        return self.bus.call(SAVE_OBJECTS, pb.Empty(), 5.0).data
+
+    def load(self, data: bytes) -> pb.ObjectMapLoaded:
+        return self.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=data), 5.0)
+
+    def is_told(self, state: str, stored: str = "monday") -> None:
+        """map2d publishes the place of the stored map."""
+        place = pb.Relocalisation(
+            state=state, stored=pb.WorldName(robot_boot_id=stored),
+            present=pb.WorldName(robot_boot_id=self.boot),
+        )  # fmt: skip
+        if state != "unknown":
+            x, y = T_NOW_HOME[:2, 3]
+            place.T_present_stored.CopyFrom(pb.Pose2(x_m=x, y_m=y, yaw_rad=math.pi / 2))
+        self.bus.publish(RELOCALISATION, place)
+
+
+@pytest.fixture(scope="module")
+def monday() -> Robot:
+    return Robot("monday").see(np.eye(4))
+
+
+def centre(thing: pb.ObjectInstance) -> list[float]:
+    return [thing.center_m.x, thing.center_m.y, thing.center_m.z]
+
+
+def test_objects_of_another_world_are_not_in_the_map_before_they_are_relocalised(
+    monday: Robot,
+) -> None:
+    today = Robot("tuesday")
+    assert today.load(monday.saved()).stored
+    for state in ("unknown", "tentative"):
+        today.is_told(state)
+        assert not today.objects()
+        reply = today.stored()
+        assert reply.relocalisation.state == state
+        assert {o.class_name for o in reply.objects} >= {"mug"}
+    assert "stored objects are not in use" in today.service._said
+
+
+@pytest.mark.parametrize("evidence", ["views", "hindsight"])
+def test_relocalised_objects_join_the_present_map_in_its_frame(evidence: str) -> None:
+    before = Robot("monday", evidence=evidence).see(np.eye(4))
+    (old,) = before.mugs()
+    today = Robot("tuesday", evidence=evidence)
+    today.load(before.saved())
+    today.see(T_NOW_HOME, [(0.3, 0.1)])
+    assert not any(o.relocalised for o in today.objects())
+    today.is_told("relocalised")
+    (mug,) = today.mugs()  # one instance, although both maps have Gaussians of it
+    assert mug.relocalised
+    expected = T_NOW_HOME @ [*centre(old), 1.0]
+    assert centre(mug) == pytest.approx(expected[:3].tolist(), abs=0.05)
+    assert mug.views >= old.views
+    assert mug.gaussians > old.gaussians
+    assert not today.stored().objects
+
+
+def test_the_stored_map_waits_for_the_first_frame_of_the_world(monday: Robot) -> None:
+    today = Robot("tuesday")
+    today.load(monday.saved())
+    today.is_told("relocalised")
+    assert not today.objects()
+    today.see(T_NOW_HOME, VIEWS[:1])
+    assert any(o.relocalised for o in today.mugs())
+
+
+@pytest.mark.parametrize("wrong", ["stored", "present"])
+def test_the_place_of_another_map_is_not_used(monday: Robot, wrong: str) -> None:
+    today = Robot("tuesday").see(T_NOW_HOME, VIEWS[:1])
+    today.load(monday.saved())
+    if wrong == "present":
+        today.boot = "wednesday"
+    today.is_told("relocalised", "sunday" if wrong == "stored" else "monday")
+    assert not any(o.relocalised for o in today.objects())
+    assert today.stored().relocalisation.state == "unknown"
+
+
+def test_a_relocalised_object_can_be_picked(monday: Robot) -> None:
+    today = Robot("tuesday").see(T_NOW_HOME, VIEWS[:1])
+    today.load(monday.saved())
+    today.is_told("relocalised")
+    (mug,) = today.mugs()
+    assert today.bus.call(RETIRE, pb.RetireRequest(object_id=mug.id), 5.0).retired_gaussians > 0
+    assert not today.mugs()
+
+
+def test_the_objects_of_an_earlier_process_wait_on_the_disk(tmp_path: Path, monday: Robot) -> None:
+    (tmp_path / FILE_NAME).write_bytes(monday.saved())
+    first = Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    first.service.close()
+    assert (tmp_path / f"stored-{FILE_NAME}").exists()
+    again = Robot("tuesday", tmp_path)
+    assert again.stored().objects
+    again.see(T_NOW_HOME, VIEWS[:1])
+    again.is_told("relocalised")
+    assert any(o.relocalised for o in again.mugs())
+    assert not (tmp_path / f"stored-{FILE_NAME}").exists()
+
+
+def test_a_reset_forgets_the_stored_objects(tmp_path: Path, monday: Robot) -> None:
+    today = Robot("tuesday", tmp_path)
+    today.load(monday.saved())
+    today.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
+    assert not today.stored().objects
+    today.is_told("relocalised")
+    assert not today.objects()
+
+
+def test_the_objects_of_two_earlier_processes_wait_for_the_place_of_either(
+    tmp_path: Path, monday: Robot
+) -> None:
+    """map2d keeps the map of an earlier process, or the one before if that is small."""
+    (tmp_path / FILE_NAME).write_bytes(monday.saved())
+    Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1]).service.close()
+    today = Robot("wednesday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    today.is_told("unknown", "monday")
+    assert today.stored().relocalisation.stored.robot_boot_id == "monday"
+    today.is_told("unknown", "tuesday")
+    assert today.stored().relocalisation.stored.robot_boot_id == "tuesday"
+    today.is_told("relocalised", "monday")
+    assert any(o.relocalised for o in today.mugs())
+    assert not today.stored().objects
