@@ -63,7 +63,8 @@ class ActionExecutor:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
-        self._base = Base(model, data, robot, movable, self._gripper.step, trace or DriveTrace())
+        self.watch: Callable[[], None] | None = None  # called after each physics step of a drive
+        self._base = Base(model, data, robot, movable, self._drive_step, trace or DriveTrace())
         classes = {thing.name: thing.class_name for thing in home.objects}
         self._manipulation = Manipulation(
             data, self._gripper, things, senses.bodies_in_view, classes, pick_rule
@@ -99,6 +100,11 @@ class ActionExecutor:
             case Observe():
                 self._pause()
                 return Outcome(ActionResult(True))
+
+    def _drive_step(self) -> None:
+        self._gripper.step()
+        if self.watch is not None:
+            self.watch()
 
     def _driven(self, drive: Drive, stop_asked: Callable[[], str | None]) -> Outcome:
         mujoco.mj_forward(self._model, self._data)
