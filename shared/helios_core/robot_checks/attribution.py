@@ -15,6 +15,7 @@ from helios_core.robot_checks.finding import Estimate, Finding, judged, not_meas
 MOUNT_ERROR_M = 0.004  # of a height that counts as right, when the depth scale is computed
 SIGNIFICANT = 2.5  # standard errors that the drives must show
 AGREES, DISAGREES = 0.5, 0.3  # shares of the drives' ratio, between it and the floor's
+CLOSE = 1.5  # standard errors between the two ratios that also agree
 NO_DRIVE = "only a drive tells the depth's scale: helios doctor --robot --drive"
 NO_FLOOR = "too little floor is seen"
 
@@ -44,14 +45,16 @@ def scale_findings(
     )
     agreement = abs(share.value - ratio.value)
     shows = abs(ratio.value) > SIGNIFICANT * ratio.error
-    if shows and agreement < AGREES * abs(ratio.value):
+    near = max(AGREES * abs(ratio.value), CLOSE * math.hypot(share.error, ratio.error))
+    if shows and agreement < near:
         scale = _mean(share, ratio)
         rest = Estimate(higher_m.value - scale.value * claimed_m, higher_m.error, 1)
         return _height(rest, ""), _scale(scale), _distance(_zero(ratio), "")
     if shows and abs(share.value) > DISAGREES * abs(ratio.value):
         # Both are wrong, and not by the same share: no single fault explains them.
         more = ", or depth is off by as much"
-        return _height(higher_m, ""), not_measured(f.DEPTH_SCALE, UNCLEAR), _distance(ratio, more)
+        unclear = not_measured(f.DEPTH_SCALE, UNCLEAR)
+        return _height(higher_m, "; or depth reads too {way}"), unclear, _distance(ratio, more)
     return _height(higher_m, ""), _scale(share if shows else ratio), _distance(ratio, "")
 
 

@@ -33,7 +33,7 @@ from helios_core.robot_checks.time_offset import WatchedTurn, time_offset
 
 LEAST_VIEWS = 3  # of the floor, and with edges
 LEAST_DRIVE_M = 0.15  # between two images whose distance is compared
-LEAST_DRIVES = 3
+LEAST_DRIVES = 4
 LEAST_TURN_RAD, LEAST_TURNED_RAD = math.radians(4), math.radians(80)  # of a pair; in all
 LARGEST_MOVE_M, LARGEST_TURN_RAD = 1.2, math.radians(40)  # between two images that are compared
 YAW_ERROR_RAD, ALONG_ERROR_M = math.radians(0.6), 0.01  # larger errors say nothing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -70,9 +71,11 @@ def combined(values: Sequence[float], errors: Sequence[float], floor: float) -> 
     weight = 1.0 / (e[kept] ** 2 + spread**2 + 1e-18)
     mean = float((weight * v[kept]).sum() / weight.sum())
     scatter = float(np.sqrt((weight * (v[kept] - mean) ** 2).sum() / weight.sum()))
-    scatter /= max(1.0, np.sqrt(kept.sum() - 1.0))
+    n = int(kept.sum())
+    if n > 1:  # a scatter of few values is uncertain itself
+        scatter *= (1.0 + 2.0 / (n - 1)) / math.sqrt(n - 1)
     known = float(1.0 / np.sqrt((1.0 / (e[kept] ** 2 + 1e-18)).sum()))
-    return Estimate(mean, max(scatter, known, floor), int(kept.sum()))
+    return Estimate(mean, max(scatter, known, floor), n)
 
 
 def judged(check: Limit, found: Estimate, more: str, less: str, right: str) -> Finding:

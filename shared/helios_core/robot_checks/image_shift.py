@@ -81,11 +81,16 @@ def _depth_edges(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _color_edges(color: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Strength of the colour gradient [h, w], 0 to 1, even in dark parts of the image."""
-    smooth = cv2.GaussianBlur(color, (0, 0), 0.8).astype(np.float32)
-    gx = np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1, 0)).max(-1)
-    gy = np.abs(cv2.Sobel(smooth, cv2.CV_32F, 0, 1)).max(-1)
-    strength = np.hypot(gx, gy)
-    return strength / (strength + 40.0)
+    smooth = cv2.GaussianBlur(color, (0, 0), 0.8)
+    gx = _largest(cv2.absdiff(smooth[1:-1, 2:], smooth[1:-1, :-2]))
+    gy = _largest(cv2.absdiff(smooth[2:, 1:-1], smooth[:-2, 1:-1]))
+    strength = np.pad(cv2.magnitude(gx, gy), 1)
+    return strength / (strength + np.float32(10.0))
+
+
+def _largest(channels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    r, g, b = cv2.split(channels)
+    return cv2.max(cv2.max(r, g), b).astype(np.float32)
 
 
 def _correlation(

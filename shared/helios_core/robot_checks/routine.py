@@ -12,7 +12,7 @@ from helios_core.robot import Action, Capture, Forward, Turn
 from helios_core.types import RobotDescription
 
 TURN_RAD = math.radians(30)
-DRIVE_M, DRIVES = 0.3, 4  # one drive, and the drives away from the start
+DRIVE_M, DRIVES, LONGEST = 0.3, 8, 4  # one drive; drives in all, and one after another
 MARGIN_M = 0.35  # beyond the footprint, left free at the end of a drive
 LOW_M = 0.06  # lower points are floor
 BESIDE_M = 0.08  # beside the footprint, to either side
@@ -23,8 +23,8 @@ Moves = Generator[Action, float, None]
 def moves(robot: RobotDescription, drive: bool) -> Moves:
     """Actions of the routine. Send the free distance ahead (m) after each action.
 
-    A full turn to the left; then, with `drive`, a turn to where most room is, at most four short
-    drives as far as there is room, a half turn, and the drives back.
+    A full turn to the left; then, with `drive`, a turn to where most room is, and short drives there
+    and back, as far as there is room.
     """
     if not robot.can_move:
         return
@@ -40,19 +40,23 @@ def moves(robot: RobotDescription, drive: bool) -> Moves:
     left = best <= turns // 2
     for _ in range(best if left else turns - best):
         room_m.append((yield Turn(step if left else -step)))
+    yield from _drives(robot, step, room_m[-1])
+
+
+def _drives(robot: RobotDescription, step_rad: float, ahead_m: float) -> Moves:
+    """Drives away from the start and back, until there are `DRIVES` or no room is left."""
     each_m = min(max(DRIVE_M, robot.min_forward_m), robot.max_forward_m)
-    ahead_m, driven = room_m[-1], 0
-    while driven < DRIVES and ahead_m > each_m + MARGIN_M:
-        ahead_m = yield Forward(each_m)
-        driven += 1
-    if not driven:
-        return
-    for _ in range(round(math.pi / step)):
-        ahead_m = yield Turn(step)
-    for _ in range(driven):
-        if ahead_m < each_m + MARGIN_M:
+    left = DRIVES
+    while left:
+        driven = 0
+        while driven < LONGEST and left and ahead_m > each_m + MARGIN_M:
+            ahead_m = yield Forward(each_m)
+            driven, left = driven + 1, left - 1
+        if not driven:
             return
-        ahead_m = yield Forward(each_m)
+        if left:
+            for _ in range(round(math.pi / step_rad)):
+                ahead_m = yield Turn(step_rad)
 
 
 def free_ahead_m(capture: Capture, robot: RobotDescription) -> float:
