@@ -156,9 +156,7 @@ class FaultyRobot(RobotDriver):
         if not delay_ns or len(seen) < 2:
             return tuple(seen)
         stamps = np.array([capture.stamp_ns for capture in seen], float)
-        poses = np.array(
-            [[*c.T_world_base[:2, 3], yaw_of(c.T_world_base)] for c in seen], float
-        )
+        poses = np.array([[*c.T_world_base[:2, 3], yaw_of(c.T_world_base)] for c in seen], float)
         poses[:, 2] = np.unwrap(poses[:, 2])
         out = []
         for capture in seen:

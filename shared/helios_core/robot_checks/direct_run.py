@@ -8,7 +8,7 @@ from collections.abc import Callable
 from helios_core.robot import ActionResult, RobotDriver, Turn
 from helios_core.robot_checks.checks import RobotChecks
 from helios_core.robot_checks.finding import Finding
-from helios_core.robot_checks.routine import free_ahead_m, moves
+from helios_core.robot_checks.routine import MoveLimits, free_ahead_m, moves
 
 WATCH_HZ = 12.0  # images per second while the robot turns
 WATCHED_TURNS = 4
@@ -25,7 +25,7 @@ def check_driver(
     checks = RobotChecks(robot.camera)
     capture = driver.capture()
     checks.add(capture)
-    routine, watched = moves(robot, drive), 0
+    routine, watched = moves(MoveLimits.of(robot), drive), 0
     action = next(routine, None)
     while action is not None:
         if isinstance(action, Turn) and watched < WATCHED_TURNS:

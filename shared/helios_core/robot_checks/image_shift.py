@@ -32,7 +32,7 @@ class ImageShift:
 
 
 def image_shift(color: NDArray[np.uint8], depth_m: NDArray[np.float32]) -> ImageShift | None:
-    """Shift of colour [h, w, 3] against depth [h, w] (m; 0: none); None: too few edges in common."""
+    """Shift of colour [h, w, 3] against depth [h, w] (m; 0: none); None: too few common edges."""
     edges = _depth_edges(depth_m)
     if np.count_nonzero(edges) < LEAST_EDGE_PX:
         return None

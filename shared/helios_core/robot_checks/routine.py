@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,11 +21,25 @@ BESIDE_M = 0.08  # beside the footprint, to either side
 Moves = Generator[Action, float, None]
 
 
-def moves(robot: RobotDescription, drive: bool) -> Moves:
+@dataclass(frozen=True)
+class MoveLimits:
+    """Properties of a `RobotDescription` that the routine needs."""
+
+    can_move: bool = True
+    max_turn_rad: float = TURN_RAD
+    min_forward_m: float = 0.0
+    max_forward_m: float = DRIVE_M
+
+    @classmethod
+    def of(cls, robot: RobotDescription) -> MoveLimits:
+        return cls(robot.can_move, robot.max_turn_rad, robot.min_forward_m, robot.max_forward_m)
+
+
+def moves(robot: MoveLimits, drive: bool) -> Moves:
     """Actions of the routine. Send the free distance ahead (m) after each action.
 
-    A full turn to the left; then, with `drive`, a turn to where most room is, and short drives there
-    and back, as far as there is room.
+    A full turn to the left; then, with `drive`, a turn to where most room is, and short drives
+    there and back, as far as there is room.
     """
     if not robot.can_move:
         return
@@ -43,7 +58,7 @@ def moves(robot: RobotDescription, drive: bool) -> Moves:
     yield from _drives(robot, step, room_m[-1])
 
 
-def _drives(robot: RobotDescription, step_rad: float, ahead_m: float) -> Moves:
+def _drives(robot: MoveLimits, step_rad: float, ahead_m: float) -> Moves:
     """Drives away from the start and back, until there are `DRIVES` or no room is left."""
     each_m = min(max(DRIVE_M, robot.min_forward_m), robot.max_forward_m)
     left = DRIVES

@@ -57,6 +57,6 @@ def time_offset(turns: Sequence[WatchedTurn]) -> tuple[float, float] | None:
 
 def _residuals(turns: Sequence[WatchedTurn], offset_s: float) -> NDArray[np.float64]:
     """Claimed headings `offset_s` earlier, less those of the images, all turns [n]."""
-    return np.concatenate([
-        np.interp(t.stamps_s - offset_s, t.stamps_s, t.claimed_rad) - t.seen_rad for t in turns
-    ])
+    return np.concatenate(
+        [np.interp(t.stamps_s - offset_s, t.stamps_s, t.claimed_rad) - t.seen_rad for t in turns]
+    )
