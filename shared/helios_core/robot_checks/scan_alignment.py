@@ -152,14 +152,16 @@ def _best_start(points: Matrix, normals: Matrix, b: PlaneField, T_b_a: Matrix) -
     few = slice(None, None, 3)
 
     def fits(yaw_rad: float) -> float:
-        p, g, _ = _pairs(
-            points[few], normals[few], b, _exp(np.array([0, yaw_rad, 0, 0, 0, 0])) @ T_b_a
-        )
+        p, g, _ = _pairs(points[few], normals[few], b, _turned(yaw_rad) @ T_b_a)
         r = np.abs(((g * p).sum(1) - 1.0) / p[:, 2])
         return float(np.clip(1.0 - (r / 0.03) ** 2, 0.0, None).sum())
 
-    best = max(TRIAL_YAWS_RAD, key=fits)
-    return _exp(np.array([0.0, best, 0.0, 0.0, 0.0, 0.0])) @ T_b_a
+    return _turned(max(TRIAL_YAWS_RAD, key=fits)) @ T_b_a
+
+
+def _turned(yaw_rad: float) -> Matrix:
+    """Turn [4, 4] about the camera's vertical axis."""
+    return _exp(np.array([0.0, yaw_rad, 0.0, 0.0, 0.0, 0.0]))
 
 
 def _exp(xi: NDArray[np.float64]) -> Matrix:
