@@ -75,9 +75,7 @@ def checks_table(found: RobotChecks) -> Table:
 def _measured(check: RobotCheck) -> str:
     if check["value"] is None or check["error"] is None:
         return "-"
-    sign = "-" if check["value"] < 0 else ""
-    error = f" ± {shown(check['error'], check['unit'])}" if check["error"] else ""
-    return f"{sign}{shown(abs(check['value']), check['unit'])}{error}"
+    return shown(check["value"], check["unit"], check["error"])
 
 
 def _move(helios: Helios, action: Action) -> DriveAnswer:

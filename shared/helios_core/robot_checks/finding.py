@@ -98,19 +98,17 @@ def not_measured(check: Limit, why: str) -> Finding:
     return Finding(check.name, "not measured", 0.0, 0.0, check.limit, check.unit, why)
 
 
-def shown(size: float, unit: str) -> str:
-    """Size with its unit, for people."""
-    match unit:
-        case "m":
-            return f"{size * 100:.1f} cm"
-        case "s":
-            return f"{size * 1000:.0f} ms"
-        case "deg per turn":
-            return f"{size:.1f} deg per full turn"
-        case "%":
-            return f"{size:.1f} %"
-        case _:
-            return f"{size:.1f} {unit}"
+def shown(size: float, unit: str, error: float = 0.0) -> str:
+    """Value with its unit, and with its standard error if that is not 0, for people."""
+    factor, digits, name = _SHOWN.get(unit, (1.0, 1, unit))
+    if not error:
+        return f"{round(size * factor, digits) + 0.0:.{digits}f} {name}"
+    digits += 1
+    value = round(size * factor, digits) + 0.0  # no minus before 0
+    return f"{value:.{digits}f} ± {error * factor:.{digits}f} {name}"
+
+
+_SHOWN = {"m": (100.0, 1, "cm"), "s": (1000.0, 0, "ms"), "deg per turn": (1.0, 1, "deg a turn")}
 
 
 def warning(findings: Sequence[Finding]) -> str:

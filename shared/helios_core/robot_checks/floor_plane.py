@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from helios_core.geometry import Matrix, Pinhole, base_below_camera
 
-STRIDE_PX = 4
+GRID_PX = 160  # width to which an image is reduced
 RANGE_M = (0.3, 5.0)  # depth used
 NEAR_FLOOR_M, NEAR_FLOOR_SLOPE = 0.1, 0.12  # a candidate's height: the sum of both, times distance
-LEAST_PIXELS = 300  # of the strided image
+LEAST_PIXELS = 300  # of the reduced image
 LEAST_SPREAD_M = 0.25  # standard deviation of the floor's points in each direction
 TRIALS, TRIAL_POINTS = 80, 1200
 TRIAL_TOLERANCE_PER_M = 0.008
@@ -70,11 +70,12 @@ def _candidates(
     depth_m: NDArray[np.float32], camera: Pinhole, T_world_cam: Matrix
 ) -> tuple[Matrix, NDArray[np.float64]]:
     """Rays [n, 3] (x, y, 1) and inverse depth [n] of pixels near the claimed floor."""
-    z = depth_m[::STRIDE_PX, ::STRIDE_PX].astype(np.float64)
+    step = max(1, round(camera.width / GRID_PX))
+    z = depth_m[::step, ::step].astype(np.float64)
     v, u = np.nonzero((z > RANGE_M[0]) & (z < RANGE_M[1]))
     z = z[v, u]
-    x = (u * STRIDE_PX - camera.cx) / camera.fx
-    y = (v * STRIDE_PX - camera.cy) / camera.fy
+    x = (u * step - camera.cx) / camera.fx
+    y = (v * step - camera.cy) / camera.fy
     rays = np.stack([x, y, np.ones_like(x)], 1)
     from_cam_m = (rays * z[:, None]) @ T_world_cam[:3, :3].T
     height_m = from_cam_m[:, 2] + T_world_cam[2, 3]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 MAX_SHARE = 0.04  # largest shift that is searched, of the image's width
 STEP_PER_M = 0.04  # smallest step in inverse depth that is an edge
-LEAST_EDGE_PX = 1200  # pixels of depth edges
-EDGE_LENGTH_PX = 40  # shorter runs of depth edges are noise
+LEAST_EDGES = 1.875  # pixels of depth edges, per pixel of the image's width
+EDGE_SHARE = 1 / 16  # of the image's width; shorter runs of depth edges are noise
 GAP_PX = 7  # gaps up to half of it are filled
 _UNKNOWN = np.float32(100.0)  # inverse depth of a gap
 LEAST_PEAK = 4.0  # the best correlation, in standard deviations above the mean of all shifts
@@ -34,7 +34,7 @@ class ImageShift:
 def image_shift(color: NDArray[np.uint8], depth_m: NDArray[np.float32]) -> ImageShift | None:
     """Shift of colour [h, w, 3] against depth [h, w] (m; 0: none); None: too few common edges."""
     edges = _depth_edges(depth_m)
-    if np.count_nonzero(edges) < LEAST_EDGE_PX:
+    if np.count_nonzero(edges) < LEAST_EDGES * depth_m.shape[1]:
         return None
     reach = max(4, round(MAX_SHARE * depth_m.shape[1]))
     score = _correlation(_color_edges(color), edges, reach)
@@ -74,7 +74,7 @@ def _depth_edges(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
         out[first] |= step
         out[second] |= step
     count, labels, stats, _ = cv2.connectedComponentsWithStats(out, connectivity=8)
-    long = stats[:, cv2.CC_STAT_AREA] >= EDGE_LENGTH_PX
+    long = stats[:, cv2.CC_STAT_AREA] >= EDGE_SHARE * depth_m.shape[1]
     long[0] = False
     return long[labels].astype(np.float32) if count > 1 else out.astype(np.float32)
 
