@@ -132,6 +132,11 @@ class BridgeService:
                 settings.contexts, settings.strict,
             )  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description)
+        self._serve()
+
+    def _serve(self) -> None:
+        """Subscribe to acknowledgements and serve the methods."""
+        bus = self._bus
         bus.subscribe(DETECTOR_ACK, self._on_detector_ack)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)

@@ -36,7 +36,7 @@ class SetupMonitor:
     def __init__(self, robot: RobotDescription, health: BridgeHealth) -> None:
         self._robot, self._health = robot, health
         self._lock = threading.Lock()  # on all below except the queue
-        self._queue: deque[tuple[Capture, ...]] = deque()
+        self._queue: deque[list[Capture]] = deque()  # one keyframe, or the images of a turn
         self._wake = threading.Event()
         self._checks = RobotChecks(robot.camera)
         self._world: object = None
@@ -76,13 +76,13 @@ class SetupMonitor:
             if self._left == 0 or len(self._queue) >= MOST_WAITING:
                 return
             self._left -= 1
-        self._queue.append((capture,))
+        self._queue.append([capture])
         self._wake.set()
 
     def add_watched(self, captures: Sequence[Capture]) -> None:
         """Add images taken while the robot turned, after the newest keyframe."""
         if len(captures) > 1:
-            self._queue.append(tuple(captures))
+            self._queue.append(list(captures))
             self._wake.set()
 
     def results(self) -> pb.RobotChecksReply:
@@ -115,13 +115,13 @@ class SetupMonitor:
         with self._lock:
             came = False
             while self._queue:
-                captures = self._queue.popleft()
+                first, *more = self._queue.popleft()
                 came = True
-                if len(captures) > 1:
-                    self._checks.add_watched(captures)
+                if more:
+                    self._checks.add_watched([first, *more])
                     continue
-                self._checks.add(captures[0])
-                self._ahead_m = free_ahead_m(captures[0], self._robot)
+                self._checks.add(first)
+                self._ahead_m = free_ahead_m(first, self._robot)
             if came:
                 self._report(warning(self._checks.findings()))
 

@@ -121,7 +121,7 @@ class RobotDriver(ABC):
         """Execute an action like `act`, and take up to `hz` images per second while it runs.
 
         Optional: `helios doctor --robot` measures the time between images and poses with them. The
-        default takes no image.
+        default takes no image; `helios_core.robot_checks.watching` helps to take some.
         """
         return self.act(action, action_id), ()
 

@@ -82,7 +82,7 @@ def _candidates(
     away_m = np.hypot(from_cam_m[:, 0], from_cam_m[:, 1])
     near = np.abs(height_m) < NEAR_FLOOR_M + NEAR_FLOOR_SLOPE * away_m
     near &= from_cam_m[:, 2] < 0
-    return rays[near], 1.0 / z[near]
+    return rays[near].astype(np.float64), 1.0 / z[near]
 
 
 def _largest_plane(rays: Matrix, inverse: NDArray[np.float64], up_cam: Matrix) -> Matrix | None:
@@ -114,7 +114,8 @@ def _refined(
         residual = rays @ g - inverse
         weight = np.clip(1.0 - (residual / (4.0 * scale)) ** 2, 0.0, None) ** 2
         weighted = rays * weight[:, None]
-        g = np.linalg.solve(weighted.T @ rays + 1e-9 * np.eye(3), weighted.T @ inverse)
+        normal = weighted.T @ rays + 1e-9 * np.eye(3)
+        g = np.linalg.solve(normal, weighted.T @ inverse).astype(np.float64)
         inside = np.abs(residual) < 4.0 * scale
         scale = float(np.clip(1.48 * np.median(np.abs(residual[inside])), 4e-4, scale))
     return g, np.abs(rays @ g - inverse) < 4.0 * scale
@@ -122,6 +123,6 @@ def _refined(
 
 def _spreads(rays: Matrix, inverse: NDArray[np.float64], on: NDArray[np.bool_]) -> bool:
     """True if the floor's points spread far enough to measure both tilts."""
-    points = rays[on] / inverse[on, None]
+    points: Matrix = np.divide(rays[on], inverse[on, None])
     spread_m = np.sqrt(np.clip(np.linalg.eigvalsh(np.cov(points.T)), 0.0, None))
     return bool(spread_m[1] >= LEAST_SPREAD_M)

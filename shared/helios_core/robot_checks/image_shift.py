@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 MAX_SHARE = 0.04  # largest shift that is searched, of the image's width
@@ -82,15 +83,16 @@ def _depth_edges(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
 def _color_edges(color: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Strength of the colour gradient [h, w], 0 to 1, even in dark parts of the image."""
     smooth = cv2.GaussianBlur(color, (0, 0), 0.8)
-    gx = _largest(cv2.absdiff(smooth[1:-1, 2:], smooth[1:-1, :-2]))
-    gy = _largest(cv2.absdiff(smooth[2:, 1:-1], smooth[:-2, 1:-1]))
-    strength = np.pad(cv2.magnitude(gx, gy), 1)
-    return strength / (strength + np.float32(10.0))
+    gx = _largest(smooth[1:-1, 2:], smooth[1:-1, :-2])
+    gy = _largest(smooth[2:, 1:-1], smooth[:-2, 1:-1])
+    strength = np.pad(cv2.magnitude(gx, gy).astype(np.float32, copy=False), 1)
+    return np.divide(strength, strength + np.float32(10.0), dtype=np.float32)
 
 
-def _largest(channels: NDArray[np.uint8]) -> NDArray[np.float32]:
-    r, g, b = cv2.split(channels)
-    return cv2.max(cv2.max(r, g), b).astype(np.float32)
+def _largest(a: MatLike, b: MatLike) -> NDArray[np.float32]:
+    """Largest difference of the channels [h, w] between two images [h, w, 3]."""
+    red, green, blue = cv2.split(cv2.absdiff(a, b))
+    return cv2.max(cv2.max(red, green), blue).astype(np.float32)
 
 
 def _correlation(

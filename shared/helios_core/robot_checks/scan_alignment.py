@@ -81,9 +81,9 @@ def plane_field(depth_m: NDArray[np.float32], camera: Pinhole) -> PlaneField:
 
 def _mean(image: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over a window about every other pixel."""
-    return cv2.boxFilter(image, -1, (WINDOW_PX, WINDOW_PX), borderType=cv2.BORDER_CONSTANT)[
-        ::2, ::2
-    ]
+    size = (WINDOW_PX, WINDOW_PX)
+    means = cv2.boxFilter(image, -1, size, borderType=cv2.BORDER_CONSTANT)
+    return means[::2, ::2].astype(np.float64, copy=False)
 
 
 def align(a: PlaneField, b: PlaneField, T_b_a: Matrix, search: bool = False) -> Alignment | None:
@@ -97,7 +97,7 @@ def align(a: PlaneField, b: PlaneField, T_b_a: Matrix, search: bool = False) -> 
         return None
     T = _best_start(points, normals, b, T_b_a) if search else T_b_a
     scale = WIDEST_PER_M
-    H, on = np.eye(6), np.zeros(0, bool)
+    H, r, on = np.eye(6), np.zeros(0), np.zeros(0, bool)
     for _ in range(ITERATIONS):
         p, g, seen = _pairs(points, normals, b, T)
         if seen < LEAST_POINTS:
@@ -117,7 +117,7 @@ def align(a: PlaneField, b: PlaneField, T_b_a: Matrix, search: bool = False) -> 
         scale = max(NARROWEST_PER_M, min(1.5 * spread, 0.7 * scale))
     spread = max(1.48 * float(np.median(np.abs(r[on]))), 3e-4)
     covariance = np.linalg.inv(H / (spread**2 * INDEPENDENT) + 1e-6 * np.eye(6))
-    return Alignment(T, covariance, int(on.sum()), float(on.mean()))
+    return Alignment(T, covariance.astype(np.float64), int(on.sum()), float(on.mean()))
 
 
 def _points(a: PlaneField) -> tuple[Matrix, Matrix]:
