@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 SEARCH_S = 0.3  # offsets that are searched, either way
 STEP_S = 0.005
+SCALES = (0.9, 1.1)  # of the poses' turns that are allowed for
 LEAST_IMAGES = 4  # of one turn
 LEAST_RATE_RAD_S = 0.15  # of the fastest part of a turn
 
@@ -56,7 +57,12 @@ def time_offset(turns: Sequence[WatchedTurn]) -> tuple[float, float] | None:
 
 
 def _residuals(turns: Sequence[WatchedTurn], offset_s: float) -> NDArray[np.float64]:
-    """Claimed headings `offset_s` earlier, less those of the images, all turns [n]."""
-    return np.concatenate(
-        [np.interp(t.stamps_s - offset_s, t.stamps_s, t.claimed_rad) - t.seen_rad for t in turns]
-    )
+    """Claimed headings `offset_s` earlier, less those of the images, all turns [n].
+
+    The claimed headings are scaled to fit, because poses may turn a little too far.
+    """
+    earlier = [np.interp(t.stamps_s - offset_s, t.stamps_s, t.claimed_rad) for t in turns]
+    claimed, seen = np.concatenate(earlier), np.concatenate([t.seen_rad for t in turns])
+    square = float(claimed @ claimed)
+    scale = float(np.clip(claimed @ seen / square, *SCALES)) if square > 0 else 1.0
+    return scale * claimed - seen

@@ -121,14 +121,15 @@ def test_edges_show_the_shift_between_colour_and_depth(right_px: int, down_px: i
 
 
 @settings(max_examples=30, deadline=None)
-@given(offset_s=st.floats(-0.15, 0.15), left=st.booleans())
-def test_a_turn_shows_the_time_offset(offset_s: float, left: bool) -> None:
+@given(offset_s=st.floats(-0.15, 0.15), left=st.booleans(), too_far=st.floats(0.95, 1.05))
+def test_a_turn_shows_the_time_offset(offset_s: float, left: bool, too_far: float) -> None:
     def heading(t: np.ndarray) -> np.ndarray:  # a smooth turn of 0.5 rad within 0.8 s
         share = np.clip(t / 0.8, 0.0, 1.0)
         return (0.5 if left else -0.5) * share**2 * (3 - 2 * share)
 
-    stamps = np.arange(0.0, 0.9, 0.05)
-    found = time_offset([WatchedTurn(stamps, heading(stamps), heading(stamps - offset_s))])
+    stamps = np.arange(0.0, 1.1, 0.05)
+    claimed = too_far * heading(stamps)
+    found = time_offset([WatchedTurn(stamps, claimed, heading(stamps - offset_s))])
     assert found is not None
     assert found[0] == pytest.approx(offset_s, abs=0.01)
 
