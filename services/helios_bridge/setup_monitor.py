@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from helios_core import proto as pb
 from helios_core.robot import Capture
-from helios_core.robot_checks.checks import RobotChecks
+from helios_core.robot_checks.checks import SETTLED, RobotChecks
 from helios_core.robot_checks.finding import Finding, warning
 from helios_core.robot_checks.routine import free_ahead_m
 from helios_core.types import RobotDescription
@@ -122,7 +122,7 @@ class SetupMonitor:
                     continue
                 self._checks.add(first)
                 self._ahead_m = free_ahead_m(first, self._robot)
-            if came:
+            if came and self._checks.views >= SETTLED:
                 self._report(warning(self._checks.findings()))
 
     def _report(self, wrong: str) -> None:

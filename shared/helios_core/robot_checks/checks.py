@@ -32,6 +32,7 @@ from helios_core.robot_checks.scan_alignment import Alignment, PlaneField, align
 from helios_core.robot_checks.time_offset import WatchedTurn, time_offset
 
 LEAST_VIEWS = 3  # of the floor, and with edges
+SETTLED = 6  # images from which a warning may come while more are on their way
 LEAST_DRIVE_M = 0.15  # between two images whose distance is compared
 LEAST_DRIVES = 4
 LEAST_TURN_RAD, LEAST_TURNED_RAD = math.radians(4), math.radians(80)  # of a pair; in all

@@ -15,11 +15,15 @@ WATCHED_TURNS = 4
 
 
 def check_driver(
-    driver: RobotDriver, drive: bool, stopped: Callable[[ActionResult], None] | None = None
+    driver: RobotDriver,
+    drive: bool,
+    stopped: Callable[[ActionResult], None] | None = None,
+    each: Callable[[RobotChecks], None] | None = None,
 ) -> tuple[Finding, ...]:
     """Findings after the routine of `routine.moves`: THE ROBOT MOVES.
 
-    stopped: called with the result of a failed action, which ends the routine. Raises HeliosError.
+    stopped: called with the result of a failed action, which ends the routine. each: called after
+    each image at rest. Raises HeliosError.
     """
     robot = driver.describe()
     checks = RobotChecks(robot.camera)
@@ -36,6 +40,8 @@ def check_driver(
             result = driver.act(action, uuid.uuid4().hex)
         capture = driver.capture()
         checks.add(capture)
+        if each is not None:
+            each(checks)
         if not result.succeeded:
             if stopped is not None:
                 stopped(result)

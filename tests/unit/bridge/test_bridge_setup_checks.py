@@ -59,7 +59,7 @@ def stages() -> Iterator[list[Stage]]:
 
 def test_the_first_keyframes_of_a_task_show_what_is_wrong(stages: list[Stage]) -> None:
     stages.append(stage := Stage("pitch_deg=1.6"))
-    for _ in range(4):
+    for _ in range(7):
         stage.act(Turn(0.4))
     wait_until(lambda: "1.6 deg further down" in stage.health.state[1], 60, "the bridge says so")
     assert stage.health.state[0] == "ready"  # the robot may go on
