@@ -276,6 +276,26 @@ class DriveAnswer(TypedDict):
     pose: dict[str, float] | None  # x_m, y_m, yaw_rad
 
 
+class RobotCheck(TypedDict):
+    """Result of one check of the robot's set-up."""
+
+    name: str
+    verdict: str  # ok, wrong, not measured
+    value: float | None  # in `unit`; None: not measured
+    error: float | None  # standard error of the value
+    limit: float  # largest size of the value that is right
+    unit: str
+    words: str  # one sentence: what is wrong and by how much, or why nothing was measured
+
+
+class RobotChecks(TypedDict):
+    """Results of all checks of the robot's set-up so far."""
+
+    checks: list[RobotCheck]
+    images: int  # images at rest behind the results
+    free_ahead_m: float  # free distance in front of the robot in the newest of them
+
+
 class Vocabulary(TypedDict):
     """Names that a task may use."""
 

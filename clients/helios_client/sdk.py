@@ -35,6 +35,7 @@ from helios_client.answer_types import (
     MapInfo,
     ResetMaps,
     RobotAnswer,
+    RobotChecks,
     Seen,
     SeenView,
     Status,
@@ -277,6 +278,11 @@ class Helios:
         """Drive by hand: `with helios.teleop() as drive: drive(forward=0.5, for_s=2)`.
         Raises Conflict, on entering, as `drive` does."""
         return Teleop(self._to)
+
+    def robot_checks(self, restart: bool = False) -> RobotChecks:
+        """Results of the checks of the robot's set-up, from the images so far. With `restart`, the
+        checks begin anew where the robot stands; move it with `drive` then."""
+        return self._do(requests.robot_checks(restart))
 
     # --- services and events ------------------------------------------------------------------
     def status(self) -> Status:

@@ -36,6 +36,7 @@ from helios_client.answer_types import (
     MapInfo,
     ResetMaps,
     RobotAnswer,
+    RobotChecks,
     Seen,
     SeenView,
     Status,
@@ -278,6 +279,11 @@ class AsyncHelios:
         """Drive by hand: `async with helios.teleop() as drive: await drive(forward=0.5, for_s=2)`.
         Raises Conflict, on entering, as `drive` does."""
         return AsyncTeleop(self._to)
+
+    async def robot_checks(self, restart: bool = False) -> RobotChecks:
+        """Results of the checks of the robot's set-up, from the images so far. With `restart`, the
+        checks begin anew where the robot stands; move it with `drive` then."""
+        return await self._do(requests.robot_checks(restart))
 
     # --- services and events ------------------------------------------------------------------
     async def status(self) -> Status:

@@ -47,9 +47,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m helios_contract",
         description="Test a robot driver, a detector or a scorer. With a driver, THE ROBOT MOVES: "
-        "it turns on the spot and drives forward one and a half times the given distance; a robot "
-        "that can move back does so once, by at most that distance, and drives forward once more. "
-        "Keep a hand on its emergency stop.",
+        "it turns on the spot, once all the way round, and drives forward one and a half times the "
+        "given distance; a robot that can move back does so once, by at most that distance, and "
+        "drives forward once more. Keep a hand on its emergency stop.",
         epilog="Arguments after -- go to pytest: -- -x -k stop",
     )
     one = parser.add_mutually_exclusive_group(required=True)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from helios_bridge.frame_publisher import check_capture
+from helios_bridge.capture_checks import check_capture
 from helios_core.geometry import invert, tilt_of
 from helios_core.robot import Capture, Observe
 

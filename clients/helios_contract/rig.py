@@ -23,7 +23,7 @@ class Rig:
     """One driver with its motion limits and tolerances. The scene in front of it must not change.
 
     The suite drives ahead three times, and back once, if the robot can move back; otherwise it
-    drives ahead twice. It turns on the spot, to the left first.
+    drives ahead twice. It turns on the spot, to the left first, and once all the way round.
     """
 
     driver: RobotDriver

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pytest
 
-_CLAIMS = ("bridge", "camera", "description", "motion", "pose_origin", "stop")
+_CLAIMS = ("bridge", "camera", "description", "motion", "pose_origin", "setup", "stop")
 pytest.register_assert_rewrite(*(f"helios_contract.{name}_claims" for name in _CLAIMS))
 
 from helios_contract.bridge_claims import BridgeClaims  # noqa: E402
@@ -17,11 +17,18 @@ from helios_contract.description_claims import DescriptionClaims  # noqa: E402 -
 from helios_contract.motion_claims import MotionClaims  # noqa: E402
 from helios_contract.pose_origin_claims import PoseOriginClaims  # noqa: E402
 from helios_contract.rig import Rig  # noqa: E402
+from helios_contract.setup_claims import SetupClaims  # noqa: E402
 from helios_contract.stop_claims import StopClaims  # noqa: E402
 
 
 class DriverContract(
-    DescriptionClaims, PoseOriginClaims, CameraClaims, MotionClaims, StopClaims, BridgeClaims
+    DescriptionClaims,
+    PoseOriginClaims,
+    CameraClaims,
+    MotionClaims,
+    SetupClaims,
+    StopClaims,
+    BridgeClaims,
 ):
     """All contract tests of one driver, which they share.
 

@@ -25,6 +25,7 @@ from helios_core.robot import (
     Tilt,
     Turn,
 )
+from helios_core.robot_checks.watching import watched
 from helios_core.types import RobotDescription, RobotState
 from helios_replay.ros_images import Lens
 
@@ -140,6 +141,11 @@ class Ros2Driver(RobotDriver):
         if isinstance(action, Forward | Turn | Tilt | Pick | Place):
             self._come_to_rest()
         return self._remember(action_id, start, why)
+
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        return watched(lambda: self.act(action, action_id), self.capture, hz)
 
     def stop(self, reason: str) -> None:
         self._latch.stop(reason)

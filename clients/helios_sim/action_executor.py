@@ -64,8 +64,9 @@ class ActionExecutor:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
+        self._watch: Callable[[], None] | None = None
         self._physics = RobotPhysics(
-            model, data, robot, self._gripper.step, lambda: self._gripper.held_body
+            model, data, robot, self._whole_step, lambda: self._gripper.held_body
         )
         self._base = Base(model, data, robot, movable, self._physics, trace or DriveTrace())
         classes = {thing.name: thing.class_name for thing in home.objects}
@@ -103,6 +104,16 @@ class ActionExecutor:
             case Observe():
                 self._pause()
                 return Outcome(ActionResult(True))
+
+    def watch_drives(self, watch: Callable[[], None] | None) -> None:
+        """Call `watch` after each physics step of the following drives; None: no longer."""
+        self._watch = watch
+        self._physics.always_whole = watch is not None
+
+    def _whole_step(self) -> None:
+        self._gripper.step()
+        if self._watch is not None:
+            self._watch()
 
     def _driven(self, drive: Drive, stop_asked: Callable[[], str | None]) -> Outcome:
         mujoco.mj_forward(self._model, self._data)

@@ -16,6 +16,7 @@ from helios_core.codec import (
     result_from_proto,
     state_from_proto,
 )
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.heartbeat import HeartbeatSender
 from helios_core.robot import Action, ActionResult, Capture, RobotDriver
 from helios_core.topics import (
@@ -26,6 +27,7 @@ from helios_core.topics import (
     WORLD_DESCRIBE,
     WORLD_STATE,
     WORLD_STOP,
+    WORLD_WATCHED,
 )
 from helios_core.types import RobotDescription, RobotState
 
@@ -56,6 +58,21 @@ class SimDriver(RobotDriver):
         )
         with self._heart.beating(action_id):
             return result_from_proto(self._bus.call(WORLD_ACT, request, ACT_TIMEOUT_S))
+
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        """Execute an action; a robot that does not serve `world/watched` takes no images."""
+        request = pb.WorldActRequest(
+            action_id=action_id, action=action_to_proto(action), beats=True, watch_hz=hz
+        )
+        with self._heart.beating(action_id):
+            done = result_from_proto(self._bus.call(WORLD_ACT, request, ACT_TIMEOUT_S))
+        try:
+            seen = self._bus.call(WORLD_WATCHED, pb.Empty(), CALL_TIMEOUT_S).captures
+        except (Unavailable, InvalidInput):
+            return done, ()
+        return done, tuple(map(capture_from_proto, seen))
 
     def stop(self, reason: str) -> None:
         self._bus.call(WORLD_STOP, pb.StopRequest(reason=reason), CALL_TIMEOUT_S)

@@ -52,6 +52,7 @@ class RobotPhysics:
         self._controls = list(robot.controls)
         self._alone_qpos, self._alone_ctrl = self._alone_data.qpos, self._alone_data.ctrl
         self._margin_m = BODY_RADIUS_M + 2 * float(model.geom_margin.max(initial=0.0))
+        self.always_whole = False  # True: no step of the robot alone
         self._ahead = False  # the robot alone is further than the whole model
         fixed, self._loose = _colliding_geoms(model, robot)
         self._fixed = _beside_body(model, data, fixed)
@@ -86,7 +87,7 @@ class RobotPhysics:
 
         True if the step was one of the whole model, so that contacts are listed.
         """
-        if not whole and self._is_free():
+        if not (whole or self.always_whole) and self._is_free():
             if not self._ahead:
                 self._copy_to_alone()
             mujoco.mj_step(self._alone, self._alone_data)

@@ -39,7 +39,8 @@ class RobotSensors:
         reported_start: Pose | None = None,
     ) -> None:
         """graspable: bodies that can be picked up. colored, reported_start: as for `World`."""
-        self._data, self._robot, self._camera = data, robot, camera
+        self._model, self._data = model, data
+        self._robot, self._camera = robot, camera
         self._sensor, self._seed = sensor, home.seed
         size = (camera.width, camera.height)
         self._painter = CameraRenderer(model, robot.camera, size, DRAWN_GROUPS)
@@ -90,6 +91,26 @@ class RobotSensors:
             camera=self._camera,
             T_world_cam=self.T_estimated_true @ camera_pose(self._data, self._robot.camera),
             T_world_base=self.T_world_base,
+        )
+
+    def capture_moving(self) -> Capture:
+        """Capture in the middle of a drive, without ground truth for it.
+
+        Drift is added at the end of an action, so that images during it change nothing.
+        """
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
+        self._last_stamp_ns = stamp_ns
+        color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
+        T_world_base = self.T_estimated_true @ se2_to_se3(*self._robot.pose(self._data))
+        return Capture(
+            stamp_ns=stamp_ns,
+            color=sensed_color(color, self._sensor, self._seed, stamp_ns),
+            depth_m=sensed_depth(depth_m, self._camera, self._sensor, self._seed, stamp_ns),
+            camera=self._camera,
+            T_world_cam=self.T_estimated_true @ camera_pose(self._data, self._robot.camera),
+            T_world_base=T_world_base,
         )
 
     def color_image(self) -> NDArray[np.uint8]:

@@ -19,6 +19,7 @@ from helios_core.codec import (
 from helios_core.errors import HeliosError
 from helios_core.health import Health
 from helios_core.heartbeat import SILENCE_S, HeartbeatMonitor
+from helios_core.robot import Action, ActionResult, Capture, RobotDriver
 from helios_core.topics import (
     BRIDGE_HEARTBEAT,
     TRUTH_EPISODE,
@@ -32,6 +33,7 @@ from helios_core.topics import (
     WORLD_DESCRIBE,
     WORLD_STATE,
     WORLD_STOP,
+    WORLD_WATCHED,
 )
 
 from helios_sim.assets import realistic
@@ -46,6 +48,7 @@ from helios_sim.ground_truth_messages import (
 )
 from helios_sim.home import PRESETS, Episode, Home, generate_home
 from helios_sim.home.task_sampling import NoTask
+from helios_sim.injected_faults import Faults, FaultyRobot
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.settings import Settings
 from helios_sim.simulation_thread import WorldThread
@@ -54,20 +57,31 @@ from helios_sim.world import World
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
+MOST_WATCH_HZ = 60.0  # images per second of an action
+NO_FAULTS = Faults()
 
 
 class WorldService:
     """Request handlers of a world; those that act or look run on its thread."""
 
     def __init__(
-        self, bus: Bus, thread: WorldThread, health: Health, heartbeat_s: float = SILENCE_S
+        self,
+        bus: Bus,
+        thread: WorldThread,
+        health: Health,
+        heartbeat_s: float = SILENCE_S,
+        faults: Faults = NO_FAULTS,
     ) -> None:
-        """heartbeat_s: a drive ends when the bridge is silent for this long; 0: never."""
+        """heartbeat_s: a drive ends when the bridge is silent for this long; 0: never. faults:
+        injected into what the robot reports."""
         self._thread, self._health = thread, health
+        self._robot: RobotDriver = thread if faults == NO_FAULTS else FaultyRobot(thread, faults)
+        self._watched: tuple[Capture, ...] = ()  # images during the newest action
         self._monitor = HeartbeatMonitor(bus, BRIDGE_HEARTBEAT, heartbeat_s, thread.halt)
-        bus.serve(WORLD_STATE, lambda _: state_to_proto(thread.state()))
+        bus.serve(WORLD_STATE, lambda _: state_to_proto(self._robot.state()))
         bus.serve(WORLD_CAPTURE, self._capture)
         bus.serve(WORLD_ACT, self._act)
+        bus.serve(WORLD_WATCHED, self._last_watched)
         bus.serve(WORLD_STOP, self._stop)
         bus.serve(WORLD_CLEAR_STOP, self._clear_stop)
         bus.serve(TRUTH_SEGMENTATION, self._segmentation)
@@ -80,21 +94,32 @@ class WorldService:
         )
         bus.serve(TRUTH_TRACE, lambda request: trace_to_proto(thread.trace, request.since_ns))
         # Served last: once a client finds the description, all other queries are served.
-        bus.serve(WORLD_DESCRIBE, lambda _: description_to_proto(thread.describe()))
-        health.ready()
+        bus.serve(WORLD_DESCRIBE, lambda _: description_to_proto(self._robot.describe()))
+        health.ready(f"injected faults: {faults}" if faults != NO_FAULTS else "")
 
     def close(self) -> None:
         self._thread.close()
 
     def _capture(self, _: pb.Empty) -> pb.WorldCapture:
-        return capture_to_proto(self._timed("capture_ms", lambda world: world.capture()))
+        return capture_to_proto(self._timed("capture_ms", self._robot.capture))
+
+    def _last_watched(self, _: pb.Empty) -> pb.WorldCaptures:
+        return pb.WorldCaptures(captures=map(capture_to_proto, self._watched))
 
     def _act(self, request: pb.WorldActRequest) -> pb.ActionResult:
         action = action_from_proto(request.action)
         with self._monitor.watching(request.action_id, request.beats):
-            done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
+            done = self._timed(
+                "act_ms", lambda: self._do(action, request.action_id, request.watch_hz)
+            )
         self._health.count("actions")
         return result_to_proto(done, request.action_id)
+
+    def _do(self, action: Action, action_id: str, watch_hz: float) -> ActionResult:
+        if not 0.0 < watch_hz <= MOST_WATCH_HZ:
+            return self._robot.act(action, action_id)
+        done, self._watched = self._robot.act_and_watch(action, action_id, watch_hz)
+        return done
 
     def _stop(self, request: pb.StopRequest) -> pb.Empty:
         self._thread.stop(request.reason)
@@ -106,12 +131,14 @@ class WorldService:
 
     def _segmentation(self, request: pb.TruthSegmentationRequest) -> pb.TruthSegmentation:
         stamp_ns = request.stamp_ns
-        truth = self._timed("segmentation_ms", lambda world: world.segmentation(stamp_ns))
+        truth = self._timed(
+            "segmentation_ms", lambda: self._thread.run(lambda world: world.segmentation(stamp_ns))
+        )
         return segmentation_to_proto(truth)
 
-    def _timed(self, name: str, call: Callable[[World], T]) -> T:
+    def _timed(self, name: str, call: Callable[[], T]) -> T:
         began = time.monotonic()
-        out = self._thread.run(call)
+        out = call()
         self._health.sample(name, (time.monotonic() - began) * 1e3)
         return out
 
@@ -181,7 +208,9 @@ class HostedWorld:
                 if self._ending.is_set():
                     thread.close()
                 else:
-                    self._service = WorldService(bus, thread, health, settings.heartbeat_s)
+                    self._service = WorldService(
+                        bus, thread, health, settings.heartbeat_s, Faults.of(settings.faults)
+                    )
 
         threading.Thread(target=build, name="build", daemon=True).start()
 

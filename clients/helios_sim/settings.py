@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from helios_core.errors import InvalidInput
 from helios_core.heartbeat import SILENCE_S
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
 from helios_sim.home import PRESETS
+from helios_sim.injected_faults import Faults
 from helios_sim.manipulation import PickRule
 from helios_sim.sensor_noise import SENSORS
 
@@ -26,6 +28,12 @@ class Settings(ServiceSettings):
     )
 
     sensor: str = Field("none", description="sensor noise of images and poses: none or realistic")
+
+    faults: str = Field(
+        "",
+        description="faults of the robot's set-up to inject, such as pitch_deg=2,delay_ms=40 "
+        "(docs/how-to/check-your-robot.md)",
+    )
 
     pick_rule: PickRule = Field(
         "physical",
@@ -73,6 +81,15 @@ class Settings(ServiceSettings):
         if sensor not in SENSORS:
             raise ValueError(f"no such sensor; choose one of {', '.join(sorted(SENSORS))}")
         return sensor
+
+    @field_validator("faults")
+    @classmethod
+    def _faults_known(cls, faults: str) -> str:
+        try:
+            Faults.of(faults)
+        except InvalidInput as error:
+            raise ValueError(error.message) from None
+        return faults
 
     @field_validator("preset")
     @classmethod

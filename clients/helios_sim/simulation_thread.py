@@ -63,6 +63,11 @@ class WorldThread(RobotDriver):
     def act(self, action: Action, action_id: str) -> ActionResult:
         return self.run(lambda world: world.act(action, action_id))
 
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        return self.run(lambda world: world.act_and_watch(action, action_id, hz))
+
     def stop(self, reason: str) -> None:
         self._world.stop(reason)  # not through the queue: an action may be running on the thread
 

@@ -165,6 +165,26 @@ class World(RobotDriver):
             self._results.popitem(last=False)
         return result
 
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        """Execute an action like `act`, with `hz` images per simulated second of a drive."""
+        seen: list[Capture] = []
+        next_s = float(self._data.time)
+
+        def watch() -> None:
+            nonlocal next_s
+            if float(self._data.time) >= next_s:
+                next_s += 1.0 / hz
+                seen.append(self._sensors.capture_moving())
+
+        self._executor.watch_drives(watch)
+        try:
+            result = self.act(action, action_id)
+            return result, tuple(seen)
+        finally:
+            self._executor.watch_drives(None)
+
     def stop(self, reason: str) -> None:
         """End a drive within one physics step and latch the stop. Thread-safe."""
         with self._stop_lock:

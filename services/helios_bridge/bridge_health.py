@@ -18,6 +18,7 @@ class BridgeHealth:
         self._lock = threading.Lock()
         self._stop = ""  # fault of the driver's stop, "" for none
         self._faults: dict[str, str] = {}  # method of the driver -> its fault
+        self._setup = ""  # what is wrong with the robot's set-up
         self._said = health.state  # last state without regard to driver faults
         self._without_image: tuple[str, str] | None = None  # state while no image comes
 
@@ -54,6 +55,12 @@ class BridgeHealth:
                 self._stop = ""
                 self._tell()
 
+    def setup(self, wrong: str) -> None:
+        """Report what is wrong with the robot's set-up, beside the state; empty: nothing."""
+        with self._lock:
+            self._setup = wrong
+            self._tell()
+
     def driver_fails(self, method: str, reason: str) -> None:
         """Report a fault of a driver method until `driver_works` for the same method."""
         with self._lock:
@@ -80,6 +87,8 @@ class BridgeHealth:
     def _tell(self) -> None:
         fault = self._stop or (list(self._faults.values())[-1] if self._faults else "")
         state, reason = ("degraded", fault) if fault else self._said
+        if state == "ready":
+            reason = "; ".join(filter(None, (reason, self._setup)))
         {"waiting": self._health.waiting, "degraded": self._health.degraded}.get(
             state, self._health.ready
         )(reason)

@@ -17,6 +17,7 @@ from helios_core.robot import Action, ActionResult, Capture, EndOfRecording, Rob
 from helios_core.types import RobotDescription, RobotState
 
 from helios_bridge.bridge_health import BridgeHealth
+from helios_bridge.capture_checks import check_capture
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +59,18 @@ class GuardedDriver(RobotDriver):
             "act", f"act({type(action).__name__})", lambda: self._driver.act(action, action_id),
             ActionResult, lambda result: result_to_proto(result, action_id),
         )  # fmt: skip
+
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        def encode(out: tuple[ActionResult, tuple[Capture, ...]]) -> None:
+            result_to_proto(out[0], action_id)
+            for capture in out[1]:
+                check_capture(capture)
+
+        shown = f"act_and_watch({type(action).__name__})"
+        call = lambda: self._driver.act_and_watch(action, action_id, hz)  # noqa: E731
+        return self._call("act_and_watch", shown, call, tuple, encode)
 
     def stop(self, reason: str) -> None:
         self._call("stop", "stop()", lambda: self._driver.stop(reason))

@@ -7,22 +7,19 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
-import numpy as np
 from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
-from helios_core.errors import InvalidInput
-from helios_core.geometry import Pinhole
 from helios_core.keyframe_acks import KeyframeAcks, MapPart, full_names
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
-from helios_core.types import Frame, FrameId, RobotState
+from helios_core.types import Frame, FrameId, RobotState, WorldId
 
 from helios_bridge.bridge_health import BridgeHealth
+from helios_bridge.capture_checks import check_capture
 from helios_bridge.depth_estimation import with_estimated_depth
-from helios_bridge.pose_checks import check_poses
 from helios_bridge.settings import Settings
 
 SAY_WAITING_S = 3.0  # a longer wait for the maps is reported
@@ -46,6 +43,7 @@ class FramePublisher:
         self._number = first_number
         self._own_boot_id = uuid.uuid4().hex  # for robots without a boot id
         self._searching = True  # at the last capture
+        self.on_keyframe: Callable[[Capture, WorldId], None] | None = None
         self.last_keyframe = 0
         self.last_capture_s = 0.0  # monotonic
         self.finished = False  # the recording has ended
@@ -94,6 +92,9 @@ class FramePublisher:
         self.last_capture_s = time.monotonic()
         self._health.sample("capture_ms", (self.last_capture_s - began) * 1e3)
         if keyframe:
+            if self.on_keyframe is not None and capture.recorded is None:
+                world = WorldId.of(id.robot_boot_id, id.world_epoch, state.origin_id)
+                self.on_keyframe(capture, world)
             self.last_keyframe = id.seq
             self._health.count("keyframes")
             if not capture.searching:
@@ -138,30 +139,3 @@ class FramePublisher:
             f"keyframe {id} was not answered by {', '.join(sorted(missing))} "
             f"within {within_s:g} s; look at these services"
         )
-
-
-def check_capture(c: Capture) -> None:
-    """Check types and shapes of a capture. Raises InvalidInput that names the requirement."""
-    if not isinstance(c.camera, Pinhole):
-        raise InvalidInput(f"the driver's camera is a {type(c.camera).__name__}; give a Pinhole")
-    if not isinstance(c.stamp_ns, (int, np.integer)):
-        raise InvalidInput(
-            f"the driver's stamp_ns is a {type(c.stamp_ns).__name__}; give an int, nanoseconds"
-        )
-    size = (c.camera.height, c.camera.width)
-    wanted = {
-        "color": (c.color, np.uint8, (*size, 3), "RGB"),
-        "depth_m": (c.depth_m, np.float32, size, "metres along the optical axis, 0 where none"),
-    }
-    for name, (array, dtype, shape, words) in wanted.items():
-        if not isinstance(array, np.ndarray):
-            raise InvalidInput(
-                f"the driver's {name} is a {type(array).__name__}; give an array of "
-                f"{np.dtype(dtype)} {shape}: {words}"
-            )
-        if array.dtype != dtype or array.shape != shape:
-            raise InvalidInput(
-                f"the driver's {name} is {array.dtype} {array.shape}; give {np.dtype(dtype)} "
-                f"{shape}, as the calibration says: {words}"
-            )
-    check_poses(c.T_world_cam, c.T_world_base, "the driver's")

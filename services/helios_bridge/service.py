@@ -31,10 +31,11 @@ from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidI
 from helios_core.health import Health
 from helios_core.heartbeat import HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
-from helios_core.robot import Action, ActionResult, EndOfRecording, RobotDriver
+from helios_core.robot import Action, ActionResult, EndOfRecording, RobotDriver, Turn
 from helios_core.topics import (
     ACT,
     CLEAR_STOP,
+    CONTEXT,
     DETECTOR_ACK,
     GET_STATE,
     LEASE,
@@ -42,6 +43,7 @@ from helios_core.topics import (
     OBJECTMAP_ACK,
     PLANNER_HEARTBEAT,
     PUSH,
+    ROBOT_CHECKS,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
     STOP,
@@ -57,6 +59,7 @@ from helios_bridge.lease import Lease
 from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
 from helios_bridge.recording_player import RecordingPlayer
 from helios_bridge.settings import Settings
+from helios_bridge.setup_monitor import SetupMonitor
 from helios_bridge.stop_latch import StopLatch
 
 log = logging.getLogger(__name__)
@@ -67,6 +70,11 @@ END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
 MOST_REASONS = 200  # length of all stop reasons together, characters
 STOP_AGAIN_S = 0.5  # period at which the stop of a robot that has not confirmed it is repeated
+LOOK_WITHIN_S = 2.0  # wait of a check for the robot
+NOT_CHECKED = (
+    "the bridge does not check the set-up of this robot: it plays a recording, its depth is "
+    "estimated, or the setting checks is off"
+)
 UNCONFIRMED = "the robot has not confirmed the stop and may still move"
 
 
@@ -111,6 +119,7 @@ class BridgeService:
         self._publisher = FramePublisher(
             bus, self._driver, settings, self._health, self._acks, first
         )
+        self._monitor_setup = self._setup_monitor()
         self._player: RecordingPlayer | None = None
         self._push_queue: PushedFrameQueue | None = None
         if isinstance(driver, PushDriver):
@@ -124,6 +133,11 @@ class BridgeService:
                 settings.contexts, settings.strict,
             )  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description)
+        self._serve()
+
+    def _serve(self) -> None:
+        """Subscribe to acknowledgements and serve the methods."""
+        bus = self._bus
         bus.subscribe(DETECTOR_ACK, self._on_detector_ack)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
@@ -132,6 +146,7 @@ class BridgeService:
         bus.serve(STOP, self.stop)
         bus.serve(CLEAR_STOP, self.clear_stop)
         bus.serve(PUSH, self.push)
+        bus.serve(ROBOT_CHECKS, self.checks)
         bus.serve(GET_STATE, lambda _: state_to_proto(self.state()))
 
     def start(self) -> None:
@@ -142,6 +157,8 @@ class BridgeService:
             self._executor.start("play", lambda: player.run(self._ending, self._publish_state))
         elif self._push_queue is None and self._settings.stream_hz > 0:
             self._executor.start("stream", self._stream)
+        if (setup := self._monitor_setup) is not None:
+            self._executor.start("checks of the set-up", lambda: setup.run(self._ending))
         if self._stopped_why:
             log.warning("stopped since before the start: %s", self._stopped_why)
             self._stop_again()
@@ -232,6 +249,20 @@ class BridgeService:
         self._health.ready()
         return reply
 
+    def checks(self, request: pb.RobotChecksRequest) -> pb.RobotChecksReply:
+        """Results of the checks of the set-up. A restart takes one image where the robot stands.
+
+        Raises Conflict if the checks are off, and the errors of a capture.
+        """
+        setup = self._monitor_setup
+        if setup is None:
+            raise Conflict(NOT_CHECKED)
+        if request.restart:
+            setup.restart()
+            if self._description.can_move:
+                self._look_now()
+        return setup.results()
+
     def state(self) -> RobotState:
         """Robot state from the driver, completed by the bridge.
 
@@ -265,6 +296,26 @@ class BridgeService:
         if letting_go.done() and (error := letting_go.exception()) is not None:
             log.error("the driver could not let go of the robot: %s", error)
         return hanging
+
+    def _setup_monitor(self) -> SetupMonitor | None:
+        """Monitor of the robot's set-up; None if there is nothing to check."""
+        s = self._settings
+        if not s.checks or s.depth != "sensor" or self._description.recorded:
+            return None
+        setup = SetupMonitor(self._description, self._health)
+        self._publisher.on_keyframe = setup.add
+        self._bus.subscribe(CONTEXT, lambda context: setup.search(context.id))
+        return setup
+
+    def _look_now(self) -> None:
+        """Take a keyframe, unless an action runs."""
+        if self._turn.acquire(timeout=LOOK_WITHIN_S):
+            try:
+                self._publisher.capture_and_publish(keyframe=True)
+            except EndOfRecording:
+                pass
+            finally:
+                self._turn.release()
 
     def _on_detector_ack(self, ack: pb.Ack) -> None:
         """Count a refusal by the detector also for the map parts that need detections."""
@@ -353,8 +404,18 @@ class BridgeService:
     def _robot_acts(self, action: Action, action_id: str) -> ActionResult:
         with tracing.span("robot acts", action=type(action).__name__.lower()):
             return self._actions.robot_result(
-                action_id, lambda: self._driver.act(action, action_id)
+                action_id, lambda: self._driver_act(action, action_id)
             )
+
+    def _driver_act(self, action: Action, action_id: str) -> ActionResult:
+        """Result of the driver's action; during a turn for `helios doctor` with images."""
+        setup = self._monitor_setup
+        hz = setup.watch_hz() if setup is not None and isinstance(action, Turn) else 0.0
+        if setup is None or hz == 0.0:
+            return self._driver.act(action, action_id)
+        result, seen = self._driver.act_and_watch(action, action_id, hz)
+        setup.add_watched(seen)
+        return result
 
     def _look_after(self, request: pb.ActionRequest) -> FrameId | None:
         """Capture after an action. Returns the id of the keyframe; None without one.

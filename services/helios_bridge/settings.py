@@ -92,6 +92,11 @@ class Settings(ServiceSettings):
         description="folder that keeps a stop over restarts of the bridge; unset: keep nothing, "
         "for robots that keep their stop themselves",
     )
+    checks: bool = Field(
+        default=True,
+        description="check the robot's set-up (camera pose, depth, times) with the first keyframes "
+        "of every task",
+    )
     autoplay: bool = Field(
         default=True, description="play a recording as soon as the maps are ready"
     )

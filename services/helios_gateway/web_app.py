@@ -35,6 +35,7 @@ from helios_gateway.routes import (
     objects,
     past_views,
     robot,
+    robot_checks,
     session,
     tasks,
     teleop,
@@ -55,8 +56,9 @@ POLICIES = {
 MOST_STOPS = 16  # concurrent stop-now requests
 ROBOT_ROUTERS = (  # each mounted below `/v1` and below `/v1/robots/{robot}`
     tasks.router, events.router, objects.router, map_routes.router, map_file.router,
-    map_reset.router, past_views.router, view3d.router, frames.router, robot.router, moves.router,
-    teleop.router, traces.router, faults.router, health.service_router,
+    map_reset.router, past_views.router, view3d.router, frames.router, robot.router,
+    robot_checks.router, moves.router, teleop.router, traces.router, faults.router,
+    health.service_router,
 )  # fmt: skip
 pages = APIRouter(include_in_schema=False)
 

@@ -58,7 +58,8 @@ SERVICES = (
 _ACKS = (t.MAP2D_ACK, t.OBJECTMAP_ACK)
 # Methods that a robot of your own serves (`--robot bus`), and the simulated world.
 _WORLD = (
-    t.WORLD_DESCRIBE, t.WORLD_STATE, t.WORLD_CAPTURE, t.WORLD_ACT, t.WORLD_STOP, t.WORLD_CLEAR_STOP,
+    t.WORLD_DESCRIBE, t.WORLD_STATE, t.WORLD_CAPTURE, t.WORLD_ACT, t.WORLD_WATCHED, t.WORLD_STOP,
+    t.WORLD_CLEAR_STOP,
 )  # fmt: skip
 _TRUTH = tuple(method for method in t.METHODS if method.truth)
 _OF_SERVICES = tuple(m for m in t.METHODS if not m.truth and m not in _WORLD)
@@ -83,7 +84,7 @@ ACCESS: dict[str, Access] = {
             t.FRAME, t.KEYFRAME, t.ROBOT_STATE, t.ROBOT_DESCRIPTION, t.CONTEXT, t.BRIDGE_HEARTBEAT,
         ),
         subscribes=(t.DETECTOR_ACK, *_ACKS, t.CONTEXT, t.ANY_STATUS, t.PLANNER_HEARTBEAT),
-        serves=(t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.GET_STATE, t.PUSH),
+        serves=(t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.GET_STATE, t.PUSH, t.ROBOT_CHECKS),
         calls=(t.ESTIMATE_DEPTH, *_WORLD),
         watches=True,
     ),
@@ -135,7 +136,8 @@ ACCESS: dict[str, Access] = {
             *(t.status_topic(name) for name in SERVICES),
         ),
         calls=(
-            t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.PUSH, t.VOCABULARY, t.OBJECTS, t.GAUSSIANS,
+            t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.PUSH, t.ROBOT_CHECKS, t.VOCABULARY, t.OBJECTS,
+            t.GAUSSIANS,
             t.OBJECT_DETAIL, t.EXPORT_OBJECTS, t.RENDER_OBJECTS, t.RESET_OBJECTS, t.SAVE_OBJECTS,
             t.LOAD_OBJECTS, t.SNAPSHOT, t.PICTURE, t.RECALL, t.SAVE_MAP2D, t.LOAD_MAP2D,
             t.RESET_MAP2D, t.SUBMIT, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME,

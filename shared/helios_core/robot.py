@@ -115,6 +115,16 @@ class RobotDriver(ABC):
     def act(self, action: Action, action_id: str) -> ActionResult:
         """Execute an action and wait for its end. For a repeated id return the stored result."""
 
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        """Execute an action like `act`, and take up to `hz` images per second while it runs.
+
+        Optional: `helios doctor --robot` measures the time between images and poses with them. The
+        default takes no image; `helios_core.robot_checks.watching` helps to take some.
+        """
+        return self.act(action, action_id), ()
+
     @abstractmethod
     def stop(self, reason: str) -> None:
         """Stop now and refuse every action until `clear_stop`, with a failed result or a Conflict

@@ -72,6 +72,7 @@ STOP = Method("bridge/stop", pb.StopRequest, pb.Empty)
 CLEAR_STOP = Method("bridge/clear_stop", pb.Empty, pb.Empty)
 GET_STATE = Method("bridge/get_state", pb.Empty, pb.RobotState)
 PUSH = Method("bridge/push", pb.PushRequest, pb.PushReply)
+ROBOT_CHECKS = Method("bridge/checks", pb.RobotChecksRequest, pb.RobotChecksReply)
 
 # --- detector -------------------------------------------------------------------------------
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
@@ -150,6 +151,7 @@ WORLD_DESCRIBE = Method("world/describe", pb.Empty, pb.RobotDescription)
 WORLD_STATE = Method("world/state", pb.Empty, pb.RobotState)
 WORLD_CAPTURE = Method("world/capture", pb.Empty, pb.WorldCapture)
 WORLD_ACT = Method("world/act", pb.WorldActRequest, pb.ActionResult)
+WORLD_WATCHED = Method("world/watched", pb.Empty, pb.WorldCaptures)
 WORLD_STOP = Method("world/stop", pb.StopRequest, pb.Empty)
 WORLD_CLEAR_STOP = Method("world/clear_stop", pb.Empty, pb.Empty)
 TRUTH_SEGMENTATION = Method(
@@ -166,11 +168,13 @@ TOPICS: tuple[Topic, ...] = (
     PLANNER_HEARTBEAT, RELOCALISATION,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
-    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
-    WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS,
+    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, ROBOT_CHECKS, VOCABULARY, EMBED_TEXT,
+    ESTIMATE_DEPTH, OBJECTS, WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS,
+    LOAD_OBJECTS, EXPORT_OBJECTS,
     RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
     SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT, STORED_OBJECTS,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
-    WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
+    WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_WATCHED, WORLD_STOP, WORLD_CLEAR_STOP,
+    TRUTH_SEGMENTATION,
     TRUTH_EPISODE, TRUTH_METRICS, TRUTH_OBJECTS, TRUTH_TRACE,
 )  # fmt: skip

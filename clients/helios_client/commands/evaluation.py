@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
-from helios_client.commands.shared_options import Certs, Json, Port, print_json, print_line
+from helios_client.commands.shared_options import (
+    Certs,
+    GatewayAddress,
+    Json,
+    TypedPort,
+    Url,
+    console,
+    print_json,
+    print_line,
+)
 
 app = typer.Typer()
 
@@ -106,9 +115,55 @@ def evaluate(context: typer.Context) -> None:
 
 
 @app.command()
-def doctor(port: Port = 8080, certs: Certs = None, as_json: Json = False) -> None:
-    """Check the requirements on this machine and print remedies. Exit status 1 if the simulator
-    lacks a requirement; notes name optional parts."""
+def doctor(
+    robot: Annotated[
+        bool, typer.Option("--robot", help="check the robot's set-up; THE ROBOT TURNS on the spot")
+    ] = False,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="with --robot: it also drives where it sees free floor")
+    ] = False,
+    name: Annotated[
+        str | None, typer.Option(help="with --robot: name of one of several robots")
+    ] = None,
+    port: TypedPort = None,
+    url: Url = None,
+    key: Annotated[
+        str | None, typer.Option(help="API key, if one is required", envvar="HELIOS_API_KEY")
+    ] = None,
+    certs: Certs = None,
+    as_json: Json = False,
+) -> None:
+    """Check the requirements on this machine, or with --robot the robot's camera, depth, poses and
+    times. Exit status 1 if the simulator lacks a requirement, or something is wrong with the
+    robot; notes name optional parts."""
+    from helios_client.usage_errors import UsageError
+
+    if robot:
+        _check_robot(GatewayAddress(port, url, key, name), drive, as_json)
+    if drive or name or url:
+        raise UsageError("--drive, --name and --url belong to --robot; add it")
+    _check_machine(port or 8080, certs, as_json)
+
+
+def _check_robot(at: GatewayAddress, drive: bool, as_json: bool) -> NoReturn:
+    """Print the checks of the robot's set-up, and exit with 1 if something is wrong."""
+    from helios_client.commands import doctor_robot
+
+    with at.connect() as helios:
+        found, ended_early = doctor_robot.check_robot(
+            helios, drive, lambda text: print_line(text, stderr=True)
+        )
+    if as_json:
+        print_json(doctor_robot.as_json(found, ended_early))
+    else:
+        console().print(doctor_robot.checks_table(found))
+    if ended_early:
+        print_line(f"helios: the motion ended early: {ended_early}", stderr=True)
+    raise typer.Exit(1 if ended_early or doctor_robot.is_wrong(found) else 0)
+
+
+def _check_machine(port: int, certs: Path | None, as_json: bool) -> NoReturn:
+    """Print the checks of this machine, and exit with 1 if a requirement is missing."""
     from dataclasses import asdict
 
     from helios_client.commands.doctor import examine

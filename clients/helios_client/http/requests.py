@@ -28,6 +28,7 @@ from helios_client.answer_types import (
     MapInfo,
     ResetMaps,
     RobotAnswer,
+    RobotChecks,
     Seen,
     SeenView,
     Status,
@@ -248,6 +249,10 @@ def drive(forward_m: float, turn_rad: float) -> Call[DriveAnswer]:
     asked = {"forward_m": forward_m, "turn_rad": turn_rad}
     body = {name: value for name, value in asked.items() if value}
     return Call("POST", "/robot/drive", _json, body, timeout_s=DRIVE_S)
+
+
+def robot_checks(restart: bool) -> Call[RobotChecks]:
+    return Call("POST" if restart else "GET", "/robot/checks", _json, timeout_s=DRIVE_S)
 
 
 def status() -> Call[Status]:

@@ -134,7 +134,9 @@ class InProcessStack:
         )  # fmt: skip
         self._bridge = BridgeService(
             bus(), world,
-            BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0),
+            BridgeSettings(
+                stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0, checks=False
+            ),
             self.healths["bridge"], first_number=0,
         )  # fmt: skip
         self._planner = PlannerService(

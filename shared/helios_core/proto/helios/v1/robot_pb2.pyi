@@ -194,6 +194,40 @@ class LeaseReply(_message.Message):
     duration_s: float
     def __init__(self, token: _Optional[int] = ..., duration_s: _Optional[float] = ...) -> None: ...
 
+class RobotChecksRequest(_message.Message):
+    __slots__ = ("restart",)
+    RESTART_FIELD_NUMBER: _ClassVar[int]
+    restart: bool
+    def __init__(self, restart: bool = ...) -> None: ...
+
+class RobotCheck(_message.Message):
+    __slots__ = ("name", "verdict", "value", "error", "limit", "unit", "words")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    LIMIT_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    WORDS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    verdict: str
+    value: float
+    error: float
+    limit: float
+    unit: str
+    words: str
+    def __init__(self, name: _Optional[str] = ..., verdict: _Optional[str] = ..., value: _Optional[float] = ..., error: _Optional[float] = ..., limit: _Optional[float] = ..., unit: _Optional[str] = ..., words: _Optional[str] = ...) -> None: ...
+
+class RobotChecksReply(_message.Message):
+    __slots__ = ("checks", "images", "free_ahead_m")
+    CHECKS_FIELD_NUMBER: _ClassVar[int]
+    IMAGES_FIELD_NUMBER: _ClassVar[int]
+    FREE_AHEAD_M_FIELD_NUMBER: _ClassVar[int]
+    checks: _containers.RepeatedCompositeFieldContainer[RobotCheck]
+    images: int
+    free_ahead_m: float
+    def __init__(self, checks: _Optional[_Iterable[_Union[RobotCheck, _Mapping]]] = ..., images: _Optional[int] = ..., free_ahead_m: _Optional[float] = ...) -> None: ...
+
 class StopRequest(_message.Message):
     __slots__ = ("reason",)
     REASON_FIELD_NUMBER: _ClassVar[int]
@@ -201,14 +235,16 @@ class StopRequest(_message.Message):
     def __init__(self, reason: _Optional[str] = ...) -> None: ...
 
 class WorldActRequest(_message.Message):
-    __slots__ = ("action_id", "action", "beats")
+    __slots__ = ("action_id", "action", "beats", "watch_hz")
     ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
     BEATS_FIELD_NUMBER: _ClassVar[int]
+    WATCH_HZ_FIELD_NUMBER: _ClassVar[int]
     action_id: str
     action: Action
     beats: bool
-    def __init__(self, action_id: _Optional[str] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., beats: bool = ...) -> None: ...
+    watch_hz: float
+    def __init__(self, action_id: _Optional[str] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., beats: bool = ..., watch_hz: _Optional[float] = ...) -> None: ...
 
 class WorldCapture(_message.Message):
     __slots__ = ("color", "depth_mm", "camera", "T_world_cam", "T_world_base", "stamp_ns")
@@ -225,6 +261,12 @@ class WorldCapture(_message.Message):
     T_world_base: _common_pb2.Transform
     stamp_ns: int
     def __init__(self, color: _Optional[bytes] = ..., depth_mm: _Optional[bytes] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., T_world_cam: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ..., T_world_base: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ..., stamp_ns: _Optional[int] = ...) -> None: ...
+
+class WorldCaptures(_message.Message):
+    __slots__ = ("captures",)
+    CAPTURES_FIELD_NUMBER: _ClassVar[int]
+    captures: _containers.RepeatedCompositeFieldContainer[WorldCapture]
+    def __init__(self, captures: _Optional[_Iterable[_Union[WorldCapture, _Mapping]]] = ...) -> None: ...
 
 class TruthSegmentationRequest(_message.Message):
     __slots__ = ("stamp_ns",)
