@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from helios_core import proto as pb
+from helios_core.image_messages import FrameMessage
 
 SETTLE_S = 1.0
 MOST_HELD = 8  # keyframes of one robot; robots wait for answers, so one is usual
@@ -67,7 +68,7 @@ class Members:
 class _Entry:
     """State of one keyframe; `message` is None before it arrives and after it is answered."""
 
-    message: pb.Frame | None = None
+    message: FrameMessage | None = None
     taken_by: str = ""
     answered: bool = False
 
@@ -78,7 +79,7 @@ class AssignmentTable:
     def __init__(self) -> None:
         self._entries: OrderedDict[Key, _Entry] = OrderedDict()
 
-    def add(self, message: pb.Frame) -> list[pb.Frame]:
+    def add(self, message: FrameMessage) -> list[FrameMessage]:
         """Add a received keyframe; return the older ones dropped because more than `MOST_HELD` are
         held. No effect for a keyframe that is already answered."""
         entry = self._entry(key_of(message.id))
@@ -99,7 +100,7 @@ class AssignmentTable:
         if claim.answered:
             entry.answered, entry.message = True, None
 
-    def next(self, there: frozenset[str]) -> pb.Frame | None:
+    def next(self, there: frozenset[str]) -> FrameMessage | None:
         """The oldest unanswered keyframe that no detector of `live` has claimed."""
         for entry in self._entries.values():
             if entry.message is not None and entry.taken_by not in there:

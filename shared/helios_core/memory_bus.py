@@ -12,8 +12,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from google.protobuf.message import Message
-
 from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import (
@@ -23,6 +21,7 @@ from helios_core.errors import (
     error_from_proto,
     error_to_proto,
 )
+from helios_core.image_messages import ImageMessage, split
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic
 
 log = logging.getLogger(__name__)
@@ -43,7 +42,7 @@ class MemoryHub:
 @dataclass(eq=False)
 class _Subscriber:
     key: str
-    type: type[Message]
+    read: Callable[[bytes], object]
     handler: Callable
     turn: threading.RLock = field(default_factory=threading.RLock)
 
@@ -57,7 +56,7 @@ class _Subscriber:
 
     def deliver(self, data: bytes) -> None:
         try:
-            message = self.type.FromString(data)
+            message = self.read(data)
             with self.turn:
                 self.handler(message)
         except Exception:
@@ -79,7 +78,7 @@ class MemoryBus(Bus):
         self._mine = Registrations()
         self._closed = False
 
-    def publish(self, topic: Topic[M], message: M) -> None:
+    def publish(self, topic: Topic[M], message: M | ImageMessage[M]) -> None:
         self._check_open()
         key, data = topic.key(self.robot), message.SerializeToString()
         with self._hub.lock:
@@ -90,8 +89,18 @@ class MemoryBus(Bus):
             subscriber.deliver(data)
 
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
+        return self._subscribe(topic, topic.type.FromString, handler)
+
+    def subscribe_in_place(
+        self, topic: Topic[M], handler: Callable[[ImageMessage[M]], None]
+    ) -> Registration:
+        return self._subscribe(topic, lambda data: split(topic.type, data), handler)
+
+    def _subscribe(
+        self, topic: Topic, read: Callable[[bytes], object], handler: Callable
+    ) -> Registration:
         self._check_open()
-        subscriber = _Subscriber(topic.key(self.robot), topic.type, handler)
+        subscriber = _Subscriber(topic.key(self.robot), read, handler)
         with self._hub.lock:
             self._hub.subscribers.append(subscriber)
             past = [d for k, d in self._hub.retained.items() if subscriber.wants(k)]

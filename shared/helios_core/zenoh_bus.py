@@ -25,6 +25,7 @@ from zenoh import ext
 from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
+from helios_core.image_messages import ImageMessage, split
 from helios_core.latest_value_sender import DuplicateFilter, Repeater
 from helios_core.router_link import RouterLink
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
@@ -66,7 +67,7 @@ class ZenohBus(Bus):
         self._lock = threading.Lock()
         self._closed = False
 
-    def publish(self, topic: Topic[M], message: M) -> None:
+    def publish(self, topic: Topic[M], message: M | ImageMessage[M]) -> None:
         try:
             publisher, data = self._publisher(topic), message.SerializeToString()
             if topic.qos is QoS.LATEST_WINS:
@@ -77,6 +78,16 @@ class ZenohBus(Bus):
             raise Unavailable(f"{topic.name} could not be published: {error}") from error
 
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
+        return self._subscribe(topic, topic.type.FromString, handler)
+
+    def subscribe_in_place(
+        self, topic: Topic[M], handler: Callable[[ImageMessage[M]], None]
+    ) -> Registration:
+        return self._subscribe(topic, lambda data: split(topic.type, data), handler)
+
+    def _subscribe(
+        self, topic: Topic, parse: Callable[[bytes], object], handler: Callable
+    ) -> Registration:
         key = topic.key(self.robot)
         latest = topic.qos is QoS.LATEST_WINS
         channel = (
@@ -99,7 +110,7 @@ class ZenohBus(Bus):
                 if latest and not unseen.take(_attached(sample)):
                     continue
                 try:
-                    handler(topic.type.FromString(sample.payload.to_bytes()))
+                    handler(parse(sample.payload.to_bytes()))
                 except Exception:
                     log.exception("the handler of %s failed; the message is lost to it", topic.name)
 

@@ -14,14 +14,14 @@ from rich.table import Table
 from helios_eval.provenance import commit, machine
 
 ROWS = {
-    "occupancy_update": "maps",
-    "value_fusion": "maps",
-    "frontiers": "maps",
-    "plan_fm2": "planning",
-    "render": "objects",
-    "object_update": "objects",
-    "view_scores": "objects",
-    "frame_transport": "transport",
+    "occupancy_update": "map_benchmarks",
+    "value_fusion": "map_benchmarks",
+    "frontiers": "map_benchmarks",
+    "plan_fm2": "path_planner_benchmark",
+    "render": "object_map_benchmarks",
+    "object_update": "object_map_benchmarks",
+    "view_scores": "object_map_benchmarks",
+    "frame_transport": "transport_benchmark",
 }
 
 
