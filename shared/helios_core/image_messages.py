@@ -32,7 +32,7 @@ class ImageMessage(Generic[M]):
     """Message with its raw images apart. The other fields read as those of the message itself.
 
     The images may lie in memory that other processes share. Nobody writes to it while a reference
-    to the image exists, but its owner has only a few such places: keep a message with the function `kept`.
+    to the image exists, but the sender has only a few such places: keep what `kept` returns.
     """
 
     __slots__ = ("head", "images")

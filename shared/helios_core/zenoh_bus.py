@@ -20,6 +20,7 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 import zenoh
+from google.protobuf.message import Message
 from zenoh import ext
 
 from helios_core.bus import Bus, LivelinessHandler, Registration
@@ -28,6 +29,7 @@ from helios_core.errors import DeadlineExceeded, Unavailable
 from helios_core.image_messages import ImageMessage, split
 from helios_core.latest_value_sender import DuplicateFilter, Repeater
 from helios_core.router_link import RouterLink
+from helios_core.shared_payloads import Payload, SharedPayloads
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
 from helios_core.zenoh_config import client_config
 from helios_core.zenoh_messages import answer, assembled, reply_of
@@ -62,6 +64,7 @@ class ZenohBus(Bus):
         self._met_s, self._routers = time.monotonic(), self._router_ids()
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
+        self._shared = SharedPayloads()
         self._repeater = Repeater(self._start_reader)
         self._mine = Registrations()
         self._lock = threading.Lock()
@@ -69,13 +72,18 @@ class ZenohBus(Bus):
 
     def publish(self, topic: Topic[M], message: M | ImageMessage[M]) -> None:
         try:
-            publisher, data = self._publisher(topic), message.SerializeToString()
+            publisher, data = self._publisher(topic), self._payload(message)
             if topic.qos is QoS.LATEST_WINS:
                 self._repeater.send(topic.name, publisher.put, data)
             else:
                 publisher.put(data)
         except zenoh.ZError as error:
             raise Unavailable(f"{topic.name} could not be published: {error}") from error
+
+    def _payload(self, message: Message | ImageMessage) -> Payload:
+        if isinstance(message, ImageMessage):
+            return self._shared.of(message)
+        return message.SerializeToString()
 
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
         return self._subscribe(topic, topic.type.FromString, handler)
