@@ -177,6 +177,8 @@ def _fields(data: memoryview) -> Iterator[tuple[int, int, int, int]]:
         begin = at
         tag, at = _read_varint(data, at)
         wire_type, size = tag & 7, 0
+        if tag < 8:
+            raise DecodeError("a field has the number 0")
         if wire_type == _VARINT:
             _, at = _read_varint(data, at)
         elif wire_type == _BYTES:

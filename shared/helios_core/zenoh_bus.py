@@ -31,7 +31,7 @@ from helios_core.latest_value_sender import DuplicateFilter, Repeater
 from helios_core.router_link import RouterLink
 from helios_core.shared_payloads import Payload, SharedPayloads
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
-from helios_core.zenoh_config import client_config
+from helios_core.zenoh_config import client_config, open_session
 from helios_core.zenoh_messages import answer, assembled, reply_of
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ class ZenohBus(Bus):
     def __init__(self, router: RouterLink | str, robot: str = "robot") -> None:
         self.robot = robot
         try:
-            self._session = zenoh.open(client_config(router))
+            self._session, shares_memory = open_session(client_config(router))
         except zenoh.ZError as error:
             raise Unavailable(
                 f"no router at {router} ({_cause(error)}); `helios up --router-port PORT` starts "
@@ -64,7 +64,7 @@ class ZenohBus(Bus):
         self._met_s, self._routers = time.monotonic(), self._router_ids()
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
-        self._shared = SharedPayloads()
+        self._shared = SharedPayloads(shares_memory)
         self._repeater = Repeater(self._start_reader)
         self._mine = Registrations()
         self._lock = threading.Lock()
@@ -243,6 +243,7 @@ class ZenohBus(Bus):
             self._session.close()  # without it the process hangs at exit
         except zenoh.ZError as error:  # the router hangs during a transmission
             log.warning("the session was left open: %s", error)
+        self._shared.close()
         deadline = time.monotonic() + READERS_END_WITHIN_S
         for reader in list(self._readers):
             if reader is not threading.current_thread():
