@@ -114,8 +114,7 @@ def _layout(type: Descriptor) -> dict[int, _Place]:
         return {_DATA: _Place("", None)}
     found = {}
     for field in type.fields:
-        single = field.message_type is not None and field.has_presence  # not a list
-        if single and field.message_type.file.package in ("helios.v1", "foxglove"):
+        if field.message_type is not None and field.has_presence:  # a message, not a list
             inner = _layout(field.message_type)
             if inner:
                 found[field.number] = _Place(field.name, inner)
