@@ -83,7 +83,7 @@ def frame_transport() -> Row:
 
 
 def _open(router: str) -> ZenohBus:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while True:
         try:
             return ZenohBus(router)
