@@ -9,7 +9,7 @@ from collections import deque
 
 import zenoh
 from helios_core.topics import ROOT
-from helios_core.zenoh_config import client_config
+from helios_core.zenoh_config import client_config, open_session
 
 from helios_chaos.schedule import MESSAGES
 
@@ -25,7 +25,7 @@ class MessageTap:
         self._robot = robot
         self._heard = {topic: deque[bytes](maxlen=KEPT) for topic in MESSAGES}
         self._lock = threading.Lock()
-        self._session = zenoh.open(client_config(router))
+        self._session = open_session(client_config(router))[0]
         self._readers = [self._listen(topic) for topic in MESSAGES]
 
     def damaged(self, topic: str) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 import zenoh
 import zenoh.ext
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.zenoh_config import client_config
+from helios_core.zenoh_config import client_config, open_session
 
 from helios_ros2 import zenoh_wire as wire
 from helios_ros2.offered_qos import Qos
@@ -37,7 +37,7 @@ class ZenohNode:
         self._types, self._name = Messages(), name
         self._domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
         try:
-            self._session = zenoh.open(client_config(router))
+            self._session = open_session(client_config(router))[0]
         except zenoh.ZError as error:
             raise Unavailable(
                 f"{ROUTER} is not at {router}; HELIOS_ROS2_ZENOH_ROUTER names it"

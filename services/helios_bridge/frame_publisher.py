@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 
 from helios_core import tracing
 from helios_core.bus import Bus
-from helios_core.codec import frame_id_from_proto, frame_to_proto
+from helios_core.codec import frame_id_from_proto, frame_message
 from helios_core.keyframe_acks import KeyframeAcks, MapPart, full_names
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
@@ -120,7 +120,7 @@ class FramePublisher:
         )
         if self._settings.depth == "estimated":
             frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)
-        self._bus.publish(topic, frame_to_proto(frame))
+        self._bus.publish(topic, frame_message(frame))
 
     def _wait_for_maps(self, id: FrameId, parts: Iterable[MapPart]) -> None:
         within_s = self._settings.ack_timeout_s

@@ -17,6 +17,7 @@ from helios_core.bus import Bus
 from helios_core.bus_access import FLEET_TOKEN
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.image_messages import FrameMessage, kept
 from helios_core.name_rules import robot_names
 from helios_core.service_process import publish_status
 from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME
@@ -66,8 +67,8 @@ class RobotSlot:
         )  # fmt: skip
         self.bus.subscribe(CLAIM, self._on_claim)
         self.bus.subscribe(CONTEXT, self._on_context)
-        self.bus.subscribe(KEYFRAME, self._on_keyframe)
-        self.bus.subscribe(FRAME, self._on_frame)
+        self.bus.subscribe_in_place(KEYFRAME, self._on_keyframe)
+        self.bus.subscribe_in_place(FRAME, self._on_frame)
         return service
 
     def give_up(self) -> None:
@@ -127,9 +128,9 @@ class RobotSlot:
         elif service is not None:
             service.methods.close()
 
-    def _on_keyframe(self, message: pb.Frame) -> None:
+    def _on_keyframe(self, message: FrameMessage) -> None:
         with self._lock:
-            given_up = self._ledger.add(message)
+            given_up = self._ledger.add(kept(message))
             ours = self._members.owner(self.robot) == self._members.me
         if given_up:
             self._health.count("keyframes_given_up", len(given_up))
@@ -141,7 +142,7 @@ class RobotSlot:
                 )
         self._work()
 
-    def _on_frame(self, message: pb.Frame) -> None:
+    def _on_frame(self, message: FrameMessage) -> None:
         with self._lock:
             ours = self._members.takes(self.robot, time.monotonic())
         service = self._service
@@ -169,7 +170,7 @@ class RobotSlot:
             finally:
                 self._answer_lock.release()
 
-    def _take(self) -> pb.Frame | None:
+    def _take(self) -> FrameMessage | None:
         if self._closed or self._service is None or not self._service.knows_context:
             return None
         with self._lock:
@@ -180,7 +181,7 @@ class RobotSlot:
                 self._ledger.note(self._claim(message, answered=False))
         return message
 
-    def _answer(self, message: pb.Frame) -> None:
+    def _answer(self, message: FrameMessage) -> None:
         assert self._service is not None
         self._tell(self._claim(message, answered=False))
         done = self._claim(message, answered=True)
@@ -195,7 +196,7 @@ class RobotSlot:
             self._ledger.note(done)
         self._tell(done)  # again: `sent` is not called for a refused frame
 
-    def _claim(self, message: pb.Frame, answered: bool) -> pb.Claim:
+    def _claim(self, message: FrameMessage, answered: bool) -> pb.Claim:
         return pb.Claim(id=message.id, instance=self._members.me, answered=answered)
 
     def _tell(self, claim: pb.Claim) -> None:

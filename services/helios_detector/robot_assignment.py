@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from helios_core import proto as pb
 from helios_core import tracing
+from helios_core.image_messages import FrameMessage
 
 SETTLE_S = 1.0
 MOST_HELD = 8  # keyframes of one robot; robots wait for answers, so one is usual
@@ -68,7 +69,7 @@ class Members:
 class _Entry:
     """State of one keyframe; `message` is None before it arrives and after it is answered."""
 
-    message: pb.Frame | None = None
+    message: FrameMessage | None = None
     traceparent: str = ""  # span that sent the message
     taken_by: str = ""
     answered: bool = False
@@ -80,7 +81,7 @@ class AssignmentTable:
     def __init__(self) -> None:
         self._entries: OrderedDict[Key, _Entry] = OrderedDict()
 
-    def add(self, message: pb.Frame) -> list[pb.Frame]:
+    def add(self, message: FrameMessage) -> list[FrameMessage]:
         """Add a received keyframe; return the older ones dropped because more than `MOST_HELD` are
         held. No effect for a keyframe that is already answered."""
         entry = self._entry(key_of(message.id))
@@ -105,7 +106,7 @@ class AssignmentTable:
         """Traceparent of the span that sent a keyframe; empty without one."""
         return self._entry(key_of(id)).traceparent
 
-    def next(self, there: frozenset[str]) -> pb.Frame | None:
+    def next(self, there: frozenset[str]) -> FrameMessage | None:
         """The oldest unanswered keyframe that no detector of `live` has claimed."""
         for entry in self._entries.values():
             if entry.message is not None and entry.taken_by not in there:

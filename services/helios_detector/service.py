@@ -25,11 +25,12 @@ from helios_core.codec import (
     context_from_proto,
     frame_from_proto,
     frame_id_from_proto,
-    observation_to_proto,
+    observation_message,
 )
 from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.image_messages import FrameMessage, ImageMessage, apart, kept
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Detection, Frame, Observation, SearchContext
 
@@ -83,12 +84,12 @@ class DetectorService:
         self._refused: dict[str, str] = {}
         self._asked: SearchContext | None = None  # newer context that is not active yet
         self._again_s = 0.0  # monotonic time from which `_asked` is retried
-        self._held: pb.Frame | None = None
+        self._held: FrameMessage | None = None
         # Step (keyframe, found, scored, context, models) -> reason of its failure; "" on success.
         self._troubles: dict[str, str] = {}
         if listen:
-            bus.subscribe(KEYFRAME, self.on_keyframe)
-            bus.subscribe(FRAME, self.on_frame)
+            bus.subscribe_in_place(KEYFRAME, self.on_keyframe)
+            bus.subscribe_in_place(FRAME, self.on_frame)
             self.methods.open()
             bus.subscribe(CONTEXT, self.on_context)
         self._tell_health()
@@ -174,7 +175,7 @@ class DetectorService:
             self.on_keyframe(held)
         return True
 
-    def on_keyframe(self, message: pb.Frame, sent: Callable[[], None] = lambda: None) -> None:
+    def on_keyframe(self, message: FrameMessage, sent: Callable[[], None] = lambda: None) -> None:
         """Answer with an Observation; hold the frame while no context is active.
 
         Calls `sent` directly after publishing the Observation.
@@ -182,7 +183,7 @@ class DetectorService:
         with self._lock:
             context, replaced = self._context, None
             if context is None:
-                replaced, self._held = self._held, message
+                replaced, self._held = self._held, kept(message)
         if replaced is not None:
             self._health.count("keyframes_replaced")
             self.acknowledge_dropped(
@@ -194,19 +195,21 @@ class DetectorService:
                 why_not = self._answered(message, context, sent)
                 self._acknowledge(message.id, context.id, why_not)
 
-    def acknowledge_dropped(self, message: pb.Frame, why: str) -> None:
+    def acknowledge_dropped(self, message: FrameMessage, why: str) -> None:
         """Acknowledge a keyframe that is dropped, with the reason."""
         with self._lock:
             context = self._context
         self._acknowledge(message.id, context.id if context is not None else "", why)
 
-    def _answered(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> str:
+    def _answered(
+        self, message: FrameMessage, context: SearchContext, sent: Callable[[], None]
+    ) -> str:
         """Publish the Observation of a keyframe; return "" or the reason of the failure."""
         trouble, frame = "", None
         try:
             frame = frame_from_proto(message)
             with self._workload.work():
-                self._answer(message, frame, context, sent)
+                self._answer(apart(message), frame, context, sent)
             return ""
         except Exception as error:
             fault = typed(error)
@@ -229,7 +232,7 @@ class DetectorService:
         except HeliosError as error:
             log.warning("keyframe %d was not acknowledged: %s", id.seq, error.message)
 
-    def on_frame(self, message: pb.Frame) -> None:
+    def on_frame(self, message: FrameMessage) -> None:
         """Publish a preview, unless another frame is in work."""
         with self._lock:
             context = self._context
@@ -250,7 +253,11 @@ class DetectorService:
 
     # --- output -------------------------------------------------------------------------------
     def _answer(
-        self, message: pb.Frame, frame: Frame, context: SearchContext, sent: Callable[[], None]
+        self,
+        message: ImageMessage[pb.Frame],
+        frame: Frame,
+        context: SearchContext,
+        sent: Callable[[], None],
     ) -> None:
         began = time.perf_counter()
         with tracing.span("detect", detector=self._models.detector.name):
@@ -264,7 +271,7 @@ class DetectorService:
         self._say_trouble("scored", wrong)
         models = self._models
         mine, others = by_class(findings.detections, context)
-        out = observation_to_proto(
+        out = observation_message(
             Observation(
                 frame, context.id, mine, judged.scores,
                 models.detector.name, models.scorer.name, judged.image,
@@ -272,7 +279,7 @@ class DetectorService:
             ),
             message,
         )  # fmt: skip
-        out.detect_ms = detect_ms
+        out.head.detect_ms = detect_ms
         self._analyst.timed("score", began)
         self._analyst.measure()
         self._bus.publish(OBSERVATION, out)
@@ -286,7 +293,11 @@ class DetectorService:
             self._refuse("previews_refused", message, typed(error))
 
     def _publish_preview(
-        self, message: pb.Frame, frame: Frame, findings: Findings, context: SearchContext | None
+        self,
+        message: FrameMessage,
+        frame: Frame,
+        findings: Findings,
+        context: SearchContext | None,
     ) -> None:
         """Publish the image with the boxes of the context's classes."""
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)
@@ -299,7 +310,7 @@ class DetectorService:
         self._bus.publish(PREVIEW, pb.Preview(id=message.id, jpeg=jpeg.tobytes(), detections=boxes))
         self._health.count("previews")
 
-    def _refuse(self, counter: str, message: pb.Frame, error: HeliosError) -> None:
+    def _refuse(self, counter: str, message: FrameMessage, error: HeliosError) -> None:
         self._health.count(counter)
         log.warning("%s: frame %d: %s", counter, message.id.seq, error.message)
 

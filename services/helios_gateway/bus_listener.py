@@ -5,9 +5,12 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
+from typing import Any
 
+from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.bus import Bus
+from helios_core.image_messages import ImageMessage
 from helios_core.recording_format import channel_of
 from helios_core.topics import (
     CONTEXT,
@@ -74,10 +77,10 @@ class RobotMonitor:
         self._hear(bus, SUPERVISOR, self._on_supervisor)
         self._hear(bus, ROBOT_DESCRIPTION, self._on_description)
         self._hear(bus, ROBOT_STATE, self._on_robot)
-        self._hear(bus, FRAME, self.camera.on_frame)
-        self._hear(bus, KEYFRAME, self.camera.on_frame)
+        self._hear_in_place(bus, FRAME, self.camera.on_frame)
+        self._hear_in_place(bus, KEYFRAME, self.camera.on_frame)
         self._hear(bus, PREVIEW, self.camera.on_preview)
-        self._hear(bus, OBSERVATION, self.camera.on_observation)
+        self._hear_in_place(bus, OBSERVATION, self.camera.on_observation)
         self._hear(bus, MAP2D_ACK, self.maps.on_ack)
         self._hear(bus, OBJECTMAP_ACK, self.maps.on_ack)
         self._hear(bus, CONTEXT, lambda _: self.maps.on_change())
@@ -173,13 +176,22 @@ class RobotMonitor:
 
     def _hear(self, bus: Bus, topic: Topic[M], handler: Callable[[M], None]) -> None:
         """Subscribe, and give every message to the black box as well."""
+        bus.subscribe(topic, self._recorded(topic, handler))
+
+    def _hear_in_place(
+        self, bus: Bus, topic: Topic[M], handler: Callable[[ImageMessage[M]], None]
+    ) -> None:
+        """As `_hear`, with the images where they were received."""
+        bus.subscribe_in_place(topic, self._recorded(topic, handler))
+
+    def _recorded(self, topic: Topic, handler: Callable[[Any], None]) -> Callable[[Any], None]:
         channel = channel_of(topic)
 
-        def take(message: M) -> None:
+        def take(message: Message | ImageMessage) -> None:
             self.faults.record(channel, message)
             handler(message)
 
-        bus.subscribe(topic, take)
+        return take
 
     def _run(self) -> None:
         while not self._ended.wait(self._tick_s):

@@ -15,6 +15,13 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.codec.images import color_array
 from helios_core.errors import HeliosError, Internal, Unavailable
+from helios_core.image_messages import (
+    FrameMessage,
+    ImageMessage,
+    ObservationMessage,
+    image_data,
+    kept,
+)
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
@@ -31,7 +38,7 @@ STILL = 2e-3  # largest difference of each number (m, quaternion) of equal poses
 class _Picture:
     id: FrameId
     received_s: float
-    raw: pb.Frame | bytes  # a frame, or a preview's JPEG
+    raw: FrameMessage | bytes  # a frame, or a preview's JPEG
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,10 @@ class _Boxes:
 
 
 class Camera:
-    """Newest camera image. Thread-safe. Keeps references; encodes an image once, on request."""
+    """Newest camera image. Thread-safe. Encodes an image once, on request.
+
+    It copies the colour of each frame, because a request may come at any later time.
+    """
 
     def __init__(
         self,
@@ -59,25 +69,16 @@ class Camera:
         self._poses: OrderedDict[FrameId, tuple[float, ...]] = OrderedDict()
         self._made: OrderedDict[tuple[FrameId, FrameId | None], Encoded] = OrderedDict()
 
-    def on_frame(self, frame: pb.Frame) -> None:
+    def on_frame(self, frame: FrameMessage) -> None:
         """Take a stream frame or a keyframe."""
-        picture = _Picture(frame_id_from_proto(frame.id), self._clock(), frame)
-        with self._lock:
-            self._poses[picture.id] = _pose(frame)
-            while len(self._poses) > POSES_KEPT:
-                self._poses.popitem(last=False)
-            if self._newest is None or not _older(picture.id, self._newest.id):
-                self._newest = picture
+        self._take_frame(frame)
 
     def on_preview(self, preview: pb.Preview) -> None:
         picture = _Picture(frame_id_from_proto(preview.id), self._clock(), preview.jpeg)
         self._take_boxes(picture, preview.detections)
 
-    def on_observation(self, observation: pb.Observation) -> None:
-        frame = observation.frame
-        self.on_frame(frame)
-        picture = _Picture(frame_id_from_proto(frame.id), self._clock(), frame)
-        self._take_boxes(picture, observation.detections)
+    def on_observation(self, observation: ObservationMessage) -> None:
+        self._take_boxes(self._take_frame(observation.frame), observation.detections)
 
     def jpeg(self, raw: bool) -> Encoded:
         """JPEG of the image; a header names its frame.
@@ -96,6 +97,20 @@ class Camera:
                 while len(self._made) > 4:
                     self._made.popitem(last=False)
             return self._made[key]
+
+    def _take_frame(self, frame: FrameMessage) -> _Picture:
+        id, received_s = frame_id_from_proto(frame.id), self._clock()
+        with self._lock:
+            newest = self._newest
+        same = newest is not None and newest.id == id and not isinstance(newest.raw, bytes)
+        picture = _Picture(id, received_s, newest.raw if newest and same else _color_of(frame))
+        with self._lock:
+            self._poses[id] = _pose(frame)
+            while len(self._poses) > POSES_KEPT:
+                self._poses.popitem(last=False)
+            if self._newest is None or not _older(id, self._newest.id):
+                self._newest = picture
+        return picture
 
     def _take_boxes(self, picture: _Picture, detections: Sequence[pb.Detection]) -> None:
         boxes = tuple(
@@ -139,16 +154,25 @@ class Camera:
         return Encoded.of(data.tobytes(), JPEG, x_frame_id=shown)
 
 
-def _pixels(raw: pb.Frame | bytes) -> NDArray[np.uint8]:
+def _color_of(frame: FrameMessage) -> FrameMessage:
+    """The frame's message with a copy of its colour and without its depth."""
+    if not isinstance(frame, ImageMessage):
+        return frame
+    color = {path: image for path, image in frame.images.items() if path == "raw_color"}
+    return kept(ImageMessage(frame.head, color))
+
+
+def _pixels(raw: FrameMessage | bytes) -> NDArray[np.uint8]:
     if isinstance(raw, bytes):
         return color_array(None, CompressedImage(format="jpeg", data=raw))
     return color_array(
         raw.raw_color if raw.HasField("raw_color") else None,
         raw.compressed_color if raw.HasField("compressed_color") else None,
+        image_data(raw, "raw_color"),
     )
 
 
-def _pose(frame: pb.Frame) -> tuple[float, ...]:
+def _pose(frame: FrameMessage) -> tuple[float, ...]:
     p, q = frame.T_world_cam.pose.position, frame.T_world_cam.pose.orientation
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 

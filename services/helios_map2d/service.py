@@ -25,6 +25,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.image_messages import FrameMessage, ObservationMessage, kept
 from helios_core.keyframe_acks import MapPart
 from helios_core.topics import (
     CONTEXT,
@@ -69,8 +70,8 @@ class Map2DService:
         self._contexts: list[str] = []  # ids in order of arrival
         self._context: pb.SearchContext | None = None
         self._robot: tuple[WorldId, str, Pose | None] | None = None  # reported world, boot id, pose
-        self._frames_waiting: deque[pb.Frame] = deque()
-        self._observations_waiting: deque[pb.Observation] = deque()
+        self._frames_waiting: deque[FrameMessage] = deque()
+        self._observations_waiting: deque[ObservationMessage] = deque()
         self._holding = False
         self._refused = ""  # why the robot's last description was refused
         self._listens = False
@@ -85,10 +86,10 @@ class Map2DService:
         bus.subscribe(CONTEXT, self.on_context)
         bus.subscribe(ROBOT_DESCRIPTION, self.on_description)
         bus.subscribe(ROBOT_STATE, self.on_robot_state)
-        bus.subscribe(KEYFRAME, self.on_keyframe)
-        bus.subscribe(OBSERVATION, self.on_observation)
+        bus.subscribe_in_place(KEYFRAME, self.on_keyframe)
+        bus.subscribe_in_place(OBSERVATION, self.on_observation)
         if settings.integrate_stream:
-            bus.subscribe(FRAME, self.on_stream_frame)
+            bus.subscribe_in_place(FRAME, self.on_stream_frame)
         bus.serve(SNAPSHOT, self._answers.snapshot)
         bus.serve(MAP_CHANGES, self._answers.changes)
         bus.serve(PICTURE, self._answers.picture)
@@ -132,11 +133,14 @@ class Map2DService:
                 if first:
                     self._keeping.recover(self._maps)
                     self._seek_stored()
-            waiting = list(self._frames_waiting) + list(self._observations_waiting)
+            frames, observations = [*self._frames_waiting], [*self._observations_waiting]
             self._frames_waiting.clear()
             self._observations_waiting.clear()
         self._say()
-        self._again(waiting)
+        for frame in frames:
+            self.on_keyframe(frame)
+        for observation in observations:
+            self.on_observation(observation)
 
     def on_context(self, message: pb.SearchContext) -> None:
         """Begin the search of a new search context."""
@@ -154,7 +158,8 @@ class Map2DService:
             begins = self._maps is not None and self._maps.reset_search(context)
             waiting = list(self._observations_waiting)
             self._observations_waiting.clear()
-        self._again(waiting)
+        for observation in waiting:
+            self.on_observation(observation)
         if begins:
             self._recollection.fill(context)
 
@@ -181,12 +186,12 @@ class Map2DService:
         if goes_on:
             self._catch_up()
 
-    def on_keyframe(self, message: pb.Frame) -> None:
-        late: pb.Frame | None = None
+    def on_keyframe(self, message: FrameMessage) -> None:
+        late: FrameMessage | None = None
         with self._lock:
             wait = self._maps is None
             if wait:
-                self._frames_waiting.append(message)
+                self._frames_waiting.append(kept(message))
                 if len(self._frames_waiting) > MOST_WAITING:
                     late = self._frames_waiting.popleft()
         if late is not None:
@@ -195,7 +200,7 @@ class Map2DService:
         if not wait:
             self._integrate(MapPart.OCCUPANCY, message.id, "", lambda: self._fold_frame(message))
 
-    def on_stream_frame(self, message: pb.Frame) -> None:
+    def on_stream_frame(self, message: FrameMessage) -> None:
         """Fuse a stream frame if the maps are ready; it gets no acknowledgement."""
         if self._maps is None:
             return
@@ -206,13 +211,13 @@ class Map2DService:
             self._health.count("stream_frames_refused")
             log.info("stream frame %d refused: %s", message.id.seq, error.message)
 
-    def on_observation(self, message: pb.Observation) -> None:
+    def on_observation(self, message: ObservationMessage) -> None:
         with self._lock:
             unheard = message.context_id not in self._contexts
             wait = self._maps is None or unheard
             late = None
             if wait:
-                self._observations_waiting.append(message)
+                self._observations_waiting.append(kept(message))
                 if len(self._observations_waiting) > MOST_WAITING:
                     late = self._observations_waiting.popleft()
         if late is not None:
@@ -254,7 +259,7 @@ class Map2DService:
         return self._places.settled(within_s)
 
     # --- internals ----------------------------------------------------------------------------
-    def _fold_frame(self, message: pb.Frame) -> None:
+    def _fold_frame(self, message: FrameMessage) -> None:
         frame = frame_from_proto(message)
         with self._lock:
             if self._maps is not None:
@@ -262,7 +267,7 @@ class Map2DService:
                 self._maps.map_for(frame).integrate_frame(frame, holding=holding)
                 self._places.note_keyframe()
 
-    def _fold_values(self, message: pb.Observation) -> None:
+    def _fold_values(self, message: ObservationMessage) -> None:
         observation = observation_from_proto(message, with_others=False)
         with self._lock:
             if self._maps is not None:
@@ -315,13 +320,6 @@ class Map2DService:
                 update_ms=update_ms, context_id=context_id,
             ),
         )  # fmt: skip
-
-    def _again(self, waiting: list) -> None:
-        for message in waiting:
-            if isinstance(message, pb.Frame):
-                self.on_keyframe(message)
-            else:
-                self.on_observation(message)
 
     def _fresh(self, maps: EpochMaps) -> EpochMaps:
         if self._robot is not None:

@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from helios_core import map_autosave, tracing
@@ -25,6 +25,7 @@ from helios_core.codec import (
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.image_messages import ObservationMessage, apart
 from helios_core.keyframe_acks import MapPart
 from helios_core.map_autosave import AutosavedFile
 from helios_core.printable_text import counted
@@ -119,7 +120,7 @@ class ObjectMapService:
         self._take_up_kept_map()
         bus.serve(STORED_OBJECTS, self.stored_objects)
         bus.subscribe(RELOCALISATION, self.on_relocalisation)
-        bus.subscribe(OBSERVATION, self.on_observation)
+        bus.subscribe_in_place(OBSERVATION, self.on_observation)
 
     def warm_up(self) -> None:
         """Compile the kernels, then report ready.
@@ -191,7 +192,7 @@ class ObjectMapService:
             self._stored.note_place(message)
         self._take_over_stored()
 
-    def on_observation(self, message: pb.Observation) -> None:
+    def on_observation(self, message: ObservationMessage) -> None:
         """Integrate an observation, or publish a refusal with its reason. Never raises.
 
         An observation whose search context is unknown waits for that context.
@@ -212,7 +213,7 @@ class ObjectMapService:
                 observation.context_id not in self._over
             )
             if is_unknown:
-                self._waiting.append((message, observation))
+                self._waiting.append((apart(message).head, _kept(observation)))
                 if len(self._waiting) > MOST_WAITING:
                     dropped = self._waiting.popleft()[0]
         if dropped is not None:
@@ -418,12 +419,12 @@ class ObjectMapService:
         )
 
     # Parts ------------------------------------------------------------------------------------
-    def _integrate(self, message: pb.Observation, observation: Observation) -> None:
+    def _integrate(self, message: ObservationMessage, observation: Observation) -> None:
         keyframe, context_id = str(observation.frame.id), observation.context_id
         with tracing.span("update of objects", keyframe=keyframe, task=context_id):
             self._fuse(message, observation)
 
-    def _fuse(self, message: pb.Observation, observation: Observation) -> None:
+    def _fuse(self, message: ObservationMessage, observation: Observation) -> None:
         began = time.perf_counter()
         try:
             with self._lock:
@@ -495,7 +496,7 @@ class ObjectMapService:
         self._version += 1
         self._published = None
 
-    def _refuse(self, message: pb.Observation, reason: str) -> None:
+    def _refuse(self, message: ObservationMessage, reason: str) -> None:
         self._health.count("observations_refused")
         log.warning("observation of frame %d refused: %s", message.frame.id.seq, reason)
         with self._lock:
@@ -611,3 +612,9 @@ def _message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstance:
     out = object_to_proto(thing)
     out.relocalised = relocalised
     return out
+
+
+def _kept(observation: Observation) -> Observation:
+    """The observation with a colour image of its own: the received one may lie in shared memory."""
+    frame = observation.frame
+    return replace(observation, frame=replace(frame, color=frame.color.copy()))

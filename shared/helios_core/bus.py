@@ -16,6 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
 
+from helios_core.image_messages import ImageMessage
 from helios_core.topics import M, Method, Rep, Req, Topic
 
 
@@ -39,12 +40,19 @@ class Bus(ABC):
     robot: str
 
     @abstractmethod
-    def publish(self, topic: Topic[M], message: M) -> None:
+    def publish(self, topic: Topic[M], message: M | ImageMessage[M]) -> None:
         """Send a message to every subscriber. Raises Unavailable if the bus is closed."""
 
     @abstractmethod
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
         """Call `handler` for every message that the topic's quality of service delivers."""
+
+    @abstractmethod
+    def subscribe_in_place(
+        self, topic: Topic[M], handler: Callable[[ImageMessage[M]], None]
+    ) -> Registration:
+        """As `subscribe`, but leave the images of a message where they arrived, maybe in memory
+        that processes share. A handler that keeps the message keeps `kept(message)`."""
 
     @abstractmethod
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:

@@ -21,7 +21,7 @@ from helios_core.bus_access import SERVICES
 from helios_core.errors import InvalidInput
 from helios_core.settings import common_settings
 from helios_core.topics import alive_key
-from helios_core.zenoh_config import client_config
+from helios_core.zenoh_config import client_config, open_session
 
 ANSWER_WITHIN_S = 3.0
 
@@ -47,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"helios-{service}: {error.message}", file=sys.stderr)
         return 2
     try:
-        session = zenoh.open(client_config(link))
+        session = open_session(client_config(link))[0]
     except zenoh.ZError as error:
         print(f"helios-{service}: no router at {link}: {error}", file=sys.stderr)
         return 0 if given.unless_cut_off else 1

@@ -19,6 +19,8 @@ from typing import Protocol
 
 import zenoh
 
+from helios_core.shared_payloads import Payload
+
 log = logging.getLogger(__name__)
 
 # Seconds between repetitions. Their sum exceeds the 5 s after which Zenoh either sends a waiting
@@ -30,7 +32,7 @@ REMEMBERED = 64  # number of sources whose newest message number a reader stores
 class Put(Protocol):
     """Signature of `zenoh.Publisher.put`."""
 
-    def __call__(self, payload: bytes, *, attachment: str) -> None: ...
+    def __call__(self, payload: Payload, *, attachment: str) -> None: ...
 
 
 @dataclass
@@ -41,7 +43,7 @@ class _Newest:
     put: Put
     turn: threading.Lock = field(default_factory=threading.Lock)
     number: int = 0
-    data: bytes = b""
+    data: Payload = b""
     repeated: int = 0
     due_s: float | None = None  # time of the next repetition; None: no further one
 
@@ -62,7 +64,7 @@ class Repeater:
         self._running = False
         self._closed = False
 
-    def send(self, topic: str, put: Put, data: bytes) -> None:
+    def send(self, topic: str, put: Put, data: Payload) -> None:
         """Send a message with the topic's `put`. Raises the exceptions of `put`."""
         with self._changed:
             newest = self._topics.setdefault(topic, _Newest(put))

@@ -26,6 +26,7 @@ from helios_core.errors import (
     error_from_proto,
     error_to_proto,
 )
+from helios_core.image_messages import ImageMessage, split
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic
 
 log = logging.getLogger(__name__)
@@ -50,7 +51,8 @@ class MemoryHub:
 @dataclass(eq=False)
 class _Subscriber:
     key: str
-    type: type[Message]
+    read: Callable[[bytes], object]
+    take: Callable[[Message | ImageMessage], object]  # for a message that is not serialised
     handler: Callable
     turn: threading.RLock = field(default_factory=threading.RLock)
 
@@ -62,10 +64,10 @@ class _Subscriber:
             a in ("*", b) for a, b in zip(mine, theirs, strict=True)
         )
 
-    def deliver(self, data: bytes | Message) -> None:
+    def deliver(self, data: bytes | Message | ImageMessage) -> None:
         """Pass on a message, serialised or as it is."""
         try:
-            message = self.type.FromString(data) if isinstance(data, bytes) else data
+            message = self.read(data) if isinstance(data, bytes) else self.take(data)
             with self.turn:
                 self.handler(message)
         except Exception:
@@ -87,7 +89,7 @@ class MemoryBus(Bus):
         self._mine = Registrations()
         self._closed = False
 
-    def publish(self, topic: Topic[M], message: M) -> None:
+    def publish(self, topic: Topic[M], message: M | ImageMessage[M]) -> None:
         self._check_open()
         key = topic.key(self.robot)
         data = message if topic in self._hub.uncopied else message.SerializeToString()
@@ -99,8 +101,22 @@ class MemoryBus(Bus):
             subscriber.deliver(data)
 
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
+        return self._subscribe(topic, topic.type.FromString, _whole, handler)
+
+    def subscribe_in_place(
+        self, topic: Topic[M], handler: Callable[[ImageMessage[M]], None]
+    ) -> Registration:
+        return self._subscribe(topic, lambda data: split(topic.type, data), lambda m: m, handler)
+
+    def _subscribe(
+        self,
+        topic: Topic,
+        read: Callable[[bytes], object],
+        take: Callable[[Message | ImageMessage], object],
+        handler: Callable,
+    ) -> Registration:
         self._check_open()
-        subscriber = _Subscriber(topic.key(self.robot), topic.type, handler)
+        subscriber = _Subscriber(topic.key(self.robot), read, take, handler)
         with self._hub.lock:
             self._hub.subscribers.append(subscriber)
             past = [d for k, d in self._hub.retained.items() if subscriber.wants(k)]
@@ -185,3 +201,7 @@ class MemoryBus(Bus):
     def _check_open(self) -> None:
         if self._closed:
             raise Unavailable("the bus is closed")
+
+
+def _whole(message: Message | ImageMessage) -> Message:
+    return message.whole() if isinstance(message, ImageMessage) else message

@@ -16,7 +16,7 @@ import zenoh
 from helios_core.errors import InvalidInput
 from helios_core.router_link import ROUTER_FILE, TLS
 from helios_core.signal_handling import stop_on_signals
-from helios_core.zenoh_config import router_config, router_config_of_file
+from helios_core.zenoh_config import open_session, router_config, router_config_of_file
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
@@ -41,7 +41,7 @@ def main() -> int:
         print(f"helios-router: {error.message}", file=sys.stderr)
         return 2
     try:
-        session = zenoh.open(config)
+        session, _ = open_session(config)
     except zenoh.ZError as error:
         where = args.listen or (f"the endpoint in {args.certs}" if args.certs else DEFAULT_LISTEN)
         print(

@@ -20,16 +20,19 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 import zenoh
+from google.protobuf.message import Message
 from zenoh import ext
 
 from helios_core import tracing
 from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
+from helios_core.image_messages import ImageMessage, split
 from helios_core.latest_value_sender import DuplicateFilter, Repeater
 from helios_core.router_link import RouterLink
+from helios_core.shared_payloads import Payload, SharedPayloads
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
-from helios_core.zenoh_config import client_config
+from helios_core.zenoh_config import client_config, open_session
 from helios_core.zenoh_messages import answer, assembled, reply_of
 
 T = TypeVar("T")
@@ -53,7 +56,7 @@ class ZenohBus(Bus):
     def __init__(self, router: RouterLink | str, robot: str = "robot") -> None:
         self.robot = robot
         try:
-            self._session = zenoh.open(client_config(router))
+            self._session, shares_memory = open_session(client_config(router))
         except zenoh.ZError as error:
             raise Unavailable(
                 f"no router at {router} ({_cause(error)}); `helios up --router-port PORT` starts "
@@ -62,14 +65,15 @@ class ZenohBus(Bus):
         self._met_s, self._routers = time.monotonic(), self._router_ids()
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
+        self._shared = SharedPayloads(shares_memory)
         self._repeater = Repeater(self._start_reader)
         self._mine = Registrations()
         self._lock = threading.Lock()
         self._closed = False
 
-    def publish(self, topic: Topic[M], message: M) -> None:
+    def publish(self, topic: Topic[M], message: M | ImageMessage[M]) -> None:
         try:
-            publisher, data = self._publisher(topic), message.SerializeToString()
+            publisher, data = self._publisher(topic), self._payload(message)
             if topic.qos is QoS.LATEST_WINS:
                 self._repeater.send(topic.name, publisher.put, data)
             else:
@@ -77,7 +81,22 @@ class ZenohBus(Bus):
         except zenoh.ZError as error:
             raise Unavailable(f"{topic.name} could not be published: {error}") from error
 
+    def _payload(self, message: Message | ImageMessage) -> Payload:
+        if isinstance(message, ImageMessage):
+            return self._shared.of(message)
+        return message.SerializeToString()
+
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
+        return self._subscribe(topic, topic.type.FromString, handler)
+
+    def subscribe_in_place(
+        self, topic: Topic[M], handler: Callable[[ImageMessage[M]], None]
+    ) -> Registration:
+        return self._subscribe(topic, lambda data: split(topic.type, data), handler)
+
+    def _subscribe(
+        self, topic: Topic, parse: Callable[[bytes], object], handler: Callable
+    ) -> Registration:
         key = topic.key(self.robot)
         latest = topic.qos is QoS.LATEST_WINS
         channel = (
@@ -101,7 +120,7 @@ class ZenohBus(Bus):
                     continue
                 try:
                     with tracing.received(_attached(sample)):
-                        handler(topic.type.FromString(sample.payload.to_bytes()))
+                        handler(parse(sample.payload.to_bytes()))
                 except Exception:
                     log.exception("the handler of %s failed; the message is lost to it", topic.name)
 
@@ -227,6 +246,7 @@ class ZenohBus(Bus):
             self._session.close()  # without it the process hangs at exit
         except zenoh.ZError as error:  # the router hangs during a transmission
             log.warning("the session was left open: %s", error)
+        self._shared.close()
         deadline = time.monotonic() + READERS_END_WITHIN_S
         for reader in list(self._readers):
             if reader is not threading.current_thread():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,9 @@ import zenoh
 
 from helios_core.errors import InvalidInput
 from helios_core.router_link import RouterLink, check_readable
+from helios_core.shared_payloads import WITHOUT
+
+log = logging.getLogger(__name__)
 
 LEASE_MS = 2000  # a peer without a sign of life is dropped after this time
 
@@ -38,6 +42,22 @@ def client_config(link: RouterLink | str) -> zenoh.Config:
     if link.endpoint:
         config.insert_json5("connect/endpoints", json.dumps([link.endpoint]))
     return config
+
+
+def open_session(config: zenoh.Config) -> tuple[zenoh.Session, bool]:
+    """(open session, True if it can share memory with other processes of this machine).
+
+    Without any shared memory, as in some containers, the session opens without it, and a warning
+    says so. Raises zenoh.ZError like `zenoh.open`.
+    """
+    try:
+        return zenoh.open(config), True
+    except zenoh.ZError as error:
+        if "shm" not in str(error).lower():
+            raise
+        log.warning(WITHOUT, error)
+    config.insert_json5("transport/shared_memory/enabled", "false")
+    return zenoh.open(config), False
 
 
 def router_config(listen: str) -> zenoh.Config:

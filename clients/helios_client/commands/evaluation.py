@@ -25,8 +25,15 @@ app = typer.Typer()
 def bench(
     json_path: Annotated[Path, typer.Option("--json", help="JSON file for the measured times")],
     only: Annotated[str | None, typer.Option(help="name of the only row to measure")] = None,
+    compare: Annotated[
+        Path | None, typer.Option(help="JSON file of an earlier run to compare the ratios with")
+    ] = None,
 ) -> None:
-    """Time the services' inner loops against other implementations."""
+    """Time the services' inner loops against other implementations.
+
+    With --compare the command prints what got slower by more than noise (three standard deviations
+    of the repeats, at least 10 %), and exits with status 1 if anything did.
+    """
     try:
         from helios_eval.bench import main as run_bench
         from helios_eval.bench.benchmark_run import ROWS
@@ -40,7 +47,8 @@ def bench(
         from helios_client.usage_errors import UsageError
 
         raise UsageError(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
-    run_bench(only, json_path)
+    if run_bench(only, json_path, compare):
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -11,7 +11,7 @@ import zmq
 from helios_client.supervision.service_specs import free_port
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.codec import frame_to_proto
+from helios_core.codec import frame_message, frame_to_proto
 from helios_core.errors import Unavailable
 from helios_core.topics import KEYFRAME, OBJECTMAP_ACK
 from helios_core.zenoh_bus import ZenohBus
@@ -25,12 +25,17 @@ s = zmq.Context().socket(zmq.REP); s.bind(sys.argv[1])
 while len(s.recv()): s.send(b"ok")
 """
 ZENOH_ECHO = """
-import sys, threading
+import sys
 from helios_core import proto as pb
+from helios_core.codec.images import color_array
+from helios_core.image_messages import image_data
 from helios_core.topics import KEYFRAME, OBJECTMAP_ACK
 from helios_core.zenoh_bus import ZenohBus
 bus = ZenohBus(sys.argv[1])
-bus.subscribe(KEYFRAME, lambda f: bus.publish(OBJECTMAP_ACK, pb.Ack(version=f.id.seq)))
+def answer(frame):
+    color = color_array(frame.raw_color, None, image_data(frame, "raw_color"))
+    bus.publish(OBJECTMAP_ACK, pb.Ack(version=int(color[-1, -1, 0])))
+bus.subscribe_in_place(KEYFRAME, answer)
 sys.stdin.read()
 bus.close()
 """
@@ -48,14 +53,14 @@ def frame_transport() -> Row:
         processes.append(
             subprocess.Popen([sys.executable, "-c", ZENOH_ECHO, router], stdin=subprocess.PIPE)
         )
-        message = frame_to_proto(frames()[0])
+        message, ours_message = frame_to_proto(frames()[0]), frame_message(frames()[0])
         answered = threading.Event()
         bus.subscribe(OBJECTMAP_ACK, lambda _: answered.set())
 
         def ours(_: int) -> None:
             answered.clear()
             while True:
-                bus.publish(KEYFRAME, message)
+                bus.publish(KEYFRAME, ours_message)
                 if answered.wait(2):
                     return
 
@@ -78,7 +83,7 @@ def frame_transport() -> Row:
 
 
 def _open(router: str) -> ZenohBus:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while True:
         try:
             return ZenohBus(router)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.errors import HeliosError
+from helios_core.image_messages import ImageMessage
 from helios_core.recording_format import channel_of, head_of
 from helios_core.topics import FRAME, KEYFRAME, PREVIEW
 from helios_core.viewing.bus_messages import is_retained
@@ -106,10 +107,13 @@ class BlackBox:
         self._thread = threading.Thread(target=self._run, name="black box", daemon=True)
         self._thread.start()
 
-    def put(self, channel: str, message: Message) -> None:
+    def put(self, channel: str, message: Message | ImageMessage) -> None:
         """Take a message of the bus. Never blocks; a full queue drops it."""
-        if channel in _IMAGES and not self._is_due(channel, time.monotonic()):
+        is_image = channel in _IMAGES
+        if is_image and not self._is_due(channel, time.monotonic()):
             return
+        if isinstance(message, ImageMessage):
+            message = message.whole() if is_image else message.head
         self._queue.put(channel, message, channel in _DROPPABLE)
 
     def record(self, name: str, about: Mapping[str, str]) -> str:

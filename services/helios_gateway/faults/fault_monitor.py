@@ -14,6 +14,7 @@ from pathlib import Path
 from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.errors import Conflict
+from helios_core.image_messages import ImageMessage
 
 from helios_gateway.error_responses import NotFound
 from helios_gateway.faults import findings
@@ -48,7 +49,7 @@ class FaultMonitor:
         self._box = None if folder is None else BlackBox(self._on_saved)
 
     # --- input ---------------------------------------------------------------------------------
-    def record(self, channel: str, message: Message) -> None:
+    def record(self, channel: str, message: Message | ImageMessage) -> None:
         """Give a message of the bus to the black box."""
         if self._box is not None:
             self._box.put(channel, message)

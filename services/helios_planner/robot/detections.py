@@ -13,6 +13,7 @@ from helios_core.bus import Bus
 from helios_core.codec import observation_from_proto
 from helios_core.errors import HeliosError
 from helios_core.geometry import Matrix, Pinhole
+from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.topics import OBSERVATION
 from helios_core.types import Detection, Observation
@@ -126,7 +127,7 @@ class MessageBuffer:
         self._acks, self._context_id = acks, context_id
         self._lock = threading.Lock()
         self._sightings: list[Sighting] = []
-        self._registration = bus.subscribe(OBSERVATION, self._on_observation)
+        self._registration = bus.subscribe_in_place(OBSERVATION, self._on_observation)
 
     def sightings(self) -> list[Sighting]:
         """All sightings of this task, in order of arrival."""
@@ -136,7 +137,7 @@ class MessageBuffer:
     def close(self) -> None:
         self._registration.close()
 
-    def _on_observation(self, message: pb.Observation) -> None:
+    def _on_observation(self, message: ObservationMessage) -> None:
         ack = pb.Ack(
             service="planner", part=DETECTIONS, id=message.frame.id, context_id=message.context_id,
             accepted=True,

@@ -20,6 +20,12 @@ from helios_core.geometry import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
+from helios_core.image_messages import (
+    FrameMessage,
+    ImageMessage,
+    ObservationMessage,
+    image_data,
+)
 from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
 
 FARTHEST_M = 2e4  # from the world's origin: float32 still resolves 2 mm there
@@ -111,18 +117,40 @@ def pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
 
 def frame_to_proto(frame: Frame) -> pb.Frame:
     """Message of a frame: colour as rgb8, depth as 16UC1 millimetres (exact for such sensors)."""
+    out = frame_message(frame)
+    for field, data in out.images.items():
+        getattr(out.head, field).data = data.tobytes()
+    return out.head
+
+
+def frame_message(frame: Frame) -> ImageMessage[pb.Frame]:
+    """As `frame_to_proto`, with the images apart. Colour is a view of the frame's array."""
+    color = np.ascontiguousarray(frame.color)
+    depth_mm = frame.depth_m * np.float32(1000)
+    np.clip(depth_mm, 0, 65535, out=depth_mm)
+    np.rint(depth_mm, out=depth_mm)
+    images = {"raw_color": color, "raw_depth": depth_mm.astype("<u2")}
+    return ImageMessage(
+        _frame_head(frame), {f: memoryview(a.reshape(-1).view(np.uint8)) for f, a in images.items()}
+    )
+
+
+def _frame_head(frame: Frame) -> pb.Frame:
+    """Message of a frame without the bytes of its images."""
     height, width = frame.depth_m.shape
     out = pb.Frame(
         id=frame_id_to_proto(frame.id), keyframe=frame.keyframe, held=frame.held,
         origin_id=frame.origin_id,
     )  # fmt: skip
     out.stamp.FromNanoseconds(frame.stamp_ns)
-    color = np.ascontiguousarray(frame.color).tobytes()
-    _fill(out.raw_color, width, height, "rgb8", 3 * width, color)
-    depth = np.clip(frame.depth_m, 0, 65.535)
-    depth *= 1000
-    depth_mm = np.rint(depth, out=depth).astype("<u2")
-    _fill(out.raw_depth, width, height, "16UC1", 2 * width, depth_mm.tobytes())
+    out.raw_color.CopyFrom(
+        RawImage(width=width, height=height, encoding="rgb8", step=3 * width,
+                 frame_id="camera")
+    )  # fmt: skip
+    out.raw_depth.CopyFrom(
+        RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
+                 frame_id="camera")
+    )  # fmt: skip
     out.calibration.CopyFrom(
         CameraCalibration(width=frame.camera.width, height=frame.camera.height, frame_id="camera",
                           K=frame.camera.matrix.ravel().tolist())
@@ -132,21 +160,20 @@ def frame_to_proto(frame: Frame) -> pb.Frame:
     return out
 
 
-def _fill(image: RawImage, width: int, height: int, encoding: str, step: int, data: bytes) -> None:
-    """Set the fields in place: a message passed on would be copied."""
-    image.width, image.height, image.encoding, image.step = width, height, encoding, step
-    image.frame_id, image.data = "camera", data
+def frame_from_proto(frame: FrameMessage) -> Frame:
+    """Frame; its colour is a view of the message's, its depth an array of its own.
 
-
-def frame_from_proto(frame: pb.Frame) -> Frame:
-    """Frame. Raises InvalidInput on corrupt images, mismatched sizes, bad calibration or poses."""
+    Raises InvalidInput on corrupt images, mismatched sizes, bad calibration or poses.
+    """
     color = color_array(
         frame.raw_color if frame.HasField("raw_color") else None,
         frame.compressed_color if frame.HasField("compressed_color") else None,
+        image_data(frame, "raw_color"),
     )
     depth_m = depth_array(
         frame.raw_depth if frame.HasField("raw_depth") else None,
         frame.compressed_depth if frame.HasField("compressed_depth") else None,
+        image_data(frame, "raw_depth"),
     )
     K = frame.calibration.K
     if len(K) != 9:
@@ -252,7 +279,17 @@ def observation_to_proto(observation: Observation, frame: pb.Frame | None = None
     return out
 
 
-def observation_from_proto(observation: pb.Observation, *, with_others: bool = True) -> Observation:
+def observation_message(
+    observation: Observation, frame: ImageMessage[pb.Frame]
+) -> ImageMessage[pb.Observation]:
+    """Message of an observation with the images of its frame's message apart."""
+    images = {f"frame.{field}": image for field, image in frame.images.items()}
+    return ImageMessage(observation_to_proto(observation, frame.head), images)
+
+
+def observation_from_proto(
+    observation: ObservationMessage, *, with_others: bool = True
+) -> Observation:
     """Observation. with_others: False leaves `others` empty, whose masks take time to unpack.
 
     Raises InvalidInput like `frame_from_proto`, and on masks that do not fit.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
+from helios_core.image_messages import Buffer
 
 MAX_PIXELS = 16_000_000  # a larger image is refused before it is decoded
 FARTHEST_DEPTH_M = 1000.0  # greater depth counts as invalid: beyond the range of any sensor
@@ -20,8 +21,12 @@ _BYTES_PER_PIXEL = {"rgb8": 3, "bgr8": 3, "16UC1": 2, "32FC1": 4}
 _JPEG_SIZES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
-def raw_image_array(image: RawImage, what: str) -> NDArray:
-    """Pixels of a raw image, [h, w] or [h, w, 3]. Raises InvalidInput if data and size disagree."""
+def raw_image_array(image: RawImage, what: str, data: Buffer | None = None) -> NDArray:
+    """Pixels of a raw image, [h, w] or [h, w, 3]; views of its bytes where the layout allows.
+
+    data: its bytes, if they are not in the message. Raises InvalidInput if data and size disagree.
+    """
+    data = image.data if data is None else data
     if image.encoding not in _BYTES_PER_PIXEL:
         known = ", ".join(_BYTES_PER_PIXEL)
         raise InvalidInput(f"{what} has encoding {image.encoding!r}; send one of {known}")
@@ -30,7 +35,6 @@ def raw_image_array(image: RawImage, what: str) -> NDArray:
     if image.width == 0 or image.height == 0:
         raise InvalidInput(f"{what} is empty ({image.width}x{image.height}); send a real image")
     _check_pixels(image.width, image.height, what)
-    data = image.data  # each access to the field copies it
     if step < image.width * size or len(data) != step * image.height:
         raise InvalidInput(
             f"{what} is {image.width}x{image.height} {image.encoding} with step {step}, which "
@@ -95,10 +99,16 @@ def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
     return pixels
 
 
-def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.uint8]:
-    """RGB [h, w, 3] of the raw or the compressed image. Raises InvalidInput without either."""
+def color_array(
+    raw: RawImage | None, compressed: CompressedImage | None, data: Buffer | None = None
+) -> NDArray[np.uint8]:
+    """RGB [h, w, 3] of the raw or the compressed image; of a raw one in rgb8 a view.
+
+    data: the raw image's bytes, if they are not in the message. Raises InvalidInput without either
+    image.
+    """
     if raw is not None:
-        pixels = raw_image_array(raw, "the colour image")
+        pixels = raw_image_array(raw, "the colour image", data)
         if raw.encoding not in ("rgb8", "bgr8"):
             raise InvalidInput(f"the colour image has encoding {raw.encoding}; send rgb8 or bgr8")
         return pixels if raw.encoding == "rgb8" else np.ascontiguousarray(pixels[..., ::-1])
@@ -109,10 +119,16 @@ def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
     raise InvalidInput("the frame has no colour image; send raw_color or compressed_color")
 
 
-def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.float32]:
-    """Depth [h, w] in metres; NaN, negative values and values above FARTHEST_DEPTH_M become 0."""
+def depth_array(
+    raw: RawImage | None, compressed: CompressedImage | None, data: Buffer | None = None
+) -> NDArray[np.float32]:
+    """Depth [h, w] in metres, never a view; NaN, negative values and values above FARTHEST_DEPTH_M
+    become 0.
+
+    data: the raw image's bytes, if they are not in the message.
+    """
     if raw is not None:
-        pixels = raw_image_array(raw, "the depth image")
+        pixels = raw_image_array(raw, "the depth image", data)
         if raw.encoding == "16UC1":
             return _metres(pixels)
         if raw.encoding != "32FC1":

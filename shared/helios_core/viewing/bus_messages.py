@@ -14,6 +14,7 @@ from google.protobuf.message import Message
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
+from helios_core.image_messages import ImageMessage
 from helios_core.recording_format import MAPS, channel_of, head_of
 from helios_core.topics import (
     ANY_STATUS,
@@ -21,6 +22,7 @@ from helios_core.topics import (
     FRAME,
     MAP2D_ACK,
     OBJECTMAP_ACK,
+    OBSERVATION,
     PREVIEW,
     RETIRED,
     TOPICS,
@@ -46,6 +48,13 @@ RETAINED = frozenset(channel_of(t) for t in TOPICS if t.qos is QoS.RETAINED)
 def is_retained(channel: str) -> bool:
     """True if the last message of a channel stays valid, so that a late reader needs it."""
     return channel in RETAINED or channel.startswith(MAPS)
+
+
+def without_pixels(message: ImageMessage[pb.Observation]) -> pb.Observation:
+    """The observation with the head of its frame only."""
+    out = message.head
+    out.frame.CopyFrom(head_of(out.frame))  # removes compressed images, too
+    return out
 
 
 class Put(Protocol):
@@ -80,13 +89,13 @@ class BusMessages:
         heard = replace(topic, qos=QoS.NEVER_DROP) if topic.qos is QoS.LATEST_WINS else topic
 
         def keep(message: Message) -> None:
-            if isinstance(message, pb.Observation):  # the keyframe already has its pixels
-                head = head_of(message.frame)
-                message.frame.CopyFrom(head)
             self._put(channel, message, droppable)
             self._note_change(topic, message)
 
-        bus.subscribe(heard, keep)
+        if topic is OBSERVATION:  # without its pixels, which the keyframe already has
+            bus.subscribe_in_place(heard, lambda message: keep(without_pixels(message)))
+        else:
+            bus.subscribe(heard, keep)
 
     def _on_status(self, status: pb.ServiceStatus) -> None:
         self._put(channel_of(status_topic(status.service)), status, False)
