@@ -145,7 +145,8 @@ class NameSightings:
         self._furniture: list[bool] = []  # of each name
         self._eye_m: list[NDArray[np.float64]] = []  # of each view
         self._voxels = VoxelNumbers()
-        self._set_entries((), (), ())
+        none = np.empty(0, np.int32)
+        self._set_entries(none, none, 0)
         self._name, self._view, self._size = _Column(), _Column(), _Column()  # of each detection
 
     def __len__(self) -> int:
@@ -189,12 +190,12 @@ class NameSightings:
         return self._names[name]
 
     def _set_entries(
-        self, voxel: Sequence[int], detection: Sequence[int], keys: Sequence[int]
+        self, voxels: NDArray[np.int32], detections: NDArray[np.int32], n_voxels: int
     ) -> None:
-        """Replace all entries. keys: of the voxels, by number."""
+        """Replace all entries."""
         self._newest, self._before = _Column(), _Column()
         self._voxel, self._detection = _Column(), _Column()  # of each entry
-        self._add(np.asarray(voxel, np.int32), np.asarray(detection, np.int32), len(keys))
+        self._add(voxels, detections, n_voxels)
 
     def _add_entries(self, voxels: NDArray[np.int32], detection: int) -> None:
         self._add(voxels, np.full(len(voxels), detection, np.int32), len(self._voxels))
@@ -214,7 +215,8 @@ class NameSightings:
         keys = self._voxels.keys[self._voxel.values[kept]]
         detections = self._detection.values[kept] - gone
         self._voxels = VoxelNumbers()
-        self._set_entries(self._voxels.of_keys(keys), detections, self._voxels.keys)
+        voxels = self._voxels.of_keys(keys)
+        self._set_entries(voxels, detections, len(self._voxels))
         for name in ("_name", "_view", "_size"):
             column = _Column()
             column.append(getattr(self, name).values[gone:])
