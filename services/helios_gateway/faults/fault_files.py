@@ -110,8 +110,9 @@ class FaultFiles:
 
 
 def _fault(raw: dict[str, Any]) -> Fault:
-    known = {field.name: raw[field.name] for field in fields(Fault)}
-    return Fault(**known | {"state": FaultState(raw["state"])})
+    known: dict[str, Any] = {field.name: raw[field.name] for field in fields(Fault)}
+    known["state"] = FaultState(raw["state"])
+    return Fault(**known)
 
 
 def _note(raw: dict[str, Any]) -> RecordingNote:
