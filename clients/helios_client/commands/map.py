@@ -38,7 +38,7 @@ def objects(
 
     with at.connect() as helios:
         found = sorted(helios.objects(class_name, min_score), key=lambda o: -o.score)
-        stored = helios.stored_objects(class_name, min_score)
+        stored = sorted(helios.stored_objects(class_name, min_score), key=lambda o: -o.score)
     if as_json:
         print_json({"objects": [o.raw for o in found], "stored": [o.raw for o in stored]})
         return
