@@ -30,6 +30,7 @@ from helios_core.topics import (
     RENDER_OBJECTS,
     RESET_MAP2D,
     RESET_OBJECTS,
+    ROBOT_CHECKS,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
     SAVE_MAP2D,
@@ -97,6 +98,14 @@ class Backend(MadeUpTasks):
         serve(RECALL, self._recall)
         serve(STOP, lambda request: self._latch(True, request.reason))
         serve(CLEAR_STOP, lambda _: self._latch(False, ""))
+        serve(ROBOT_CHECKS, lambda _: pb.RobotChecksReply(
+            checks=[
+                pb.RobotCheck(name="pitch", verdict="wrong", value=1.6, error=0.1, limit=0.6,
+                              unit="deg", words="the camera looks too far down"),
+                pb.RobotCheck(name="height", verdict="not measured", limit=0.02, unit="m"),
+            ],
+            images=3,
+        ))  # fmt: skip
         serve(VOCABULARY, lambda _: pb.VocabularyReply(
             open=False, names=["bowl", "coffee table", "kitchen counter", "mug", "sofa"],
             detector="simulated", scorer="words"))  # fmt: skip
