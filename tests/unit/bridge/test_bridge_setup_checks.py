@@ -25,11 +25,11 @@ CALL_S = 60.0
 class Stage:
     """Bridge with a room robot that has faults, and a client that turns it."""
 
-    def __init__(self, faults: str, **settings: bool) -> None:
+    def __init__(self, faults: str, checks: bool = True) -> None:
         self.health, hub = Health(), MemoryHub()
         self.bus = MemoryBus(hub)
         robot = FaultyRobot(RoomRobot(), Faults.of(faults))
-        options = Settings(stream_hz=0, **settings)
+        options = Settings(stream_hz=0, checks=checks)
         self.bridge = BridgeService(MemoryBus(hub), robot, options, self.health, first_number=0)
         self.bridge.start()
         self._token = self.bus.call(LEASE, pb.LeaseRequest(holder="test"), CALL_S).token

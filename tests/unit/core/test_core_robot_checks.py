@@ -92,9 +92,9 @@ def test_the_alignment_finds_the_true_motion(drive_m: float, turn_deg: float, er
     found = align(plane_field(room(a), CAMERA), plane_field(room(b), CAMERA), invert(claimed_b) @ a)
     assert found is not None
     off = found.T_b_a - invert(b) @ a
-    error = np.sqrt(np.diag(found.covariance))  # large along a wall that fills the view
+    spread = np.sqrt(np.diag(found.covariance))  # large along a wall that fills the view
     assert np.abs(off[:3, :3]).max() < 0.004
-    assert (np.abs(off[:3, 3]) < 0.004 + 4 * error[3:]).all()
+    assert (np.abs(off[:3, 3]) < 0.004 + 4 * spread[3:]).all()
 
 
 def test_two_images_of_nothing_have_no_motion() -> None:

@@ -88,4 +88,4 @@ def test_the_world_takes_known_faults_alone() -> None:
         with pytest.raises(InvalidInput, match="is no fault"):
             Faults.of(text)
     with pytest.raises(ValidationError, match="is no fault"):
-        Settings(faults="pitch=2")
+        Settings.model_validate({"faults": "pitch=2"})
