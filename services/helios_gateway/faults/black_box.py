@@ -112,9 +112,7 @@ class BlackBox:
         is_image = channel in _IMAGES
         if is_image and not self._is_due(channel, time.monotonic()):
             return
-        if isinstance(message, ImageMessage):
-            message = message.whole() if is_image else message.head
-        self._queue.put(channel, message, channel in _DROPPABLE)
+        self._queue.put(channel, _plain(message, is_image), channel in _DROPPABLE)
 
     def record(self, name: str, about: Mapping[str, str]) -> str:
         """Begin a recording, or prolong the present one. Returns the name of the file that will
@@ -192,6 +190,13 @@ class BlackBox:
             self._recording = None
         about = done.about | ({"left_out": str(done.left_out)} if done.left_out else {})
         self._save(done.name, mcap_bytes(done.messages, about))
+
+
+def _plain(message: Message | ImageMessage, pixels: bool) -> Message:
+    """The message as protobuf; if it has its images apart, only with them if `pixels` is set."""
+    if not isinstance(message, ImageMessage):
+        return message
+    return message.whole() if pixels else message.head
 
 
 def _without_pixels(message: pb.Observation) -> pb.Observation:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 import zenoh
 from helios_core.latest_value_sender import PAUSES_S, REMEMBERED, DuplicateFilter, Repeater
+from helios_core.shared_payloads import Payload
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,12 +17,12 @@ class Wire:
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        self.sent: list[tuple[bytes, str]] = []
+        self.sent: list[tuple[Payload, str]] = []
         self.broken: Exception | None = None
         self.jobs: list[str] = []
         self.repeater = Repeater(self._start, lambda: self.now_s)
 
-    def put(self, payload: bytes, *, attachment: str) -> None:
+    def put(self, payload: Payload, *, attachment: str) -> None:
         if self.broken is not None:
             raise self.broken
         self.sent.append((payload, attachment))
@@ -52,9 +53,9 @@ def test_an_exception_in_one_topic_is_logged_and_ends_no_repetitions(
     fault: Exception, caplog: pytest.LogCaptureFixture
 ) -> None:
     wire = Wire()
-    good: list[bytes] = []
+    good: list[Payload] = []
 
-    def put(payload: bytes, *, attachment: str) -> None:
+    def put(payload: Payload, *, attachment: str) -> None:
         good.append(payload)
 
     wire.repeater.send("a", wire.put, b"one")

@@ -38,7 +38,9 @@ def machine() -> str:
     try:
         from OpenGL import GL
 
-        renderer = GL.glGetString(GL.GL_RENDERER).decode()
+        name = GL.glGetString(GL.GL_RENDERER)
+        assert name is not None
+        renderer = name.decode()
     finally:
         gl.free()
     packages = " ".join(f"{name} {version(name)}" for name in PACKAGES)

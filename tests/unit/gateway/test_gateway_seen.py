@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import base64
 import math
 
@@ -62,7 +64,7 @@ def test_a_prompt_mentions_a_class_only_as_whole_words(
     assert mentions_class(prompt, class_name) is named
 
 
-def stored_mug(**place: object) -> pb.StoredObjectsReply:
+def stored_mug(**place: Any) -> pb.StoredObjectsReply:
     mug = pb.ObjectInstance(
         class_name="mug", center_m=pb.Vector3(x=1.0, y=2.0, z=0.8), score=0.7, views=5
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
@@ -132,7 +133,7 @@ class Rig:
         seen = Observation(frame, context_id, detections, given, "test", "test", image)
         self.bus.publish(OBSERVATION, observation_to_proto(seen))
 
-    def snapshot(self, **request: int) -> pb.MapSnapshot:
+    def snapshot(self, **request: Any) -> pb.MapSnapshot:
         return self.bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True, **request), 5)
 
     def settle(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -33,7 +34,7 @@ from helios_objectmap.instances.name_sightings import (
 from helios_objectmap.instances.summary import believed, with_trust
 from helios_objectmap.instances.voxel_numbers import VoxelNumbers
 from helios_objectmap.rendering import cpu
-from helios_objectmap.rendering.renderer_interface import Rendering
+from helios_objectmap.rendering.renderer_interface import Projection, Rendering
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -176,7 +177,9 @@ def a_wall(rng: np.random.Generator) -> tuple[np.ndarray, Rendering]:
     steps = rng.choice([0.0, 0.04, 0.06, 0.3], (-(-shape[0] // 5), -(-shape[1] // 5)))
     off = np.kron(steps, np.ones((5, 5)))[: shape[0], : shape[1]]
     coverage = rng.choice([0.2, 0.5, 0.9], shape, p=[0.1, 0.1, 0.8]).astype(np.float32)
-    return depth_m, Rendering((depth_m + off).astype(np.float32), coverage, np.empty((0, *shape)))
+    return depth_m, Rendering(
+        (depth_m + off).astype(np.float32), coverage, np.empty((0, *shape), np.float32)
+    )
 
 
 @settings(max_examples=40, deadline=None)
@@ -201,16 +204,18 @@ def test_gaussians_are_seen_through_as_in_whole_images(seed):
     height, width = depth_m.shape
     uv = rng.uniform(-2, (width + 2, height + 2), (300, 2)).astype(np.float32)
     z = (rng.choice(depth_m.ravel(), 300) - rng.choice([0, 0.05, 0.2], 300)).astype(np.float32)
-    found = compare_with_depth(SimpleNamespace(uv=uv, depth_m=z, rows=np.arange(300)), depth_m)
+    projection = cast(Projection, SimpleNamespace(uv=uv, depth_m=z, rows=np.arange(300)))
+    found = compare_with_depth(projection, depth_m)
     nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0).reshape(height, width)
     through, there = [], []
+    nearer_m, close_m = (tolerance_m(a, CARVE_FRONT_M) for a in (nearest, depth_m))
     for k, (u, v) in enumerate(np.rint(uv).astype(int)):
         if not (0 <= u < width and 0 <= v < height):
             continue
         here, around = depth_m[v, u], nearest[v, u]
-        if around > 0 and z[k] < around - tolerance_m(around, CARVE_FRONT_M):
+        if around > 0 and z[k] < around - nearer_m[v, u]:
             through.append(k)
-        elif here > 0 and abs(z[k] - here) < tolerance_m(here, CARVE_FRONT_M):
+        elif here > 0 and abs(z[k] - here) < close_m[v, u]:
             there.append(k)
     assert found.through.tolist() == through
     assert found.there.tolist() == there
