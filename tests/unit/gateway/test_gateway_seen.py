@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import base64
 import math
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
