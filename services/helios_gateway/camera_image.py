@@ -79,6 +79,12 @@ class Camera:
         picture = _Picture(frame_id_from_proto(frame.id), self._clock(), frame)
         self._take_boxes(picture, observation.detections)
 
+    @property
+    def has_picture(self) -> bool:
+        """True after the first image."""
+        with self._lock:
+            return self._newest is not None or self._boxed is not None
+
     def jpeg(self, raw: bool) -> Encoded:
         """JPEG of the image; a header names its frame.
 

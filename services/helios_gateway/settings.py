@@ -35,6 +35,11 @@ class Settings(ServiceSettings):
         default=None,
         description="file for a record of every change over HTTP, as JSON lines; none: no record",
     )
+    fleet_queue: Path | None = Field(
+        default=None,
+        description="SQLite file of the tasks for any robot, which lets them outlive a restart; "
+        "none: they are kept in memory",
+    )
     origins: str = Field(
         default="",
         description="origins of other sites that may use the API (CORS), separated by commas",
