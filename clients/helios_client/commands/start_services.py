@@ -85,6 +85,24 @@ RouterHost = Annotated[
     typer.Option(help="address that the router listens on; 0.0.0.0: for other machines, too"),
 ]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
+Services = Annotated[
+    str | None,
+    typer.Option(
+        help="services of this machine, such as planner,objectmap  [default: all; with --router "
+        "all but router and gateway]"
+    ),
+]
+RouterElsewhere = Annotated[
+    str | None,
+    typer.Option(help="router on another machine, HOST or HOST:PORT  [default: one starts here]"),
+]
+Robots = Annotated[
+    str | None,
+    typer.Option(
+        help="several robots at one gateway: their number, or their names separated by commas; "
+        "for --robot sim, which gives each the home of the next seed, and remote"
+    ),
+]
 
 
 @app.command()
@@ -110,6 +128,9 @@ def up(
     router_host: RouterHost = LOOPBACK,
     certs: Certs = None,
     name: BusName = "robot",
+    services: Services = None,
+    router: RouterElsewhere = None,
+    robots: Robots = None,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
     from helios_client.replay.input_selection import check_source, default_detector
@@ -124,6 +145,7 @@ def up(
             detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
             source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
             ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
+            services=services, router=router, robots=robots,
         )
     )  # fmt: skip
     if source is not None:

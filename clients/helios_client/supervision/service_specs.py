@@ -13,6 +13,7 @@ from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
 REMOTE = "remote"  # the robot's driver runs on another machine
+NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # by a robot, for a task
 RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 
 
@@ -52,11 +53,13 @@ class StackOptions:
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
     certs: Path | None = None  # folder of `helios certs`; None: the bus is not encrypted
     router_host: str = LOOPBACK  # address that the router listens on
+    services: frozenset[str] | None = None  # services of this machine; None: all
+    router_at: str = ""  # endpoint of a router elsewhere; empty: it runs here
 
     @property
     def router(self) -> str:
         """Endpoint of the router for the services of this machine."""
-        return self._endpoint(LOOPBACK)
+        return self.router_at or self._endpoint(LOOPBACK)
 
     @property
     def listen(self) -> str:
@@ -64,9 +67,20 @@ class StackOptions:
         host = self.router_host
         return self._endpoint(f"[{host}]" if ":" in host else host)
 
-    def link(self, service: str) -> RouterLink:
-        """Connection of a service to the router. Raises InvalidInput without its certificate."""
-        return router_link(self.router, self.certs, service, self.name)
+    def link(self, service: str, robot: str = "") -> RouterLink:
+        """Connection of a robot's service to the router. Raises InvalidInput without its
+        certificate."""
+        return router_link(self.router, self.certs, service, robot or self.name)
+
+    @property
+    def robot_names(self) -> tuple[str, ...]:
+        """Names of the robots on the bus."""
+        return (self.name,)
+
+    def elsewhere(self) -> tuple[str, ...]:
+        """Needed services that other machines run."""
+        here = {spec.name for spec in self.processes()}
+        return tuple(name for name in NEEDED if name not in here)
 
     def _endpoint(self, host: str) -> str:
         return f"{'tcp' if self.certs is None else 'tls'}/{host}:{self.router_port}"
@@ -82,6 +96,10 @@ class StackOptions:
 
     def processes(self) -> tuple[ProcessSpec, ...]:
         """Processes, in the order of the process table; they may start in any order."""
+        return tuple(s for s in self._apart() if self.services is None or s.name in self.services)
+
+    def _apart(self) -> tuple[ProcessSpec, ...]:
+        """Processes of all services, with one service each."""
         out = [
             ProcessSpec(
                 "router",
@@ -126,7 +144,12 @@ class StackOptions:
                 )
             )
             audit = self.state_dir / "audit.jsonl"
-            out.append(self._service("gateway", "helios_gateway", port=self.port, audit=audit))
+            out.append(
+                self._service(
+                    "gateway", "helios_gateway", port=self.port, audit=audit,
+                    fleet_queue=self.state_dir / "fleet.sqlite",
+                )
+            )  # fmt: skip
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:

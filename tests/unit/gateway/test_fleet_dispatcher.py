@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,11 +16,11 @@ from tests.unit.gateway.made_up_fleet import MadeUpFleet, MadeUpRobot
 
 
 @pytest.fixture(autouse=True)
-def at_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """No waiting between attempts."""
     for name in ("DROPPED_S", "RETRY_S", "ASK_S"):
         monkeypatch.setattr(dispatching, name, 0.0)
-    yield
+    return
 
 
 def fleet_of(count: int, file: Path | None = None) -> MadeUpFleet:
