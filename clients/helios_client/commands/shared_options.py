@@ -69,7 +69,9 @@ class GatewayAddress:
     robot: Annotated[
         str | None,
         typer.Option(
-            "--robot", help="name of one of several robots  [default: the gateway's first]"
+            "--robot",
+            help="name of one of several robots; any, for tasks: of the fleet  "
+            "[default: the gateway's first]",
         ),
     ] = None
 
