@@ -46,8 +46,10 @@ from helios_gateway.settings import Settings
 
 STATIC = Path(__file__).parent / "static"
 UNFRAMED = "frame-ancestors 'none'"  # prevents clickjacking
+OWN_PAGE = f"default-src 'self'; img-src 'self' blob: data:; {UNFRAMED}"
 POLICIES = {
-    "/": f"default-src 'self'; img-src 'self' blob: data:; {UNFRAMED}",
+    "/": OWN_PAGE,
+    "/fleet": OWN_PAGE,
     "/docs": UNFRAMED,
 }
 
@@ -145,6 +147,11 @@ def _add_middleware(app: FastAPI, state: GatewayState, audit: AuditLog | None) -
 @pages.get("/")
 async def dashboard() -> FileResponse:
     return FileResponse(STATIC / "index.html", headers={"cache-control": "no-cache"})
+
+
+@pages.get("/fleet")
+async def fleet_page() -> FileResponse:
+    return FileResponse(STATIC / "fleet.html", headers={"cache-control": "no-cache"})
 
 
 class PageMiddleware:
