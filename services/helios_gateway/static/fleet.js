@@ -50,7 +50,8 @@ class RobotCard {
     this.progress.hidden = !task;
     this.progress.setAttribute("aria-valuenow", percent);
     this.bar.style.width = `${percent}%`;
-    this.message.textContent = task ? task.message : reasons.join(" · ");
+    const why = reasons.join(" · ").replace("/v1/robot/clear-stop", "you clear the stop");
+    this.message.textContent = task ? task.message : why;
     facts(this.facts, [
       ["battery", battery == null ? "" : `${Math.round(100 * battery)} %`],
       ["holds", held],
