@@ -78,8 +78,8 @@ class MadeUpTasks:
                 "example: move the mug from the coffee table to the kitchen counter"
             )
         task = pb.Task(
-            id=request.id or f"t{len(self.tasks) + 1}", instruction=request.instruction, state="queued",
-            kind="move", object="mug", start="coffee table", goal="kitchen counter",
+            id=request.id or f"t{len(self.tasks) + 1}", instruction=request.instruction,
+            state="queued", kind="move", object="mug", start="coffee table", goal="kitchen counter",
             created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
             agent=request.agent or "helios", priority=request.priority, settings=request.settings,
             time_limit_s=request.time_limit_s, on_hold=request.on_hold,

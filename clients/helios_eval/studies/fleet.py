@@ -4,9 +4,9 @@
 
 For each number it starts `helios up --robot sim --robots N` with robots at the speed of real ones,
 measures them at rest, then gives every robot a task to explore, through the fleet's queue, and
-measures again. Processor time per step and memory depend little on what else the machine does; steps
-per second depend on it much. PSS counts a page that several processes share in equal parts. Linux
-only.
+measures again. Processor time per step and memory depend little on what else the machine does;
+steps per second depend on it much. PSS counts a page that several processes share in equal parts.
+Linux only.
 """
 
 from __future__ import annotations
