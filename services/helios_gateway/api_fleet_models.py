@@ -43,7 +43,7 @@ class FleetTask(BaseModel):
     )
     why: str = Field(
         description="why this robot was chosen, in one sentence; empty: none is chosen",
-        examples=["robot-2 is idle; no idle robot's map knows a mug"],
+        examples=["robot-2 was idle; no idle robot's map had the mug"],
     )
     priority: int = Field(description="tasks with a higher value get a robot first")
     returned: int = Field(description="number of times that a robot gave the task back")

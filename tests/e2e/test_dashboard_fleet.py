@@ -89,7 +89,7 @@ def test_a_task_is_given_to_any_robot_and_cancelled(page: Page, robots: Robots) 
     page.get_by_label("What shall a robot do?").fill(INSTRUCTION)
     page.get_by_label("What shall a robot do?").press("Enter")
     queue = page.locator("#queue > li")
-    expect(queue).to_contain_text("robot-2 knows a mug")
+    expect(queue).to_contain_text("robot-2's map had the mug")
     second = robots.backends["robot-2"]
     wait_until(lambda: len(second.tasks) == 1, 20, "the idle robot has it")
     queue.get_by_role("button", name="Cancel").click()

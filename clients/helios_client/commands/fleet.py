@@ -181,7 +181,8 @@ def _watched(helios: Helios, asked: FleetTask, deadline_s: float, screen: Consol
         if (task.robot, task.state, task.message) != said:
             said = (task.robot, task.state, task.message)
             share = f" {(task.task or {}).get('progress') or 0:4.0%}" if task.begun else ""
-            screen.print(f"{task.robot or 'queue'} {task.state}{share}: {task.message}",
+            who = f"{task.robot} " if task.robot else ""
+            screen.print(f"{who}{task.state}{share}: {task.message}",
                          highlight=False, markup=False, soft_wrap=True)  # fmt: skip
         if not task.ended:
             time.sleep(POLL_S)

@@ -105,6 +105,20 @@ Robots = Annotated[
 ]
 
 
+def chosen_detector(
+    robot: str, source: Path | None, services: str | None, router: str | None
+) -> str:
+    """Detector without --detector. Raises UsageError if this machine runs one and the user must
+    name it."""
+    from helios_client.replay.input_selection import default_detector
+    from helios_client.supervision.fleet_flags import chosen_services
+
+    here = chosen_services(services, router)
+    if here is None or "detector" in here:
+        return default_detector(robot, source)
+    return "simulated"  # not started here
+
+
 @app.command()
 def up(
     robot: RobotKind = "sim",
@@ -133,7 +147,7 @@ def up(
     robots: Robots = None,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
-    from helios_client.replay.input_selection import check_source, default_detector
+    from helios_client.replay.input_selection import check_source
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
     from helios_client.supervision.up_flags import UpFlags, stack_options
@@ -142,7 +156,8 @@ def up(
         UpFlags(
             robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
             furniture=furniture, state=state,
-            detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
+            detector=detector or chosen_detector(robot, source, services, router),
+            scorer=scorer, agent=agent,
             source=source, rate=rate, record=record, record_dir=record_dir, spot_host=spot_host,
             ros2=ros2, router_port=router_port, router_host=router_host, certs=certs, name=name,
             services=services, router=router, robots=robots,

@@ -74,15 +74,13 @@ def _why(robot: IdleRobot, task: WaitingTask, able: list[IdleRobot]) -> str:
     if task.wanted != ANY_ROBOT:
         return f"the task names {robot.name}"
     if not task.thing:
-        return f"{robot.name} is idle, and the task needs no known thing"
+        return f"{robot.name} was idle, and the task needs no known thing"
     known = robot.known.get(task.thing)
     if known is None:
-        return f"{robot.name} is idle; no idle robot's map knows a {task.thing}"
+        return f"{robot.name} was idle; no idle robot's map had the {task.thing}"
     rivals = sum(task.thing in other.known for other in able)
-    nearest = f"the nearest of {rivals} idle robots that know one" if rivals > 1 else (
-        "the only idle robot that knows one"
-    )  # fmt: skip
+    nearest = f"the nearest of {rivals} idle robots" if rivals > 1 else "the only idle robot"
     return (
-        f"{robot.name} knows a {task.thing} {known.distance_m:.1f} m away "
-        f"(score {known.score:.2f}), {nearest}"
+        f"{robot.name}'s map had the {task.thing} {known.distance_m:.1f} m away (score "
+        f"{known.score:.2f}): {nearest} with one in its map"
     )

@@ -117,6 +117,8 @@ class Dispatcher:
                 cancel = "; it will be cancelled when the robot is back" if task.cancelling else ""
                 return f"{task.robot} is away; the task stays with it, as it may have begun{cancel}"
             return task.task.message
+        if task.robot:
+            return f"{task.robot} gets the task"
         return task.message or self._waiting_words(task)
 
     def _waiting_words(self, task: FleetTask) -> str:

@@ -131,7 +131,8 @@ function row(task) {
   });
   const place = element("span", { className: "hint", textContent: task.robot ?? "no robot yet" });
   return element("li", {}, element("p", { className: "instruction", textContent: task.instruction }), cancel,
-    element("div", { className: "place" }, badge, place), element("p", { className: "message", textContent: task.message }),
+    element("div", { className: "place" }, badge, place),
+    ...(task.state === "queued" || task.robot === null ? [element("p", { className: "message", textContent: task.message })] : []),
     ...(task.why ? [element("p", { className: "why", textContent: task.why })] : []));
 }
 

@@ -110,12 +110,12 @@ def test_the_reason_tells_thing_distance_and_rivals() -> None:
     assert assignments([mug], [far, near, blank]) == [
         Assignment(
             "t", "robot-2",
-            "robot-2 knows a mug 1.8 m away (score 0.71), the nearest of 2 idle robots that know "
-            "one",
+            "robot-2's map had the mug 1.8 m away (score 0.71): the nearest of 2 idle robots with one "
+            "in its map",
         )
     ]  # fmt: skip
     assert assignments([mug], [blank])[0].why == (
-        "robot-3 is idle; no idle robot's map knows a mug"
+        "robot-3 was idle; no idle robot's map had the mug"
     )
     named = WaitingTask("t", 0, 0.0, "mug", wanted="robot-3")
     assert assignments([named], [near, blank])[0].why == "the task names robot-3"

@@ -42,7 +42,8 @@ def test_a_task_goes_to_the_nearest_idle_robot_whose_map_knows_the_thing() -> No
     fleet.cycle(2)
     assert state(fleet, id) == ("running", "robot-3")
     assert fleet.dispatcher.queue.get(id).why == (
-        "robot-3 knows a mug 1.4 m away (score 0.40), the nearest of 2 idle robots that know one"
+        "robot-3's map had the mug 1.4 m away (score 0.40): the nearest of 2 idle robots with one "
+        "in its map"
     )
     fleet.robots["robot-3"].finish()
     fleet.cycle()

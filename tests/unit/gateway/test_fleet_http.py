@@ -38,7 +38,6 @@ class Fleet:
 def started(hub: MemoryHub, name: str) -> Backend:
     backend = Backend(hub, name)
     backend.start()
-    backend.alive("gateway", 4199)
     return backend
 
 
@@ -46,6 +45,7 @@ def started(hub: MemoryHub, name: str) -> Backend:
 def fleet(tmp_path: Path) -> Iterator[Fleet]:
     hub = MemoryHub()
     first, second = started(hub, "robot"), started(hub, "second")
+    first.alive("gateway", 4199)
     queue = str(tmp_path / "fleet.sqlite")
     with served("--robots", "second", "--fleet-queue", queue, backend=first) as gateway:
         fleet = Fleet(gateway, second)
@@ -69,6 +69,8 @@ def test_the_overview_has_state_task_battery_and_picture_of_every_robot(fleet: F
     assert second["pose"]["x_m"] == pytest.approx(3.1)
     picture = httpx.get(fleet.gateway.url + second["picture"])
     assert picture.headers["content-type"] == "image/jpeg"
+    services = Helios(fleet.gateway.url, robot="second").status()["services"]
+    assert {s["name"]: s["state"] for s in services}["gateway"] == "ready"
     fleet.second.die("bridge")
     assert fleet.robots()["second"]["state"] == "away"
 
@@ -82,7 +84,7 @@ def test_a_task_for_any_robot_goes_to_the_one_next_to_the_thing_and_to_its_end(
     wait_until(lambda: fleet.has(task.id, "second"), 20, "the second robot has it")
     told = fleet.sdk.fleet_task(task.id)
     assert told.why == (
-        "second knows a mug 1.7 m away (score 0.71), the only idle robot that knows one"
+        "second's map had the mug 1.7 m away (score 0.71): the only idle robot with one in its map"
     )
     assert (told.wanted, told.priority, told.state) == ("any", 3, "queued")
     assert told.task is not None
