@@ -110,8 +110,8 @@ def test_the_reason_tells_thing_distance_and_rivals() -> None:
     assert assignments([mug], [far, near, blank]) == [
         Assignment(
             "t", "robot-2",
-            "robot-2's map had the mug 1.8 m away (score 0.71): the nearest of 2 idle robots with one "
-            "in its map",
+            "robot-2's map had the mug 1.8 m away (score 0.71): the nearest of 2 idle robots with "
+            "one in its map",
         )
     ]  # fmt: skip
     assert assignments([mug], [blank])[0].why == (
