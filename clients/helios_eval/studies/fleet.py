@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import re
 import subprocess
 import sys
 import time
@@ -24,11 +23,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import psutil
+import zenoh
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
 from helios_client.supervision.service_specs import free_port
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.zenoh_config import client_config
 
 from helios_eval.provenance import commit, machine
 
@@ -39,17 +40,18 @@ TASK = "explore the home"
 SHARED = ("router", "gateway", "supervisor")
 WORLD = "world"  # only a simulated robot has it
 NETWORK_MB_S = 110.0  # what a link of 1 Gbit/s carries
+COPIES = (
+    3  # of each message on the router's link, with all services elsewhere: a keyframe's readers
+)
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Counters of one moment: processor seconds and PSS (MB) by row, bytes sent to the bus, steps
-    of all tasks."""
+    """Counters of one moment: processor seconds and PSS (MB) by row, and steps of all tasks."""
 
     at_s: float
     cpu_s: dict[str, float]
     pss_mb: dict[str, float]
-    bus_bytes: int
     steps: int
 
 
@@ -69,7 +71,7 @@ class Cost:
     world_ms_per_step: float
     gateway_ms_per_step: float
     router_ms_per_step: float
-    bus_kb_per_step: float
+    published_kb_per_step: float  # messages on the robots' topics, each counted once
     idle_services_cores: float
     idle_shared_cores: float  # of the whole fleet
     services_pss_mb: float
@@ -77,15 +79,17 @@ class Cost:
     shared_pss_mb: float  # of the whole fleet
 
 
-def cost(robots: int, ready_s: float, rest: tuple[Reading, Reading],
-         work: tuple[Reading, Reading]) -> Cost:  # fmt: skip
+Span = tuple[Reading, Reading]
+
+
+def cost(robots: int, ready_s: float, rest: Span, work: Span, published_kb_per_step: float) -> Cost:
     """Cost of a fleet from the counters before and after a time of rest and one of work. Raises
     Unavailable if no robot made a step."""
     steps = work[1].steps - work[0].steps
     if steps <= 0:
         raise Unavailable(f"{robots} robots made no step in the time of work; give more --seconds")
 
-    def used_s(span: tuple[Reading, Reading], *kinds: str) -> float:
+    def used_s(span: Span, *kinds: str) -> float:
         before, after = span[0].cpu_s, span[1].cpu_s
         return sum(after[r] - before.get(r, 0.0) for r in after if kind_of(r) in kinds)
 
@@ -100,7 +104,7 @@ def cost(robots: int, ready_s: float, rest: tuple[Reading, Reading],
         world_ms_per_step=1e3 * used_s(work, WORLD) / steps,
         gateway_ms_per_step=1e3 * used_s(work, "gateway") / steps,
         router_ms_per_step=1e3 * used_s(work, "router") / steps,
-        bus_kb_per_step=(work[1].bus_bytes - work[0].bus_bytes) / 1e3 / steps,
+        published_kb_per_step=published_kb_per_step,
         idle_services_cores=used_s(rest, "services") / rest_s / robots,
         idle_shared_cores=used_s(rest, *SHARED) / rest_s,
         services_pss_mb=held_mb("services") / robots, world_pss_mb=held_mb(WORLD) / robots,
@@ -131,7 +135,9 @@ def limits(of: Cost, steps_per_s: float, cores: int, memory_mb: float) -> dict[s
         / (of.services_pss_mb + of.world_pss_mb),
         "gateway": 1.0 / max(of.gateway_ms_per_step * per_s, 1e-9),
         "router on all cores": cores / max(of.router_ms_per_step * per_s, 1e-9),
-        "network of 1 Gbit/s": NETWORK_MB_S * 1e3 / max(of.bus_kb_per_step * steps_per_s, 1e-9),
+        "network of 1 Gbit/s": NETWORK_MB_S
+        * 1e3
+        / max(COPIES * of.published_kb_per_step * steps_per_s, 1e-9),
     }
 
 
@@ -148,7 +154,8 @@ def measured(robots: int, seconds: float, folder: Path) -> Cost:
                 raise Unavailable("the robots did not begin their tasks; see the logs in the state")
             time.sleep(POLL_S)
         work = _span(helios, folder, seconds)
-    return cost(robots, ready_s, rest, work)
+        published = _published_kb_per_step(helios, folder, seconds / 3)
+    return cost(robots, ready_s, rest, work, published)
 
 
 @contextmanager
@@ -180,7 +187,7 @@ def _wait_until_ready(process: subprocess.Popen[bytes], folder: Path) -> float:
     return time.monotonic() - began_s
 
 
-def _span(helios: Helios, folder: Path, seconds: float) -> tuple[Reading, Reading]:
+def _span(helios: Helios, folder: Path, seconds: float) -> Span:
     before = _reading(helios, folder)
     time.sleep(seconds)
     return before, _reading(helios, folder)
@@ -196,37 +203,36 @@ def _reading(helios: Helios, folder: Path) -> Reading:
         times = process.cpu_times()
         cpu_s[row] = times.user + times.system
         pss_mb[row] = process.memory_full_info().pss / 1e6
-    router_port = int(known["router"].rpartition(":")[2])
-    steps = sum((task.task or {}).get("steps", 0) for task in helios.fleet_tasks())
-    return Reading(time.monotonic(), cpu_s, pss_mb, _bytes_received(router_port), steps)
+    return Reading(time.monotonic(), cpu_s, pss_mb, _steps(helios))
 
 
-def _bytes_received(port: int) -> int:
-    """Bytes that the open connections of a router have received, from `ss` of iproute2. Raises
-    Unavailable without it."""
-    try:
-        done = subprocess.run(["ss", "-tinH", f"sport = :{port}"], capture_output=True, text=True,
-                              check=True)  # fmt: skip
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise Unavailable(f"the bus traffic cannot be read ({error}): install iproute2") from error
-    return sum(map(int, re.findall(r"bytes_received:(\d+)", done.stdout)))
+def _steps(helios: Helios) -> int:
+    return sum((task.task or {}).get("steps", 0) for task in helios.fleet_tasks())
+
+
+def _published_kb_per_step(helios: Helios, folder: Path, seconds: float) -> float:
+    """Bytes of all messages on the bus per step, counted by a further subscriber. (On one machine
+    large messages go through shared memory, so a socket shows few of them.)"""
+    router = str((state_file.read(folder / "state") or {})["router"])
+    count = 0
+
+    def add(sample: zenoh.Sample) -> None:
+        nonlocal count
+        count += len(sample.payload)
+
+    with zenoh.open(client_config(router)) as session:
+        session.declare_subscriber("**", add)
+        time.sleep(1.0)  # retained messages come first
+        count, steps = 0, _steps(helios)
+        time.sleep(seconds)
+        return count / 1e3 / max(1, _steps(helios) - steps)
 
 
 def report(costs: Sequence[Cost]) -> str:
     """Markdown: the measured cost by number of robots, and the calculation beyond."""
-    rows = {
-        "ready after, s": "ready_s", "load of the machine": "load",
-        "steps per second": "steps_per_s", "services, ms of a core per step":
-        "services_ms_per_step", "simulated world, ms per step": "world_ms_per_step",
-        "gateway, ms per step": "gateway_ms_per_step", "router, ms per step": "router_ms_per_step",
-        "bus, kB per step": "bus_kb_per_step", "services at rest, cores": "idle_services_cores",
-        "shared at rest, cores (all robots)": "idle_shared_cores",
-        "services, MB": "services_pss_mb", "simulated world, MB": "world_pss_mb",
-        "shared, MB (all robots)": "shared_pss_mb",
-    }  # fmt: skip
     out = ["| per robot | " + " | ".join(f"{c.robots} robots" for c in costs) + " |",
            "|---|" + "--:|" * len(costs)]  # fmt: skip
-    for words, name in rows.items():
+    for words, name in ROWS.items():
         out.append(f"| {words} | " + " | ".join(f"{getattr(c, name):.3g}" for c in costs) + " |")
     pace = max(c.steps_per_s for c in costs)
     cores, memory_mb = os.cpu_count() or 1, psutil.virtual_memory().total / 1e6
