@@ -40,8 +40,22 @@ TASK = "explore the home"
 SHARED = ("router", "gateway", "supervisor")
 WORLD = "world"  # only a simulated robot has it
 NETWORK_MB_S = 110.0  # what a link of 1 Gbit/s carries
-COPIES = (
-    3  # of each message on the router's link, with all services elsewhere: a keyframe's readers
+COPIES = 3  # of a message on the link of a router whose clients are all elsewhere: one in, two out
+ROWS = {
+    "ready after, s": "ready_s",
+    "load of the machine": "load",
+    "steps per second": "steps_per_s",
+    "services, ms of a core per step": "services_ms_per_step",
+    "simulated world, ms per step": "world_ms_per_step",
+    "gateway, ms per step": "gateway_ms_per_step",
+    "router, ms per step": "router_ms_per_step",
+    "published, kB per step": "published_kb_per_step",
+    "services at rest, cores": "idle_services_cores",
+    "shared at rest, cores (all robots)": "idle_shared_cores",
+    "services, MB": "services_pss_mb",
+    "simulated world, MB": "world_pss_mb",
+    "shared, MB (all robots)": "shared_pss_mb",
+}
 )
 
 
