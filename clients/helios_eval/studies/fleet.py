@@ -56,7 +56,6 @@ ROWS = {
     "simulated world, MB": "world_pss_mb",
     "shared, MB (all robots)": "shared_pss_mb",
 }
-)
 
 
 @dataclass(frozen=True)

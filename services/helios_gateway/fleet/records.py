@@ -62,8 +62,9 @@ class FleetTask:
         if self.ended:
             return self.end if is_task_state(self.end) else "failed"
         state = self.task.state
-        is_open = is_task_state(state) and state not in ENDED
-        return state if self.begun and is_open else "queued"
+        if self.begun and is_task_state(state) and state not in ENDED:
+            return state
+        return "queued"
 
     @property
     def thing(self) -> str:
