@@ -82,25 +82,15 @@ def task(
     Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits for helios
     clear-stop.
     """
-    settings = named_values(own or ())
+    asked = (
+        instruction, max_steps, agent, time_limit_s, priority, named_values(own or ())
+    )  # fmt: skip
     if at.robot == ANY_ROBOT:
         from helios_client.commands.fleet import submit_to_fleet
 
-        submit_to_fleet(
-            at,
-            lambda helios: helios.submit_to_fleet(
-                instruction, max_steps, agent, time_limit_s, priority, settings
-            ),
-            as_json, timeout_s, no_wait,
-        )  # fmt: skip
+        submit_to_fleet(at, lambda h: h.submit_to_fleet(*asked), as_json, timeout_s, no_wait)
         return
-    submit_and_watch(
-        at,
-        lambda helios: helios.submit(
-            instruction, max_steps, agent, time_limit_s, priority, settings
-        ),
-        as_json, timeout_s, no_wait,
-    )  # fmt: skip
+    submit_and_watch(at, lambda helios: helios.submit(*asked), as_json, timeout_s, no_wait)
 
 
 def submit_and_watch(
