@@ -76,6 +76,13 @@ class GatewayAddress:
     ] = None
 
     @property
+    def is_for_fleet(self) -> bool:
+        """True for --robot any."""
+        from helios_core.name_rules import ANY_ROBOT
+
+        return self.robot == ANY_ROBOT
+
+    @property
     def port_here(self) -> int | None:
         """Port on this machine; None if a URL selects the robot. Raises UsageError."""
         return chosen_address(self.port, self.url)[0]

@@ -6,7 +6,6 @@ import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from helios_core.name_rules import ANY_ROBOT
 from helios_core.task_states import TaskState
 
 from helios_client.commands.shared_options import (
@@ -85,7 +84,7 @@ def task(
     asked = (
         instruction, max_steps, agent, time_limit_s, priority, named_values(own or ())
     )  # fmt: skip
-    if at.robot == ANY_ROBOT:
+    if at.is_for_fleet:
         from helios_client.commands.fleet import submit_to_fleet
 
         submit_to_fleet(at, lambda h: h.submit_to_fleet(*asked), as_json, timeout_s, no_wait)
@@ -168,7 +167,7 @@ def tasks(
     as_json: Json = False,
 ) -> None:
     """List tasks, newest first; with --robot any those of the fleet."""
-    if at.robot == ANY_ROBOT:
+    if at.is_for_fleet:
         from helios_client.commands.fleet import list_fleet_tasks
 
         list_fleet_tasks(at, state, limit, as_json)
@@ -229,7 +228,7 @@ def cancel(
 
     if (id is None) is not everything:
         raise UsageError("name one task, or use --all; helios tasks lists all tasks")
-    if at.robot == ANY_ROBOT:
+    if at.is_for_fleet:
         from helios_client.commands.fleet import cancel_fleet_tasks
 
         cancel_fleet_tasks(at, id, as_json)

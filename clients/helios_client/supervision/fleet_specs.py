@@ -45,12 +45,11 @@ class FleetOptions(StackOptions):
         return (*of_all, *own)
 
     def elsewhere(self) -> tuple[str, ...]:
-        here = {spec.name for spec in self.processes()}
         return tuple(
             f"{robot}/{service}"
             for robot in self.robots
             for service in NEEDED
-            if not here & {service, f"{robot}/{service}"}
+            if self._is_elsewhere(service)
         )
 
     def _more_robots(self, service: str) -> tuple[str, ...]:

@@ -79,8 +79,12 @@ class StackOptions:
 
     def elsewhere(self) -> tuple[str, ...]:
         """Needed services that other machines run."""
-        here = {spec.name for spec in self.processes()}
-        return tuple(name for name in NEEDED if name not in here)
+        return tuple(name for name in NEEDED if self._is_elsewhere(name))
+
+    def _is_elsewhere(self, service: str) -> bool:
+        if self.services is not None and service not in self.services:
+            return True
+        return service == "bridge" and self.robot == REMOTE
 
     def _endpoint(self, host: str) -> str:
         return f"{'tcp' if self.certs is None else 'tls'}/{host}:{self.router_port}"
