@@ -91,6 +91,7 @@ MEANING: dict[type, dict[str, str]] = {
         "last_action_id": "set by the bridge; leave it",
         "origin_id": "names the origin of the poses: the same text at two starts says that they "
         "mean the same places, and the maps go on; empty: not known",
+        "battery": "charge, 0 to 1; None: not known",
     },
     Capture: {
         "stamp_ns": "when the image was taken, on the robot's clock",

@@ -7,7 +7,7 @@ import json
 import cv2
 import numpy as np
 from helios_core import proto as pb
-from helios_core.bus import Registration
+from helios_core.bus import Bus, Registration
 from helios_core.codec import frame_to_proto, state_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.geometry import Pinhole, se2_to_se3
@@ -57,9 +57,10 @@ CAMERA = Pinhole(fx=520.0, fy=520.0, cx=319.5, cy=239.5, width=640, height=480)
 class Backend(MadeUpTasks):
     """All services behind a gateway. `start` serves them; tests then change single values."""
 
-    def __init__(self, hub: MemoryHub, robot: str = "robot") -> None:
+    def __init__(self, hub: MemoryHub, robot: str = "robot", bus: Bus | None = None) -> None:
+        """bus: bus of the robot; None: one on the hub."""
         self.hub = hub
-        super().__init__(MemoryBus(hub, robot))
+        super().__init__(bus or MemoryBus(hub, robot))
         self._alive: dict[str, Registration] = {}
         self.found = [
             thing(1, "mug", (1.55, 1.45, 0.49), (0.11, 0.09, 0.10), 0.71, 7),
@@ -68,6 +69,7 @@ class Backend(MadeUpTasks):
             thing(4, "mug", (6.6, 2.3, 0.80), (0.10, 0.10, 0.11), 0.31, 2),
         ]
         self.pose = (3.1, 2.2, 2.5)
+        self.battery: float | None = None
         self.stopped, self.stop_reason = False, ""
         self.map_version = 41
         self.rendered: pb.RenderRequest | None = None
@@ -141,6 +143,7 @@ class Backend(MadeUpTasks):
         state = RobotState(
             T_world_base=se2_to_se3(*self.pose), moving=True, stopped=self.stopped,
             robot_boot_id="boot", last_seq=self.seq, message=self.stop_reason,
+            battery=self.battery,
         )  # fmt: skip
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 

@@ -7,6 +7,7 @@ from helios_core.bus import Bus
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.topics import (
     CANCEL,
+    CHECK,
     DECISION,
     DECISIONS,
     GET_TASK,
@@ -34,6 +35,7 @@ class MadeUpTasks:
     def serve_tasks(self) -> None:
         serve = self.bus.serve
         serve(SUBMIT, self._submit)
+        serve(CHECK, self._drafted)
         serve(GET_TASK, self._get)
         serve(LIST_TASKS, self._list)
         serve(CANCEL, self._cancel)
@@ -61,6 +63,13 @@ class MadeUpTasks:
 
     def _submit(self, request: pb.SubmitRequest) -> pb.Task:
         self.calls.append("submit")
+        task = self.tasks.get(request.id) or self._drafted(request)
+        if task.id not in self.tasks:
+            self.tasks[task.id] = task
+            self.bus.publish(TASK, task)
+        return task
+
+    def _drafted(self, request: pb.SubmitRequest) -> pb.Task:
         words = request.instruction.lower().split()
         moves = {"go": "go_to_point", "explore": "explore", "return": "go_home"}
         if "move" not in words and words[0] not in moves:
@@ -69,18 +78,16 @@ class MadeUpTasks:
                 "example: move the mug from the coffee table to the kitchen counter"
             )
         task = pb.Task(
-            id=f"t{len(self.tasks) + 1}", instruction=request.instruction, state="queued",
-            kind="move", object="mug", start="coffee table", goal="kitchen counter",
+            id=request.id or f"t{len(self.tasks) + 1}", instruction=request.instruction,
+            state="queued", kind="move", object="mug", start="coffee table", goal="kitchen counter",
             created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
             agent=request.agent or "helios", priority=request.priority, settings=request.settings,
-            time_limit_s=request.time_limit_s,
+            time_limit_s=request.time_limit_s, on_hold=request.on_hold,
         )  # fmt: skip
         if kind := moves.get(words[0]):
             task.kind, task.object, task.start, task.goal = kind, "", "", ""
         if task.kind == "go_to_point":
             task.point.CopyFrom(pb.GoalPoint(x_m=3.2, y_m=-4.1))
-        self.tasks[task.id] = task
-        self.bus.publish(TASK, task)
         return task
 
     def _get(self, request: pb.TaskRequest) -> pb.Task:

@@ -68,6 +68,35 @@ class Task(_FromJson):
 
 
 @dataclass(frozen=True)
+class FleetTask(_FromJson):
+    """A task of the fleet. Times are seconds since 1970."""
+
+    id: str = ""  # its id in the fleet
+    instruction: str = ""
+    state: str = ""  # as of a task; queued also until its robot has begun it
+    message: str = ""  # what it waits for, current activity, or the reason for the end
+    wanted: str = ""  # robot that the request named; any: the fleet chooses
+    robot: str = ""  # robot that has the task; empty: it waits in the queue
+    task_id: str = ""  # id of the task at its robot
+    begun: bool = False  # the robot has been told to start; the task stays with it
+    why: str = ""  # why this robot was chosen
+    priority: int = 0  # tasks with a higher value get a robot first
+    returned: int = 0  # times that a robot gave it back
+    refused: dict[str, str] = field(default_factory=dict)  # reasons of robots that cannot do it
+    created_s: float = 0.0
+    ended_s: float = 0.0
+    task: dict[str, Any] | None = None  # the task at its robot, as JSON
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ENDED
+
+    @property
+    def succeeded(self) -> bool:
+        return self.state == "succeeded"
+
+
+@dataclass(frozen=True)
 class Decision(_FromJson):
     """A decision with its rule, reason and candidates."""
 
@@ -344,6 +373,26 @@ class RobotAnswer(TypedDict):
     connected: bool
     state: RobotState | None
     description: dict[str, Any] | None
+
+
+class FleetRobot(TypedDict):
+    """One robot of the fleet."""
+
+    name: str
+    state: str  # idle, busy, not ready, stopped, away
+    reasons: list[str]  # why a task would not start now
+    task: dict[str, Any] | None  # the task that it does
+    pose: Pose | None
+    battery: float | None  # charge, 0 to 1; None: unknown
+    held: str
+    picture: str | None  # address of its newest camera image
+
+
+class Fleet(TypedDict):
+    """All robots of a gateway, and the open tasks of the fleet in their order."""
+
+    robots: list[FleetRobot]
+    tasks: list[dict[str, Any]]
 
 
 class Frontier(TypedDict):

@@ -18,6 +18,7 @@ from helios_client.commands.certs import app as certs_app
 from helios_client.commands.chaos import app as chaos_app
 from helios_client.commands.evaluation import app as judge_app
 from helios_client.commands.faults import app as faults_app
+from helios_client.commands.fleet import app as fleet_app
 from helios_client.commands.hangup_signal import HungUp
 from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
@@ -46,7 +47,7 @@ app = typer.Typer(
 )
 for part in (
     run_app, tasks_app, moves_app, why_app, faults_app, robot_app, objects_app, map_app, judge_app,
-    assets_app, ros2_app, certs_app, view_app, models_app, chaos_app,
+    assets_app, ros2_app, certs_app, view_app, models_app, chaos_app, fleet_app,
 ):  # fmt: skip
     app.add_typer(part)
 

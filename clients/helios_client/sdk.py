@@ -21,6 +21,7 @@ from typing import Any, Literal, Self, TypeVar
 
 import httpx
 from helios_core.errors import DeadlineExceeded, Unavailable
+from helios_core.name_rules import ANY_ROBOT
 from numpy.typing import NDArray
 
 from helios_client.answer_types import (
@@ -29,6 +30,8 @@ from helios_client.answer_types import (
     Event,
     Fault,
     FaultList,
+    Fleet,
+    FleetTask,
     FoundObject,
     Frontier,
     LoadedMaps,
@@ -164,6 +167,39 @@ class Helios:
     def fault_recording(self, name: str) -> bytes:
         """The MCAP file of a recording around a fault."""
         return self._do(requests.fault_recording(name))
+
+    def fleet(self) -> Fleet:
+        """State of every robot of the gateway, and the open tasks of the fleet."""
+        return self._do(requests.fleet())
+
+    def submit_to_fleet(
+        self,
+        instruction: str,
+        max_steps: int | None = None,
+        agent: str | None = None,
+        time_limit_s: float | None = None,
+        priority: int = 0,
+        settings: Mapping[str, str | float] | None = None,
+        robot: str = ANY_ROBOT,
+    ) -> FleetTask:
+        """Queue a task for the fleet: it goes to the nearest idle robot whose map knows the thing,
+        else to any idle one. `robot`: name of the robot that shall do it. Otherwise as `submit`."""
+        task = requests.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        return self._do(requests.submit_to_fleet(task, robot))
+
+    def fleet_task(self, id: str) -> FleetTask:
+        """One task of the fleet by its id."""
+        return self._do(requests.fleet_task(id))
+
+    def fleet_tasks(
+        self, state: str | None = None, limit: int | None = None
+    ) -> tuple[FleetTask, ...]:
+        """Tasks of the fleet, newest first: all, or those in one state."""
+        return self._do(requests.fleet_tasks(state, limit))
+
+    def cancel_fleet_task(self, id: str) -> FleetTask:
+        """Request the end of a task of the fleet, also at the robot that does it."""
+        return self._do(requests.cancel_fleet_task(id))
 
     def vocabulary(self) -> Vocabulary:
         """Names that a task may use: any name, or those of the detector."""

@@ -116,6 +116,7 @@ class SpotDriver(RobotDriver):
             stopped=bool(stopped),
             robot_boot_id=self._link.boot_id,
             message=stopped or self._trouble,
+            battery=reading.battery,
         )
 
     def capture(self) -> Capture:

@@ -33,6 +33,7 @@ class Reading:
     holding: bool
     motors_on: bool
     estops: tuple[str, ...]  # names of the pressed e-stops
+    battery: float | None  # charge, 0 to 1; None: not told
 
     @property
     def T_world_vision(self) -> Matrix:
@@ -47,6 +48,7 @@ def reading_of(state: Any) -> Reading:
     """Reading of a RobotState message. Raises Internal without a pose, Unavailable if broken."""
     tree = state.kinematic_state.transforms_snapshot
     arm = knows(tree, HAND) and knows(tree, WRIST)
+    power_state = state.power_state
     power, manipulator = bosdyn_api.robot_state_pb2.PowerState, state.manipulator_state
     pressed = bosdyn_api.robot_state_pb2.EStopState.STATE_ESTOPPED
     return Reading(
@@ -56,6 +58,9 @@ def reading_of(state: Any) -> Reading:
         ground_m=ground_height_m(tree),
         joints_rad={j.name: j.position.value for j in state.kinematic_state.joint_states},
         holding=manipulator.is_gripper_holding_item,
-        motors_on=state.power_state.motor_power_state == power.STATE_ON,
+        motors_on=power_state.motor_power_state == power.STATE_ON,
+        battery=power_state.locomotion_charge_percentage.value / 100
+        if power_state.HasField("locomotion_charge_percentage")
+        else None,
         estops=tuple(e.name or "e-stop" for e in state.estop_states if e.state == pressed),
     )

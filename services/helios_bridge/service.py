@@ -284,6 +284,7 @@ class BridgeService:
             last_seq=self._publisher.last_keyframe,
             last_action_id=self._actions.last_id,
             origin_id=s.origin_id,
+            battery=s.battery,
         )
 
     def close(self) -> list[str]:

@@ -302,6 +302,7 @@ class RobotState(BaseModel):
         description="name of the origin of the robot's poses; if it stays the same, maps outlive "
         "a restart of the robot; empty: unknown"
     )
+    battery: float | None = Field(description="charge of the battery, 0 to 1; null: unknown")
 
 
 class RobotDescription(BaseModel):

@@ -80,6 +80,12 @@ class Camera:
     def on_observation(self, observation: ObservationMessage) -> None:
         self._take_boxes(self._take_frame(observation.frame), observation.detections)
 
+    @property
+    def has_picture(self) -> bool:
+        """True after the first image."""
+        with self._lock:
+            return self._newest is not None or self._boxed is not None
+
     def jpeg(self, raw: bool) -> Encoded:
         """JPEG of the image; a header names its frame.
 

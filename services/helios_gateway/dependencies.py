@@ -21,6 +21,7 @@ from starlette.types import Scope as AsgiScope
 from helios_gateway.api_keys import ApiKey, ApiKeys, Scope
 from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.error_responses import Forbidden, NotFound, Unauthorized
+from helios_gateway.fleet.dispatcher import Dispatcher
 from helios_gateway.map_cache import MapCache
 from helios_gateway.prometheus_metrics import Metrics
 from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
@@ -39,6 +40,7 @@ class GatewayState:
     """
 
     robots: RobotRegistry
+    fleet: Dispatcher
     settings: Settings
     keys: ApiKeys
     metrics: Metrics
@@ -69,6 +71,10 @@ async def _addressed_robot(connection: HTTPConnection) -> RobotEndpoint:
     return robots[name]
 
 
+async def _fleet(connection: HTTPConnection) -> Dispatcher:
+    return state_of(connection).fleet
+
+
 async def _call_timeout_s(connection: HTTPConnection) -> float:
     return state_of(connection).settings.call_timeout_s
 
@@ -77,6 +83,7 @@ State = Annotated[GatewayState, Depends(_gateway_state)]
 # The robot that the path names (`/v1/robots/{robot}/...`), or the first one (`/v1/...`).
 # Raises NotFound for an unknown name.
 AddressedRobot = Annotated[RobotEndpoint, Depends(_addressed_robot)]
+Fleet = Annotated[Dispatcher, Depends(_fleet)]
 CallTimeout = Annotated[float, Depends(_call_timeout_s)]  # time limit of a service call, seconds
 
 

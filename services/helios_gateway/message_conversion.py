@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core import proto as pb
+from helios_core.codec.robot import battery_from_proto
 from helios_core.errors import Internal
 from helios_core.geometry import se2_to_se3
 from helios_core.printable_text import printable
@@ -233,7 +234,7 @@ def robot_state(message: pb.RobotState) -> api_models.RobotState:
         held=message.held, moving=message.moving, stopped=message.stopped,
         finished=message.finished, message=printable(message.message),
         robot_boot_id=message.robot_boot_id, world_epoch=message.world_epoch,
-        origin_id=message.origin_id,
+        origin_id=message.origin_id, battery=battery_from_proto(message),
     )  # fmt: skip
 
 

@@ -14,10 +14,13 @@ import uvicorn
 from helios_core.bus import Bus
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.topics import status_topic
 
 from helios_gateway.api_keys import ApiKeys
 from helios_gateway.audit_log import AuditLog
 from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.fleet.dispatcher import Dispatcher
+from helios_gateway.fleet.queue import FleetQueue
 from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
@@ -25,6 +28,7 @@ from helios_gateway.web_app import create_app
 log = logging.getLogger(__name__)
 
 WEBSOCKET_QUEUE = 3  # messages read ahead; one frame takes 3
+GATEWAY = "gateway"
 GRACE_S = 1  # for open responses at shutdown
 
 
@@ -87,14 +91,17 @@ class Gateway:
         keys = ApiKeys(settings.keys)
         check_open(host, settings, keys)
         self._audit = None if settings.audit is None else AuditLog(settings.audit)
+        queue = FleetQueue(settings.fleet_queue)
         buses = {settings.robot: bus}
         buses |= {name: another_bus(name) for name in settings.other_robots}
         self._others = [one for one in buses.values() if one is not bus]
         self.robots = RobotRegistry({
             name: RobotEndpoint(one, RobotMonitor(one, settings)) for name, one in buses.items()
         })  # fmt: skip
+        self._show_own_health(bus)
+        self._fleet = Dispatcher(self.robots, queue, settings.call_timeout_s)
         config = uvicorn.Config(
-            create_app(self.robots, settings, keys, self._audit),
+            create_app(self.robots, settings, keys, self._audit, self._fleet),
             log_config=None,
             log_level="warning",
             access_log=False,
@@ -110,15 +117,29 @@ class Gateway:
         )
         for served in self.robots.robots.values():
             served.monitor.start()
+        self._fleet.start()
         self._thread.start()
         address = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
         log.info("dashboard at %s", address)
         health.ready(address)
 
+    def _show_own_health(self, bus: Bus) -> None:
+        """Show for every robot the health that this process reports on the first robot's bus."""
+        others = [s.monitor.services for s in self.robots.robots.values() if s.bus is not bus]
+        for services in others:
+            bus.subscribe(status_topic(GATEWAY), services.listener(GATEWAY))
+
+        def on_alive(service: str, instance: str, alive: bool) -> None:
+            for services in others if service == GATEWAY else ():
+                services.on_alive(service, instance, alive)
+
+        bus.watch(on_alive)
+
     def close(self) -> None:
         self.robots.close()  # first: open event streams delay the shutdown
         self._server.should_exit = True
         self._thread.join(GRACE_S + 0.5)
+        self._fleet.close()
         if self._audit is not None:
             self._audit.close()
         for bus in self._others:

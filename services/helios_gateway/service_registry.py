@@ -73,7 +73,8 @@ class ServiceRegistry:
 
     def on_supervisor(self, status: pb.SupervisorStatus) -> None:
         with self._lock:
-            self._processes = {p.name: p for p in status.processes if p.name}
+            # Several machines may each run some services of the robot.
+            self._processes |= {p.name: p for p in status.processes if p.name}
 
     def on_description(self, robot: pb.RobotDescription) -> None:
         with self._lock:

@@ -45,6 +45,11 @@ class Settings(ServiceSettings):
         gt=0,
         description="size of all recordings of one robot's faults; the oldest are removed",
     )
+    fleet_queue: Path | None = Field(
+        default=None,
+        description="SQLite file of the tasks for any robot, which lets them outlive a restart; "
+        "none: they are kept in memory",
+    )
     origins: str = Field(
         default="",
         description="origins of other sites that may use the API (CORS), separated by commas",

@@ -19,6 +19,8 @@ from helios_gateway.audit_log import AuditLog, AuditMiddleware
 from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.dependencies import GatewayState
 from helios_gateway.error_responses import add_problems
+from helios_gateway.fleet.dispatcher import Dispatcher
+from helios_gateway.fleet.queue import FleetQueue
 from helios_gateway.openapi_schema import correct_error_responses
 from helios_gateway.prometheus_metrics import Metrics, RequestMetrics
 from helios_gateway.request_limits import MOST_LARGE, LimitSettings, RequestLimits
@@ -27,6 +29,7 @@ from helios_gateway.robot_registry import API_ROOT, ROBOT_ROOT, RobotRegistry
 from helios_gateway.routes import (
     events,
     faults,
+    fleet,
     frames,
     health,
     map_file,
@@ -47,8 +50,10 @@ from helios_gateway.settings import Settings
 
 STATIC = Path(__file__).parent / "static"
 UNFRAMED = "frame-ancestors 'none'"  # prevents clickjacking
+OWN_PAGE = f"default-src 'self'; img-src 'self' blob: data:; {UNFRAMED}"
 POLICIES = {
-    "/": f"default-src 'self'; img-src 'self' blob: data:; {UNFRAMED}",
+    "/": OWN_PAGE,
+    "/fleet": OWN_PAGE,
     "/docs": UNFRAMED,
 }
 
@@ -68,10 +73,12 @@ def create_app(
     settings: Settings,
     keys: ApiKeys | None = None,
     audit: AuditLog | None = None,
+    dispatcher: Dispatcher | None = None,
 ) -> FastAPI:
     """HTTP application for the robots.
 
     keys: None reads the file that the settings name. audit: record of changes; None: none is kept.
+    dispatcher: queue of the fleet; None: a queue in memory that nobody empties.
     """
     app = FastAPIOffline(
         redoc_url=None,
@@ -80,16 +87,19 @@ def create_app(
         description="Control of a robot by tasks in natural language: submit and follow "
         "tasks, read the reasons for decisions, stop the robot. Lengths are in metres, angles "
         "in radians, times in seconds; the world's z axis points up. Errors are "
-        "`application/problem+json`. Every address below `/v1`, except `/v1/session` and "
-        "`/v1/robots` itself, also exists below `/v1/robots/NAME`, for one of several robots.",
+        "`application/problem+json`. Every address below `/v1`, except `/v1/session`, "
+        "`/v1/fleet` and `/v1/robots` itself, also exists below `/v1/robots/NAME`, for one of "
+        "several robots.",
         swagger_ui_parameters={"validatorUrl": None},
     )
-    state = _state(robots, settings, keys or ApiKeys(settings.keys))
+    dispatcher = dispatcher or Dispatcher(robots, FleetQueue(None), settings.call_timeout_s)
+    state = _state(robots, settings, keys or ApiKeys(settings.keys), dispatcher)
     app.state.gateway = state
     add_problems(app)
     correct_error_responses(app)
     _add_middleware(app, state, audit)
     app.include_router(health.robots_router)
+    app.include_router(fleet.router)
     for root in (API_ROOT, ROBOT_ROOT):
         for router in ROBOT_ROUTERS:
             app.include_router(router, prefix=root, include_in_schema=root == API_ROOT)
@@ -100,10 +110,13 @@ def create_app(
     return app
 
 
-def _state(robots: RobotRegistry, settings: Settings, keys: ApiKeys) -> GatewayState:
+def _state(
+    robots: RobotRegistry, settings: Settings, keys: ApiKeys, dispatcher: Dispatcher
+) -> GatewayState:
     """State of a new application."""
     return GatewayState(
         robots=robots,
+        fleet=dispatcher,
         settings=settings,
         keys=keys,
         metrics=Metrics(robots),
@@ -140,6 +153,11 @@ def _add_middleware(app: FastAPI, state: GatewayState, audit: AuditLog | None) -
 @pages.get("/")
 async def dashboard() -> FileResponse:
     return FileResponse(STATIC / "index.html", headers={"cache-control": "no-cache"})
+
+
+@pages.get("/fleet")
+async def fleet_page() -> FileResponse:
+    return FileResponse(STATIC / "fleet.html", headers={"cache-control": "no-cache"})
 
 
 class PageMiddleware:

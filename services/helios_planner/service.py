@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 import threading
 import time
 import uuid
@@ -23,6 +24,7 @@ from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
 from helios_core.topics import (
     CANCEL,
+    CHECK,
     DECISIONS,
     GET_TASK,
     LIST_TASKS,
@@ -58,6 +60,7 @@ MOST_PRIORITY = 100
 PULSE_S = 5.0
 MEND_S = 1.0  # period of retries while tasks cannot be stored
 SETTINGS_S = 1.0
+TASK_ID = re.compile("[0-9a-f]{8,32}")  # ids that a client may choose
 VOCABULARY_S = 1.5  # longest wait at submission; the worker waits longer
 
 
@@ -69,6 +72,7 @@ class PlannerService:
         agent_named(settings.agent)
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.Lock()
+        self._submitting = threading.Lock()  # orders requests that name the id of their task
         self._wake = threading.Condition(self._lock)
         self._description: pb.RobotDescription | None = None
         self._described, self._warm = threading.Event(), threading.Event()
@@ -86,6 +90,7 @@ class PlannerService:
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
         bus.serve(SUBMIT, self.submit)
+        bus.serve(CHECK, self.check)
         bus.serve(GET_TASK, self.get)
         bus.serve(LIST_TASKS, self.list_tasks)
         bus.serve(CANCEL, self.cancel)
@@ -113,7 +118,8 @@ class PlannerService:
 
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
-        """Store a task, queue it and return it. Raises Unavailable while tasks cannot be stored."""
+        """Store a task, queue it and return it. A request for the id of a known task returns that
+        task. Raises Unavailable while tasks cannot be stored."""
         if tracing.current_traceparent():
             return self._submit(request)
         with tracing.span(SUBMIT.name):  # begins the task's trace
@@ -121,6 +127,22 @@ class PlannerService:
 
     def _submit(self, request: pb.SubmitRequest) -> pb.Task:
         self._registry.check_keeping()
+        if not request.id:
+            return self._add(self._drafted(request, uuid.uuid4().hex[:12]))
+        if not TASK_ID.fullmatch(request.id):
+            raise InvalidInput(
+                f"id is {request.id[:40]!r}; wanted 8 to 32 lower-case hexadecimal digits"
+            )
+        with self._submitting:
+            known = self._registry.find(request.id)
+            return self._add(self._drafted(request, request.id)) if known is None else known
+
+    def check(self, request: pb.SubmitRequest) -> pb.Task:
+        """The task that a request would add now; nothing is queued. Raises what `submit` does."""
+        return task_to_proto(self._drafted(request, request.id))
+
+    def _drafted(self, request: pb.SubmitRequest, id: str) -> Task:
+        """Task of a request. Raises InvalidInput, and Conflict for an agent that cannot run."""
         instruction = parse_with_help(request.instruction, self._model)
         agent = self._known_agent(request.agent or self._settings.agent)
         for_task(self._settings, request.settings)
@@ -140,8 +162,8 @@ class PlannerService:
             log.info("the names are checked when the task starts: %s", error.message)
         if self._description is not None:
             check_able(instruction, self._description)
-        id = uuid.uuid4().hex[:12]
-        task = Task(
+        words = HELD if request.on_hold else self._waiting_words(instruction)
+        return Task(
             id=id,
             text=" ".join(request.instruction.split()),  # one line
             instruction=instruction,
@@ -149,13 +171,18 @@ class PlannerService:
             max_steps=request.max_steps or self._settings.max_steps,
             time_limit_s=request.time_limit_s or instruction.limit_s or self._settings.time_limit_s,
             created_s=time.time(),
-            message=self._waiting_words(instruction),
+            message=words,
             context_id=id,
             agent=agent,
             priority=request.priority,
             settings=dict(request.settings),
             traceparent=tracing.current_traceparent(),
+            on_hold=request.on_hold,
         )
+
+    def _add(self, task: Task) -> pb.Task:
+        """Store, publish and queue a new task."""
+        id = task.id
         with self._lock:
             self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is published
         try:

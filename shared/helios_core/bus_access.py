@@ -66,7 +66,7 @@ _OF_SERVICES = tuple(m for m in t.METHODS if not m.truth and m not in _WORLD)
 _READING = (
     t.GET_STATE, t.VOCABULARY, t.OBJECTS, t.GAUSSIANS, t.OBJECT_DETAIL, t.EXPORT_OBJECTS,
     t.RENDER_OBJECTS, t.SNAPSHOT, t.PICTURE, t.SIGHT, t.MAP_CHANGES, t.PATH_COST, t.RECALL,
-    t.GET_TASK, t.LIST_TASKS, t.DECISIONS,
+    t.CHECK, t.GET_TASK, t.LIST_TASKS, t.DECISIONS,
 )  # fmt: skip
 
 ACCESS: dict[str, Access] = {
@@ -121,7 +121,8 @@ ACCESS: dict[str, Access] = {
             *(t.status_topic(name) for name in ("detector", "objectmap", "map2d")),
         ),
         serves=(
-            t.SUBMIT, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME, t.DECISIONS, t.RESERVE,
+            t.SUBMIT, t.CHECK, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME, t.DECISIONS,
+            t.RESERVE,
         ),
         calls=(
             t.ACT, t.LEASE, t.STOP, t.GET_STATE, t.VOCABULARY, t.OBJECTS, t.WHAT_IF, t.RETIRE,
@@ -140,8 +141,8 @@ ACCESS: dict[str, Access] = {
             t.GAUSSIANS,
             t.OBJECT_DETAIL, t.EXPORT_OBJECTS, t.RENDER_OBJECTS, t.RESET_OBJECTS, t.SAVE_OBJECTS,
             t.LOAD_OBJECTS, t.SNAPSHOT, t.PICTURE, t.RECALL, t.SAVE_MAP2D, t.LOAD_MAP2D,
-            t.RESET_MAP2D, t.SUBMIT, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE, t.RESUME,
-            t.DECISIONS, t.RESERVE, *(t.settings_method(name) for name in SERVICES),
+            t.RESET_MAP2D, t.SUBMIT, t.CHECK, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE,
+            t.RESUME, t.DECISIONS, t.RESERVE, *(t.settings_method(name) for name in SERVICES),
             *(t.spans_method(name) for name in SERVICES),
         ),
         watches=True,

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from helios_core.errors import InvalidInput
 
 NEAR = 0.68  # least similarity ratio (difflib) of a suggested name
+ANY_ROBOT = "any"  # a task for it goes to a robot that the fleet chooses
 NO_PART_OF_A_NAME = "/*$#?, \t\n"  # characters with a meaning in keys or in lists of robots
 
 
@@ -48,6 +49,8 @@ def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
 
 def robot_name(name: str) -> str:
     """The name itself. Raises InvalidInput if it is not allowed for a robot."""
+    if name == ANY_ROBOT:
+        raise InvalidInput(f"no robot can be called {name!r}: that means any robot of a fleet")
     if not name or name.startswith("_") or any(c in NO_PART_OF_A_NAME for c in name):
         raise InvalidInput(
             f"no robot can be called {name[:80]!r}: wanted a word without any of / * $ # ? that "

@@ -116,6 +116,7 @@ TASK = Topic("planner/task", pb.Task, QoS.RETAINED)
 DECISION = Topic("planner/decision", pb.Decision, QoS.NEVER_DROP)
 PLAN = Topic("planner/plan", pb.Plan, QoS.RETAINED)
 SUBMIT = Method("planner/submit", pb.SubmitRequest, pb.Task)
+CHECK = Method("planner/check", pb.SubmitRequest, pb.Task)  # what it would be; nothing is queued
 GET_TASK = Method("planner/get", pb.TaskRequest, pb.Task)
 LIST_TASKS = Method("planner/list", pb.Empty, pb.TaskList)
 CANCEL = Method("planner/cancel", pb.TaskRequest, pb.Task)
@@ -172,7 +173,7 @@ METHODS: tuple[Method, ...] = (
     ESTIMATE_DEPTH, OBJECTS, WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS,
     LOAD_OBJECTS, EXPORT_OBJECTS,
     RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
-    SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT, STORED_OBJECTS,
+    SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT, CHECK, STORED_OBJECTS,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
     WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_WATCHED, WORLD_STOP, WORLD_CLEAR_STOP,
     TRUTH_SEGMENTATION,

@@ -203,6 +203,7 @@ class RobotState:
     last_seq: int = 0
     last_action_id: str = ""  # newest completed action; empty: none is known
     origin_id: str = ""  # name of the poses' origin, constant over restarts; empty: not known
+    battery: float | None = None  # charge, 0 to 1; None: not known
 
 
 @dataclass(frozen=True)

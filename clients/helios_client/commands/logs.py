@@ -45,7 +45,8 @@ def _known_folder(default: Path) -> Path:
 
 def services_in(folder: Path) -> list[str]:
     """Names of the services that have a log there. Raises Unavailable if there are none."""
-    names = sorted(path.stem for path in folder.glob(f"*{ENDING}"))
+    files = folder.rglob(f"*{ENDING}")  # those of one of several robots are in a folder
+    names = sorted(str(path.relative_to(folder).with_suffix("")) for path in files)
     if not names:
         raise Unavailable(
             f"there are no logs in {folder}; give the --port or --state of a helios up"

@@ -69,9 +69,18 @@ class GatewayAddress:
     robot: Annotated[
         str | None,
         typer.Option(
-            "--robot", help="name of one of several robots  [default: the gateway's first]"
+            "--robot",
+            help="name of one of several robots; any, for tasks: of the fleet  "
+            "[default: the gateway's first]",
         ),
     ] = None
+
+    @property
+    def is_for_fleet(self) -> bool:
+        """True for --robot any."""
+        from helios_core.name_rules import ANY_ROBOT
+
+        return self.robot == ANY_ROBOT
 
     @property
     def port_here(self) -> int | None:

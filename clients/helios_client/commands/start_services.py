@@ -97,6 +97,38 @@ LogForm = Annotated[
     typer.Option("--log-format", help="form of the services' logs: text or json  [default: text]"),
 ]
 BusName = Annotated[str, typer.Option(help="name of the robot on the bus")]
+Services = Annotated[
+    str | None,
+    typer.Option(
+        help="services of this machine, such as planner,objectmap  [default: all; with --router "
+        "all but router and gateway]"
+    ),
+]
+RouterElsewhere = Annotated[
+    str | None,
+    typer.Option(help="router on another machine, HOST or HOST:PORT  [default: one starts here]"),
+]
+Robots = Annotated[
+    str | None,
+    typer.Option(
+        help="several robots at one gateway: their number, or their names separated by commas; "
+        "for --robot sim, which gives each the home of the next seed, and remote"
+    ),
+]
+
+
+def chosen_detector(
+    robot: str, source: Path | None, services: str | None, router: str | None
+) -> str:
+    """Detector without --detector. Raises UsageError if this machine runs one and the user must
+    name it."""
+    from helios_client.replay.input_selection import default_detector
+    from helios_client.supervision.fleet_flags import chosen_services
+
+    here = chosen_services(services, router)
+    if here is None or "detector" in here:
+        return default_detector(robot, source)
+    return "simulated"  # not started here
 
 
 @app.command()
@@ -125,12 +157,15 @@ def up(
     compact: Compact = False,
     tracing: Tracing = False,
     log_format: LogForm = None,
+    services: Services = None,
+    router: RouterElsewhere = None,
+    robots: Robots = None,
 ) -> None:
     """Run all services on this machine until Ctrl-C."""
     from helios_client.supervision.forked_process import fork_server_for
 
     with fork_server_for(several=not compact) as server:  # first: it imports meanwhile
-        from helios_client.replay.input_selection import check_source, default_detector
+        from helios_client.replay.input_selection import check_source
         from helios_client.supervision.up import Screen
         from helios_client.supervision.up import up as run_up
         from helios_client.supervision.up_flags import UpFlags, stack_options
@@ -139,11 +174,12 @@ def up(
             UpFlags(
                 robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
                 furniture=furniture, state=state,
-                detector=detector or default_detector(robot, source), scorer=scorer, agent=agent,
+                detector=detector or chosen_detector(robot, source, services, router),
+                scorer=scorer, agent=agent,
                 source=source, rate=rate, record=record, record_dir=record_dir,
                 spot_host=spot_host, ros2=ros2, router_port=router_port, router_host=router_host,
-                certs=certs, name=name, compact=compact, tracing=tracing,
-                log_format=log_format,
+                certs=certs, name=name, compact=compact, services=services, router=router,
+                robots=robots, tracing=tracing, log_format=log_format,
             )
         )  # fmt: skip
         if source is not None:

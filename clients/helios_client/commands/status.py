@@ -28,7 +28,8 @@ def find_status(
     found = None
     if port is not None:
         known = state_file.read(state_dir or state_file.default_state_dir(port))
-        found = known if known and robot in (None, known.get("robot")) else None
+        alone = known and len(known.get("robots", ())) < 2
+        found = known if known and (robot is None or (alone and robot == known["robot"])) else None
     try:
         live = helios.status()
     except HeliosError:

@@ -75,19 +75,21 @@ def task(
         ),
     ] = None,
 ) -> None:
-    """Submit a task and watch it; exit status 0 if it succeeded.
+    """Submit a task and watch it; exit status 0 if it succeeded. With --robot any the fleet chooses
+    the robot.
 
     Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits for helios
     clear-stop.
     """
-    settings = named_values(own or ())
-    submit_and_watch(
-        at,
-        lambda helios: helios.submit(
-            instruction, max_steps, agent, time_limit_s, priority, settings
-        ),
-        as_json, timeout_s, no_wait,
+    asked = (
+        instruction, max_steps, agent, time_limit_s, priority, named_values(own or ())
     )  # fmt: skip
+    if at.is_for_fleet:
+        from helios_client.commands.fleet import submit_to_fleet
+
+        submit_to_fleet(at, lambda h: h.submit_to_fleet(*asked), as_json, timeout_s, no_wait)
+        return
+    submit_and_watch(at, lambda helios: helios.submit(*asked), as_json, timeout_s, no_wait)
 
 
 def submit_and_watch(
@@ -167,7 +169,12 @@ def tasks(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List tasks, newest first."""
+    """List tasks, newest first; with --robot any those of the fleet."""
+    if at.is_for_fleet:
+        from helios_client.commands.fleet import list_fleet_tasks
+
+        list_fleet_tasks(at, state, limit, as_json)
+        return
     from helios_client.commands.tables import task_table
 
     with at.connect() as helios:
@@ -218,12 +225,17 @@ def cancel(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Cancel a task, or all of them; the robot comes to rest."""
+    """Cancel a task, or all of them; the robot comes to rest. With --robot any: of the fleet."""
     from helios_client.commands.tables import task_by_name
     from helios_client.usage_errors import UsageError
 
     if (id is None) is not everything:
         raise UsageError("name one task, or use --all; helios tasks lists all tasks")
+    if at.is_for_fleet:
+        from helios_client.commands.fleet import cancel_fleet_tasks
+
+        cancel_fleet_tasks(at, id, as_json)
+        return
     with at.connect() as helios:
         if id is not None:
             _print_task(helios.cancel(task_by_name(helios, id).id), as_json)

@@ -52,8 +52,8 @@ class Connection:
             if isinstance(value, float) and not math.isfinite(value):
                 raise InvalidInput(f"{name} is {value}; wanted a finite number")
         out: dict[str, Any] = {
-            "method": call.verb, "url": self._prefix + call.path, "json": call.body,
-            "params": dict(call.query),
+            "method": call.verb, "json": call.body,
+            "url": ("/v1" if call.of_all else self._prefix) + call.path, "params": dict(call.query),
         }  # fmt: skip
         if call.content is not None:
             out |= {"content": call.content, "headers": {"content-type": "application/zip"}}

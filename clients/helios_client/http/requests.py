@@ -22,6 +22,8 @@ from helios_client.answer_types import (
     DriveAnswer,
     Fault,
     FaultList,
+    Fleet,
+    FleetTask,
     FoundObject,
     Frontier,
     LoadedMaps,
@@ -49,7 +51,7 @@ SEEN_S = 20.0  # the text model may have to be loaded
 
 @dataclass(frozen=True)
 class Call(Generic[T]):
-    """One request. `path` is relative to `/v1`, or to `/v1/robots/<robot>`."""
+    """One request. `path` is relative to `/v1`, or to `/v1/robots/<robot>` unless `of_all`."""
 
     verb: str
     path: str
@@ -58,6 +60,7 @@ class Call(Generic[T]):
     query: Mapping[str, str | int | float | tuple[str, ...]] = field(default_factory=dict)
     content: bytes | None = None  # a body that is not JSON
     timeout_s: float | None = None  # None: the client's timeout
+    of_all: bool = False  # it concerns all robots of the gateway
 
     def answer(self, response: httpx.Response) -> T:
         """Value read from the response. Raises the HeliosError that an error response stands
@@ -136,6 +139,33 @@ def clear_fault(id: str) -> Call[Fault]:
 
 def fault_recording(name: str) -> Call[bytes]:
     return Call("GET", f"/faults/recordings/{_part(name)}", lambda r: r.content)
+
+
+def fleet() -> Call[Fleet]:
+    return Call("GET", "/fleet", _json, of_all=True)
+
+
+def submit_to_fleet(task: Call[Task], robot: str) -> Call[FleetTask]:
+    """The task of `submit`, for a robot that the fleet chooses (any), or a named one."""
+    body = (task.body or {}) | {"robot": robot}
+    return Call("POST", "/fleet/tasks", _fleet_task, body, of_all=True)
+
+
+def fleet_task(id: str) -> Call[FleetTask]:
+    return Call("GET", f"/fleet/tasks/{_part(id)}", _fleet_task, of_all=True)
+
+
+def fleet_tasks(state: str | None, limit: int | None) -> Call[tuple[FleetTask, ...]]:
+    asked = {"state": state, "limit": limit}
+    return Call(
+        "GET", "/fleet/tasks",
+        lambda r: tuple(FleetTask.from_json(t) for t in _json(r)["tasks"]),
+        query={name: value for name, value in asked.items() if value is not None}, of_all=True,
+    )  # fmt: skip
+
+
+def cancel_fleet_task(id: str) -> Call[FleetTask]:
+    return Call("POST", f"/fleet/tasks/{_part(id)}/cancel", _fleet_task, of_all=True)
 
 
 def vocabulary() -> Call[Vocabulary]:
@@ -261,6 +291,10 @@ def status() -> Call[Status]:
 
 def service_settings(service: str) -> Call[dict[str, Any]]:
     return Call("GET", f"/services/{_part(service)}/settings", lambda r: _json(r)["settings"])
+
+
+def _fleet_task(response: httpx.Response) -> FleetTask:
+    return FleetTask.from_json(_json(response))
 
 
 def _part(text: str) -> str:

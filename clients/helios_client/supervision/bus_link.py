@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
@@ -22,13 +23,15 @@ RETRY_S = 0.2
 
 
 class BusLink:
-    """Bus connection in a thread of its own. It connects as soon as there is a router, and
-    publishes the process table every `PUBLISH_PERIOD_S`."""
+    """Bus connection of one robot, in a thread of its own. It connects as soon as there is a
+    router, and publishes the process table every `PUBLISH_PERIOD_S`."""
 
     def __init__(
-        self, router: RouterLink, robot: str, board: ServiceTable, names: Sequence[str]
+        self, router: RouterLink, robot: str, board: ServiceTable, rows: Mapping[str, str]
     ) -> None:
-        self._router, self._robot, self._board, self._names = router, robot, board, names
+        """rows: name of the row by service, for the services of this robot."""
+        self._router, self._robot, self._board, self._rows = router, robot, board, rows
+        self._services = {row: service for service, row in rows.items()}
         self._ending, self._wake = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._message = pb.SupervisorStatus()
@@ -37,7 +40,8 @@ class BusLink:
 
     def publish(self, table: Sequence[ProcessInfo]) -> None:
         """Publish this table from now on, and at once if it has changed."""
-        message = supervisor_status(table)
+        own = [replace(p, name=self._services[p.name]) for p in table if p.name in self._services]
+        message = supervisor_status(own)
         with self._lock:
             changed, self._message = message != self._message, message
         if changed:
@@ -58,7 +62,7 @@ class BusLink:
         if bus is None:
             return
         try:
-            self._board.subscribe(bus, self._names)
+            self._board.subscribe_rows(bus, self._rows)
             while not self._ending.is_set():
                 self._wake.clear()
                 with self._lock:

@@ -17,6 +17,7 @@ LOOPBACK = "127.0.0.1"
 REMOTE = "remote"  # the robot's driver runs on another machine
 TOGETHER = "services"  # process of `helios up --compact` with the services in it
 OWN_PROCESS = ("router", "world")  # never in it: others need the router, the world is no service
+NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # by a robot, for a task
 RECORDED_DETECTOR = "recorded"  # detector that repeats the recorded detections
 
 
@@ -59,11 +60,13 @@ class StackOptions:
     compact: bool = False  # all services in one process
     tracing: bool = False  # every service records spans
     log_format: str | None = None  # text or json; None: the services' setting
+    services: frozenset[str] | None = None  # services of this machine; None: all
+    router_at: str = ""  # endpoint of a router elsewhere; empty: it runs here
 
     @property
     def router(self) -> str:
         """Endpoint of the router for the services of this machine."""
-        return self._endpoint(LOOPBACK)
+        return self.router_at or self._endpoint(LOOPBACK)
 
     @property
     def listen(self) -> str:
@@ -71,9 +74,24 @@ class StackOptions:
         host = self.router_host
         return self._endpoint(f"[{host}]" if ":" in host else host)
 
-    def link(self, service: str) -> RouterLink:
-        """Connection of a service to the router. Raises InvalidInput without its certificate."""
-        return router_link(self.router, self.certs, service, self.name)
+    def link(self, service: str, robot: str = "") -> RouterLink:
+        """Connection of a robot's service to the router. Raises InvalidInput without its
+        certificate."""
+        return router_link(self.router, self.certs, service, robot or self.name)
+
+    @property
+    def robot_names(self) -> tuple[str, ...]:
+        """Names of the robots on the bus."""
+        return (self.name,)
+
+    def elsewhere(self) -> tuple[str, ...]:
+        """Needed services that other machines run."""
+        return tuple(name for name in NEEDED if self._is_elsewhere(name))
+
+    def _is_elsewhere(self, service: str) -> bool:
+        if self.services is not None and service not in self.services:
+            return True
+        return service == "bridge" and self.robot == REMOTE
 
     def _endpoint(self, host: str) -> str:
         return f"{'tcp' if self.certs is None else 'tls'}/{host}:{self.router_port}"
@@ -89,11 +107,11 @@ class StackOptions:
 
     def processes(self) -> tuple[ProcessSpec, ...]:
         """Processes, in the order of the process table; they may start in any order."""
-        apart = self._apart()
-        return together(apart) if self.compact else apart
+        here = tuple(s for s in self._apart() if self.services is None or s.name in self.services)
+        return together(here) if self.compact else here
 
     def _apart(self) -> tuple[ProcessSpec, ...]:
-        """Processes with one service each."""
+        """Processes of all services, with one service each."""
         out = [
             ProcessSpec(
                 "router",
@@ -138,12 +156,12 @@ class StackOptions:
                 )
             )
             audit = self.state_dir / "audit.jsonl"
-            faults = self.state_dir / "faults"
             out.append(
                 self._service(
-                    "gateway", "helios_gateway", port=self.port, audit=audit, faults=faults
+                    "gateway", "helios_gateway", port=self.port, audit=audit,
+                    faults=self.state_dir / "faults", fleet_queue=self.state_dir / "fleet.sqlite",
                 )
-            )
+            )  # fmt: skip
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from helios_core import proto as pb
@@ -43,14 +44,18 @@ class ServiceTable:
 
     def subscribe(self, bus: Bus, names: Sequence[str]) -> None:
         """Subscribe to the statuses of the named services."""
-        for name in names:
-            if name != WITHOUT_STATUS:
-                bus.subscribe(status_topic(name), self.on_status)
+        self.subscribe_rows(bus, {name: name for name in names})
 
-    def on_status(self, status: pb.ServiceStatus) -> None:
-        """Store the status of a service."""
+    def subscribe_rows(self, bus: Bus, rows: Mapping[str, str]) -> None:
+        """Subscribe to the statuses of one robot's services. `rows`: name of the row by service."""
+        for service, row in rows.items():
+            if service != WITHOUT_STATUS:
+                bus.subscribe(status_topic(service), partial(self.on_status, row=row))
+
+    def on_status(self, status: pb.ServiceStatus, row: str = "") -> None:
+        """Store the status of a service. `row`: name of its row, if that is another one."""
         with self._lock:
-            self._statuses[status.service] = (self._clock(), status)
+            self._statuses[row or status.service] = (self._clock(), status)
 
     def status(self, name: str) -> pb.ServiceStatus | None:
         """Newest status of a service; None before the first."""
@@ -69,9 +74,14 @@ class ServiceTable:
         return here + tuple(_row_elsewhere(n, statuses.get(n), now_s) for n in elsewhere)
 
 
+def service_of(row: str) -> str:
+    """Service of a row, which may begin with the name of its robot: map2d of robot-2/map2d."""
+    return row.rpartition("/")[2]
+
+
 def is_ready(rows: Sequence[ServiceRow]) -> bool:
     """True if all services that a robot needs are ready."""
-    needed = [row for row in rows if row.name not in OPTIONAL_SERVICES]
+    needed = [row for row in rows if service_of(row.name) not in OPTIONAL_SERVICES]
     return bool(needed) and all(row.state == "ready" for row in needed)
 
 

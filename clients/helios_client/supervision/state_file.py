@@ -1,8 +1,8 @@
 """`supervisor.json`: state of the services on disk, readable while the gateway is down.
 
 {"ready": bool, "services": [{"name", "state", "reason", "restarts", "pid"}], "address": str,
- "router": str, "certs": str | null, "robot": str, "supervisor_pid": int, "updated_s": float,
- "state_dir": str}
+ "router": str, "certs": str | null, "robot": str, "robots": [str],
+ "supervisor_pid": int, "updated_s": float, "state_dir": str}
 """
 
 from __future__ import annotations

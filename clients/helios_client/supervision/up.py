@@ -19,13 +19,14 @@ from helios_client.supervision import state_file
 from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import ProcessExit
 from helios_client.supervision.forked_process import ForkServer
-from helios_client.supervision.service_specs import REMOTE, StackOptions, port_bind_error
+from helios_client.supervision.service_specs import StackOptions, port_bind_error
 from helios_client.supervision.service_table import (
     WITHOUT_STATUS,
     ServiceRow,
     ServiceTable,
     as_json,
     is_ready,
+    service_of,
 )
 from helios_client.supervision.supervisor import ProcessInfo, ProcessState, Supervisor
 from helios_client.supervision.unknown_variables import unread_variables_message
@@ -55,8 +56,12 @@ def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) ->
     wrong flags.
     """
     assert stack.port is not None
-    for port, flag in ((stack.port, "--port"), (stack.router_port, "--router-port")):
-        check_port(port, flag)
+    here = {spec.name for spec in stack.processes()}
+    for service, port, flag in (
+        ("gateway", stack.port, "--port"), ("router", stack.router_port, "--router-port"),
+    ):  # fmt: skip
+        if service in here:
+            check_port(port, flag)
     stack = replace(stack, state_dir=stack.state_dir.resolve())
     try:
         held = state_file.lock(stack.state_dir)
@@ -98,11 +103,11 @@ class _Run:
         self._stack, self._screen = stack, screen
         self._board = ServiceTable()
         self._names = [name for spec in specs for name in spec.services]
-        self._elsewhere = ("bridge",) if stack.robot == REMOTE else ()
+        self._elsewhere = stack.elsewhere()
         for name in self._names:
-            if name != WITHOUT_STATUS:
-                stack.link(name)  # raises InvalidInput before anything starts
-        self._link = stack.link("supervisor")
+            if name != WITHOUT_STATUS:  # raises InvalidInput before anything starts
+                stack.link(service_of(name), name.rpartition("/")[0])
+        self._links = {robot: stack.link("supervisor", robot) for robot in stack.robot_names}
         self._supervisor = Supervisor(specs, stack.log_dir, fork_server=server)
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
@@ -120,14 +125,17 @@ class _Run:
         if sentence := unread_variables_message(os.environ):
             self._say(f"[yellow]{escape(sentence)}[/]")
         self._supervisor.start()
-        heard = (*self._names, *self._elsewhere)
-        link = BusLink(self._link, self._stack.name, self._board, heard)
+        links = [
+            BusLink(link, robot, self._board, self._rows_of(robot))
+            for robot, link in self._links.items()
+        ]
         said_waiting = False
         try:
             while not stopping.wait(CHECK_PERIOD_S):
                 ended = self._supervisor.check()
                 table = self._supervisor.table()
-                link.publish(table)
+                for link in links:
+                    link.publish(table)
                 rows = self._board.rows(table, self._elsewhere)
                 self._say_endings(ended, table)
                 self._say_ready(rows)
@@ -140,11 +148,18 @@ class _Run:
                             self._say(f"{row.name} is {row.state}: {row.reason or 'no report yet'}")
         finally:
             self._say("stopping")
-            link.request_close()
+            for link in links:
+                link.request_close()
             self._supervisor.stop()
-            link.close()
+            for link in links:
+                link.close()
             state_file.remove(self._state_dirs)
             self._say("stopped")
+
+    def _rows_of(self, robot: str) -> dict[str, str]:
+        """Rows of a robot's services by service, with those that all robots share."""
+        rows = (*self._names, *self._elsewhere)
+        return {service_of(r): r for r in rows if r.rpartition("/")[0] in ("", robot)}
 
     def _say_endings(
         self, ended: Sequence[tuple[str, ProcessExit]], table: Sequence[ProcessInfo]
@@ -177,7 +192,8 @@ class _Run:
         ready = is_ready(rows)
         if ready and not self._all_ready:
             self._ever_ready = True
-            self._say(f"[bold green]ready[/]: dashboard at {self._stack.address}")
+            where = f": dashboard at {self._stack.address}" if "gateway" in self._names else ""
+            self._say(f"[bold green]ready[/]{where}")
         self._all_ready = ready
 
     def _say_degraded(self, rows: Sequence[ServiceRow]) -> None:
@@ -200,6 +216,7 @@ class _Run:
         about = {
             "address": self._stack.address, "state_dir": str(self._stack.state_dir),
             "router": self._stack.router, "robot": self._stack.name,
+            "robots": self._stack.robot_names,
             "certs": None if self._stack.certs is None else str(self._stack.certs),
         }  # fmt: skip
         try:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from helios_core.router_link import listen_port
 
 from helios_client.supervision import flag_checks, state_file
+from helios_client.supervision.fleet_flags import chosen_services, fleet_names, router_endpoint
+from helios_client.supervision.fleet_specs import FleetOptions
 from helios_client.supervision.model_check import check_models
 from helios_client.supervision.preset_defaults import preset_defaults
 from helios_client.supervision.ros2_python import chosen_ros2_python
 from helios_client.supervision.service_specs import LOOPBACK, StackOptions, free_port
+from helios_client.usage_errors import UsageError
 
 MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 
@@ -44,6 +48,9 @@ class UpFlags:
     certs: Path | None
     name: str
     compact: bool
+    services: str | None
+    router: str | None
+    robots: str | None
     tracing: bool = False
     log_format: str | None = None
 
@@ -69,8 +76,15 @@ def stack_options(given: UpFlags) -> StackOptions:
     state_dir = given.state or state_file.default_state_dir(given.port)
     recordings = given.record_dir or (state_dir / "recordings" if given.record else None)
     by_ros = given.ros2 or robot == "ros2"
-    return StackOptions(
-        robot=robot, router_port=router_port, state_dir=state_dir, name=given.name,
+    several = fleet_names(given.robots, robot, given.name)
+    if several and given.compact:
+        raise UsageError("--compact is for one robot; leave out --compact or --robots")
+    kind = partial(FleetOptions, robots=several) if several else StackOptions
+    return kind(
+        robot=robot, router_port=router_port, state_dir=state_dir,
+        name=several[0] if several else given.name,
+        services=chosen_services(given.services, given.router),
+        router_at="" if given.router is None else router_endpoint(given.router, certs),
         port=given.port, seed=given.seed, preset=preset, home=given.home and given.home.resolve(),
         level=given.level, home_name=plan_name, furniture=furniture, detector=detector,
         scorer=scorer, agent=agent, noise=of_preset.noise, max_steps=of_preset.max_steps,
@@ -86,6 +100,8 @@ def stack_options(given: UpFlags) -> StackOptions:
 def _router(given: UpFlags) -> tuple[Path | None, int]:
     """Absolute folder of the certificates, and the port of the router."""
     flag_checks.check_router(given.router_host, given.certs)
+    if given.router is not None:
+        return given.certs and given.certs.absolute(), given.router_port or 0
     if given.certs is None:
         return None, given.router_port or free_port()
     certs = given.certs.absolute()

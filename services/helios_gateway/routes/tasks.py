@@ -50,7 +50,12 @@ def submit(
     An instruction that the planner does not understand returns 400 with the part that it
     understood.
     """
-    message = pb.SubmitRequest(
+    return robot.monitor.task(robot.bus.call(SUBMIT, submit_request(request), timeout_s))
+
+
+def submit_request(request: api_models.TaskRequest) -> pb.SubmitRequest:
+    """Message of a request for a task."""
+    return pb.SubmitRequest(
         instruction=request.instruction,
         max_steps=request.max_steps or 0,
         agent=request.agent or "",
@@ -58,7 +63,6 @@ def submit(
         priority=request.priority,
         settings={name: str(value) for name, value in request.settings.items()},
     )
-    return robot.monitor.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 @router.get("/tasks", summary="List the tasks", responses=problems())

@@ -27,6 +27,7 @@ export async function showRobots() {
   if (!response.ok) return;
   const { robots } = await response.json();
   $("robots-label").hidden = robots.length < 2;
+  $("fleet-link").hidden = robots.length < 2;
   const chosen = robot ?? robots[0].name;
   $("robots").replaceChildren(
     ...robots.map(({ name }) => element("option", { value: name, textContent: name, selected: name === chosen })),

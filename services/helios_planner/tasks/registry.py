@@ -168,6 +168,12 @@ class TaskRegistry:
             raise InvalidInput(f"there is no task {id[:40]!r}; list them with GET /v1/tasks")
         return task
 
+    def find(self, id: str) -> pb.Task | None:
+        """The task with an id; None for an unknown one."""
+        with self._lock:
+            task = self._tasks.get(id)
+        return None if task is None else task_to_proto(task)
+
     def check_keeping(self) -> None:
         """Raises Unavailable while tasks cannot be stored."""
         if self._store.fault:

@@ -144,6 +144,7 @@ def state_to_proto(state: RobotState) -> pb.RobotState:
         last_seq=state.last_seq,
         last_action_id=state.last_action_id,
         origin_id=state.origin_id,
+        battery=state.battery,
     )
 
 
@@ -162,7 +163,14 @@ def state_from_proto(state: pb.RobotState) -> RobotState:
         last_seq=state.last_seq,
         last_action_id=state.last_action_id,
         origin_id=state.origin_id,
+        battery=battery_from_proto(state),
     )
+
+
+def battery_from_proto(state: pb.RobotState) -> float | None:
+    """Charge of the battery, 0 to 1; None if it is not known or out of range."""
+    given = state.HasField("battery") and 0.0 <= state.battery <= 1.0  # also for NaN
+    return state.battery if given else None
 
 
 def action_to_proto(action: Action) -> pb.Action:

@@ -105,3 +105,12 @@ def test_a_tilt_that_is_nan_is_refused() -> None:
     message = state_to_proto(RobotState(se2_to_se3(0.0, 0.0, 0.0), tilt_rad=math.nan))
     with pytest.raises(InvalidInput, match="tilt_rad is nan"):
         state_from_proto(message)
+
+
+@pytest.mark.parametrize("battery", [None, 0.0, 0.42, 1.0])
+def test_a_battery_keeps_its_charge_and_one_out_of_range_is_unknown(battery: float | None) -> None:
+    message = state_to_proto(RobotState(se2_to_se3(0.0, 0.0, 0.0), battery=battery))
+    assert state_from_proto(message).battery == battery
+    for wrong in (-0.1, 1.1, math.nan, math.inf):
+        message.battery = wrong
+        assert state_from_proto(message).battery is None

@@ -214,7 +214,7 @@ def test_robot_names_are_normalised_and_checked_when_settings_load(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert ForSeveral.load(["--robots", " ada, bob,,ada"]).robots == "ada,bob"
-    for name in ("a/b", "*", "two words", "_mine", "a$b"):
+    for name in ("a/b", "*", "two words", "_mine", "a$b", "any"):
         for flag in ("--robot", "--robots"):
             with pytest.raises(SystemExit) as ended:
                 ForSeveral.load([flag, name])

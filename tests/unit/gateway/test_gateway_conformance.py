@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import spans_method
 from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.faults.findings import stop
+from helios_gateway.fleet.records import FleetTask
 from helios_gateway.robot_registry import RobotEndpoint, RobotRegistry
 from helios_gateway.settings import Settings as GatewaySettings
 from helios_gateway.web_app import create_app
@@ -88,6 +90,8 @@ class Rig:
         flags = [*patient, "--keys", str(file), "--requests-per-s", "1000000"]
         fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})
         self.app = create_app(fleet, GatewaySettings.load(flags))
+        asked = pb.SubmitRequest(instruction="move the mug to the kitchen counter")
+        self.app.state.gateway.fleet.queue.add(FleetTask(NAMES["id"], asked, time.time()))
         self.answered: Counter[str] = Counter()
 
 

@@ -48,6 +48,7 @@ def test_the_description_is_available_before_anything_moves(stage: Stage) -> Non
     assert not stage.world.motors
     assert not stage.world.lease_owner
     assert driver.state().robot_boot_id == "fake-BD-00000001-fake-boot-1"
+    assert driver.state().battery == 0.88
 
 
 def test_the_base_pose_lies_on_the_floor_below_the_robot(stage: Stage) -> None:

@@ -55,7 +55,7 @@ class RobotDescription(_message.Message):
     def __init__(self, name: _Optional[str] = ..., footprint_radius_m: _Optional[float] = ..., height_m: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., camera_height_m: _Optional[float] = ..., min_forward_m: _Optional[float] = ..., max_forward_m: _Optional[float] = ..., min_turn_rad: _Optional[float] = ..., max_turn_rad: _Optional[float] = ..., min_tilt_rad: _Optional[float] = ..., max_tilt_rad: _Optional[float] = ..., reach_m: _Optional[float] = ..., can_move: bool = ..., can_pick: bool = ..., can_place: bool = ..., max_depth_m: _Optional[float] = ..., simulated: bool = ..., recorded: bool = ..., camera_forward_m: _Optional[float] = ..., footprint_length_m: _Optional[float] = ..., footprint_width_m: _Optional[float] = ..., max_back_m: _Optional[float] = ...) -> None: ...
 
 class RobotState(_message.Message):
-    __slots__ = ("T_world_base", "tilt_rad", "held", "moving", "stopped", "world_epoch", "robot_boot_id", "message", "finished", "last_seq", "last_action_id", "origin_id")
+    __slots__ = ("T_world_base", "tilt_rad", "held", "moving", "stopped", "world_epoch", "robot_boot_id", "message", "finished", "last_seq", "last_action_id", "origin_id", "battery")
     T_WORLD_BASE_FIELD_NUMBER: _ClassVar[int]
     TILT_RAD_FIELD_NUMBER: _ClassVar[int]
     HELD_FIELD_NUMBER: _ClassVar[int]
@@ -68,6 +68,7 @@ class RobotState(_message.Message):
     LAST_SEQ_FIELD_NUMBER: _ClassVar[int]
     LAST_ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_ID_FIELD_NUMBER: _ClassVar[int]
+    BATTERY_FIELD_NUMBER: _ClassVar[int]
     T_world_base: _common_pb2.Transform
     tilt_rad: float
     held: str
@@ -80,7 +81,8 @@ class RobotState(_message.Message):
     last_seq: int
     last_action_id: str
     origin_id: str
-    def __init__(self, T_world_base: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ..., tilt_rad: _Optional[float] = ..., held: _Optional[str] = ..., moving: bool = ..., stopped: bool = ..., world_epoch: _Optional[int] = ..., robot_boot_id: _Optional[str] = ..., message: _Optional[str] = ..., finished: bool = ..., last_seq: _Optional[int] = ..., last_action_id: _Optional[str] = ..., origin_id: _Optional[str] = ...) -> None: ...
+    battery: float
+    def __init__(self, T_world_base: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ..., tilt_rad: _Optional[float] = ..., held: _Optional[str] = ..., moving: bool = ..., stopped: bool = ..., world_epoch: _Optional[int] = ..., robot_boot_id: _Optional[str] = ..., message: _Optional[str] = ..., finished: bool = ..., last_seq: _Optional[int] = ..., last_action_id: _Optional[str] = ..., origin_id: _Optional[str] = ..., battery: _Optional[float] = ...) -> None: ...
 
 class Action(_message.Message):
     __slots__ = ("forward", "turn", "tilt", "pick", "place", "observe")

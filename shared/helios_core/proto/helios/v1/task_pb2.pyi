@@ -88,7 +88,7 @@ class GoalPoint(_message.Message):
     def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ...) -> None: ...
 
 class SubmitRequest(_message.Message):
-    __slots__ = ("instruction", "max_steps", "agent", "time_limit_s", "priority", "settings")
+    __slots__ = ("instruction", "max_steps", "agent", "time_limit_s", "priority", "settings", "id", "on_hold")
     class SettingsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -102,13 +102,17 @@ class SubmitRequest(_message.Message):
     TIME_LIMIT_S_FIELD_NUMBER: _ClassVar[int]
     PRIORITY_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    ON_HOLD_FIELD_NUMBER: _ClassVar[int]
     instruction: str
     max_steps: int
     agent: str
     time_limit_s: float
     priority: int
     settings: _containers.ScalarMap[str, str]
-    def __init__(self, instruction: _Optional[str] = ..., max_steps: _Optional[int] = ..., agent: _Optional[str] = ..., time_limit_s: _Optional[float] = ..., priority: _Optional[int] = ..., settings: _Optional[_Mapping[str, str]] = ...) -> None: ...
+    id: str
+    on_hold: bool
+    def __init__(self, instruction: _Optional[str] = ..., max_steps: _Optional[int] = ..., agent: _Optional[str] = ..., time_limit_s: _Optional[float] = ..., priority: _Optional[int] = ..., settings: _Optional[_Mapping[str, str]] = ..., id: _Optional[str] = ..., on_hold: bool = ...) -> None: ...
 
 class TaskRequest(_message.Message):
     __slots__ = ("id", "settings")

@@ -1,0 +1,1 @@
+"""Tasks for any of several robots: their queue, and the choice of the robot."""

@@ -1,0 +1,193 @@
+"""Queue of the fleet in a SQLite file, so that it outlives a restart of the gateway.
+
+Every change is on the disk before the method returns. Without a file the queue lives in memory.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sqlite3
+import threading
+import time
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+from google.protobuf.message import DecodeError
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+
+from helios_gateway.error_responses import NotFound
+from helios_gateway.fleet.records import FleetTask, Stage, WithdrawnOffer
+
+log = logging.getLogger(__name__)
+
+MOST_ENDED = 1000  # the oldest ended tasks beyond are deleted
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS tasks (
+    id TEXT PRIMARY KEY, stage TEXT NOT NULL, record TEXT NOT NULL, request BLOB NOT NULL,
+    task BLOB NOT NULL
+);
+CREATE TABLE IF NOT EXISTS withdrawn (
+    task_id TEXT PRIMARY KEY, robot TEXT NOT NULL, since_s REAL NOT NULL
+);
+"""
+_PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?, ?)"
+_WITHDRAW = "INSERT OR REPLACE INTO withdrawn VALUES (?, ?, ?)"
+_PLAIN = (
+    "created_s", "wanted", "robot", "task_id", "why", "end", "message", "ended_s", "cancelling",
+    "returned", "refused",
+)  # fmt: skip
+Statement = tuple[str, tuple]
+
+
+class FleetQueue:
+    """Tasks of the fleet, by id. Thread-safe.
+
+    Methods that write raise Unavailable, and change nothing, if the file cannot be written.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        """Raises Unavailable if the file cannot be used."""
+        self._lock = threading.Lock()
+        self._path = file
+        try:
+            if file is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(file or ":memory:", check_same_thread=False)
+            with self._db:
+                self._db.executescript(_SCHEMA)
+            self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.execute("PRAGMA synchronous=FULL")
+            self._tasks = {task.id: task for task in _read_tasks(self._db)}
+            rows = self._db.execute("SELECT robot, task_id, since_s FROM withdrawn").fetchall()
+        except (OSError, sqlite3.Error) as error:
+            raise Unavailable(
+                f"the fleet's queue {file} cannot be used ({error}); move that file away, or name "
+                "another with --fleet-queue"
+            ) from error
+        self._withdrawn = {offer.task_id: offer for offer in (WithdrawnOffer(*row) for row in rows)}
+
+    def close(self) -> None:
+        with self._lock:
+            self._db.close()
+
+    def get(self, id: str) -> FleetTask:
+        """Raises NotFound."""
+        with self._lock:
+            task = self._tasks.get(id)
+        if task is None:
+            raise NotFound(
+                f"there is no task {id[:40]!r} of the fleet; list them with GET /v1/fleet/tasks"
+            )
+        return task
+
+    def tasks(self) -> list[FleetTask]:
+        """All tasks, oldest first."""
+        with self._lock:
+            return sorted(self._tasks.values(), key=lambda t: (t.created_s, t.id))
+
+    def open_tasks(self) -> list[FleetTask]:
+        """Tasks that have not ended, in the order in which robots get them."""
+        return sorted(
+            (task for task in self.tasks() if not task.ended), key=lambda t: -t.request.priority
+        )
+
+    def withdrawn(self) -> list[WithdrawnOffer]:
+        with self._lock:
+            return list(self._withdrawn.values())
+
+    def add(self, task: FleetTask) -> None:
+        """Store a new task, and delete the oldest ended ones beyond `MOST_ENDED`."""
+        with self._lock:
+            ended = sorted((t.created_s, t.id) for t in self._tasks.values() if t.ended)
+            gone = [id for _, id in ended[: max(0, len(ended) - MOST_ENDED)]]
+            self._write(
+                (_PUT, _row(task)), *(("DELETE FROM tasks WHERE id = ?", (i,)) for i in gone)
+            )
+            self._tasks[task.id] = task
+            for id in gone:
+                del self._tasks[id]
+
+    def change(self, id: str, stages: Collection[Stage], **changes: Any) -> FleetTask | None:
+        """Change a task that is in one of these stages; None, and no change, for another one."""
+        with self._lock:
+            task = self._tasks.get(id)
+            if task is None or task.stage not in stages:
+                return None
+            changed = task.with_(**changes)
+            self._write((_PUT, _row(changed)))
+            self._tasks[id] = changed
+            return changed
+
+    def observe(self, id: str, task_id: str, task: pb.Task) -> None:
+        """Keep, in memory alone, how a begun task goes at its robot."""
+        with self._lock:
+            known = self._tasks.get(id)
+            if known is not None and known.stage is Stage.BEGUN and known.task_id == task_id:
+                self._tasks[id] = known.with_(task=task)
+
+    def withdraw(
+        self, id: str, task_id: str, stages: Collection[Stage], **changes: Any
+    ) -> FleetTask | None:
+        """Take a task from its robot, with the duty to cancel its offer there.
+
+        None, and no change, if the task is in another stage or has another offer.
+        """
+        with self._lock:
+            task = self._tasks.get(id)
+            if task is None or task.stage not in stages or task.task_id != task_id:
+                return None
+            offer = WithdrawnOffer(task.robot, task.task_id, time.time())
+            changed = task.withdrawn(**changes)
+            self._write(
+                (_PUT, _row(changed)), (_WITHDRAW, (offer.task_id, offer.robot, offer.since_s))
+            )
+            self._tasks[id] = changed
+            self._withdrawn[offer.task_id] = offer
+            return changed
+
+    def forget(self, offer: WithdrawnOffer) -> None:
+        """End the duty to cancel an offer."""
+        with self._lock:
+            self._write(("DELETE FROM withdrawn WHERE task_id = ?", (offer.task_id,)))
+            self._withdrawn.pop(offer.task_id, None)
+
+    def _write(self, *statements: Statement) -> None:
+        """Write all or nothing. The caller holds the lock."""
+        try:
+            with self._db:
+                for statement, values in statements:
+                    self._db.execute(statement, values)
+        except sqlite3.Error as error:
+            raise Unavailable(
+                f"the fleet's queue cannot be written to {self._path or 'memory'} ({error}); make "
+                "room on that disk, then try again"
+            ) from error
+
+
+def _row(task: FleetTask) -> tuple:
+    record = {name: getattr(task, name) for name in _PLAIN}
+    record["refused"] = dict(task.refused)
+    return (
+        task.id, task.stage.value, json.dumps(record), task.request.SerializeToString(),
+        task.task.SerializeToString(),
+    )  # fmt: skip
+
+
+def _read_tasks(db: sqlite3.Connection) -> list[FleetTask]:
+    """All tasks that can be read."""
+    out = []
+    rows = db.execute("SELECT id, stage, record, request, task FROM tasks").fetchall()
+    for id, stage, record, request, task in rows:
+        try:
+            plain = json.loads(record)
+            out.append(FleetTask(
+                id=id, request=pb.SubmitRequest.FromString(request),
+                task=pb.Task.FromString(task), stage=Stage(stage),
+                **{name: plain[name] for name in _PLAIN},
+            ))  # fmt: skip
+        except (DecodeError, ValueError, KeyError, TypeError) as error:
+            log.error("task %s of the fleet cannot be read (%s): it is left out", id, error)
+    return out

@@ -1,0 +1,273 @@
+"""The dispatcher over robots that drop out, and over links that lose requests and answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_gateway.error_responses import NotFound
+from helios_gateway.fleet import dispatcher as dispatching
+from helios_gateway.fleet.records import Stage
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.unit.gateway.made_up_fleet import MadeUpFleet, MadeUpRobot
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No waiting between attempts."""
+    for name in ("DROPPED_S", "RETRY_S", "ASK_S"):
+        monkeypatch.setattr(dispatching, name, 0.0)
+    return
+
+
+def fleet_of(count: int, file: Path | None = None) -> MadeUpFleet:
+    return MadeUpFleet([MadeUpRobot(f"robot-{k + 1}") for k in range(count)], file)
+
+
+def state(fleet: MadeUpFleet, id: str) -> tuple[str, str]:
+    task = fleet.dispatcher.queue.get(id)
+    return task.state, task.robot
+
+
+def test_a_task_goes_to_the_nearest_idle_robot_whose_map_knows_the_thing() -> None:
+    fleet = fleet_of(4)
+    fleet.robots["robot-2"].objects = [("mug", 5.0, 0.0, 0.6)]
+    fleet.robots["robot-3"].objects = [("mug", 1.0, 1.0, 0.4), ("mug", 0.1, 0.0, 0.05)]
+    fleet.robots["robot-4"].objects = [("mug", 0.1, 0.0, 0.9)]
+    fleet.robots["robot-4"].stopped = True
+    id = fleet.add("find the mug")
+    fleet.cycle(2)
+    assert state(fleet, id) == ("running", "robot-3")
+    assert fleet.dispatcher.queue.get(id).why == (
+        "robot-3's map had the mug 1.4 m away (score 0.40): the nearest of 2 idle robots with one "
+        "in its map"
+    )
+    fleet.robots["robot-3"].finish()
+    fleet.cycle()
+    assert state(fleet, id) == ("succeeded", "robot-3")
+    assert fleet.dispatcher.message(fleet.dispatcher.queue.get(id)) == "succeeded here"
+
+
+def test_each_robot_has_one_task_and_the_rest_wait_in_the_order_of_priority() -> None:
+    fleet = fleet_of(2)
+    low, high, middle = (fleet.add("find the mug", priority=p) for p in (-5, 7, 0))
+    fleet.cycle(2)
+    assert state(fleet, high)[0] == state(fleet, middle)[0] == "running"
+    assert state(fleet, low) == ("queued", "")
+    assert fleet.dispatcher.message(fleet.dispatcher.queue.get(low)) == (
+        "waits for an idle robot: 2 busy"
+    )
+    fleet.robots["robot-2"].finish()
+    fleet.cycle(2)
+    assert state(fleet, low) == ("running", "robot-2")
+
+
+def test_a_robot_that_drops_out_gives_back_the_task_that_it_has_not_begun() -> None:
+    fleet = fleet_of(2)
+    first = fleet.robots["robot-1"]
+    id = fleet.add("find the mug")
+    fleet.dispatcher.cycle()  # the robot has the task, and does not begin it
+    assert state(fleet, id) == ("queued", "robot-1")
+    first.bridge = False
+    fleet.dispatcher.cycle()
+    assert state(fleet, id) == ("queued", "robot-2")
+    assert fleet.dispatcher.queue.get(id).returned == 1
+    first.bridge = True
+    fleet.cycle(3)
+    assert [t.state for t in first.tasks.values()] == ["cancelled"]
+    assert fleet.begun("find the mug") == ["robot-2"]
+
+
+def test_a_begun_task_stays_with_a_robot_that_is_away_and_says_so() -> None:
+    fleet = fleet_of(2)
+    id = fleet.add("find the mug")
+    fleet.cycle(2)
+    robot = fleet.robots["robot-1"]
+    robot.here = robot.bridge = False
+    fleet.cycle(3)
+    assert state(fleet, id) == ("running", "robot-1")
+    task = fleet.dispatcher.queue.get(id)
+    assert fleet.dispatcher.message(task) == (
+        "robot-1 is away; the task stays with it, as it may have begun"
+    )
+    fleet.dispatcher.cancel(id)
+    assert "cancelled when the robot is back" in fleet.dispatcher.message(task.with_(
+        cancelling=True
+    ))  # fmt: skip
+    robot.here = robot.bridge = True
+    fleet.cycle(2)
+    assert state(fleet, id) == ("cancelled", "robot-1")
+    assert fleet.begun("find the mug") == ["robot-1"]
+
+
+def test_an_offer_without_answer_goes_to_another_robot_and_is_dropped_at_the_first() -> None:
+    fleet = fleet_of(2)
+    first = fleet.robots["robot-1"]
+    id = fleet.add("find the mug")
+    first.reach = "answer lost"
+    fleet.cycle()
+    assert [t.on_hold for t in first.tasks.values()] == [True]
+    first.bridge = False
+    fleet.cycle(2)
+    assert state(fleet, id) == ("running", "robot-2")
+    assert len(fleet.dispatcher.queue.withdrawn()) == 1
+    first.reach, first.bridge = "ok", True
+    fleet.cycle()
+    assert [t.state for t in first.tasks.values()] == ["cancelled"]
+    assert fleet.dispatcher.queue.withdrawn() == []
+
+
+def test_a_start_without_answer_stays_with_the_robot_until_it_answers(tmp_path: Path) -> None:
+    fleet = fleet_of(2, tmp_path / "queue.sqlite")
+    id = fleet.add("find the mug")
+    queue, first = fleet.dispatcher.queue, fleet.robots["robot-1"]
+    first.calls.clear()
+    original = first.call
+
+    def cut_at_start(method, request, timeout_s):
+        if method.name == "planner/resume":
+            first.reach = "answer lost"
+        return original(method, request, timeout_s)
+
+    first.call = cut_at_start  # type: ignore[method-assign]
+    fleet.dispatcher.cycle()
+    assert queue.get(id).stage is Stage.STARTING
+    first.call = original  # type: ignore[method-assign]
+    first.here = first.bridge = False
+    fleet.restart()
+    fleet.cycle(3)
+    assert state(fleet, id) == ("queued", "robot-1")
+    first.here, first.bridge, first.reach = True, True, "ok"
+    fleet.cycle(3)
+    assert fleet.begun("find the mug") == ["robot-1"]
+
+
+def test_a_waiting_task_outlives_the_gateway(tmp_path: Path) -> None:
+    fleet = fleet_of(1, tmp_path / "queue.sqlite")
+    running, waiting = fleet.add("find the mug"), fleet.add("find the can", priority=3)
+    ended = fleet.add("find the book", priority=9)
+    fleet.cycle(2)
+    fleet.robots["robot-1"].finish("failed")
+    fleet.cycle(2)
+    fleet.restart()
+    assert state(fleet, ended) == ("failed", "robot-1")
+    assert state(fleet, running) == ("queued", "")
+    assert fleet.dispatcher.queue.get(waiting).request.priority == 3
+    fleet.cycle(2)
+    assert state(fleet, waiting) == ("running", "robot-1")
+    assert fleet.begun("find the can") == ["robot-1"]
+
+
+def test_a_refusal_passes_the_task_on_and_ends_it_when_no_robot_is_left() -> None:
+    fleet = fleet_of(2)
+    one, two = fleet.robots.values()
+    id = fleet.add("find the mug")
+    one.refuses = "the robot has no camera"
+    fleet.cycle(3)
+    assert state(fleet, id) == ("running", "robot-2")
+    assert fleet.dispatcher.queue.get(id).refused == {"robot-1": "the robot has no camera"}
+    last = fleet.add("find the can")
+    two.refuses = "its detector does not know a can"
+    two.finish()
+    fleet.cycle(3)
+    assert state(fleet, last)[0] == "failed"
+    assert fleet.dispatcher.queue.get(last).message == (
+        "no robot can do it; robot-2: its detector does not know a can"
+    )
+
+
+def test_an_instruction_that_no_robot_understands_is_refused_at_once() -> None:
+    fleet = fleet_of(2)
+    for robot in fleet.robots.values():
+        robot.refuses = "no verb was understood"
+    with pytest.raises(InvalidInput, match="no verb was understood"):
+        fleet.add("dance")
+    with pytest.raises(NotFound, match="there is no robot 'robot-9' here; there are: robot-1"):
+        fleet.add("find the mug", wanted="robot-9")
+    assert fleet.dispatcher.queue.tasks() == []
+
+
+def test_a_task_for_one_robot_waits_for_it() -> None:
+    fleet = fleet_of(2)
+    second = fleet.robots["robot-2"]
+    second.bridge = False
+    id = fleet.add("find the mug", wanted="robot-2")
+    fleet.cycle(3)
+    assert state(fleet, id) == ("queued", "")
+    task = fleet.dispatcher.queue.get(id)
+    assert fleet.dispatcher.message(task) == "waits for robot-2, which is away"
+    second.bridge = True
+    fleet.cycle(2)
+    assert state(fleet, id) == ("running", "robot-2")
+
+
+def test_a_cancelled_task_begins_nowhere() -> None:
+    fleet = fleet_of(1)
+    waiting = fleet.add("find the mug")
+    assert fleet.dispatcher.cancel(waiting).state == "cancelled"
+    fleet.cycle(2)
+    assert fleet.begun("find the mug") == []
+    running = fleet.add("find the can")
+    fleet.cycle(2)
+    fleet.dispatcher.cancel(running)
+    fleet.cycle()
+    assert state(fleet, running) == ("cancelled", "robot-1")
+    assert fleet.dispatcher.cancel(running).state == "cancelled"
+    with pytest.raises(NotFound):
+        fleet.dispatcher.cancel("0" * 12)
+
+
+# What happens to one robot, and whether the dispatcher and the robots then make a step.
+CHANGES = ("ok", "lost", "answer lost", "late", "deliver", "finish", "away", "bridge away", "back",
+           "restart", "nothing")  # fmt: skip
+EVENTS = st.tuples(
+    st.sampled_from(CHANGES), st.sampled_from(["robot-1", "robot-2"]), st.booleans(), st.booleans()
+)
+
+
+@settings(max_examples=150, deadline=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+@given(events=st.lists(EVENTS, min_size=10, max_size=30), cancelled=st.sets(st.integers(0, 2)))
+def test_no_task_is_ever_begun_twice_and_each_one_ends(
+    events: list[tuple[str, str, bool, bool]], cancelled: set[int]
+) -> None:
+    fleet = fleet_of(2)
+    ids = [fleet.add(f"find the thing{k}") for k in range(3)]
+    for number, (change, name, cycles, works) in enumerate(events):
+        happen(fleet, change, fleet.robots[name])
+        if cycles:
+            fleet.dispatcher.cycle()
+        for robot in fleet.robots.values() if works else ():
+            robot.step()
+        for k in cancelled if number == 8 else ():
+            fleet.dispatcher.cancel(ids[k])
+        assert all(len(fleet.begun(f"find the thing{k}")) <= 1 for k in range(3))
+    for robot in fleet.robots.values():  # at last everything is well again
+        robot.reach, robot.here, robot.bridge = "ok", True, True
+        robot.deliver()
+    for _ in range(12):
+        fleet.cycle()
+        for robot in fleet.robots.values():
+            robot.finish()
+    for k, id in enumerate(ids):
+        task, begun = fleet.dispatcher.queue.get(id), fleet.begun(f"find the thing{k}")
+        assert task.state in ("succeeded", "cancelled")
+        assert begun == [task.robot] or (task.state == "cancelled" and len(begun) <= 1)
+
+
+def happen(fleet: MadeUpFleet, change: str, robot: MadeUpRobot) -> None:
+    """Change the link or the state of a robot, or restart the gateway."""
+    if change == "restart":
+        fleet.restart()
+    elif change == "finish":
+        robot.finish()
+    elif change == "deliver":
+        robot.deliver()
+    elif change in ("away", "bridge away", "back"):
+        robot.here = change != "away"
+        robot.bridge = change == "back"
+    elif change != "nothing":
+        robot.reach = change
