@@ -66,7 +66,7 @@ _OF_SERVICES = tuple(m for m in t.METHODS if not m.truth and m not in _WORLD)
 _READING = (
     t.GET_STATE, t.VOCABULARY, t.OBJECTS, t.GAUSSIANS, t.OBJECT_DETAIL, t.EXPORT_OBJECTS,
     t.RENDER_OBJECTS, t.SNAPSHOT, t.PICTURE, t.SIGHT, t.MAP_CHANGES, t.PATH_COST, t.RECALL,
-    t.CHECK, t.GET_TASK, t.LIST_TASKS, t.DECISIONS,
+    t.CHECK, t.GET_TASK, t.LIST_TASKS, t.DECISIONS, t.STORED_OBJECTS,
 )  # fmt: skip
 
 ACCESS: dict[str, Access] = {
@@ -97,14 +97,14 @@ ACCESS: dict[str, Access] = {
     ),
     "objectmap": _process("objectmap") | Access(
         publishes=(t.OBJECTMAP_ACK, t.RETIRED),
-        subscribes=(t.CONTEXT, t.ROBOT_STATE, t.OBSERVATION),
+        subscribes=(t.CONTEXT, t.ROBOT_STATE, t.OBSERVATION, t.RELOCALISATION),
         serves=(
             t.OBJECTS, t.WHAT_IF, t.RETIRE, t.RESET_OBJECTS, t.GAUSSIANS, t.SAVE_OBJECTS,
-            t.LOAD_OBJECTS, t.EXPORT_OBJECTS, t.RENDER_OBJECTS, t.OBJECT_DETAIL,
+            t.LOAD_OBJECTS, t.EXPORT_OBJECTS, t.RENDER_OBJECTS, t.OBJECT_DETAIL, t.STORED_OBJECTS,
         ),
     ),
     "map2d": _process("map2d") | Access(
-        publishes=(t.MAP2D_ACK,),
+        publishes=(t.MAP2D_ACK, t.RELOCALISATION),
         subscribes=(
             t.CONTEXT, t.ROBOT_DESCRIPTION, t.ROBOT_STATE, t.KEYFRAME, t.OBSERVATION, t.FRAME,
         ),
@@ -112,7 +112,7 @@ ACCESS: dict[str, Access] = {
             t.SNAPSHOT, t.MAP_CHANGES, t.PICTURE, t.SIGHT, t.PATH_COST, t.RECALL, t.SAVE_MAP2D,
             t.LOAD_MAP2D, t.RESET_MAP2D,
         ),
-        calls=(t.EMBED_TEXT,),
+        calls=(t.EMBED_TEXT, t.OBJECTS, t.STORED_OBJECTS),
     ),
     "planner": _process("planner") | Access(
         publishes=(t.CONTEXT, t.TASK, t.DECISION, t.PLAN, t.PLANNER_HEARTBEAT),
@@ -138,7 +138,7 @@ ACCESS: dict[str, Access] = {
         ),
         calls=(
             t.ACT, t.LEASE, t.STOP, t.CLEAR_STOP, t.PUSH, t.ROBOT_CHECKS, t.VOCABULARY, t.OBJECTS,
-            t.GAUSSIANS,
+            t.GAUSSIANS, t.STORED_OBJECTS,
             t.OBJECT_DETAIL, t.EXPORT_OBJECTS, t.RENDER_OBJECTS, t.RESET_OBJECTS, t.SAVE_OBJECTS,
             t.LOAD_OBJECTS, t.SNAPSHOT, t.PICTURE, t.RECALL, t.SAVE_MAP2D, t.LOAD_MAP2D,
             t.RESET_MAP2D, t.SUBMIT, t.CHECK, t.GET_TASK, t.LIST_TASKS, t.CANCEL, t.PAUSE,
