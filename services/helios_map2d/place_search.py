@@ -11,6 +11,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from helios_core import proto as pb
@@ -21,12 +22,14 @@ from helios_core.topics import OBJECTS, RELOCALISATION, STORED_OBJECTS
 from helios_core.types import WorldId
 
 from helios_map2d.epochs import EpochMaps, Sought
-from helios_map2d.relocalisation.alignment import Alignment, StoredMap, align, prepared
-from helios_map2d.relocalisation.grid_fields import OccupancyGrid
 from helios_map2d.relocalisation.landmarks import Landmark
 from helios_map2d.relocalisation.poses import Transform2
 from helios_map2d.relocalisation.state import Fix, PlaceState
 from helios_map2d.snapshots.snapshot import MapSnapshot
+
+if TYPE_CHECKING:
+    from helios_map2d.relocalisation.alignment import Alignment, StoredMap
+    from helios_map2d.relocalisation.grid_fields import OccupancyGrid
 
 log = logging.getLogger(__name__)
 
@@ -125,6 +128,8 @@ class PlaceSearch:
 
     def attempt(self) -> None:
         """Align the present map with the stored one once, and act on the result."""
+        from helios_map2d.relocalisation.alignment import align, prepared  # needs SciPy's FFT
+
         with self._lock:
             maps, sought = self._maps(), self._sought
             current = maps.current if maps is not None else None
@@ -213,6 +218,8 @@ class PlaceSearch:
 
 
 def _grid(published: MapSnapshot) -> OccupancyGrid:
+    from helios_map2d.relocalisation.grid_fields import OccupancyGrid  # needs SciPy
+
     return OccupancyGrid(published.occupancy, published.grid.origin_m, published.grid.cell_m)
 
 

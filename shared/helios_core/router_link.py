@@ -11,6 +11,7 @@ from pathlib import Path
 from helios_core.errors import InvalidInput
 from helios_core.private_file import check_private
 
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 SESSIONS = "sessions"  # folder of the session files, in a folder of `helios certs`
 ROUTER_FILE = "router.json5"
 TLS = "tls/"

@@ -36,7 +36,7 @@ from helios_core.agent_presets import service_settings
 from helios_core.errors import InvalidInput
 from helios_core.log_format import LogFormat
 from helios_core.name_rules import robot_name, robot_names
-from helios_core.router_link import RouterLink, router_link
+from helios_core.router_link import DEFAULT_ROUTER, RouterLink, router_link
 from helios_core.settings_spelling import (
     OF_ALL,
     check_tables,
@@ -70,7 +70,6 @@ LOG_LEVELS = ("debug", "info", "warning", "error")
 LogLevel = Annotated[str, AfterValidator(_level)]
 RobotName = Annotated[str, AfterValidator(_robot)]
 RobotNames = Annotated[str, AfterValidator(_robots)]  # comma-separated, each once; may be empty
-DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 
 
 def service_config(service: str) -> SettingsConfigDict:

@@ -35,9 +35,9 @@ MAY_IMPORT = {
     "objectmap": CORE | KERNELS | {"scipy.special"},
     "map2d": CORE | KERNELS,
     "planner": CORE | KERNELS,
-    "gateway": CORE | WEB,
+    "gateway": CORE | WEB | RECORDINGS,
     "recorder": CORE | RECORDINGS,
-    "services": CORE | KERNELS | WEB | {"scipy.special"},  # of `helios up --compact`
+    "services": CORE | KERNELS | WEB | RECORDINGS | {"scipy.special"},  # of `helios up --compact`
 }  # fmt: skip
 NOISE = {"charset_normalizer", "cython_runtime"}  # by-products of numpy and of compiled modules
 

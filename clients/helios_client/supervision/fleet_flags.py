@@ -6,7 +6,7 @@ from pathlib import Path
 
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import robot_names, same_name
-from helios_core.settings import DEFAULT_ROUTER
+from helios_core.router_link import DEFAULT_ROUTER
 
 from helios_client.supervision.service_specs import REMOTE
 from helios_client.usage_errors import UsageError

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_map2d.relocalisation.alignment import Alignment
 from helios_map2d.relocalisation.poses import Transform2
+
+if TYPE_CHECKING:
+    from helios_map2d.relocalisation.alignment import Alignment
 
 AGREES_M, AGREES_RAD = 0.15, math.radians(3)  # between two alignments that confirm each other
 NEW_M2 = 0.5  # area that becomes known between them, at least
