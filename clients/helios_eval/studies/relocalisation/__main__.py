@@ -19,6 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from helios_core import proto as pb
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import RELOCALISATION
 from helios_sim.home import PRESETS
@@ -143,7 +144,7 @@ def _play_all(given: argparse.Namespace, console: Console) -> None:
             continue
         other = given.seeds[i - 1] if len(given.seeds) > 1 else seed + 1
         done = played(given.out, given.preset, seed, other, given.sensor, given.second_visits)
-        path.write_text(json.dumps(asdict(done)))
+        write_file(path, json.dumps(asdict(done)))
         console.print(_line(done))
 
 
