@@ -64,10 +64,8 @@ class ActionExecutor:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
-        self._watch: Callable[[], None] | None = None
-        self._physics = RobotPhysics(
-            model, data, robot, self._whole_step, lambda: self._gripper.held_body
-        )
+        gripper = self._gripper
+        self._physics = RobotPhysics(model, data, robot, gripper.step, lambda: gripper.held_body)
         self._base = Base(model, data, robot, movable, self._physics, trace or DriveTrace())
         classes = {thing.name: thing.class_name for thing in home.objects}
         self._manipulation = Manipulation(
@@ -107,13 +105,7 @@ class ActionExecutor:
 
     def watch_drives(self, watch: Callable[[], None] | None) -> None:
         """Call `watch` after each physics step of the following drives; None: no longer."""
-        self._watch = watch
-        self._physics.always_whole = watch is not None
-
-    def _whole_step(self) -> None:
-        self._gripper.step()
-        if self._watch is not None:
-            self._watch()
+        self._physics.watch = watch
 
     def _driven(self, drive: Drive, stop_asked: Callable[[], str | None]) -> Outcome:
         mujoco.mj_forward(self._model, self._data)

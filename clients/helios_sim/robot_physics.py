@@ -52,7 +52,7 @@ class RobotPhysics:
         self._controls = list(robot.controls)
         self._alone_qpos, self._alone_ctrl = self._alone_data.qpos, self._alone_data.ctrl
         self._margin_m = BODY_RADIUS_M + 2 * float(model.geom_margin.max(initial=0.0))
-        self.always_whole = False  # True: no step of the robot alone
+        self.watch: Callable[[], None] | None = None  # called after each step, all then whole
         self._ahead = False  # the robot alone is further than the whole model
         fixed, self._loose = _colliding_geoms(model, robot)
         self._fixed = _beside_body(model, data, fixed)
@@ -87,7 +87,7 @@ class RobotPhysics:
 
         True if the step was one of the whole model, so that contacts are listed.
         """
-        if not (whole or self.always_whole) and self._is_free():
+        if not whole and self.watch is None and self._is_free():
             if not self._ahead:
                 self._copy_to_alone()
             mujoco.mj_step(self._alone, self._alone_data)
@@ -96,6 +96,8 @@ class RobotPhysics:
             self._copy_to_whole()
         self._data.ctrl[self._controls] = self._alone_ctrl
         self._step_whole()
+        if self.watch is not None:
+            self.watch()
         return True
 
     def _is_free(self) -> bool:

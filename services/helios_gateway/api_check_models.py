@@ -11,7 +11,9 @@ class RobotCheck(BaseModel):
     """Result of one check of the robot's set-up."""
 
     name: str = Field(examples=["pitch"])
-    verdict: Literal["ok", "wrong", "not measured"]
+    verdict: Literal["ok", "wrong", "not measured"] = Field(
+        description="ok: within the limit; wrong: surely beyond it"
+    )
     value: float | None = Field(description="measured value, in `unit`; null: not measured")
     error: float | None = Field(description="standard error of the value; null: not measured")
     limit: float = Field(description="largest size of the value that is right, in `unit`")
@@ -25,7 +27,7 @@ class RobotCheck(BaseModel):
 class RobotChecks(BaseModel):
     """Results of all checks of the robot's set-up so far."""
 
-    checks: list[RobotCheck]
+    checks: list[RobotCheck] = Field(description="one result per check")
     images: int = Field(description="number of images at rest behind the results")
     free_ahead_m: float = Field(
         description="free distance in front of the robot in the newest of these images, metres; 0: "

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 EVERY_KEYFRAMES = 3  # between two attempts
+CLOSE_WITHIN_S = 1.0  # a running attempt is not waited for any longer
 CALL_S = 2.0  # for the objects; without an answer the maps are aligned without landmarks
 
 
@@ -113,6 +114,7 @@ class PlaceSearch:
     def close(self) -> None:
         self._ending.set()
         self._wake.set()
+        self._thread.join(CLOSE_WITHIN_S)
 
     def _run(self) -> None:
         while not self._ending.is_set():

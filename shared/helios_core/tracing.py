@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Protocol
@@ -111,7 +111,8 @@ def span(
             with _recorder.span(name, parent, known) as recorded:
                 yield recorded
     finally:
-        _ids.reset(token)
+        with suppress(ValueError):  # it began in another thread, which keeps its own ids
+            _ids.reset(token)
 
 
 def present_span() -> Span:

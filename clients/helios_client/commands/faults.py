@@ -17,7 +17,6 @@ from helios_client.commands.shared_options import (
     flatten_options,
     print_json,
 )
-from helios_client.usage_errors import UsageError
 
 app = typer.Typer()
 
@@ -40,6 +39,8 @@ def faults(
     as_json: Json = False,
 ) -> None:
     """List the faults: what was raised, confirmed and cleared, how often, and its recordings."""
+    from helios_client.usage_errors import UsageError
+
     if clear is not None and save is not None:
         raise UsageError("--clear and --save are two requests; give one at a time")
     if out is not None and save is None:
@@ -61,6 +62,8 @@ def faults(
 
 def _named(found: FaultList, name: str) -> str:
     """Name of the newest recording for `last`. Raises UsageError if there is none."""
+    from helios_client.usage_errors import UsageError
+
     if name.casefold() != "last":
         return name
     finished = [r for r in found.recordings if r.bytes is not None]
@@ -71,6 +74,8 @@ def _named(found: FaultList, name: str) -> str:
 
 def _write(out: Path | None, name: str, data: bytes) -> Path:
     from helios_core.atomic_file import unwritable_reason, write_file
+
+    from helios_client.usage_errors import UsageError
 
     path = Path(name) if out is None else out / name if out.is_dir() else out
     if why := unwritable_reason(path):

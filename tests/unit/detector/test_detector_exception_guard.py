@@ -102,10 +102,10 @@ def test_an_unexpected_fault_at_the_start_of_a_fleet_is_reported_to_every_robot(
     class FaultyBus(MemoryBus):
         """Raises when somebody subscribes to keyframes."""
 
-        def subscribe(self, topic: Any, handler: Any) -> Any:
+        def subscribe_in_place(self, topic: Any, handler: Any) -> Any:
             if topic is KEYFRAME:
                 raise RuntimeError("the session is torn")
-            return super().subscribe(topic, handler)
+            return super().subscribe_in_place(topic, handler)
 
     def connect(_: Fleet, robot: str) -> MemoryBus:
         return (FaultyBus if robot == "bob" else MemoryBus)(hub, robot)

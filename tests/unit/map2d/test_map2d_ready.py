@@ -31,6 +31,12 @@ def test_the_service_is_ready_only_after_it_has_subscribed() -> None:
             heard[topic.name] = health.state[0]
             return super().subscribe(topic, handler)
 
+        def subscribe_in_place(
+            self, topic: Topic[Any], handler: Callable[[Any], None]
+        ) -> Registration:
+            heard[topic.name] = health.state[0]
+            return super().subscribe_in_place(topic, handler)
+
     Map2DService(Watched(MemoryHub()), Settings.load([]), health)
     assert health.state[0] == "ready"
     for topic in (CONTEXT, ROBOT_DESCRIPTION, KEYFRAME, OBSERVATION):

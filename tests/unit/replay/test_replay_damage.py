@@ -41,7 +41,7 @@ def tour(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, list[pb.Frame]]:
     folder = tmp_path_factory.mktemp("tour")
-    return record(folder, FRAMES, chunk_mb=0.02, compression=request.param)
+    return record(folder, FRAMES, chunk_mb=0.03, compression=request.param)
 
 
 def chunks_of(path: Path) -> Chunks:
@@ -145,7 +145,7 @@ def test_a_file_without_an_index_is_played_except_for_its_damaged_chunks(
 
 def test_a_channel_that_is_declared_after_its_messages_is_read(tmp_path: Path) -> None:
     """Damage to the first chunk and to the declarations after it has this effect."""
-    path, sent = record(tmp_path, FRAMES, chunk_mb=0.02)
+    path, sent = record(tmp_path, FRAMES, chunk_mb=0.03)
     chunks = chunks_of(path)
     data = bytearray(killed(path, tmp_path / "killed.mcap").read_bytes())
     late = bytes(data[chunks[0].stop : chunks[1].start])
@@ -159,7 +159,7 @@ def test_a_file_with_lost_channel_declarations_is_refused_with_the_cause(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RecordingFile, "_declare", lambda _: None)  # like older recorders
-    path, _ = record(tmp_path, FRAMES, chunk_mb=0.02)
+    path, _ = record(tmp_path, FRAMES, chunk_mb=0.03)
     chunks = chunks_of(path)
     broken = damaged(killed(path, tmp_path / "killed.mcap"), [chunks[0].stop - 5], tmp_path / "b")
     whole_chunks = len(chunks) - 1
