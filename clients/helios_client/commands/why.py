@@ -15,7 +15,6 @@ from helios_client.commands.shared_options import (
     named_values,
     print_json,
 )
-from helios_client.usage_errors import UsageError
 
 app = typer.Typer()
 
@@ -53,6 +52,7 @@ def why(
     """Explain a task by its decisions. Shows the candidates and one sentence for each."""
     from helios_client.commands.decision_view import flips, report
     from helios_client.commands.tables import task_by_name
+    from helios_client.usage_errors import UsageError
 
     if traced and changes:
         raise UsageError("--trace and --set are two questions; ask one at a time")

@@ -144,7 +144,7 @@ def measured_parts(clock: PartClock, on_action: Callable[[], None]) -> Iterator[
             for name in names:
                 patch(owner, name, clock.counted(getattr(owner, name), part))
         patch(World, "act", _announced(World.act, on_action))
-        for name in ("subscribe", "serve"):
+        for name in ("subscribe", "subscribe_in_place", "serve"):
             patch(MemoryBus, name, _with_counted_handler(clock, getattr(MemoryBus, name)))
         for module, name, function in _codec_functions():
             patch(module, name, clock.counted(function, MESSAGES))
