@@ -37,7 +37,7 @@ def _record(bus_class) -> None:
         return topic.key(self.robot)
 
     wrap("publish", "put", of_topic)
-    wrap("subscribe", "subscribe", of_topic)
+    wrap("_subscribe", "subscribe", of_topic)
     wrap("serve", "serve", of_topic)
     wrap("_ask", "call", of_topic)
     wrap("announce", "announce", lambda self, service, *_: f"{self.robot} {service}")

@@ -84,10 +84,7 @@ def test_a_task_succeeds_and_each_service_does_only_what_the_table_allows(
 
 # What other drivers, agents and settings need.
 ELSEWHERE = {
-    "bridge": (
-        "subscribe helios/v1/robot/planner/context", "subscribe helios/v1/robot/*/status",
-        "watch robot",
-    ),
+    "bridge": ("subscribe helios/v1/robot/*/status", "watch robot"),
     "detector": (
         "subscribe helios/v1/robot/detector/claim", "subscribe helios/v1/robot/objectmap/ack",
     ),
