@@ -206,7 +206,8 @@ def test_gaussians_are_seen_through_as_in_whole_images(seed):
     z = (rng.choice(depth_m.ravel(), 300) - rng.choice([0, 0.05, 0.2], 300)).astype(np.float32)
     projection = cast(Projection, SimpleNamespace(uv=uv, depth_m=z, rows=np.arange(300)))
     found = compare_with_depth(projection, depth_m)
-    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0).reshape(height, width)
+    eroded = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0)
+    nearest = eroded.reshape(height, width).astype(np.float32)
     through, there = [], []
     nearer_m, close_m = (tolerance_m(a, CARVE_FRONT_M) for a in (nearest, depth_m))
     for k, (u, v) in enumerate(np.rint(uv).astype(int)):
