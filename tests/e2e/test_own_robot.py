@@ -90,7 +90,12 @@ def test_a_forward_action_succeeds_and_the_map_integrates_its_keyframe(
 
     wait_until(answers, 20, "the map has answered the drive's keyframe")
     assert answers()[0].accepted, answers()[0].reason
-    (frame,) = (k for k in keyframes if k.id == result.keyframe)
+
+    def drives() -> list[pb.Frame]:
+        return [k for k in keyframes if k.id == result.keyframe]
+
+    wait_until(drives, 20, "the drive's keyframe is heard here, too")
+    (frame,) = drives()
     np.testing.assert_allclose(frame_from_proto(frame).T_world_base[:2, 3], [0.5, 0.0], atol=0.02)
 
 
