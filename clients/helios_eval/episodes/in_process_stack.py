@@ -188,6 +188,7 @@ class InProcessStack:
     def close(self) -> None:
         """End the services; the world stays open."""
         self._planner.close()
+        self._map2d.close()
         self._detector.close()
         self._bus.close()
         self._folder.cleanup()
