@@ -22,8 +22,22 @@ class _FromJson:
         return cls(**values, raw=raw)
 
 
+class _WithEnd:
+    """What the state of a task says about its end."""
+
+    state: str
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ENDED
+
+    @property
+    def succeeded(self) -> bool:
+        return self.state == "succeeded"
+
+
 @dataclass(frozen=True)
-class Task(_FromJson):
+class Task(_WithEnd, _FromJson):
     """A task and its progress. Times are seconds since 1970."""
 
     id: str = ""
@@ -58,17 +72,9 @@ class Task(_FromJson):
     trace_id: str = ""  # trace in OpenTelemetry; empty: it is not traced
     recordings: list[str] = field(default_factory=list)  # names of recordings around its failure
 
-    @property
-    def ended(self) -> bool:
-        return self.state in ENDED
-
-    @property
-    def succeeded(self) -> bool:
-        return self.state == "succeeded"
-
 
 @dataclass(frozen=True)
-class FleetTask(_FromJson):
+class FleetTask(_WithEnd, _FromJson):
     """A task of the fleet. Times are seconds since 1970."""
 
     id: str = ""  # its id in the fleet
@@ -86,14 +92,6 @@ class FleetTask(_FromJson):
     created_s: float = 0.0
     ended_s: float = 0.0
     task: dict[str, Any] | None = None  # the task at its robot, as JSON
-
-    @property
-    def ended(self) -> bool:
-        return self.state in ENDED
-
-    @property
-    def succeeded(self) -> bool:
-        return self.state == "succeeded"
 
 
 @dataclass(frozen=True)

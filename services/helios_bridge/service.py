@@ -110,7 +110,9 @@ class BridgeService:
         self._stop_lock = threading.Lock()
         self._stops, self._clearing = 0, False
         self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
-        self._monitor = HeartbeatMonitor(bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt)
+        self._heartbeats = HeartbeatMonitor(
+            bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt
+        )
         self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
@@ -119,7 +121,7 @@ class BridgeService:
         self._publisher = FramePublisher(
             bus, self._driver, settings, self._health, self._acks, first
         )
-        self._monitor_setup = self._setup_monitor()
+        self._setup = self._new_setup_monitor()
         self._player: RecordingPlayer | None = None
         self._push_queue: PushedFrameQueue | None = None
         if isinstance(driver, PushDriver):
@@ -157,7 +159,7 @@ class BridgeService:
             self._executor.start("play", lambda: player.run(self._ending, self._publish_state))
         elif self._push_queue is None and self._settings.stream_hz > 0:
             self._executor.start("stream", self._stream)
-        if (setup := self._monitor_setup) is not None:
+        if (setup := self._setup) is not None:
             self._executor.start("checks of the set-up", lambda: setup.run(self._ending))
         if self._stopped_why:
             log.warning("stopped since before the start: %s", self._stopped_why)
@@ -254,7 +256,7 @@ class BridgeService:
 
         Raises Conflict if the checks are off, and the errors of a capture.
         """
-        setup = self._monitor_setup
+        setup = self._setup
         if setup is None:
             raise Conflict(NOT_CHECKED)
         if request.restart:
@@ -298,7 +300,7 @@ class BridgeService:
             log.error("the driver could not let go of the robot: %s", error)
         return hanging
 
-    def _setup_monitor(self) -> SetupMonitor | None:
+    def _new_setup_monitor(self) -> SetupMonitor | None:
         """Monitor of the robot's set-up; None if there is nothing to check."""
         s = self._settings
         if not s.checks or s.depth != "sensor" or self._description.recorded:
@@ -383,7 +385,7 @@ class BridgeService:
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
-                with self._monitor.watching(request.action_id, request.beats):
+                with self._heartbeats.watching(request.action_id, request.beats):
                     done = self._robot_acts(action, request.action_id)
             finally:
                 self._busy_until_s = None
@@ -410,7 +412,7 @@ class BridgeService:
 
     def _driver_act(self, action: Action, action_id: str) -> ActionResult:
         """Result of the driver's action; during a turn for `helios doctor` with images."""
-        setup = self._monitor_setup
+        setup = self._setup
         hz = setup.watch_hz() if setup is not None and isinstance(action, Turn) else 0.0
         if setup is None or hz == 0.0:
             return self._driver.act(action, action_id)

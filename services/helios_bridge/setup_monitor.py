@@ -31,11 +31,15 @@ IDLE_S = 1.0
 
 
 class SetupMonitor:
-    """Checks of one robot. Thread-safe; `run` is its thread, and `results` works without it."""
+    """Checks of one robot. Thread-safe; `run` is its thread, and `results` works without it.
+
+    `add` waits for no check: it runs in the thread that publishes keyframes.
+    """
 
     def __init__(self, robot: RobotDescription, health: BridgeHealth) -> None:
         self._robot, self._health = robot, health
-        self._lock = threading.Lock()  # on all below except the queue
+        self._working = threading.Lock()  # held while images are checked
+        self._lock = threading.Lock()  # on all below; held for moments only
         self._queue: deque[list[Capture]] = deque()  # one keyframe, or the images of a turn
         self._wake = threading.Event()
         self._checks = RobotChecks(robot.camera)
@@ -76,23 +80,25 @@ class SetupMonitor:
             if self._left == 0 or len(self._queue) >= MOST_WAITING:
                 return
             self._left -= 1
-        self._queue.append([capture])
+            self._queue.append([capture])
         self._wake.set()
 
     def add_watched(self, captures: Sequence[Capture]) -> None:
         """Add images taken while the robot turned, after the newest keyframe."""
         if len(captures) > 1:
-            self._queue.append(list(captures))
+            with self._lock:
+                self._queue.append(list(captures))
             self._wake.set()
 
     def results(self) -> pb.RobotChecksReply:
         """Results of all images so far."""
-        self._process()
-        with self._lock:
-            findings = self._checks.findings()
+        with self._working:
+            self._process()
+            with self._lock:
+                checks, ahead_m = self._checks, self._ahead_m
             return pb.RobotChecksReply(
-                checks=[_to_proto(finding) for finding in findings],
-                images=self._checks.views, free_ahead_m=self._ahead_m,
+                checks=[_to_proto(finding) for finding in checks.findings()],
+                images=checks.views, free_ahead_m=ahead_m,
             )  # fmt: skip
 
     def run(self, ending: threading.Event) -> None:
@@ -101,7 +107,8 @@ class SetupMonitor:
             if self._wake.wait(IDLE_S):
                 self._wake.clear()
                 try:
-                    self._process()
+                    with self._working:
+                        self._process()
                 except Exception:  # a check must not end the bridge
                     log.exception("the robot's set-up could not be checked")
 
@@ -111,19 +118,24 @@ class SetupMonitor:
         self._left = keyframes
 
     def _process(self) -> None:
-        """Check all images that wait, and report what is wrong."""
+        """Check all images that wait, and report what is wrong. `_working` is held."""
+        checks = None
+        while (taken := self._next()) is not None:
+            checks, (first, *more) = taken
+            if more:
+                checks.add_watched([first, *more])
+                continue
+            checks.add(first)
+            ahead_m = free_ahead_m(first, self._robot)
+            with self._lock:
+                self._ahead_m = ahead_m
+        if checks is not None and checks.views >= SETTLED:
+            self._report(warning(checks.findings()))
+
+    def _next(self) -> tuple[RobotChecks, list[Capture]] | None:
+        """Oldest images that wait, and the checks that they belong to; None without any."""
         with self._lock:
-            came = False
-            while self._queue:
-                first, *more = self._queue.popleft()
-                came = True
-                if more:
-                    self._checks.add_watched([first, *more])
-                    continue
-                self._checks.add(first)
-                self._ahead_m = free_ahead_m(first, self._robot)
-            if came and self._checks.views >= SETTLED:
-                self._report(warning(self._checks.findings()))
+            return (self._checks, self._queue.popleft()) if self._queue else None
 
     def _report(self, wrong: str) -> None:
         if wrong == self._said:

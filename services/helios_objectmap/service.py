@@ -16,17 +16,14 @@ from helios_core.bus import Bus
 from helios_core.codec import (
     context_from_proto,
     frame_id_to_proto,
-    object_to_proto,
     observation_from_proto,
     state_from_proto,
     vector_from_proto,
-    vector_to_proto,
 )
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.image_messages import ObservationMessage, apart
-from helios_core.keyframe_acks import MapPart
 from helios_core.map_autosave import AutosavedFile
 from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
@@ -57,6 +54,7 @@ from helios_objectmap.camera import View
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.error_model import ErrorModelInUse
 from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.object_messages import ack_message, detail_message, object_message
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.stored_objects import StoredObjects
 from helios_objectmap.warm_up import warm_up
@@ -213,7 +211,7 @@ class ObjectMapService:
                 observation.context_id not in self._over
             )
             if is_unknown:
-                self._waiting.append((apart(message).head, _kept(observation)))
+                self._waiting.append((apart(message).head, _with_own_color(observation)))
                 if len(self._waiting) > MOST_WAITING:
                     dropped = self._waiting.popleft()[0]
         if dropped is not None:
@@ -237,7 +235,7 @@ class ObjectMapService:
         if newest is not None:
             reply.id.CopyFrom(frame_id_to_proto(newest))
         reply.objects.extend(
-            _message(o, o.id in published.relocalised)
+            object_message(o, o.id in published.relocalised)
             for o in published.objects
             if (not wanted or o.class_name in wanted) and o.class_score >= request.min_class_score
         )
@@ -404,19 +402,7 @@ class ObjectMapService:
             grasp = present.grasp(request.object_id)
         if found is None or grasp is None:
             raise self._unknown(request.object_id)
-        return pb.ObjectDetail(
-            object=object_to_proto(found),
-            history=[
-                pb.Moment(
-                    stamp_ns=m.stamp_ns, views=m.views, score=m.score, class_score=m.class_score
-                )
-                for m in history
-            ],
-            points_m=grasp.points_m.ravel().tolist(),
-            box_center_m=vector_to_proto(grasp.center_m),
-            box_size_m=vector_to_proto(grasp.size_m),
-            box_yaw_rad=grasp.yaw_rad,
-        )
+        return detail_message(found, history, grasp)
 
     # Parts ------------------------------------------------------------------------------------
     def _integrate(self, message: ObservationMessage, observation: Observation) -> None:
@@ -444,13 +430,7 @@ class ObjectMapService:
         self._health.count("observations_accepted")
         self._health.sample("update_ms", update_ms)
         self._health.set("gaussians", report.total)
-        self._bus.publish(
-            OBJECTMAP_ACK,
-            pb.Ack(
-                service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=True,
-                version=version, update_ms=update_ms, context_id=observation.context_id,
-            ),
-        )  # fmt: skip
+        self._bus.publish(OBJECTMAP_ACK, ack_message(message, version, update_ms=update_ms))
 
     def _update(self, observation: Observation):
         context = self._context
@@ -501,13 +481,7 @@ class ObjectMapService:
         log.warning("observation of frame %d refused: %s", message.frame.id.seq, reason)
         with self._lock:
             version = self._version
-        self._bus.publish(
-            OBJECTMAP_ACK,
-            pb.Ack(
-                service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=False,
-                reason=reason, version=version, context_id=message.context_id,
-            ),
-        )  # fmt: skip
+        self._bus.publish(OBJECTMAP_ACK, ack_message(message, version, reason=reason))
 
     # The map kept on disk ---------------------------------------------------------------------
     @property
@@ -608,13 +582,7 @@ class ObjectMapService:
         return InvalidInput(f"no object {object_id}: ask for the objects again, they have changed")
 
 
-def _message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstance:
-    out = object_to_proto(thing)
-    out.relocalised = relocalised
-    return out
-
-
-def _kept(observation: Observation) -> Observation:
+def _with_own_color(observation: Observation) -> Observation:
     """The observation with a colour image of its own: the received one may lie in shared memory."""
     frame = observation.frame
     return replace(observation, frame=replace(frame, color=frame.color.copy()))

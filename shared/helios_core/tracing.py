@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Protocol
@@ -111,8 +111,7 @@ def span(
             with _recorder.span(name, parent, known) as recorded:
                 yield recorded
     finally:
-        with suppress(ValueError):  # it began in another thread, which keeps its own ids
-            _ids.reset(token)
+        _ids.reset(token)
 
 
 def present_span() -> Span:

@@ -165,7 +165,7 @@ class Dispatcher:
         """Follow every open task one step, and give the waiting ones to idle robots."""
         is_used = len(self.robots) > 1 or bool(self.queue.open_tasks())
         for robot in self.robots.values():
-            robot.away_s()
+            robot.note_presence()
             if is_used:
                 robot.refresh()
         for offer in self.queue.withdrawn():
@@ -286,7 +286,7 @@ class Dispatcher:
                 self._lost(task)
                 return
         self._take(task, heard)
-        if heard.state == "queued" and robot is not None and robot.away_s() > DROPPED_S:
+        if heard.state == "queued" and robot is not None and robot.away_s > DROPPED_S:
             self._take_back(task)
 
     def _take(self, task: FleetTask, heard: pb.Task) -> None:

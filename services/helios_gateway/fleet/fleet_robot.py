@@ -100,14 +100,17 @@ class FleetRobot:
     def connected(self) -> bool:
         return self.served.monitor.services.is_alive("bridge")
 
-    def away_s(self) -> float:
-        """Time since the robot was last seen; 0 while it is there. Call it regularly."""
+    def note_presence(self) -> None:
+        """Note whether the robot is there. Call it in every cycle, for `away_s`."""
         if self.connected:
             self._away_since_s = None
-            return 0.0
-        if self._away_since_s is None:
+        elif self._away_since_s is None:
             self._away_since_s = self._clock()
-        return self._clock() - self._away_since_s
+
+    @property
+    def away_s(self) -> float:
+        """Time since the robot dropped out; 0 while it is there."""
+        return 0.0 if self._away_since_s is None else self._clock() - self._away_since_s
 
     def reasons(self) -> list[str]:
         """Why a task would not start now; empty if it would."""

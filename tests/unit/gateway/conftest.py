@@ -12,12 +12,18 @@ from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 
 from tests.gateway_backend import Backend
+from tests.unit.gateway.gateway_clock import Clock
 from tests.unit.gateway.gateway_frames import bridge
 
 __all__ = ["bridge"]
 
 # The fake services report only once, and tests send any number of requests.
 PATIENT = Settings.load(["--silent-after-s", "3600", "--requests-per-s", "1000000"])
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
 
 
 @pytest.fixture

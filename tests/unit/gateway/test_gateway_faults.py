@@ -14,20 +14,9 @@ from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.service_registry import ServiceRegistry
 
 from tests.gateway_backend import Backend
+from tests.unit.gateway.gateway_clock import Clock
 
 TASK = {"instruction": "move the mug to the kitchen counter"}
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from helios_core import proto as pb
@@ -82,18 +83,19 @@ def test_an_answer_on_its_way_still_counts() -> None:
 
 
 def test_a_task_looks_again_when_the_map_is_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = Scene()
+    worker = ThreadPoolExecutor(1)  # all actions of a task come from one thread
+    scene = worker.submit(Scene).result()
     monkeypatch.setattr(client, "ACK_PATIENCE_S", 120.0)  # the test would end before it
     scene.peers.bus.publish(status_topic("objectmap"), status("objectmap", "one"))
     scene.peers.silent = {MapPart.OBJECTS}
     keyframes = scene.listener.on_keyframe.call_count
-    acting = threading.Thread(target=lambda: scene.robot.act(Turn(0.3)))
-    acting.start()
+    acting = worker.submit(scene.robot.act, Turn(0.3))
     wait_until(
         lambda: scene.listener.on_keyframe.call_count > keyframes, 10, "the keyframe is there"
     )
     scene.peers.silent = set()
     scene.peers.bus.publish(status_topic("objectmap"), status("objectmap", "two"))
-    acting.join(30)
-    assert not acting.is_alive()
+    acting.result(30)
     assert scene.done()[-2:] == [Turn, Observe]
+    worker.submit(scene.robot.end).result(10)
+    worker.shutdown()

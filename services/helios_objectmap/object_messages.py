@@ -1,0 +1,48 @@
+"""Messages of the object map: objects, one object in detail, acknowledgements of observations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from helios_core import proto as pb
+from helios_core.codec import object_to_proto, vector_to_proto
+from helios_core.image_messages import ObservationMessage
+from helios_core.keyframe_acks import MapPart
+from helios_core.types import ObjectInstance
+
+from helios_objectmap.instances.registry import Moment
+from helios_objectmap.instances.summary import Grasp
+
+
+def object_message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstance:
+    """Message of an object. relocalised: True if it comes from a stored map."""
+    out = object_to_proto(thing)
+    out.relocalised = relocalised
+    return out
+
+
+def detail_message(
+    thing: ObjectInstance, history: Sequence[Moment], grasp: Grasp
+) -> pb.ObjectDetail:
+    """Message of one object with the history of its score, its grasp points and its grasp box."""
+    return pb.ObjectDetail(
+        object=object_to_proto(thing),
+        history=[
+            pb.Moment(stamp_ns=m.stamp_ns, views=m.views, score=m.score, class_score=m.class_score)
+            for m in history
+        ],
+        points_m=grasp.points_m.ravel().tolist(),
+        box_center_m=vector_to_proto(grasp.center_m),
+        box_size_m=vector_to_proto(grasp.size_m),
+        box_yaw_rad=grasp.yaw_rad,
+    )
+
+
+def ack_message(
+    message: ObservationMessage, version: int, *, reason: str = "", update_ms: float = 0.0
+) -> pb.Ack:
+    """Acknowledgement of an observation. reason: why it is refused; empty: it is accepted."""
+    return pb.Ack(
+        service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=not reason,
+        reason=reason, version=version, update_ms=update_ms, context_id=message.context_id,
+    )  # fmt: skip
