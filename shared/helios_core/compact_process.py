@@ -2,8 +2,8 @@
 
 SERVICES is a list of command lines in JSON: `[["helios_map2d", "--router", …], …]`. Each service
 keeps its settings, its bus session with its own certificate, its status and its methods, so nobody
-on the bus sees a difference. They share an interpreter, the libraries and their fate: if one ends,
-all end, and the supervisor starts the process again.
+on the bus sees a difference. They share an interpreter and the libraries. If one ends, all end, and
+the supervisor starts the process again.
 """
 
 from __future__ import annotations

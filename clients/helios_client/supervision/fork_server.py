@@ -1,6 +1,7 @@
-"""Process that has imported what services share, and forks them: `python -m …fork_server FD PID`.
+"""Fork server: imports the libraries of the services once, and forks each service.
 
-`forked_process.py` talks to it over the socket FD, in messages of JSON:
+`python -m helios_client.supervision.fork_server FD PID`. `forked_process.py` sends it requests over
+the socket FD, in JSON:
 
     {"module": "helios_map2d", "args": ["--router", …], "log": "/…/map2d.log"}  ->  {"pid": 123}
 
