@@ -92,8 +92,11 @@ def test_the_ending_of_a_forked_service_is_reported(start) -> None:
     assert [row.restarts for row in supervisor.table()] == [1, 0]
 
 
-def test_services_outlive_the_fork_server_and_restart_after_it(start, server: ForkServer) -> None:
+def test_services_outlive_the_fork_server_and_restart_after_it(
+    start, server: ForkServer, tmp_path: Path
+) -> None:
     supervisor = start("stay")
+    wait_until(lambda: SAID in (tmp_path / "stay.log").read_text(), 10, "it runs")
     first = supervisor.table()[0].pid
     server._process.kill()
     server._process.wait()
