@@ -12,7 +12,17 @@ from dataclasses import dataclass
 
 import mujoco
 from helios_core.geometry import wrap_angle
-from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    Forward,
+    Observe,
+    Pick,
+    Place,
+    Show,
+    Tilt,
+    Turn,
+)
 
 from helios_sim.base_motion import Base, Drive
 from helios_sim.drive_trace import DriveTrace
@@ -75,6 +85,12 @@ class ActionExecutor:
         self.held_class_requested = ""  # requested class of the held object
 
     @property
+    def shown(self) -> tuple[str, float] | None:
+        """Name of the object that is shown to the camera, and its turn in rad; None: none is."""
+        held, turn_rad = self._gripper.held, self._gripper.shown_turn_rad
+        return None if held is None or turn_rad is None else (held.name, turn_rad)
+
+    @property
     def held_name(self) -> str:
         """Name of the held body; empty if the gripper is empty."""
         return self._gripper.held.name if self._gripper.held else ""
@@ -85,6 +101,8 @@ class ActionExecutor:
 
     def execute(self, action: Action, stop_asked: Callable[[], str | None]) -> Outcome:
         """Execute one action. stop_asked: returns the reason to end a drive at once, or None."""
+        if not isinstance(action, Show | Tilt | Observe):
+            self._gripper.end_showing()
         match action:
             case Forward(distance_m):
                 return self._driven(self._base.forward(distance_m, _asked(stop_asked)), stop_asked)
@@ -102,6 +120,8 @@ class ActionExecutor:
             case Observe():
                 self._pause()
                 return Outcome(ActionResult(True))
+            case Show(angle_rad):
+                return self._show(angle_rad)
 
     def watch_drives(self, watch: Callable[[], None] | None) -> None:
         """Call `watch` after each physics step of the following drives; None: no longer."""
@@ -119,6 +139,13 @@ class ActionExecutor:
         turned_rad = wrap_angle(drive.turned_rad)
         result = ActionResult(drive.arrived, reason, drive.moved_m, turned_rad)
         return Outcome(result, self._named(drive.touched))
+
+    def _show(self, angle_rad: float) -> Outcome:
+        if self._gripper.held is None:
+            return Outcome(ActionResult(False, "the gripper is empty; pick something first"))
+        self._gripper.show(angle_rad)
+        self._pause()
+        return Outcome(ActionResult(True))
 
     def _pick(self, believed_m: Point, class_name: str) -> Outcome:
         self._pause()

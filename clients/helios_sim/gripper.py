@@ -12,7 +12,13 @@ from helios_core.geometry import Matrix, se2_to_se3
 from numpy.typing import NDArray
 
 from helios_sim.home.mujoco_model import GROUP_COLLISION
-from helios_sim.robot_model import CAMERA_HEIGHT_M, CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
+from helios_sim.robot_model import (
+    CAMERA_HEIGHT_M,
+    CARRY_BASE_M,
+    GRIPPER_BASE_M,
+    SHOW_BASE_M,
+    RobotIndex,
+)
 
 REST_LINEAR_M_S, REST_ANGULAR_RAD_S = 0.005, 0.05
 REST_S = 50 / 30  # 50 control steps of the benchmark
@@ -81,6 +87,7 @@ class Gripper:
         self._model, self._data, self._robot = model, data, robot
         self._movable = movable
         self.held: Graspable | None = None
+        self.shown_turn_rad: float | None = None  # None: the object is carried behind the camera
         self._R_base_object = np.eye(3)
 
     @property
@@ -120,8 +127,23 @@ class Gripper:
         """Move the held object with the base. Call it also after the last physics step."""
         if self.held is not None:
             T = self._T_world_base()
-            position = T[:3, :3] @ np.array(CARRY_BASE_M) + T[:3, 3]
-            self._put(self.held, position, T[:3, :3] @ self._R_base_object)
+            place_m, R_base_object = CARRY_BASE_M, self._R_base_object
+            if self.shown_turn_rad is not None:
+                turned = se2_to_se3(0.0, 0.0, self.shown_turn_rad)[:3, :3]
+                place_m, R_base_object = SHOW_BASE_M, turned @ R_base_object
+            position = T[:3, :3] @ np.array(place_m) + T[:3, 3]
+            self._put(self.held, position, T[:3, :3] @ R_base_object)
+
+    def show(self, turn_rad: float) -> None:
+        """Hold the object before the camera, turned about the vertical from how it is carried."""
+        self.shown_turn_rad = turn_rad
+        self.follow()
+
+    def end_showing(self) -> None:
+        """Carry the object behind the camera again."""
+        if self.shown_turn_rad is not None:
+            self.shown_turn_rad = None
+            self.follow()
 
     def step(self) -> None:
         """Advance the physics by one step and move the held object along."""

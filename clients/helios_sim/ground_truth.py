@@ -18,6 +18,7 @@ class VisibleBody:
     graspable: bool
     center_m: tuple[float, float, float]  # world
     on: str = ""  # body on which a graspable object stands; empty for furniture
+    turn_rad: float = 0.0  # of a shown object from how it was grasped, about the vertical
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ def segmentation_to_proto(truth: Segmentation) -> pb.TruthSegmentation:
                 graspable=instance.graspable,
                 center_m=vector_to_proto(instance.center_m),
                 on=instance.on,
+                turn_rad=instance.turn_rad,
             )
             for instance in truth.instances
         ],

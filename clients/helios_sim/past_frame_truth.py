@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -19,6 +19,15 @@ MAX_STORED_CAPTURES = 64
 _REMEMBERED_PICTURES = 4
 
 
+@dataclass(frozen=True)
+class _Capture:
+    """State of a capture; see `CaptureHistory.store`."""
+
+    qpos: NDArray[np.float64]
+    on: Mapping[str, str]
+    shown: tuple[str, float] | None
+
+
 class CaptureHistory:
     """Last captures of a world: joint positions by stamp."""
 
@@ -29,7 +38,7 @@ class CaptureHistory:
         self._model, self._painter = model, painter
         self._data = mujoco.MjData(model)
         self._painted: OrderedDict[bytes, NDArray[np.int32]] = OrderedDict()
-        self._taken: OrderedDict[int, tuple[NDArray[np.float64], dict[str, str]]] = OrderedDict()
+        self._taken: OrderedDict[int, _Capture] = OrderedDict()
         names = [model.body(body).name for body in range(model.nbody)]
         known = set(home.body_names())
         sizes = {item.name: item.size_m for item in (*home.receptacles, *home.fixtures)}
@@ -48,13 +57,15 @@ class CaptureHistory:
         stamp_ns: int,
         qpos: NDArray[np.float64],
         on: Mapping[str, str],
+        shown: tuple[str, float] | None = None,
         ids: NDArray[np.int32] | None = None,
     ) -> None:
         """Store the state of a capture.
 
-        on: graspable object -> body on which it stands. ids: body ids [h, w], if already rendered.
+        on: graspable object -> body on which it stands. shown: name and turn (rad) of the object
+        shown to the camera. ids: body ids [h, w], if already rendered.
         """
-        self._taken[stamp_ns] = (qpos.copy(), dict(on))
+        self._taken[stamp_ns] = _Capture(qpos.copy(), dict(on), shown)
         if ids is not None:
             self._remember(qpos.tobytes(), ids)
         while len(self._taken) > MAX_STORED_CAPTURES:
@@ -67,12 +78,12 @@ class CaptureHistory:
                 f"there is no capture with stamp {stamp_ns} among the last "
                 f"{MAX_STORED_CAPTURES}; ask with a frame's own stamp, and sooner"
             )
-        qpos, on = self._taken[stamp_ns]
-        ids = self.bodies(qpos)
-        self._data.qpos[:] = qpos
+        taken = self._taken[stamp_ns]
+        ids = self.bodies(taken.qpos)
+        self._data.qpos[:] = taken.qpos
         mujoco.mj_kinematics(self._model, self._data)
         instances = tuple(
-            self._instance(body, on) for body in _values(ids) if body in self._instances
+            self._instance(body, taken) for body in _values(ids) if body in self._instances
         )
         return Segmentation(stamp_ns, ids, instances)
 
@@ -92,12 +103,16 @@ class CaptureHistory:
         while len(self._painted) > _REMEMBERED_PICTURES:
             self._painted.popitem(last=False)
 
-    def _instance(self, body: int, on: Mapping[str, str]) -> VisibleBody:
+    def _instance(self, body: int, taken: _Capture) -> VisibleBody:
         static = self._instances[body]
         if not static.graspable:
             return static
         x, y, z = (float(v) for v in self._data.xpos[body])
-        return replace(static, center_m=(x, y, z), on=on[static.name])
+        shown, turn_rad = taken.shown or ("", 0.0)
+        return replace(
+            static, center_m=(x, y, z), on=taken.on[static.name],
+            turn_rad=turn_rad if static.name == shown else 0.0,
+        )  # fmt: skip
 
 
 def _values(ids: NDArray[np.int32]) -> list[int]:

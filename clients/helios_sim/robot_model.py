@@ -26,6 +26,7 @@ START_TILT_RAD = math.pi / 6
 REACH_M = 0.8  # gripper at rest to object centre; also true of the ground distance from the base
 GRIPPER_BASE_M = (0.45, 0.0, 0.75)  # end effector at rest, base frame
 CARRY_BASE_M = (-0.15, 0.0, 1.75)  # centre of a held object, base frame: behind the camera
+SHOW_BASE_M = (0.5, 0.0, 1.13)  # centre of a shown object, base frame: before the camera
 
 BASE_BODY, HEAD_BODY, CAMERA = "robot_base", "robot_head", "robot_camera"
 ROBOT_GROUP = 4  # not drawn
@@ -51,6 +52,7 @@ def description(max_depth_m: float = MAX_DEPTH_M) -> RobotDescription:
         max_depth_m=max_depth_m,
         max_back_m=0.3,
         tilt_range_rad=TILT_RANGE_RAD,
+        show_base_m=SHOW_BASE_M,
         simulated=True,
     )
 

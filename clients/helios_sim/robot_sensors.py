@@ -69,21 +69,22 @@ class RobotSensors:
         self._drift.follow(self._robot.pose(self._data))
         return moved(before, self._drift.estimated_pose)
 
-    def capture(self, on: Mapping[str, str]) -> Capture:
+    def capture(self, on: Mapping[str, str], shown: tuple[str, float] | None = None) -> Capture:
         """Capture of RGB and depth from one pass, stamped with simulated time.
 
-        on: movable object -> body on which it stands, for the ground truth of this capture.
+        on: movable object -> body on which it stands, and shown: the object shown to the camera
+        with its turn, both for the ground truth of this capture.
         """
         stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
         if self._no_color is None:
             color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
             color = sensed_color(color, self._sensor, self._seed, stamp_ns)
-            self._past.store(stamp_ns, self._data.qpos, on)
+            self._past.store(stamp_ns, self._data.qpos, on, shown)
         else:
             color = self._no_color
             depth_m, ids = self._painter.depth_and_body_ids(self._data, MAX_DEPTH_M)
-            self._past.store(stamp_ns, self._data.qpos, on, ids)
+            self._past.store(stamp_ns, self._data.qpos, on, shown, ids)
         return Capture(
             stamp_ns=stamp_ns,
             color=color,

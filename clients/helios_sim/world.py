@@ -137,7 +137,7 @@ class World(RobotDriver):
 
     def capture(self) -> Capture:
         """Capture of RGB and depth from one pass, stamped with simulated time."""
-        return self._sensors.capture(self._executor.support_of)
+        return self._sensors.capture(self._executor.support_of, self._executor.shown)
 
     def act(self, action: Action, action_id: str) -> ActionResult:
         """Execute the action once; a repeated id returns the stored result.

@@ -9,13 +9,15 @@ import time
 import uuid
 from collections.abc import Callable, Iterable
 
+import numpy as np
 from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_message
+from helios_core.geometry import Matrix
 from helios_core.keyframe_acks import KeyframeAcks, MapPart, full_names
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
-from helios_core.types import Frame, FrameId, RobotState, WorldId
+from helios_core.types import Frame, FrameId, RobotState, Shown, WorldId
 
 from helios_bridge.bridge_health import BridgeHealth
 from helios_bridge.capture_checks import check_capture
@@ -44,6 +46,9 @@ class FramePublisher:
         self._own_boot_id = uuid.uuid4().hex  # for robots without a boot id
         self._searching = True  # at the last capture
         self.on_keyframe: Callable[[Capture, WorldId], None] | None = None
+        # Where the robot shows a held object, base frame, and its turn while it shows one
+        self.show_base_m: tuple[float, float, float] | None = None
+        self.shown_turn_rad: float | None = None
         self.last_keyframe = 0
         self.last_capture_s = 0.0  # monotonic
         self.finished = False  # the recording has ended
@@ -92,7 +97,8 @@ class FramePublisher:
         self.last_capture_s = time.monotonic()
         self._health.sample("capture_ms", (self.last_capture_s - began) * 1e3)
         if keyframe:
-            if self.on_keyframe is not None and capture.recorded is None:
+            shows = self._shown(capture.T_world_base, state) is not None
+            if self.on_keyframe is not None and capture.recorded is None and not shows:
                 world = WorldId.of(id.robot_boot_id, id.world_epoch, state.origin_id)
                 self.on_keyframe(capture, world)
             self.last_keyframe = id.seq
@@ -117,10 +123,17 @@ class FramePublisher:
             T_world_base=c.T_world_base,
             held=state.held,
             origin_id=state.origin_id,
+            shown=self._shown(c.T_world_base, state),
         )
         if self._settings.depth == "estimated":
             frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)
         self._bus.publish(topic, frame_message(frame))
+
+    def _shown(self, T_world_base: Matrix, state: RobotState) -> Shown | None:
+        if self.show_base_m is None or self.shown_turn_rad is None or not state.held:
+            return None
+        x, y, z = T_world_base[:3, :3] @ np.array(self.show_base_m) + T_world_base[:3, 3]
+        return Shown((float(x), float(y), float(z)), self.shown_turn_rad)
 
     def _wait_for_maps(self, id: FrameId, parts: Iterable[MapPart]) -> None:
         within_s = self._settings.ack_timeout_s

@@ -31,7 +31,16 @@ from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidI
 from helios_core.health import Health
 from helios_core.heartbeat import HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
-from helios_core.robot import Action, ActionResult, EndOfRecording, RobotDriver, Turn
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    EndOfRecording,
+    Observe,
+    RobotDriver,
+    Show,
+    Tilt,
+    Turn,
+)
 from helios_core.topics import (
     ACT,
     CLEAR_STOP,
@@ -70,6 +79,7 @@ END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
 MOST_REASONS = 200  # length of all stop reasons together, characters
 STOP_AGAIN_S = 0.5  # period at which the stop of a robot that has not confirmed it is repeated
+CANNOT_SHOW = "this robot cannot show a held object: its description has no show_base_m"
 LOOK_WITHIN_S = 2.0  # wait of a check for the robot
 NOT_CHECKED = (
     "the bridge does not check the set-up of this robot: it plays a recording, its depth is "
@@ -121,6 +131,7 @@ class BridgeService:
         self._publisher = FramePublisher(
             bus, self._driver, settings, self._health, self._acks, first
         )
+        self._publisher.show_base_m = self._description.show_base_m
         self._setup = self._new_setup_monitor()
         self._player: RecordingPlayer | None = None
         self._push_queue: PushedFrameQueue | None = None
@@ -412,6 +423,17 @@ class BridgeService:
 
     def _driver_act(self, action: Action, action_id: str) -> ActionResult:
         """Result of the driver's action; during a turn for `helios doctor` with images."""
+        publisher = self._publisher
+        if isinstance(action, Show) and publisher.show_base_m is None:
+            return ActionResult(False, CANNOT_SHOW, steps=0)
+        if not isinstance(action, Show | Tilt | Observe):
+            publisher.shown_turn_rad = None
+        result = self._watched_act(action, action_id)
+        if isinstance(action, Show) and result.succeeded:
+            publisher.shown_turn_rad = action.angle_rad
+        return result
+
+    def _watched_act(self, action: Action, action_id: str) -> ActionResult:
         setup = self._setup
         hz = setup.watch_hz() if setup is not None and isinstance(action, Turn) else 0.0
         if setup is None or hz == 0.0:

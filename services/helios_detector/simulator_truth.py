@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Mapping
@@ -32,11 +33,21 @@ class TruthInstance:
     center_world_m: NDArray[np.float64]  # [3]
     graspable: bool
     name: str = ""  # identical in every process, such as "mug_3"
+    turn_rad: float = 0.0  # of an object that the gripper shows, from how it was grasped
 
     @property
     def key(self) -> str:
         """Its name, or "#id" if it has none."""
         return self.name or f"#{self.id}"
+
+    def center_seen_from(self, eye_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centre [3] that an unturned object would need to show a camera at eye_m [3] the same
+        side, at the same distance."""
+        if not self.turn_rad:
+            return self.center_world_m
+        c, s = math.cos(self.turn_rad), math.sin(self.turn_rad)
+        x, y, z = eye_m - self.center_world_m
+        return eye_m - np.array([c * x + s * y, c * y - s * x, z])
 
 
 @dataclass(frozen=True)
@@ -110,7 +121,7 @@ def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
         ids.astype(np.uint16, copy=False),
         {
             i.id: TruthInstance(
-                i.id, i.class_name, vector_from_proto(i.center_m), i.graspable, i.name
+                i.id, i.class_name, vector_from_proto(i.center_m), i.graspable, i.name, i.turn_rad
             )
             for i in message.instances
         },

@@ -261,6 +261,8 @@ class Map2DService:
     # --- internals ----------------------------------------------------------------------------
     def _fold_frame(self, message: FrameMessage) -> None:
         frame = frame_from_proto(message)
+        if frame.shown is not None:
+            return
         with self._lock:
             if self._maps is not None:
                 holding = self._holding if frame.held is None else bool(frame.held)
@@ -269,6 +271,8 @@ class Map2DService:
 
     def _fold_values(self, message: ObservationMessage) -> None:
         observation = observation_from_proto(message, with_others=False)
+        if observation.frame.shown is not None:
+            return
         with self._lock:
             if self._maps is not None:
                 state = self._maps.map_for(observation.frame, observation)

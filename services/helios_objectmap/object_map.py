@@ -78,7 +78,7 @@ class ObjectMap:
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         """Raises InvalidInput for an error model that cannot be read."""
-        self._settings, self._name_errors = settings, name_errors(settings.error_model)
+        self._settings, self.name_errors = settings, name_errors(settings.error_model)
         self._back_end = back_end(settings.renderer)
         self.reset()
 
@@ -96,7 +96,7 @@ class ObjectMap:
         self._past, self._sightings = PastViews(), NameSightings()
         self._beliefs = InstanceBeliefs(
             self._settings, self._store, self._registry, self._classes, self._sightings,
-            self._name_errors,
+            self.name_errors,
         )  # fmt: skip
 
     def __len__(self) -> int:

@@ -31,6 +31,7 @@ from helios_core.topics import (
     CONTEXT,
     EXPORT_OBJECTS,
     GAUSSIANS,
+    HELD_OBJECT,
     LOAD_OBJECTS,
     OBJECT_DETAIL,
     OBJECTMAP_ACK,
@@ -53,9 +54,10 @@ from helios_objectmap import export, persistence
 from helios_objectmap.camera import View
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.error_model import ErrorModelInUse
-from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.object_map import ObjectMap, UpdateReport
 from helios_objectmap.object_messages import ack_message, detail_message, object_message
 from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.shown_object import ShownObject
 from helios_objectmap.stored_objects import StoredObjects
 from helios_objectmap.warm_up import warm_up
 
@@ -90,6 +92,7 @@ class ObjectMapService:
         self._over: deque[str] = deque(maxlen=256)  # ids of contexts that a later one replaced
         self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
         self._held = ""
+        self._shown = ShownObject()
         self._version = 0
         self._published: _Published | None = None
         bus.subscribe(CONTEXT, self.on_context)
@@ -97,6 +100,7 @@ class ObjectMapService:
         bus.serve(OBJECTS, self.objects)
         bus.serve(WHAT_IF, self.what_if)
         bus.serve(RETIRE, self.retire)
+        bus.serve(HELD_OBJECT, self.held_object)
         bus.serve(RESET_OBJECTS, self.reset)
         bus.serve(GAUSSIANS, self.gaussians)
         bus.serve(SAVE_OBJECTS, self.save)
@@ -312,6 +316,13 @@ class ObjectMapService:
         self._bus.publish(RETIRED, retired)
         return reply
 
+    def held_object(self, request: pb.HeldObjectRequest) -> pb.HeldObjectReply:
+        """Names of the object that the robot shows to the camera, or showed last."""
+        with self._lock:
+            seen = self._shown.names(request.class_name, self._maps.current.name_errors)
+        names = [pb.NameShare(name=name, share=share) for name, share in seen.names]
+        return pb.HeldObjectReply(probability=seen.probability, sides=seen.sides, names=names)
+
     def reset(self, _: pb.Empty) -> pb.Empty:
         """Delete every map, the parked and saved ones included; the current search continues."""
         with self._lock:
@@ -432,7 +443,7 @@ class ObjectMapService:
         self._health.set("gaussians", report.total)
         self._bus.publish(OBJECTMAP_ACK, ack_message(message, version, update_ms=update_ms))
 
-    def _update(self, observation: Observation):
+    def _update(self, observation: Observation) -> UpdateReport:
         context = self._context
         if context is None or observation.context_id != context.id:
             raise Conflict(
@@ -440,6 +451,9 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame)
+        self._shown.note(observation)
+        if observation.frame.shown is not None:
+            return UpdateReport(0, 0, 0, 0, len(present))
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
         self._maps.newest = observation.frame.id

@@ -165,6 +165,19 @@ class Settings(ServiceSettings):
     check_gain: float = Field(
         default=0.05, ge=0, description="least expected gain in score that is worth such a view"
     )
+    hand_sides: int = Field(
+        default=0,
+        ge=0,
+        le=12,
+        description="sides from which the robot looks at a picked object before it carries it away, "
+        "if it can show it to its camera; 0: none",
+    )
+    hand_from: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="probability below which it then puts the object back and searches on",
+    )
     absent_from: float = Field(
         default=1.0,
         gt=0,

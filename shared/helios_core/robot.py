@@ -60,7 +60,16 @@ class Observe:
     """Take an image without moving."""
 
 
-Action = Forward | Turn | Tilt | Pick | Place | Observe
+@dataclass(frozen=True)
+class Show:
+    """Hold the held object at `RobotDescription.show_base_m`, turned about the vertical from how it
+    was carried; a positive angle turns left. It stays there until the next Forward, Turn or Place.
+    """
+
+    angle_rad: float
+
+
+Action = Forward | Turn | Tilt | Pick | Place | Observe | Show
 
 
 @dataclass(frozen=True)

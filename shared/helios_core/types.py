@@ -51,6 +51,14 @@ class WorldId:
 
 
 @dataclass(frozen=True)
+class Shown:
+    """Held object that the robot holds in front of the camera."""
+
+    point_m: tuple[float, float, float]  # centre of the object, world
+    turn_rad: float  # from how it was carried, about the vertical; positive turns left
+
+
+@dataclass(frozen=True)
 class Frame:
     """Posed RGB-D image."""
 
@@ -64,6 +72,7 @@ class Frame:
     T_world_base: Matrix  # [4, 4]
     held: str | None = None  # class of the object held then, "" for none; None: not known
     origin_id: str = ""  # RobotState.origin_id at that time
+    shown: Shown | None = None  # the maps leave a frame with a shown object out
 
     @property
     def world(self) -> WorldId:
@@ -180,6 +189,8 @@ class RobotDescription:
     simulated: bool = False
     recorded: bool = False  # replay of a recording: the robot had a body, but cannot act
     footprint_box_m: tuple[float, float] | None = None  # length, width; None: a disc
+    # Centre of a held object that is shown to the camera, base frame; None: it cannot show one.
+    show_base_m: tuple[float, float, float] | None = None
 
     @property
     def inner_radius_m(self) -> float:

@@ -80,7 +80,9 @@ class DirectTruth:
 def truth_of(shown: Segmentation) -> Truth:
     """Conversion of a segmentation to the detector's `Truth`."""
     instances = {
-        i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable, i.name)
+        i.id: TruthInstance(
+            i.id, i.class_name, np.array(i.center_m), i.graspable, i.name, i.turn_rad
+        )
         for i in shown.instances
     }
     return Truth(shown.ids.astype(np.uint16), instances)

@@ -11,6 +11,7 @@ from helios_core.types import Frame, FrameId, ObjectInstance
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_planner.decisions.decision import Decision
+from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import Sighting
 from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
@@ -97,6 +98,9 @@ class SimulatedRobot(RobotInterface):
         other_share: float = 0.0,
     ) -> WhatIf:
         return WhatIf((), ())
+
+    def held_object(self, class_name: str) -> HeldObject:
+        return HeldObject(1.0, 0, ())
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         return

@@ -67,7 +67,8 @@ class FrameNoiseDetector(DetectorBackend):
 
     def _draws(self, thing: Visible, frame: Frame) -> tuple[Draws, float]:
         """The object's draws in this view, and its distance from the camera in metres."""
-        x, y, z = frame.T_world_cam[:3, 3] - thing.instance.center_world_m
+        eye_m = frame.T_world_cam[:3, 3]
+        x, y, z = eye_m - thing.instance.center_seen_from(eye_m)
         distance_m = math.sqrt(x * x + y * y + z * z)
         cell = self._table.cell(math.atan2(y, x), distance_m, thing.pixels)
         key = f"{self._seed}/{self._table.name}/{thing.instance.id}/{cell}"

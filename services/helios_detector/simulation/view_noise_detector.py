@@ -147,7 +147,7 @@ def verdicts(
     """Results for each object (with its key) seen from the camera position `eye_m` [3], world."""
     if not things:
         return []
-    centers_m = np.array([t.instance.center_world_m for t in things], float)
+    centers_m = np.array([t.instance.center_seen_from(eye_m) for t in things], float)
     pixels = np.array([t.pixels for t in things])
     views, distance_m = table.views(np.array(keys, np.uint64), eye_m, centers_m, pixels)
     z = normal_draws(views, _PURPOSE_KEYS, table.shares, stamp_ns)

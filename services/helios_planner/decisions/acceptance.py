@@ -22,6 +22,7 @@ from helios_planner.decisions.decision import (
     Do,
     ViewOption,
 )
+from helios_planner.decisions.held_object import HeldObject
 
 # Acceptance thresholds as shares of τ, from the first to the last.
 _OF_OBJECTS = (1.25, 1.0, 0.75, 0.5)
@@ -171,6 +172,24 @@ def check_first(decision: Decision, what: Act, score_after_view: float) -> Decis
     candidate = replace(chosen, terms=chosen.terms | {"score_after_view": score_after_view})
     why = explanations.check_first(what, candidate)
     return Decision(DecisionRule.CHECK_VIEW, Do.LOOK, (candidate,), 0, why)
+
+
+def check_in_hand(
+    thing: ObjectInstance, held: HeldObject, hand_from: float, kept_why: str = ""
+) -> Decision:
+    """Decision to keep the picked object or to put it back, by what its sides look like. kept_why:
+    reason to keep it all the same."""
+    terms = _scores(thing) | {
+        "probability": held.probability, "sides": float(held.sides),
+        "own_share": held.share(thing.class_name), "total": held.probability,
+    }  # fmt: skip
+    candidate = Candidate("object", thing.class_name, position_of(thing), terms, thing.id)
+    keeps = held.probability >= hand_from or bool(kept_why)
+    why = explanations.in_hand(thing.class_name, held, hand_from, kept_why)
+    return Decision(
+        DecisionRule.IN_HAND, Do.ACT if keeps else Do.SEARCH_ON, (candidate,),
+        0 if keeps else None, why, {"threshold": hand_from},
+    )  # fmt: skip
 
 
 def visit_first(things: Sequence[ObjectInstance], distances_m: Sequence[float]) -> Decision:

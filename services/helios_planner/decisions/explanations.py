@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from helios_core.printable_text import counted
 
 from helios_planner.decisions.decision import ANY_SCORE, Act, Candidate
+from helios_planner.decisions.held_object import HeldObject
 
 Rounding = Callable[[float], float]
 
@@ -158,6 +159,19 @@ def check_first(what: Act, c: Candidate) -> str:
         f"{_scored(c.terms, 'score')}, and that view could bring it to "
         f"{_scored(c.terms, 'score_after_view')}"
     )
+
+
+def in_hand(name: str, held: HeldObject, hand_from: float, kept_why: str) -> str:
+    """Sentence for a picked object that was looked at from several sides."""
+    if not held.sides:
+        return f"keep the {name}: the detector gave it no name from any side"
+    called = [f"{n} on {share:.0%}" for n, share in held.names if n != name][:1]
+    seen = " and ".join([f"{name} on {held.share(name):.0%}", *called])
+    sure = f"{counted(held.sides, 'side')} in the hand show {seen}"
+    if held.probability >= hand_from:
+        return f"keep the {name}: {sure}; probability {held.probability:.2f}"
+    wrong = f"{sure}; probability {less(held.probability, hand_from)}"
+    return f"keep the {name}, {kept_why}: {wrong}" if kept_why else f"put it back: {wrong}"
 
 
 def visit_first(candidates: Sequence[Candidate], winner: int) -> str:

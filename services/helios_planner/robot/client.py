@@ -31,6 +31,7 @@ from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
 from helios_core.topics import (
+    HELD_OBJECT,
     OBJECTS,
     PLANNER_HEARTBEAT,
     RETIRE,
@@ -40,6 +41,7 @@ from helios_core.topics import (
 from helios_core.types import FrameId, ObjectInstance, RobotState
 from numpy.typing import NDArray
 
+from helios_planner.decisions.held_object import HeldObject
 from helios_planner.match_radii import SAME_INSTANCE_M
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import DETECTIONS, MessageBuffer, Sighting
@@ -288,6 +290,11 @@ class RobotClient(RobotInterface):
         return WhatIf(
             tuple(reply.score), tuple(reply.information_gain), tuple(reply.pixels), reply.area_m2
         )
+
+    def held_object(self, class_name: str) -> HeldObject:
+        reply = self._line.call(HELD_OBJECT, pb.HeldObjectRequest(class_name=class_name))
+        names = tuple((n.name, n.share) for n in reply.names)
+        return HeldObject(reply.probability, reply.sides, names)
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         request = pb.RetireRequest(

@@ -14,6 +14,7 @@ from helios_core.types import ObjectInstance, RobotDescription
 from numpy.typing import NDArray
 
 from helios_planner.decisions.decision import Decision
+from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import Sighting
 from helios_planner.task import Phase
@@ -122,6 +123,10 @@ class RobotInterface(ABC):
     ) -> WhatIf:
         """Expected score and information gain of an instance if these views show it as the class;
         other_share: share of their evidence that goes to the *other* class."""
+
+    @abstractmethod
+    def held_object(self, class_name: str) -> HeldObject:
+        """Names of the object that the robot shows, as the object map has seen it."""
 
     @abstractmethod
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:

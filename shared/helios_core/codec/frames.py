@@ -26,7 +26,7 @@ from helios_core.image_messages import (
     ObservationMessage,
     image_data,
 )
-from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
+from helios_core.types import Detection, Embedding, Frame, FrameId, Observation, Shown
 
 FARTHEST_M = 2e4  # from the world's origin: float32 still resolves 2 mm there
 # Focal length as a multiple of the image's longer side: 176 to 0.6 degrees.
@@ -157,7 +157,24 @@ def _frame_head(frame: Frame) -> pb.Frame:
     )  # fmt: skip
     out.T_world_cam.CopyFrom(pose_to_proto(frame.T_world_cam, frame.stamp_ns))
     out.T_world_base.CopyFrom(pose_to_proto(frame.T_world_base, frame.stamp_ns))
+    if frame.shown is not None:
+        x, y, z = frame.shown.point_m
+        point = pb.Vector3(x=x, y=y, z=z)
+        out.shown.CopyFrom(pb.Shown(point_m=point, turn_rad=frame.shown.turn_rad))
     return out
+
+
+def _shown_from_proto(frame: FrameMessage) -> Shown | None:
+    """Shown object of a frame. Raises InvalidInput on numbers that are not finite."""
+    if not frame.HasField("shown"):
+        return None
+    p, turn_rad = frame.shown.point_m, frame.shown.turn_rad
+    if not all(map(math.isfinite, (p.x, p.y, p.z, turn_rad))):
+        raise InvalidInput(
+            f"the frame shows an object at ({p.x}, {p.y}, {p.z}) m, turned by {turn_rad} rad; send "
+            "finite numbers"
+        )
+    return Shown((p.x, p.y, p.z), turn_rad)
 
 
 def frame_from_proto(frame: FrameMessage) -> Frame:
@@ -204,6 +221,7 @@ def frame_from_proto(frame: FrameMessage) -> Frame:
         T_world_base=pose_from_proto(frame.T_world_base, "T_world_base"),
         held=frame.held if frame.HasField("held") else None,
         origin_id=frame.origin_id,
+        shown=_shown_from_proto(frame),
     )
 
 

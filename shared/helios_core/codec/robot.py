@@ -20,6 +20,7 @@ from helios_core.robot import (
     Observe,
     Pick,
     Place,
+    Show,
     Tilt,
     Turn,
 )
@@ -51,6 +52,7 @@ _RANGES = {
 def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
     """Message of a description; a disc footprint becomes a box of 0 x 0 m."""
     length_m, width_m = robot.footprint_box_m or (0.0, 0.0)
+    show = robot.show_base_m
     return pb.RobotDescription(
         name=robot.name,
         footprint_radius_m=robot.footprint_radius_m,
@@ -74,6 +76,7 @@ def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
         recorded=robot.recorded,
         footprint_length_m=length_m,
         footprint_width_m=width_m,
+        show_base_m=None if show is None else pb.Vector3(x=show[0], y=show[1], z=show[2]),
     )
 
 
@@ -98,6 +101,10 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
         raise _misdescribed(robot, came, "length and width, or neither for a disc")
     if robot.can_move and robot.footprint_radius_m == 0:
         raise _misdescribed(robot, "can_move and footprint_radius_m 0", "a body above 0 m")
+    show = robot.show_base_m if robot.HasField("show_base_m") else None
+    if show is not None and not max(abs(show.x), abs(show.y), abs(show.z)) <= LARGEST_M:
+        came = f"show_base_m ({show.x:g}, {show.y:g}, {show.z:g})"
+        raise _misdescribed(robot, came, f"three numbers up to {LARGEST_M:g} m")
     return RobotDescription(
         name=robot.name,
         footprint_radius_m=robot.footprint_radius_m,
@@ -119,6 +126,7 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
         simulated=robot.simulated,
         recorded=robot.recorded,
         footprint_box_m=box if min(box) > 0 else None,
+        show_base_m=None if show is None else (show.x, show.y, show.z),
     )
 
 
@@ -189,13 +197,17 @@ def action_to_proto(action: Action) -> pb.Action:
             return pb.Action(place=pb.Action.Place(point_world_m=pb.Vector3(x=x, y=y, z=z)))
         case Observe():
             return pb.Action(observe=pb.Action.Observe())
+        case Show(angle_rad):
+            return pb.Action(show=pb.Action.Show(angle_rad=angle_rad))
 
 
 def action_from_proto(action: pb.Action) -> Action:
     """Action. Raises InvalidInput on an empty action or on numbers that are not finite."""
     kind = action.WhichOneof("kind")
     if kind is None:
-        raise InvalidInput("the action is empty; send forward, turn, tilt, pick, place or observe")
+        raise InvalidInput(
+            "the action is empty; send forward, turn, tilt, pick, place, observe or show"
+        )
     if kind == "forward":
         return Forward(_finite(action.forward.distance_m, "forward.distance_m"))
     if kind == "turn":
@@ -206,6 +218,8 @@ def action_from_proto(action: pb.Action) -> Action:
         return Pick(_point(action.pick.point_world_m, "pick"), action.pick.class_name)
     if kind == "place":
         return Place(_point(action.place.point_world_m, "place"))
+    if kind == "show":
+        return Show(_finite(action.show.angle_rad, "show.angle_rad"))
     return Observe()
 
 

@@ -30,7 +30,7 @@ from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__
 from helios_core.proto.helios.v1 import common_pb2 as helios_dot_v1_dot_common__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15helios/v1/frame.proto\x12\thelios.v1\x1a foxglove/CameraCalibration.proto\x1a\x1e\x66oxglove/CompressedImage.proto\x1a\x1a\x66oxglove/PoseInFrame.proto\x1a\x17\x66oxglove/RawImage.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x16helios/v1/common.proto\"\xef\x04\n\x05\x46rame\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x30\n\x05stamp\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.TimestampR\x05stamp\x12\x1a\n\x08keyframe\x18\x03 \x01(\x08R\x08keyframe\x12\x31\n\traw_color\x18\x04 \x01(\x0b\x32\x12.foxglove.RawImageH\x00R\x08rawColor\x12\x46\n\x10\x63ompressed_color\x18\x05 \x01(\x0b\x32\x19.foxglove.CompressedImageH\x00R\x0f\x63ompressedColor\x12\x31\n\traw_depth\x18\x06 \x01(\x0b\x32\x12.foxglove.RawImageH\x01R\x08rawDepth\x12\x46\n\x10\x63ompressed_depth\x18\x07 \x01(\x0b\x32\x19.foxglove.CompressedImageH\x01R\x0f\x63ompressedDepth\x12=\n\x0b\x63\x61libration\x18\x08 \x01(\x0b\x32\x1b.foxglove.CameraCalibrationR\x0b\x63\x61libration\x12\x35\n\x0bT_world_cam\x18\t \x01(\x0b\x32\x15.foxglove.PoseInFrameR\tTWorldCam\x12\x37\n\x0cT_world_base\x18\n \x01(\x0b\x32\x15.foxglove.PoseInFrameR\nTWorldBase\x12\x17\n\x04held\x18\x0b \x01(\tH\x02R\x04held\x88\x01\x01\x12\x1b\n\torigin_id\x18\x0c \x01(\tR\x08originIdB\x07\n\x05\x63olorB\x07\n\x05\x64\x65pthB\x07\n\x05_held\"d\n\x04Mask\x12\x0c\n\x01x\x18\x01 \x01(\rR\x01x\x12\x0c\n\x01y\x18\x02 \x01(\rR\x01y\x12\x14\n\x05width\x18\x03 \x01(\rR\x05width\x12\x16\n\x06height\x18\x04 \x01(\rR\x06height\x12\x12\n\x04\x62its\x18\x05 \x01(\x0cR\x04\x62its\"M\n\tEmbedding\x12\x14\n\x05model\x18\x01 \x01(\tR\x05model\x12\x12\n\x04rows\x18\x02 \x01(\rR\x04rows\x12\x16\n\x06values\x18\x03 \x01(\x0cR\x06values\"e\n\tDetection\x12\x1d\n\nclass_name\x18\x01 \x01(\tR\tclassName\x12\x14\n\x05score\x18\x02 \x01(\x02R\x05score\x12#\n\x04mask\x18\x03 \x01(\x0b\x32\x0f.helios.v1.MaskR\x04mask\"\xd4\x03\n\x0bObservation\x12&\n\x05\x66rame\x18\x01 \x01(\x0b\x32\x10.helios.v1.FrameR\x05\x66rame\x12\x1d\n\ncontext_id\x18\x02 \x01(\tR\tcontextId\x12\x34\n\ndetections\x18\x03 \x03(\x0b\x32\x14.helios.v1.DetectionR\ndetections\x12J\n\x0clayer_scores\x18\x04 \x03(\x0b\x32\'.helios.v1.Observation.LayerScoresEntryR\x0blayerScores\x12\x1a\n\x08\x64\x65tector\x18\x05 \x01(\tR\x08\x64\x65tector\x12\x1b\n\tdetect_ms\x18\x06 \x01(\x01R\x08\x64\x65tectMs\x12\x16\n\x06scorer\x18\x07 \x01(\tR\x06scorer\x12=\n\x0fimage_embedding\x18\x08 \x01(\x0b\x32\x14.helios.v1.EmbeddingR\x0eimageEmbedding\x12,\n\x06others\x18\t \x03(\x0b\x32\x14.helios.v1.DetectionR\x06others\x1a>\n\x10LayerScoresEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x02R\x05value:\x02\x38\x01\"\xd1\x01\n\x0c\x44\x65pthRequest\x12\x31\n\traw_color\x18\x01 \x01(\x0b\x32\x12.foxglove.RawImageH\x00R\x08rawColor\x12\x46\n\x10\x63ompressed_color\x18\x02 \x01(\x0b\x32\x19.foxglove.CompressedImageH\x00R\x0f\x63ompressedColor\x12=\n\x0b\x63\x61libration\x18\x03 \x01(\x0b\x32\x1b.foxglove.CameraCalibrationR\x0b\x63\x61librationB\x07\n\x05\x63olor\"\x8f\x01\n\nDepthReply\x12/\n\traw_depth\x18\x01 \x01(\x0b\x32\x12.foxglove.RawImageR\x08rawDepth\x12\x19\n\x08\x66ocal_px\x18\x02 \x01(\x01R\x07\x66ocalPx\x12\x14\n\x05model\x18\x03 \x01(\tR\x05model\x12\x1f\n\x0b\x65stimate_ms\x18\x04 \x01(\x01R\nestimateMs\"w\n\x07Preview\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x12\n\x04jpeg\x18\x02 \x01(\x0cR\x04jpeg\x12\x34\n\ndetections\x18\x03 \x03(\x0b\x32\x14.helios.v1.DetectionR\ndetections\"c\n\x05\x43laim\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x1a\n\x08instance\x18\x02 \x01(\tR\x08instance\x12\x1a\n\x08\x61nswered\x18\x03 \x01(\x08R\x08\x61nswered\"\xe1\x01\n\x03\x41\x63k\x12\x18\n\x07service\x18\x01 \x01(\tR\x07service\x12\x12\n\x04part\x18\x02 \x01(\tR\x04part\x12\"\n\x02id\x18\x03 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x1a\n\x08\x61\x63\x63\x65pted\x18\x04 \x01(\x08R\x08\x61\x63\x63\x65pted\x12\x16\n\x06reason\x18\x05 \x01(\tR\x06reason\x12\x18\n\x07version\x18\x06 \x01(\x04R\x07version\x12\x1b\n\tupdate_ms\x18\x07 \x01(\x01R\x08updateMs\x12\x1d\n\ncontext_id\x18\x08 \x01(\tR\tcontextId\"f\n\x0bPushRequest\x12&\n\x05\x66rame\x18\x01 \x01(\x0b\x32\x10.helios.v1.FrameR\x05\x66rame\x12\x15\n\x06wait_s\x18\x02 \x01(\x01R\x05waitS\x12\x18\n\x07\x63lasses\x18\x03 \x03(\tR\x07\x63lasses\"s\n\tPushReply\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\"\n\x04\x61\x63ks\x18\x02 \x03(\x0b\x32\x0e.helios.v1.AckR\x04\x61\x63ks\x12\x1e\n\nunanswered\x18\x03 \x03(\tR\nunansweredb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15helios/v1/frame.proto\x12\thelios.v1\x1a foxglove/CameraCalibration.proto\x1a\x1e\x66oxglove/CompressedImage.proto\x1a\x1a\x66oxglove/PoseInFrame.proto\x1a\x17\x66oxglove/RawImage.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x16helios/v1/common.proto\"\x97\x05\n\x05\x46rame\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x30\n\x05stamp\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.TimestampR\x05stamp\x12\x1a\n\x08keyframe\x18\x03 \x01(\x08R\x08keyframe\x12\x31\n\traw_color\x18\x04 \x01(\x0b\x32\x12.foxglove.RawImageH\x00R\x08rawColor\x12\x46\n\x10\x63ompressed_color\x18\x05 \x01(\x0b\x32\x19.foxglove.CompressedImageH\x00R\x0f\x63ompressedColor\x12\x31\n\traw_depth\x18\x06 \x01(\x0b\x32\x12.foxglove.RawImageH\x01R\x08rawDepth\x12\x46\n\x10\x63ompressed_depth\x18\x07 \x01(\x0b\x32\x19.foxglove.CompressedImageH\x01R\x0f\x63ompressedDepth\x12=\n\x0b\x63\x61libration\x18\x08 \x01(\x0b\x32\x1b.foxglove.CameraCalibrationR\x0b\x63\x61libration\x12\x35\n\x0bT_world_cam\x18\t \x01(\x0b\x32\x15.foxglove.PoseInFrameR\tTWorldCam\x12\x37\n\x0cT_world_base\x18\n \x01(\x0b\x32\x15.foxglove.PoseInFrameR\nTWorldBase\x12\x17\n\x04held\x18\x0b \x01(\tH\x02R\x04held\x88\x01\x01\x12\x1b\n\torigin_id\x18\x0c \x01(\tR\x08originId\x12&\n\x05shown\x18\r \x01(\x0b\x32\x10.helios.v1.ShownR\x05shownB\x07\n\x05\x63olorB\x07\n\x05\x64\x65pthB\x07\n\x05_held\"O\n\x05Shown\x12+\n\x07point_m\x18\x01 \x01(\x0b\x32\x12.helios.v1.Vector3R\x06pointM\x12\x19\n\x08turn_rad\x18\x02 \x01(\x01R\x07turnRad\"d\n\x04Mask\x12\x0c\n\x01x\x18\x01 \x01(\rR\x01x\x12\x0c\n\x01y\x18\x02 \x01(\rR\x01y\x12\x14\n\x05width\x18\x03 \x01(\rR\x05width\x12\x16\n\x06height\x18\x04 \x01(\rR\x06height\x12\x12\n\x04\x62its\x18\x05 \x01(\x0cR\x04\x62its\"M\n\tEmbedding\x12\x14\n\x05model\x18\x01 \x01(\tR\x05model\x12\x12\n\x04rows\x18\x02 \x01(\rR\x04rows\x12\x16\n\x06values\x18\x03 \x01(\x0cR\x06values\"e\n\tDetection\x12\x1d\n\nclass_name\x18\x01 \x01(\tR\tclassName\x12\x14\n\x05score\x18\x02 \x01(\x02R\x05score\x12#\n\x04mask\x18\x03 \x01(\x0b\x32\x0f.helios.v1.MaskR\x04mask\"\xd4\x03\n\x0bObservation\x12&\n\x05\x66rame\x18\x01 \x01(\x0b\x32\x10.helios.v1.FrameR\x05\x66rame\x12\x1d\n\ncontext_id\x18\x02 \x01(\tR\tcontextId\x12\x34\n\ndetections\x18\x03 \x03(\x0b\x32\x14.helios.v1.DetectionR\ndetections\x12J\n\x0clayer_scores\x18\x04 \x03(\x0b\x32\'.helios.v1.Observation.LayerScoresEntryR\x0blayerScores\x12\x1a\n\x08\x64\x65tector\x18\x05 \x01(\tR\x08\x64\x65tector\x12\x1b\n\tdetect_ms\x18\x06 \x01(\x01R\x08\x64\x65tectMs\x12\x16\n\x06scorer\x18\x07 \x01(\tR\x06scorer\x12=\n\x0fimage_embedding\x18\x08 \x01(\x0b\x32\x14.helios.v1.EmbeddingR\x0eimageEmbedding\x12,\n\x06others\x18\t \x03(\x0b\x32\x14.helios.v1.DetectionR\x06others\x1a>\n\x10LayerScoresEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x02R\x05value:\x02\x38\x01\"\xd1\x01\n\x0c\x44\x65pthRequest\x12\x31\n\traw_color\x18\x01 \x01(\x0b\x32\x12.foxglove.RawImageH\x00R\x08rawColor\x12\x46\n\x10\x63ompressed_color\x18\x02 \x01(\x0b\x32\x19.foxglove.CompressedImageH\x00R\x0f\x63ompressedColor\x12=\n\x0b\x63\x61libration\x18\x03 \x01(\x0b\x32\x1b.foxglove.CameraCalibrationR\x0b\x63\x61librationB\x07\n\x05\x63olor\"\x8f\x01\n\nDepthReply\x12/\n\traw_depth\x18\x01 \x01(\x0b\x32\x12.foxglove.RawImageR\x08rawDepth\x12\x19\n\x08\x66ocal_px\x18\x02 \x01(\x01R\x07\x66ocalPx\x12\x14\n\x05model\x18\x03 \x01(\tR\x05model\x12\x1f\n\x0b\x65stimate_ms\x18\x04 \x01(\x01R\nestimateMs\"w\n\x07Preview\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x12\n\x04jpeg\x18\x02 \x01(\x0cR\x04jpeg\x12\x34\n\ndetections\x18\x03 \x03(\x0b\x32\x14.helios.v1.DetectionR\ndetections\"c\n\x05\x43laim\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x1a\n\x08instance\x18\x02 \x01(\tR\x08instance\x12\x1a\n\x08\x61nswered\x18\x03 \x01(\x08R\x08\x61nswered\"\xe1\x01\n\x03\x41\x63k\x12\x18\n\x07service\x18\x01 \x01(\tR\x07service\x12\x12\n\x04part\x18\x02 \x01(\tR\x04part\x12\"\n\x02id\x18\x03 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x1a\n\x08\x61\x63\x63\x65pted\x18\x04 \x01(\x08R\x08\x61\x63\x63\x65pted\x12\x16\n\x06reason\x18\x05 \x01(\tR\x06reason\x12\x18\n\x07version\x18\x06 \x01(\x04R\x07version\x12\x1b\n\tupdate_ms\x18\x07 \x01(\x01R\x08updateMs\x12\x1d\n\ncontext_id\x18\x08 \x01(\tR\tcontextId\"f\n\x0bPushRequest\x12&\n\x05\x66rame\x18\x01 \x01(\x0b\x32\x10.helios.v1.FrameR\x05\x66rame\x12\x15\n\x06wait_s\x18\x02 \x01(\x01R\x05waitS\x12\x18\n\x07\x63lasses\x18\x03 \x03(\tR\x07\x63lasses\"s\n\tPushReply\x12\"\n\x02id\x18\x01 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\"\n\x04\x61\x63ks\x18\x02 \x03(\x0b\x32\x0e.helios.v1.AckR\x04\x61\x63ks\x12\x1e\n\nunanswered\x18\x03 \x03(\tR\nunansweredb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -40,29 +40,31 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_OBSERVATION_LAYERSCORESENTRY']._loaded_options = None
   _globals['_OBSERVATION_LAYERSCORESENTRY']._serialized_options = b'8\001'
   _globals['_FRAME']._serialized_start=213
-  _globals['_FRAME']._serialized_end=836
-  _globals['_MASK']._serialized_start=838
-  _globals['_MASK']._serialized_end=938
-  _globals['_EMBEDDING']._serialized_start=940
-  _globals['_EMBEDDING']._serialized_end=1017
-  _globals['_DETECTION']._serialized_start=1019
-  _globals['_DETECTION']._serialized_end=1120
-  _globals['_OBSERVATION']._serialized_start=1123
-  _globals['_OBSERVATION']._serialized_end=1591
-  _globals['_OBSERVATION_LAYERSCORESENTRY']._serialized_start=1529
-  _globals['_OBSERVATION_LAYERSCORESENTRY']._serialized_end=1591
-  _globals['_DEPTHREQUEST']._serialized_start=1594
-  _globals['_DEPTHREQUEST']._serialized_end=1803
-  _globals['_DEPTHREPLY']._serialized_start=1806
-  _globals['_DEPTHREPLY']._serialized_end=1949
-  _globals['_PREVIEW']._serialized_start=1951
-  _globals['_PREVIEW']._serialized_end=2070
-  _globals['_CLAIM']._serialized_start=2072
-  _globals['_CLAIM']._serialized_end=2171
-  _globals['_ACK']._serialized_start=2174
-  _globals['_ACK']._serialized_end=2399
-  _globals['_PUSHREQUEST']._serialized_start=2401
-  _globals['_PUSHREQUEST']._serialized_end=2503
-  _globals['_PUSHREPLY']._serialized_start=2505
-  _globals['_PUSHREPLY']._serialized_end=2620
+  _globals['_FRAME']._serialized_end=876
+  _globals['_SHOWN']._serialized_start=878
+  _globals['_SHOWN']._serialized_end=957
+  _globals['_MASK']._serialized_start=959
+  _globals['_MASK']._serialized_end=1059
+  _globals['_EMBEDDING']._serialized_start=1061
+  _globals['_EMBEDDING']._serialized_end=1138
+  _globals['_DETECTION']._serialized_start=1140
+  _globals['_DETECTION']._serialized_end=1241
+  _globals['_OBSERVATION']._serialized_start=1244
+  _globals['_OBSERVATION']._serialized_end=1712
+  _globals['_OBSERVATION_LAYERSCORESENTRY']._serialized_start=1650
+  _globals['_OBSERVATION_LAYERSCORESENTRY']._serialized_end=1712
+  _globals['_DEPTHREQUEST']._serialized_start=1715
+  _globals['_DEPTHREQUEST']._serialized_end=1924
+  _globals['_DEPTHREPLY']._serialized_start=1927
+  _globals['_DEPTHREPLY']._serialized_end=2070
+  _globals['_PREVIEW']._serialized_start=2072
+  _globals['_PREVIEW']._serialized_end=2191
+  _globals['_CLAIM']._serialized_start=2193
+  _globals['_CLAIM']._serialized_end=2292
+  _globals['_ACK']._serialized_start=2295
+  _globals['_ACK']._serialized_end=2520
+  _globals['_PUSHREQUEST']._serialized_start=2522
+  _globals['_PUSHREQUEST']._serialized_end=2624
+  _globals['_PUSHREPLY']._serialized_start=2626
+  _globals['_PUSHREPLY']._serialized_end=2741
 # @@protoc_insertion_point(module_scope)

@@ -12,7 +12,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Frame(_message.Message):
-    __slots__ = ("id", "stamp", "keyframe", "raw_color", "compressed_color", "raw_depth", "compressed_depth", "calibration", "T_world_cam", "T_world_base", "held", "origin_id")
+    __slots__ = ("id", "stamp", "keyframe", "raw_color", "compressed_color", "raw_depth", "compressed_depth", "calibration", "T_world_cam", "T_world_base", "held", "origin_id", "shown")
     ID_FIELD_NUMBER: _ClassVar[int]
     STAMP_FIELD_NUMBER: _ClassVar[int]
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
@@ -25,6 +25,7 @@ class Frame(_message.Message):
     T_WORLD_BASE_FIELD_NUMBER: _ClassVar[int]
     HELD_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_ID_FIELD_NUMBER: _ClassVar[int]
+    SHOWN_FIELD_NUMBER: _ClassVar[int]
     id: _common_pb2.FrameId
     stamp: _timestamp_pb2.Timestamp
     keyframe: bool
@@ -37,7 +38,16 @@ class Frame(_message.Message):
     T_world_base: _PoseInFrame_pb2.PoseInFrame
     held: str
     origin_id: str
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., keyframe: bool = ..., raw_color: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_color: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., raw_depth: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_depth: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., calibration: _Optional[_Union[_CameraCalibration_pb2.CameraCalibration, _Mapping]] = ..., T_world_cam: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., T_world_base: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., held: _Optional[str] = ..., origin_id: _Optional[str] = ...) -> None: ...
+    shown: Shown
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., keyframe: bool = ..., raw_color: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_color: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., raw_depth: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_depth: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., calibration: _Optional[_Union[_CameraCalibration_pb2.CameraCalibration, _Mapping]] = ..., T_world_cam: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., T_world_base: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., held: _Optional[str] = ..., origin_id: _Optional[str] = ..., shown: _Optional[_Union[Shown, _Mapping]] = ...) -> None: ...
+
+class Shown(_message.Message):
+    __slots__ = ("point_m", "turn_rad")
+    POINT_M_FIELD_NUMBER: _ClassVar[int]
+    TURN_RAD_FIELD_NUMBER: _ClassVar[int]
+    point_m: _common_pb2.Vector3
+    turn_rad: float
+    def __init__(self, point_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., turn_rad: _Optional[float] = ...) -> None: ...
 
 class Mask(_message.Message):
     __slots__ = ("x", "y", "width", "height", "bits")

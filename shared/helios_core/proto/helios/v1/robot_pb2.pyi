@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class RobotDescription(_message.Message):
-    __slots__ = ("name", "footprint_radius_m", "height_m", "camera", "camera_height_m", "min_forward_m", "max_forward_m", "min_turn_rad", "max_turn_rad", "min_tilt_rad", "max_tilt_rad", "reach_m", "can_move", "can_pick", "can_place", "max_depth_m", "simulated", "recorded", "camera_forward_m", "footprint_length_m", "footprint_width_m", "max_back_m")
+    __slots__ = ("name", "footprint_radius_m", "height_m", "camera", "camera_height_m", "min_forward_m", "max_forward_m", "min_turn_rad", "max_turn_rad", "min_tilt_rad", "max_tilt_rad", "reach_m", "can_move", "can_pick", "can_place", "max_depth_m", "simulated", "recorded", "camera_forward_m", "footprint_length_m", "footprint_width_m", "max_back_m", "show_base_m")
     NAME_FIELD_NUMBER: _ClassVar[int]
     FOOTPRINT_RADIUS_M_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
@@ -30,6 +30,7 @@ class RobotDescription(_message.Message):
     FOOTPRINT_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
     FOOTPRINT_WIDTH_M_FIELD_NUMBER: _ClassVar[int]
     MAX_BACK_M_FIELD_NUMBER: _ClassVar[int]
+    SHOW_BASE_M_FIELD_NUMBER: _ClassVar[int]
     name: str
     footprint_radius_m: float
     height_m: float
@@ -52,7 +53,8 @@ class RobotDescription(_message.Message):
     footprint_length_m: float
     footprint_width_m: float
     max_back_m: float
-    def __init__(self, name: _Optional[str] = ..., footprint_radius_m: _Optional[float] = ..., height_m: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., camera_height_m: _Optional[float] = ..., min_forward_m: _Optional[float] = ..., max_forward_m: _Optional[float] = ..., min_turn_rad: _Optional[float] = ..., max_turn_rad: _Optional[float] = ..., min_tilt_rad: _Optional[float] = ..., max_tilt_rad: _Optional[float] = ..., reach_m: _Optional[float] = ..., can_move: bool = ..., can_pick: bool = ..., can_place: bool = ..., max_depth_m: _Optional[float] = ..., simulated: bool = ..., recorded: bool = ..., camera_forward_m: _Optional[float] = ..., footprint_length_m: _Optional[float] = ..., footprint_width_m: _Optional[float] = ..., max_back_m: _Optional[float] = ...) -> None: ...
+    show_base_m: _common_pb2.Vector3
+    def __init__(self, name: _Optional[str] = ..., footprint_radius_m: _Optional[float] = ..., height_m: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., camera_height_m: _Optional[float] = ..., min_forward_m: _Optional[float] = ..., max_forward_m: _Optional[float] = ..., min_turn_rad: _Optional[float] = ..., max_turn_rad: _Optional[float] = ..., min_tilt_rad: _Optional[float] = ..., max_tilt_rad: _Optional[float] = ..., reach_m: _Optional[float] = ..., can_move: bool = ..., can_pick: bool = ..., can_place: bool = ..., max_depth_m: _Optional[float] = ..., simulated: bool = ..., recorded: bool = ..., camera_forward_m: _Optional[float] = ..., footprint_length_m: _Optional[float] = ..., footprint_width_m: _Optional[float] = ..., max_back_m: _Optional[float] = ..., show_base_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ...) -> None: ...
 
 class RobotState(_message.Message):
     __slots__ = ("T_world_base", "tilt_rad", "held", "moving", "stopped", "world_epoch", "robot_boot_id", "message", "finished", "last_seq", "last_action_id", "origin_id", "battery")
@@ -85,7 +87,7 @@ class RobotState(_message.Message):
     def __init__(self, T_world_base: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ..., tilt_rad: _Optional[float] = ..., held: _Optional[str] = ..., moving: bool = ..., stopped: bool = ..., world_epoch: _Optional[int] = ..., robot_boot_id: _Optional[str] = ..., message: _Optional[str] = ..., finished: bool = ..., last_seq: _Optional[int] = ..., last_action_id: _Optional[str] = ..., origin_id: _Optional[str] = ..., battery: _Optional[float] = ...) -> None: ...
 
 class Action(_message.Message):
-    __slots__ = ("forward", "turn", "tilt", "pick", "place", "observe")
+    __slots__ = ("forward", "turn", "tilt", "pick", "place", "observe", "show")
     class Forward(_message.Message):
         __slots__ = ("distance_m",)
         DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
@@ -116,19 +118,26 @@ class Action(_message.Message):
     class Observe(_message.Message):
         __slots__ = ()
         def __init__(self) -> None: ...
+    class Show(_message.Message):
+        __slots__ = ("angle_rad",)
+        ANGLE_RAD_FIELD_NUMBER: _ClassVar[int]
+        angle_rad: float
+        def __init__(self, angle_rad: _Optional[float] = ...) -> None: ...
     FORWARD_FIELD_NUMBER: _ClassVar[int]
     TURN_FIELD_NUMBER: _ClassVar[int]
     TILT_FIELD_NUMBER: _ClassVar[int]
     PICK_FIELD_NUMBER: _ClassVar[int]
     PLACE_FIELD_NUMBER: _ClassVar[int]
     OBSERVE_FIELD_NUMBER: _ClassVar[int]
+    SHOW_FIELD_NUMBER: _ClassVar[int]
     forward: Action.Forward
     turn: Action.Turn
     tilt: Action.Tilt
     pick: Action.Pick
     place: Action.Place
     observe: Action.Observe
-    def __init__(self, forward: _Optional[_Union[Action.Forward, _Mapping]] = ..., turn: _Optional[_Union[Action.Turn, _Mapping]] = ..., tilt: _Optional[_Union[Action.Tilt, _Mapping]] = ..., pick: _Optional[_Union[Action.Pick, _Mapping]] = ..., place: _Optional[_Union[Action.Place, _Mapping]] = ..., observe: _Optional[_Union[Action.Observe, _Mapping]] = ...) -> None: ...
+    show: Action.Show
+    def __init__(self, forward: _Optional[_Union[Action.Forward, _Mapping]] = ..., turn: _Optional[_Union[Action.Turn, _Mapping]] = ..., tilt: _Optional[_Union[Action.Tilt, _Mapping]] = ..., pick: _Optional[_Union[Action.Pick, _Mapping]] = ..., place: _Optional[_Union[Action.Place, _Mapping]] = ..., observe: _Optional[_Union[Action.Observe, _Mapping]] = ..., show: _Optional[_Union[Action.Show, _Mapping]] = ...) -> None: ...
 
 class ActionRequest(_message.Message):
     __slots__ = ("action_id", "lease_token", "time_remaining_s", "action", "no_keyframe", "beats")
@@ -277,20 +286,22 @@ class TruthSegmentationRequest(_message.Message):
     def __init__(self, stamp_ns: _Optional[int] = ...) -> None: ...
 
 class TruthInstance(_message.Message):
-    __slots__ = ("id", "name", "class_name", "graspable", "center_m", "on")
+    __slots__ = ("id", "name", "class_name", "graspable", "center_m", "on", "turn_rad")
     ID_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
     GRASPABLE_FIELD_NUMBER: _ClassVar[int]
     CENTER_M_FIELD_NUMBER: _ClassVar[int]
     ON_FIELD_NUMBER: _ClassVar[int]
+    TURN_RAD_FIELD_NUMBER: _ClassVar[int]
     id: int
     name: str
     class_name: str
     graspable: bool
     center_m: _common_pb2.Vector3
     on: str
-    def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., class_name: _Optional[str] = ..., graspable: bool = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., on: _Optional[str] = ...) -> None: ...
+    turn_rad: float
+    def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., class_name: _Optional[str] = ..., graspable: bool = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., on: _Optional[str] = ..., turn_rad: _Optional[float] = ...) -> None: ...
 
 class TruthSegmentation(_message.Message):
     __slots__ = ("stamp_ns", "width", "height", "ids", "instances")

@@ -126,6 +126,30 @@ class WhatIfReply(_message.Message):
     area_m2: float
     def __init__(self, score: _Optional[_Iterable[float]] = ..., information_gain: _Optional[_Iterable[float]] = ..., pixels: _Optional[_Iterable[float]] = ..., area_m2: _Optional[float] = ...) -> None: ...
 
+class HeldObjectRequest(_message.Message):
+    __slots__ = ("class_name",)
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    class_name: str
+    def __init__(self, class_name: _Optional[str] = ...) -> None: ...
+
+class NameShare(_message.Message):
+    __slots__ = ("name", "share")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SHARE_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    share: float
+    def __init__(self, name: _Optional[str] = ..., share: _Optional[float] = ...) -> None: ...
+
+class HeldObjectReply(_message.Message):
+    __slots__ = ("probability", "sides", "names")
+    PROBABILITY_FIELD_NUMBER: _ClassVar[int]
+    SIDES_FIELD_NUMBER: _ClassVar[int]
+    NAMES_FIELD_NUMBER: _ClassVar[int]
+    probability: float
+    sides: int
+    names: _containers.RepeatedCompositeFieldContainer[NameShare]
+    def __init__(self, probability: _Optional[float] = ..., sides: _Optional[int] = ..., names: _Optional[_Iterable[_Union[NameShare, _Mapping]]] = ...) -> None: ...
+
 class RetireRequest(_message.Message):
     __slots__ = ("object_id", "point_m", "radius_m", "reason")
     OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
