@@ -17,6 +17,7 @@ from helios_core.robot import (
     Observe,
     Pick,
     Place,
+    Show,
     Tilt,
     Turn,
 )
@@ -24,7 +25,7 @@ from helios_core.types import RobotDescription, RobotState
 
 from scripts.markdown_tables import DOCS, Block
 
-ACTIONS: tuple[type, ...] = (Forward, Turn, Tilt, Pick, Place, Observe)
+ACTIONS: tuple[type, ...] = (Forward, Turn, Tilt, Pick, Place, Observe, Show)
 UNITS = {"_m": "m", "_rad": "rad", "_ns": "ns"}  # by the suffix of a name
 SHOWN = {  # types as the page shows them
     "NDArray[np.uint8]": "array `[h, w, 3]`, uint8",
@@ -47,6 +48,10 @@ MEANING: dict[type, dict[str, str]] = {
     },
     Place: {"point_world_m": "release the held thing above this point (x, y, z) of the world"},
     Observe: {},
+    Show: {
+        "angle_rad": "hold the held thing at `show_base_m`, turned by this about the vertical from "
+        "how it was carried; positive is left. It stays there until the next drive, turn or place"
+    },
     ActionResult: {
         "succeeded": "whether all of it was done",
         "reason": "one sentence when it was not",
@@ -76,6 +81,8 @@ MEANING: dict[type, dict[str, str]] = {
         "simulated": "whether the world is a simulation, which has the truth to compare with",
         "recorded": "whether it plays what a robot did; leave it",
         "footprint_box_m": "length and width of a body that is no disc; None: a disc",
+        "show_base_m": "where `Show` holds the thing's centre, (x, y, z) from the base; None: it "
+        "cannot show what it holds",
     },
     RobotState: {
         "T_world_base": "pose of the base: on the floor, x ahead, z up",

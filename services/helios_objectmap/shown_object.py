@@ -1,8 +1,8 @@
-"""Names that the detector gives to the object that the robot shows to the camera (not in the paper).
+"""Names that the detector gives to the object that the robot shows to the camera.
 
-The robot turns a picked object before its camera. Each turn shows another side from near, where a
-detector that confuses the object with another seldom does so from all sides. The map leaves such
-frames out; what they show counts for the held object alone.
+This is not in the paper. The robot turns a picked object before its camera. Each turn shows another
+side from near, and a detector seldom takes an object for another one from all sides. The map leaves
+such frames out; what they show counts for the held object alone.
 """
 
 from __future__ import annotations
@@ -71,7 +71,8 @@ class ShownObject:
         sides = [of_side for of_side in sides if of_side]
         names = sorted({name for of_side in sides for named in of_side for name in named})
         rate = np.array(
-            [[np.mean([n in named for named in of_side]) for n in names] for of_side in sides]
+            [[np.mean([n in named for named in of_side]) for n in names] for of_side in sides],
+            np.float64,
         ).reshape(len(sides), len(names))
         rates = NameRates(tuple(names), rate, np.ones(len(sides)))
         share = rate.mean(axis=0).tolist() if sides else []

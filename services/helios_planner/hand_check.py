@@ -1,18 +1,24 @@
-"""Look at a picked object before it is carried away, and put a wrong one back (not in the paper)."""
+"""Look at a picked object before it is carried away; put a wrong one back. Not in the paper."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from helios_core.robot import Place, Show
+from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
+from helios_planner.decisions.acceptance import check_in_hand
+from helios_planner.decisions.decision import Do
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.navigation.base_controller import BaseController
 from helios_planner.robot.interface import RobotInterface
+from helios_planner.search.base import Search
 from helios_planner.settings import Settings
 
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
@@ -20,40 +26,77 @@ RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is 
 
 @dataclass
 class HandCheck:
-    """Views of the held object from several sides."""
+    """Views of the picked object from several sides, and the return of a wrong one."""
 
     robot: RobotInterface
     base: BaseController
     settings: Settings
     put_back: int = 0  # wrong objects so far
-    fails: bool = False  # True once the robot could not show what it holds
+    cannot_show: bool = False  # True once the robot failed to show what it holds
+    returning_m: NDArray[np.float64] | None = None  # place [3] of a wrong object still in the hand
 
-    @property
-    def possible(self) -> bool:
-        """True if the robot looks at what it picks, and another pick may follow."""
-        can = self.robot.description.show_base_m is not None and not self.fails
-        return can and self.settings.hand_sides > 0
+    # --- restart -------------------------------------------------------------------------------
+    def checkpoint(self) -> dict[str, Any]:
+        """State that must outlive a crash of the planner, as JSON, for `restore`."""
+        returning = None if self.returning_m is None else self.returning_m.tolist()
+        return {"put_back": self.put_back, "returning_m": returning}
 
-    def look(self, class_name: str) -> HeldObject | None:
-        """Show the held object from all sides. Returns what it looks like, None if it cannot be
-        shown. Raises Dropped."""
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        self.put_back = int(checkpoint.get("put_back", 0))
+        returning = checkpoint.get("returning_m")
+        self.returning_m = None if returning is None else np.array(returning, float)
+
+    def resume(self) -> bool:
+        """Go on with a return that a restart interrupted. False if the object cannot be put back:
+        it is still held."""
+        return not self.robot.held() or self._put_back()
+
+    # --- the check -----------------------------------------------------------------------------
+    def refutes(self, search: Search, found: ObjectInstance, picks: int) -> bool:
+        """True if the picked object looked wrong from its sides and was put back. picks: so far;
+        after the last one the object is kept unseen. Raises Dropped."""
+        s = self.settings
+        can = self.robot.description.show_base_m is not None and not self.cannot_show
+        if not s.hand_sides or not can or (s.max_picks and picks >= s.max_picks):
+            return False
+        search.tell(f"looking at the picked {search.name} from {s.hand_sides} sides")
+        held = self._look(search.name)
+        if held is None:
+            return False
+        decision = search.publish(check_in_hand(found, held, s.hand_from))
+        if decision.do is Do.ACT:
+            return False
+        search.refused.add(found)
+        x, y, z = (float(v) for v in found.center_m)
+        self.returning_m = np.array([x, y, z - float(found.size_m[2]) / 2])
+        if not self._put_back():
+            why = "which cannot be put back where it was"
+            search.publish(check_in_hand(found, held, s.hand_from, why))
+            return False
+        search.set_message_prefix(decision.why)
+        return True
+
+    def _look(self, class_name: str) -> HeldObject | None:
+        """Show the held object from all sides. None if it cannot be shown."""
         x, y, z = self.robot.description.show_base_m or (0.0, 0.0, 0.0)
         self.base.tilt(tilt_towards(math.hypot(x, y), z, self.robot.description))
         for k in range(self.settings.hand_sides):
             angle_rad = 2 * math.pi * k / self.settings.hand_sides
             if not self.base.monitor.act(Show(angle_rad)).succeeded:
-                self.fails = True
+                self.cannot_show = True
                 return None
         return self.robot.held_object(class_name)
 
-    def return_to(self, point_m: NDArray[np.float64]) -> bool:
-        """Release the object at the place [3] from which it was picked: centre and floor height of
-        its box. False if the robot still holds it."""
-        x, y, z = (float(v) for v in point_m)
+    def _put_back(self) -> bool:
+        """Release the object where it was picked. False if the robot still holds it."""
+        assert self.returning_m is not None
+        x, y, z = (float(v) for v in self.returning_m)
         for raised_m in RAISED_M:
             self.base.monitor.act(Place((x, y, z + raised_m)))
             if not self.robot.held():
                 self.base.monitor.carrying = False
                 self.put_back += 1
+                self.returning_m = None
                 return True
+        self.returning_m = None
         return False

@@ -169,8 +169,8 @@ class Settings(ServiceSettings):
         default=0,
         ge=0,
         le=12,
-        description="sides from which the robot looks at a picked object before it carries it away, "
-        "if it can show it to its camera; 0: none",
+        description="sides from which the robot looks at a picked object before it carries it "
+        "away, if it can show it to its camera; 0: none",
     )
     hand_from: float = Field(
         default=0.5,

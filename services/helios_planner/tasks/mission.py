@@ -10,8 +10,7 @@ from helios_core.robot import Pick, Place, Show
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
-from helios_planner.decisions.acceptance import check_in_hand
-from helios_planner.decisions.decision import Act, Do
+from helios_planner.decisions.decision import Act
 from helios_planner.decisions.explanations import less
 from helios_planner.hand_check import HandCheck
 from helios_planner.instruction.parser import Instruction, Kind
@@ -48,7 +47,6 @@ class Mission:
         attempts = settings.picks_per_object if self.agent.retries else 1
         self.skills = Manipulation(robot, base, settings, belief, attempts)
         self.hand = HandCheck(robot, base, settings)
-        self.returning_m: np.ndarray | None = None  # place of a wrong object that is put back
         self.looked_around = self.placed = False
         # True if the placed object is seen there; None: nothing is known to be placed
         self.seen_at_goal: bool | None = None
@@ -62,8 +60,8 @@ class Mission:
     def run(self) -> str:
         """Run the task; returns its message. Raises TaskFailed and TaskCancelled."""
         i = self.instruction
-        if self.returning_m is not None:
-            self._finish_return(self.returning_m)
+        if self.hand.returning_m is not None and not self.hand.resume():
+            self.picked_at_m = self.target_m
         if i.kind is Kind.MOVE and self.picked_at_m is None and not self.placed:
             self._take_over(i.object or "")
         if not self.looked_around:
@@ -128,11 +126,10 @@ class Mission:
             "looked_around": self.looked_around,
             "target_m": _listed(self.target_m),
             "picked_at_m": _listed(self.picked_at_m),
-            "returning_m": _listed(self.returning_m),
-            "put_back": self.hand.put_back,
             "unsure": list(self.unsure.items()),
             "search": None if search is None else search.checkpoint() | {"phase": search.phase},
             **self.skills.checkpoint(),
+            **self.hand.checkpoint(),
             **self.tools.checkpoint(),
         }
 
@@ -141,15 +138,15 @@ class Mission:
         self.looked_around = checkpoint["looked_around"]
         self.target_m = _array(checkpoint["target_m"])
         self.picked_at_m = _array(checkpoint["picked_at_m"])
-        self.returning_m = _array(checkpoint.get("returning_m"))
-        self.hand.put_back = int(checkpoint.get("put_back", 0))
         self.unsure = {Phase(phase): said for phase, said in checkpoint["unsure"]}
         self.skills.restore(checkpoint)
+        self.hand.restore(checkpoint)
         self.tools.restore(checkpoint)
         self._restored = checkpoint["search"]
         name = self.instruction.object or ""
         if isinstance(last.action, Show) and self.picked_at_m is None and last.held:
-            self.picked_at_m, self._restored = self.target_m, None
+            if self.hand.returning_m is None:
+                self.picked_at_m, self._restored = self.target_m, None
         elif isinstance(last.action, Pick) and self.picked_at_m is None:
             if last.succeeded or (last.succeeded is None and last.held):
                 self._was_picked(name)
@@ -194,40 +191,8 @@ class Mission:
             done = self.skills.pick(found, search.name, search.confirmed)
             if done is not SkillOutcome.SUCCEEDED:
                 self._give_up(search, Act.PICK, found, done)
-            elif not self._put_back_if_wrong(search, found):
+            elif not self.hand.refutes(search, found, self.skills.picks):
                 return np.asarray(found.center_m)
-
-    def _put_back_if_wrong(self, search: Search, found: ObjectInstance) -> bool:
-        """Look at the picked object in the hand. True if it was wrong and is put back."""
-        limit, sides = self.settings.max_picks, self.settings.hand_sides
-        last_pick = bool(limit) and self.skills.picks >= limit
-        if last_pick or not self.hand.possible:
-            return False
-        search.tell(f"looking at the picked {search.name} from {sides} sides")
-        held = self.hand.look(search.name)
-        if held is None:
-            return False
-        decision = check_in_hand(found, held, self.settings.hand_from)
-        if decision.do is Do.ACT:
-            search.publish(decision)
-            return False
-        search.refused.add(found)
-        x, y, z = (float(v) for v in found.center_m)
-        self.returning_m = np.array([x, y, z - float(found.size_m[2]) / 2])
-        search.publish(decision)
-        search.set_message_prefix(decision.why)
-        returned = self.hand.return_to(self.returning_m)
-        self.returning_m = None
-        if not returned:
-            why = "which cannot be put back where it was"
-            search.publish(check_in_hand(found, held, self.settings.hand_from, why))
-        return returned
-
-    def _finish_return(self, point_m: np.ndarray) -> None:
-        """Put a wrong object back, after a restart of the planner in between."""
-        self.returning_m = None
-        if self.robot.held() and not self.hand.return_to(point_m):
-            self.picked_at_m = point_m
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
         """Search and place until the object is put down, then check if it is seen there."""

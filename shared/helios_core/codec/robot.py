@@ -102,7 +102,7 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
     if robot.can_move and robot.footprint_radius_m == 0:
         raise _misdescribed(robot, "can_move and footprint_radius_m 0", "a body above 0 m")
     show = robot.show_base_m if robot.HasField("show_base_m") else None
-    if show is not None and not max(abs(show.x), abs(show.y), abs(show.z)) <= LARGEST_M:
+    if show is not None and not all(abs(v) <= LARGEST_M for v in (show.x, show.y, show.z)):
         came = f"show_base_m ({show.x:g}, {show.y:g}, {show.z:g})"
         raise _misdescribed(robot, came, f"three numbers up to {LARGEST_M:g} m")
     return RobotDescription(

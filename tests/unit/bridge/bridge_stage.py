@@ -96,14 +96,16 @@ class Stage:
         distance_m: float = 0.5,
         left_s: float = 5,
         no_keyframe: bool = False,
+        action: pb.Action | None = None,
     ) -> pb.ActionResult:
+        """Drive ahead, or do another action."""
         if not self.token:
             self.token = self.other.call(LEASE, pb.LeaseRequest(holder="planner"), 1).token
         request = pb.ActionRequest(
             action_id=action_id,
             lease_token=self.token,
             time_remaining_s=left_s,
-            action=pb.Action(forward=pb.Action.Forward(distance_m=distance_m)),
+            action=action or pb.Action(forward=pb.Action.Forward(distance_m=distance_m)),
             no_keyframe=no_keyframe,
         )
         return self.other.call(ACT, request, 10)

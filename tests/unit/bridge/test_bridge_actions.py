@@ -19,7 +19,7 @@ from helios_core.topics import (
     OBJECTMAP_ACK,
     ROBOT_STATE,
 )
-from helios_core.types import RobotState
+from helios_core.types import RobotDescription, RobotState
 
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
 
@@ -68,6 +68,39 @@ def test_the_robot_state_after_an_action_is_published_before_its_keyframe() -> N
     stage.drive("a")
     assert "held: mug" in reported[: reported.index("keyframe")]
     assert [frame_from_proto(k).held for k in stage.keyframes] == ["mug"]
+
+
+def shown_in(stage: Stage) -> list[tuple[tuple[float, float, float], float] | None]:
+    """Shown object of each keyframe: its point and its turn."""
+    shown = [frame_from_proto(k).shown for k in stage.keyframes]
+    return [None if s is None else (s.point_m, s.turn_rad) for s in shown]
+
+
+def test_a_frame_says_that_the_robot_shows_what_it_holds_until_its_next_motion() -> None:
+    class Showing(LineRobot):
+        def describe(self) -> RobotDescription:
+            return replace(super().describe(), show_base_m=(0.5, 0.0, 1.1))
+
+        def state(self) -> RobotState:
+            return replace(super().state(), held="mug")
+
+    stage = Stage(Showing())
+    stage.drive("a")
+    x_m = stage.robot.x_m
+    stage.drive("b", action=pb.Action(show=pb.Action.Show(angle_rad=0.25)))
+    stage.drive("c", action=pb.Action(observe=pb.Action.Observe()))
+    stage.drive("d")
+    point = (x_m + 0.5, 0.0, 1.1)
+    assert shown_in(stage) == [None, (point, 0.25), (point, 0.25), None]
+
+
+def test_a_robot_that_cannot_show_is_not_asked_to() -> None:
+    stage = Stage()
+    result = stage.drive("a", action=pb.Action(show=pb.Action.Show(angle_rad=0.25)))
+    assert not result.succeeded
+    assert "its description has no show_base_m" in result.reason
+    assert stage.robot.done == []
+    assert shown_in(stage) == [None]
 
 
 def test_an_action_with_a_repeated_id_is_executed_once() -> None:

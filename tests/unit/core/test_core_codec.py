@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -26,7 +27,7 @@ from helios_core.codec import (
 from helios_core.codec.images import encoded_size
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
-from helios_core.robot import Action, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_core.robot import Action, Forward, Observe, Pick, Place, Show, Tilt, Turn
 from helios_core.types import (
     Detection,
     Frame,
@@ -36,6 +37,7 @@ from helios_core.types import (
     Role,
     SearchClass,
     SearchContext,
+    Shown,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -60,7 +62,7 @@ def make_frame() -> Frame:
 
 def assert_same_frame(a: Frame, b: Frame) -> None:
     assert (a.id, a.stamp_ns, a.keyframe, a.camera) == (b.id, b.stamp_ns, b.keyframe, b.camera)
-    assert a.held == b.held
+    assert (a.held, a.shown) == (b.held, b.shown)
     np.testing.assert_array_equal(a.color, b.color)
     np.testing.assert_allclose(a.depth_m, b.depth_m, atol=1e-6)
     np.testing.assert_allclose(a.T_world_cam, b.T_world_cam, atol=1e-9)
@@ -72,6 +74,12 @@ def test_a_frame_round_trips_through_its_message(held: str | None) -> None:
     frame = replace(make_frame(), held=held)
     data = frame_to_proto(frame).SerializeToString()
     assert_same_frame(frame, frame_from_proto(pb.Frame.FromString(data)))
+
+
+def test_a_frame_with_a_shown_object_round_trips_through_its_message() -> None:
+    frame = replace(make_frame(), held="mug", shown=Shown((0.5, -0.25, 1.1), 0.75))
+    assert_same_frame(frame, frame_from_proto(frame_to_proto(frame)))
+    assert frame_from_proto(frame_to_proto(make_frame())).shown is None
 
 
 def test_a_compressed_frame_round_trips_within_the_error_of_jpeg() -> None:
@@ -253,6 +261,8 @@ def _calibrated(K: list[float]) -> Callable[[pb.Frame], None]:
         (lambda f: setattr(f.T_world_cam.pose.position, "x", 1e18), "within 20000 m"),
         (lambda f: setattr(f.T_world_base.pose.position, "y", -1e300), "within 20000 m"),
         (lambda f: setattr(f.stamp, "seconds", 2**62), "stamp"),
+        (lambda f: setattr(f.shown, "turn_rad", math.nan), "finite numbers"),
+        (lambda f: setattr(f.shown.point_m, "z", math.inf), "finite numbers"),
         (lambda f: setattr(f.stamp, "seconds", -(2**62)), "stamp"),
     ],
 )
@@ -275,6 +285,7 @@ def test_a_frame_with_implausible_numbers_is_refused(
         Pick((1, 2, 3), "mug"),
         Place((1, 2, 0.5)),
         Observe(),
+        Show(1.5),
     ],
 )
 def test_an_action_round_trips_through_its_message(action: Action) -> None:
@@ -291,6 +302,11 @@ def test_a_description_round_trips_through_its_message() -> None:
         "r", 0.3, 1.4, CAMERA, 1.31, 0.8, 10.0, max_back_m=0.25, tilt_range_rad=(-0.5, 1.0)
     )
     assert description_from_proto(description_to_proto(robot)) == robot
+    showing = replace(robot, show_base_m=(0.5, 0.0, 1.1))
+    assert description_from_proto(description_to_proto(showing)) == showing
+    lost = replace(robot, show_base_m=(0.5, math.nan, 1.1))
+    with pytest.raises(InvalidInput, match="show_base_m"):
+        description_from_proto(description_to_proto(lost))
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])

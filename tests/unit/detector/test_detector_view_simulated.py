@@ -29,7 +29,7 @@ from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.simulation.mask_errors import eroded, leaked, partial
 from helios_detector.simulation.view_noise_detector import ViewNoiseDetector
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
-from helios_detector.simulator_truth import Truth
+from helios_detector.simulator_truth import Truth, TruthInstance
 from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
 
@@ -145,6 +145,18 @@ def fingerprint() -> str:
     table = NOISE.scaled(2.0)
     frames = [truth.frame(looking(float(x)), n) for n, x in enumerate(np.linspace(-2, 1, 8), 1)]
     return str([reported(ViewNoiseDetector(truth, table, 5).detect(f, CONTEXT)) for f in frames])
+
+
+def test_an_object_turned_in_the_hand_shows_the_sides_that_a_walk_around_it_shows() -> None:
+    eye_m, center_m = np.array([0.0, 0.0, 1.3]), np.array([0.5, 0.1, 1.1])
+    still = TruthInstance(2, "mug", center_m, True, "mug_1")
+    for turn_rad in (0.3, 2.0, -1.0):
+        turned = replace(still, turn_rad=turn_rad)
+        seen_m = eye_m - turned.center_seen_from(eye_m)
+        assert np.linalg.norm(seen_m) == pytest.approx(np.linalg.norm(eye_m - center_m))
+        turned_rad = np.arctan2(*(eye_m - center_m)[1::-1]) - np.arctan2(*seen_m[1::-1])
+        assert np.exp(1j * turned_rad) == pytest.approx(np.exp(1j * turn_rad))
+    assert np.array_equal(still.center_seen_from(eye_m), center_m)
 
 
 def test_an_additional_object_does_not_change_the_errors_of_the_others():

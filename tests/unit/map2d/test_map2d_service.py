@@ -20,7 +20,7 @@ from helios_core.topics import (
     SIGHT,
     SNAPSHOT,
 )
-from helios_core.types import FrameId, RobotState
+from helios_core.types import FrameId, RobotState, Shown
 from map2d_rig import Rig
 from map2d_scene import Block, Walk, room
 
@@ -122,6 +122,19 @@ def test_the_held_object_of_the_frame_overrides_that_of_the_robot_state(
         int((at - low) / view.cell_m) for at, low in zip((2.36, 1.5), view.origin_m, strict=True)
     )
     assert (view.occupancy[row, column] == 100) == (by_then == "")
+
+
+def test_a_frame_with_a_shown_object_leaves_the_map_as_it_is(rig: Rig) -> None:
+    rig.settle()
+    before = decode_snapshot(rig.snapshot())
+    rig.walk = Walk([*room(), Block((2.5, 1.42, 0.7), (2.6, 1.58, 0.9))])
+    for _ in range(3):
+        frame = rig.walk.frame(2.0, 1.5, 0.0)
+        shown = Shown((2.55, 1.5, 0.8), 0.0)
+        rig.keyframe(dataclasses.replace(frame, held="mug", shown=shown))
+        assert rig.acks[-1].accepted
+    after = decode_snapshot(rig.snapshot())
+    assert np.array_equal(before.occupancy, after.occupancy)
 
 
 def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(rig: Rig) -> None:

@@ -6,7 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from helios_planner.decisions.held_object import HeldObject
 from numpy.typing import NDArray
+
+UNKNOWN = HeldObject(1.0, 0, ())
 
 
 @dataclass
@@ -33,6 +36,7 @@ class Thing:
     views: list[tuple[float, float, float]] = field(default_factory=list)
     graspable: bool = True
     slippery: int = 0  # picks that fail first
+    in_hand: HeldObject = UNKNOWN  # what it looks like in the hand
 
     def score_at(self, views: int) -> tuple[float, float, float]:
         """Return (Psi, S, U) after that many views (eq. 4, 7), four classes, alpha_cpa 3."""

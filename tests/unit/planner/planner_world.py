@@ -8,9 +8,20 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 from helios_core.geometry import Matrix, wrap_angle, yaw_of
-from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    Forward,
+    Observe,
+    Pick,
+    Place,
+    Show,
+    Tilt,
+    Turn,
+)
 from helios_core.types import ObjectInstance, RobotDescription
 from helios_planner.decisions.decision import Decision
+from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import Sighting, sighting_of
 from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
@@ -110,6 +121,9 @@ class FakeWorld(RobotInterface):
                 return self._place(np.array(point))
             case Observe():
                 return ActionResult(True)
+            case Show():
+                can = self.description.show_base_m is not None and self._held is not None
+                return ActionResult(can, "" if can else "there is nothing to show")
 
     def _drive(self, distance: float) -> ActionResult:
         moved = 0.0
@@ -225,6 +239,9 @@ class FakeWorld(RobotInterface):
         yaw = yaw_of(T_world_cam[:, [2, 0, 1, 3]])
         pose = Pose2(float(T_world_cam[0, 3]), float(T_world_cam[1, 3]), yaw)
         return sees(self.seen_top, pose, thing.center_m)
+
+    def held_object(self, class_name: str) -> HeldObject:
+        return self._held.in_hand if self._held else HeldObject(1.0, 0, ())
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         self.retired.append(id)

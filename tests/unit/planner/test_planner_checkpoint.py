@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from helios_core.robot import Observe
 from helios_planner.agents import AGENTS
@@ -26,11 +27,12 @@ SCORED_KEPT = f"{SEARCH_KEPT} _step _since _decision_threshold _remembered _chec
 SCORED_LOST = f"{SEARCH_LOST} _thresholds _views _from_memory"
 KEPT_AND_LOST = {
     "Mission": (
-        "looked_around target_m picked_at_m unsure skills search placed",
+        "looked_around target_m picked_at_m unsure skills hand search placed",
         "seen_at_goal _fell _restored",
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
     "Manipulation": ("picks falls last_reason", "near surface_m placed_on"),
+    "HandCheck": ("put_back returning_m", "cannot_show"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (f"{SCORED_KEPT} seen visited", f"{SCORED_LOST} start _rule _last_seen"),
@@ -50,7 +52,7 @@ def stateful() -> list[object]:
     moves = MoveMission(flat_with_mug(), parse("explore"), Settings())
     tools, agent = mission.tools, mission.agent
     return [
-        mission, tools, mission.skills, tools.base, tools.looking,
+        mission, tools, mission.skills, mission.hand, tools.base, tools.looking,
         agent.seek_object(tools, "mug", None), agent.seek_receptacle(tools, "counter", None),
         moves, moves.exploration, AGENTS["vlfm-helios-stop"].seek_object(tools, "mug", None),
     ]  # fmt: skip
@@ -69,6 +71,7 @@ def test_a_restored_mission_gives_the_same_checkpoint() -> None:
     mission = Mission(flat_with_mug(), parse(MOVE), Settings())
     mission.looked_around = True
     mission.skills.picks, mission.skills.last_reason = 2, "it slipped"
+    mission.hand.put_back, mission.hand.returning_m = 1, np.array([1.0, 2.0, 0.5])
     mission.tools.base.felt_obstacles.append((1.0, 2.0, 0.08))
     mission.tools.base.blind_zone.discs.append((1.0, 1.0, 0.5))
     mission.tools.given_up.append((3.0, 4.0))

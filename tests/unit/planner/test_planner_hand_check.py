@@ -1,0 +1,171 @@
+"""A picked object is looked at in the hand, and put back if it is the wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from helios_core.robot import Pick, Place, Show
+from helios_planner.decisions.decision import DecisionRule, Do
+from helios_planner.decisions.held_object import HeldObject
+from helios_planner.instruction.parser import parse
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+from helios_planner.tasks.mission import Mission
+from helios_planner.tasks.run_control import LastAction
+from planner_eye import ROBOT
+from planner_flat import MOVE, coffee_table, counter, flat, mug
+from planner_things import Thing
+from planner_world import FakeWorld
+
+WRONG = HeldObject(0.01, 6, (("glass", 5 / 6), ("mug", 1 / 6)))
+RIGHT = HeldObject(0.99, 6, (("mug", 5 / 6), ("glass", 1 / 6)))
+SHOWING = replace(ROBOT, show_base_m=(0.5, 0.0, 1.1))
+
+
+def looks(thing: Thing, held: HeldObject) -> Thing:
+    thing.in_hand = held
+    return thing
+
+
+def world_of(*mugs: Thing) -> FakeWorld:
+    world = flat([coffee_table(), counter(), *mugs])
+    world.description = SHOWING
+    return world
+
+
+def mission(world: FakeWorld, **settings: float) -> Mission:
+    return Mission(world, parse(MOVE), Settings.model_validate({"hand_sides": 6} | settings))
+
+
+def picked(world: FakeWorld) -> list[int]:
+    """Ids of the things that were picked, in order."""
+    return world.retired
+
+
+def in_hand(world: FakeWorld) -> list[Do]:
+    return [d.do for d in world.decisions if d.rule == DecisionRule.IN_HAND]
+
+
+def test_a_wrong_object_goes_back_to_its_place_and_the_right_one_is_brought() -> None:
+    wrong, right = looks(mug(3), WRONG), looks(mug(4, 6.7, 5.6), RIGHT)
+    world = world_of(wrong, right)
+    place_m = wrong.center_m.copy()
+    assert "put the mug on the counter" in mission(world).run()
+    assert world.released is right
+    assert picked(world)[-1] == 4
+    if 3 in picked(world):
+        assert wrong.center_m == pytest.approx(place_m, abs=0.02)
+    assert in_hand(world)[-1] is Do.ACT
+
+
+def test_a_wrong_object_that_was_put_back_is_not_picked_again() -> None:
+    world = world_of(looks(mug(3), WRONG))
+    with pytest.raises(TaskFailed) as failure:
+        mission(world).run()
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+    assert picked(world) == [3]
+    assert world.held() == ""
+
+
+def test_the_right_object_is_shown_from_all_sides_and_kept() -> None:
+    world = world_of(looks(mug(3), RIGHT))
+    mission(world).run()
+    angles = [action.angle_rad for action in world.log if isinstance(action, Show)]
+    assert angles == pytest.approx([k * 1.0472 for k in range(6)], abs=1e-3)
+    (kept,) = [d for d in world.decisions if d.rule == DecisionRule.IN_HAND]
+    assert kept.why == "keep the mug: 6 sides in the hand show mug on 83% and glass on 17%; " \
+        "probability 0.99"  # fmt: skip
+
+
+@pytest.mark.parametrize("settings", [{"hand_sides": 0}, {"max_picks": 1}])
+def test_without_the_setting_or_another_pick_nothing_is_shown(settings: dict[str, float]) -> None:
+    world = world_of(looks(mug(3), WRONG))
+    mission(world, **settings).run()
+    assert not any(isinstance(action, Show) for action in world.log)
+
+
+def test_a_robot_that_cannot_show_what_it_holds_brings_it() -> None:
+    world = world_of(looks(mug(3), WRONG))
+    world.description = ROBOT
+    mission(world).run()
+    assert not any(isinstance(action, Show) for action in world.log)
+
+
+def test_a_failed_show_ends_the_check_for_the_task() -> None:
+    world = world_of(looks(mug(3), WRONG))
+    done = world._do
+    world._do = lambda action: replace(done(action), succeeded=not isinstance(action, Show))
+    mission(world).run()
+    assert sum(isinstance(action, Show) for action in world.log) == 1
+
+
+def test_an_object_that_cannot_be_put_back_is_brought() -> None:
+    world = world_of(looks(mug(3), WRONG))
+    placing, refused = world._place, []
+
+    def place(point):
+        if len(refused) < 2:
+            refused.append(point)
+            return replace(placing(point * 0 - 100.0), reason="something is in the way")
+        return placing(point)
+
+    world._place = place
+    assert "put the mug on the counter" in mission(world).run()
+    assert in_hand(world) == [Do.SEARCH_ON, Do.ACT]
+    assert "which cannot be put back where it was" in world.decisions[-1].why or any(
+        "which cannot be put back where it was" in d.why for d in world.decisions
+    )
+
+
+def test_a_restart_between_pick_and_return_puts_the_wrong_object_back() -> None:
+    world = world_of(looks(mug(3), WRONG), looks(mug(4, 6.7, 5.6), RIGHT))
+    first = mission(world)
+    stored: dict = {}
+
+    class Died(Exception):
+        pass
+
+    acting = world.act
+
+    def act(action):
+        if isinstance(action, Place) and not stored:
+            stored.update(first.checkpoint())
+            raise Died
+        return acting(action)
+
+    world.act = act
+    with pytest.raises(Died):
+        first.run()
+    assert world.held() == "mug"
+    again = mission(world)
+    again.restore(stored, LastAction(Show(0.0), True, "", "mug"))
+    again.run()
+    assert world.released is world.things[4]
+    assert again.skills.falls == 0
+
+
+def test_a_restart_while_the_object_is_shown_keeps_it() -> None:
+    world = world_of(looks(mug(3), RIGHT))
+    first = mission(world)
+    stored: dict = {}
+
+    class Died(Exception):
+        pass
+
+    acting = world.act
+
+    def act(action):
+        if isinstance(action, Show) and not stored:
+            stored.update(first.checkpoint())
+            raise Died
+        return acting(action)
+
+    world.act = act
+    with pytest.raises(Died):
+        first.run()
+    again = mission(world)
+    again.restore(stored, LastAction(Show(0.0), True, "", "mug"))
+    again.run()
+    assert world.released is world.things[3]
+    assert sum(isinstance(action, Pick) for action in world.log) == 1
