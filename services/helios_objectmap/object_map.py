@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
-from helios_core.types import ObjectInstance, Observation, SearchContext
+from helios_core.types import Detection, ObjectInstance, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_objectmap import export, placed
@@ -140,6 +140,8 @@ class ObjectMap:
         if s.look_alikes == "compared" and self._is_new(look):
             detections = (*observation.detections, *observation.others)
             self._sightings.note(reading, s.stride_px, detections)
+        if s.joined_by == "detections" and self._is_new(look):
+            self._note_co_detections(reading, observation)
         projection = self._project(reading.view)
         gone = np.empty(0, np.int32)
         if s.creation_rule != "paper":
@@ -344,7 +346,11 @@ class ObjectMap:
         """
         self._hold(content)
         self._store.keep_votes(self._sectors)
-        for group in sorted({r.group for r in self._registry.records.values()}):
+        groups = sorted({r.group for r in self._registry.records.values()})
+        for name in sorted({group.class_name for group in groups}):
+            if self._settings.joined_by == "detections" and self._classes.is_receptacle(name):
+                self._registry.keep_apart(self._store, name, self._classes.voxel_m(name))
+        for group in groups:
             self._registry.recluster(self._store, group, self._classes.voxel_m(group.class_name))
 
     def empty_viewpoints(self) -> Viewpoints:
@@ -394,6 +400,7 @@ class ObjectMap:
         for name in names:
             self._viewpoints.forget(name)
             self._registry.ended.pop(name, None)
+            self._registry.separations.pop(name, None)
             del self._classes.roles[name]
 
     def _carve(
@@ -426,6 +433,24 @@ class ObjectMap:
             np.concatenate([there, seen.through[share > 0]]),
             self._project(reading.view, rows=stays),
         ), gone
+
+    def _note_co_detections(self, reading: LabelImage, observation: Observation) -> None:
+        """Note which neighbouring voxels the detections of each class show together."""
+        by_class: dict[str, list[Detection]] = {}
+        context = self._classes.context
+        assert context is not None
+        large = [c for c in context.distinct() if c.role.is_receptacle]
+        least = {c.name: c.threshold for c in large}
+        for d in observation.detections:
+            if d.score >= least.get(d.class_name, 2.0):
+                by_class.setdefault(d.class_name, []).append(d)
+        for name, detections in by_class.items():
+            self._registry.note_detections(
+                name, self._classes.voxel_m(name),
+                lambda pairs, found=detections: pairs.note(
+                    reading, self._settings.stride_px, found
+                ),
+            )  # fmt: skip
 
     def _creation_mask(self, reading: LabelImage, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene

@@ -92,6 +92,11 @@ class ObjectMapSettings(ServiceSettings):
         "instance; Gaussians with less form instances of their own, which are not reported beside "
         "a core; up to `named_from`: all belong to the core",
     )
+    joined_by: Literal["distance", "detections"] = Field(
+        default="distance",
+        description="Gaussians of a class that touch are one instance: always, as in the paper, or "
+        "only where most detections that show one part show the other part too",
+    )
     look_alikes: Literal["ignored", "compared"] = Field(
         default="ignored",
         description="detections under other names at an instance: ignored, or compared with those "

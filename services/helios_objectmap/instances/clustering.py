@@ -8,7 +8,9 @@ apart than two voxels along an axis never. Two mugs with centres 0.3 m apart hav
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from helios_objectmap.gaussians import NO_INSTANCE
 
 BITS = 21  # bits per axis in a voxel key
-_PRECEDING = np.array(
+PRECEDING = np.array(
     [
         (dx << (2 * BITS)) + (dy << BITS) + dz
         for dx in (-1, 0, 1)
@@ -28,7 +30,9 @@ _PRECEDING = np.array(
     np.int64,
 )
 # Steps to the 26 neighbours of a voxel: 13 come before it in the order of keys, 13 after.
-NEIGHBOURS: tuple[int, ...] = (*_PRECEDING.tolist(), *(-_PRECEDING).tolist())
+PLACE = {step: k for k, step in enumerate(PRECEDING.tolist())}
+STEPS = np.concatenate([PRECEDING, -PRECEDING])
+NEIGHBOURS: tuple[int, ...] = tuple(STEPS.tolist())
 # Up to this many emptied voxels are checked singly; beyond, whole instances are clustered again.
 FEW = 32
 
@@ -47,20 +51,33 @@ def voxel_centers_m(keys: NDArray[np.integer], voxel_m: float) -> NDArray[np.flo
     return (steps + 0.5) * voxel_m
 
 
-def connected(voxels: NDArray[np.integer]) -> NDArray[np.int64]:
+class Separations(Protocol):
+    """Neighbouring voxels that belong to different things although they touch."""
+
+    def apart(self, keys: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of its 13 neighbours `PRECEDING` each voxel [n] is apart from: [n, 13]."""
+        ...
+
+
+def connected(
+    voxels: NDArray[np.integer], separations: Separations | None = None
+) -> NDArray[np.int64]:
     """Number of the connected component of each voxel [n], 0, 1, ... without gaps.
 
     voxels: distinct keys in rising order. Components are numbered by their first voxel.
     """
     parent = np.empty(len(voxels), np.int64)
-    components_kernel(voxels, _PRECEDING, parent)
+    apart = np.zeros((0, 0), np.bool_) if separations is None else separations.apart(voxels)
+    components_kernel(voxels, PRECEDING, apart, parent)
     return np.unique(parent, return_inverse=True)[1]
 
 
-def components(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
+def components(
+    points: NDArray[np.float32], voxel_m: float, separations: Separations | None = None
+) -> NDArray[np.int64]:
     """Number of the connected component of each point [n], 0, 1, ... without gaps."""
     voxels, of_point = distinct(voxel_keys(points, voxel_m))
-    return connected(voxels)[of_point]
+    return connected(voxels, separations)[of_point]
 
 
 def relabel(
@@ -120,8 +137,8 @@ class Regrouped:
 class Voxels:
     """Voxels of one class: the number of Gaussians in each, and its instance."""
 
-    def __init__(self, voxel_m: float) -> None:
-        self.voxel_m = voxel_m
+    def __init__(self, voxel_m: float, separations: Separations | None = None) -> None:
+        self.voxel_m, self._separations = voxel_m, separations
         self._count: dict[int, int] = {}  # voxel key -> its Gaussians; no empty voxels
         self._label: dict[int, int] = {}
         self._of: dict[int, set[int]] = {}  # label -> its voxels
@@ -149,8 +166,19 @@ class Voxels:
             label = self._label.pop(key)
             self._of[label].discard(key)
             emptied += 1
-            if label not in self._loose and (emptied > FEW or self._may_split_at(key)):
+            checked = self._separations is None and emptied <= FEW
+            if label not in self._loose and not (checked and not self._may_split_at(key)):
                 self._loose.add(label)
+
+    @property
+    def is_loose(self) -> bool:
+        """True if an instance may have split or merged since the last `join`."""
+        return bool(self._loose)
+
+    def loosen(self, keys: NDArray[np.int64]) -> None:
+        """Cluster the instances of these voxels again at the next `join`."""
+        labels = (self._label.get(key) for key in keys.tolist())
+        self._loose.update(label for label in labels if label is not None)
 
     def join(self, points: NDArray[np.float32], next_label: int) -> tuple[Regrouped, int]:
         """Add Gaussians [n]. Returns the changes, and the next free label."""
@@ -196,14 +224,13 @@ class Voxels:
         """Cluster new voxels, those of loose instances, and whole instances that touch new ones."""
         loose, self._loose = self._loose, set()
         keys = np.array(sorted(fresh + [k for label in loose for k in self._of[label]]), np.int64)
-        part = connected(keys).tolist()
+        part = connected(keys, self._separations).tolist()
         part_of = dict(zip(keys.tolist(), part, strict=True))
         beside: dict[int, list[int]] = {}  # label of a whole instance -> parts that touch it
-        for key in fresh:
-            for step in NEIGHBOURS:
-                label = self._label.get(key + step)
-                if label is not None and label not in loose:
-                    beside.setdefault(label, []).append(part_of[key])
+        for key, other in self._touching(fresh):
+            label = self._label[other]
+            if label not in loose:
+                beside.setdefault(label, []).append(part_of[key])
         of_part = _joined(max(part, default=-1) + 1, list(beside.values()))
         # Parts in the order of their first voxels, as a clustering of all voxels numbers them.
         first: dict[int, int] = {}
@@ -223,6 +250,20 @@ class Voxels:
         )  # fmt: skip
         self._take(list(part_of), list(beside), loose, former, labels.tolist(), change)
         return next_label
+
+    def _touching(self, fresh: list[int]) -> Iterator[tuple[int, int]]:
+        """Pairs of a new voxel and an old one beside it that is not kept apart from it."""
+        pairs = [
+            (key, key + step) for key in fresh for step in NEIGHBOURS if key + step in self._label
+        ]
+        if self._separations is None or not pairs:
+            yield from pairs
+            return
+        later = np.array([max(pair) for pair in pairs], np.int64)
+        apart = self._separations.apart(later)
+        for pair, row in zip(pairs, apart, strict=True):
+            if not row[PLACE[min(pair) - max(pair)]]:
+                yield pair
 
     def _take(
         self,
@@ -271,15 +312,18 @@ def _joined(n: int, groups: list[list[int]]) -> list[int]:
 
 
 @njit(cache=True, nogil=True)
-def components_kernel(keys, deltas, parent):
-    """26-connected components of sorted voxel keys; fills parent [n] with their first voxels."""
+def components_kernel(keys, deltas, apart, parent):
+    """26-connected components of sorted voxel keys; fills parent [n] with their first voxels.
+
+    apart: [n, 13] neighbours that are not connected, or [0, 0] for none.
+    """
     n = keys.size
     for i in range(n):
         parent[i] = i
         root = i
         for d in range(deltas.size):
             j = np.searchsorted(keys, keys[i] + deltas[d])
-            if j < n and keys[j] == keys[i] + deltas[d]:
+            if j < n and keys[j] == keys[i] + deltas[d] and not (apart.size and apart[i, d]):
                 other = j
                 while parent[other] != other:
                     parent[other] = parent[parent[other]]

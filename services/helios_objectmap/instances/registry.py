@@ -15,7 +15,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.instances.clustering import Regrouped, Voxels, components, distinct, relabel
+from helios_objectmap.instances.clustering import (
+    Regrouped,
+    Voxels,
+    components,
+    distinct,
+    relabel,
+    voxel_keys,
+)
+from helios_objectmap.instances.co_detections import CoDetections
 from helios_objectmap.instances.detector_precision import (
     N_BANDS,
     FormerDetections,
@@ -104,6 +112,7 @@ class InstanceRegistry:
         self.next_label = NO_INSTANCE + 1
         self.ended: dict[str, FormerDetections] = {}  # class -> detections of its former instances
         self._voxels: dict[Group, Voxels] = {}  # only groups that have changed
+        self.separations: dict[str, CoDetections] = {}  # class -> neighbours that are kept apart
         self._left: dict[Group, set[int]] = {}  # instances that lost Gaussians since `join`
         self._came_from: list[tuple[Rows, Rows]] = []  # rows that left since `join`, their labels
 
@@ -135,7 +144,8 @@ class InstanceRegistry:
         joining = dict(_by_group(store, rows))
         crossed = self._crossed(joining)
         changed: set[int] = set().union(*left.values())
-        for group in sorted(left.keys() | joining.keys()):
+        loose = {group for group, voxels in self._voxels.items() if voxels.is_loose}
+        for group in sorted(left.keys() | joining.keys() | loose):
             own = joining.get(group, rows[:0])
             voxels = self._voxels_of(store, group, voxel_m(group.class_name))
             regrouped, self.next_label = voxels.join(store.means[own], self.next_label)
@@ -155,9 +165,10 @@ class InstanceRegistry:
         old = {label for label, record in self.records.items() if record.group == group}
         rows = store.instances.rows_of(np.array(sorted(old), np.int64))
         former = store.instance[rows]
+        separations = self._separations_of(group.class_name, voxel_m)
         labels, self.next_label = relabel(
-            components(store.means[rows], voxel_m), former, np.ones(len(rows), np.int64),
-            self.next_label,
+            components(store.means[rows], voxel_m, separations), former,
+            np.ones(len(rows), np.int64), self.next_label,
         )  # fmt: skip
         if not np.array_equal(labels, former):
             ancestors: dict[int, set[int]] = {}
@@ -165,8 +176,38 @@ class InstanceRegistry:
                 ancestors.setdefault(pair >> 32, set()).add(pair & 0xFFFFFFFF)
             self._renew_records(group, Regrouped(regrouped=old, ancestors=ancestors), False)
             store.instances.move(rows, labels)
-        self._voxels[group] = Voxels(voxel_m)
+        self._voxels[group] = Voxels(voxel_m, separations)
         self._voxels[group].fill(store.means[rows], labels)
+
+    def note_detections(
+        self, class_name: str, voxel_m: float, note: Callable[[CoDetections], NDArray[np.int64]]
+    ) -> None:
+        """Count the detections of a class in a view; `join` then updates the partition. note: adds
+        them, and returns the voxels where things join or come apart."""
+        separations = self._separations_of(class_name, voxel_m)
+        if separations is None:
+            separations = self.separations[class_name] = CoDetections(voxel_m)
+            self._voxels = {g: v for g, v in self._voxels.items() if g.class_name != class_name}
+        changed = note(separations)
+        for in_core in (True, False):
+            voxels = self._voxels.get(Group(class_name, in_core))
+            if voxels is not None and len(changed):
+                voxels.loosen(changed)
+
+    def keep_apart(self, store: GaussianStore, class_name: str, voxel_m: float) -> None:
+        """Keep the instances of a class that touch apart, whatever detections will show."""
+        separations = self.separations[class_name] = CoDetections(voxel_m)
+        for in_core in (True, False):
+            group = Group(class_name, in_core)
+            mine = [label for label, record in self.records.items() if record.group == group]
+            rows = store.instances.rows_of(np.array(sorted(mine), np.int64))
+            keys, first = np.unique(voxel_keys(store.means[rows], voxel_m), return_index=True)
+            separations.keep_apart(keys, store.instance[rows[first]])
+
+    def _separations_of(self, class_name: str, voxel_m: float) -> CoDetections | None:
+        """Separations with voxels of that size; others are out of date."""
+        known = self.separations.get(class_name)
+        return known if known is not None and known.voxel_m == voxel_m else None
 
     def inherit_from(
         self, labels: NDArray[np.int32], there: NDArray[np.int32], other: InstanceRegistry

@@ -45,6 +45,12 @@ class VoxelNumbers:
                 self._grow()
         return out
 
+    def known(self, keys: NDArray[np.integer]) -> NDArray[np.int32]:
+        """Number [n] of each key [n]; NO_VOXEL for one that was never asked for."""
+        out = np.empty(len(keys), np.int32)
+        known_kernel(np.asarray(keys, np.int64), self._slots, self._of_slot, out)
+        return out
+
     def _grow(self) -> None:
         known = self.keys.copy()
         size = 4 * len(self._slots)
@@ -52,6 +58,19 @@ class VoxelNumbers:
         self._keys = np.empty(size // 2, np.int64)
         out = np.empty(len(known), np.int32)
         number_kernel(known, 0, self._slots, self._of_slot, self._keys, 0, out)
+
+
+@njit(cache=True, nogil=True)
+def known_kernel(keys, slots, of_slot, out):
+    """Fill out [n] with the numbers of keys [n], NO_VOXEL for unknown ones; slots, of_slot: hash
+    table."""
+    mask = np.uint64(slots.size - 1)
+    for k in range(keys.size):
+        mixed = np.uint64(keys[k]) * _MIX
+        at = (mixed ^ (mixed >> np.uint64(32))) & mask
+        while slots[at] != _EMPTY and slots[at] != keys[k]:
+            at = (at + np.uint64(1)) & mask
+        out[k] = of_slot[at] if slots[at] != _EMPTY else NO_VOXEL
 
 
 @njit(cache=True, nogil=True)
