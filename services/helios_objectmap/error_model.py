@@ -59,7 +59,7 @@ class ErrorModelInUse:
     the service: it takes the broad prior."""
 
     def __init__(self, settings: ObjectMapSettings) -> None:
-        self._compared = settings.look_alikes == "compared"
+        self._compared = settings.look_alikes != "ignored"
         self._refused, self._other = "", ""
         self._model: DetectorErrorModel | None = None
         try:

@@ -137,7 +137,7 @@ class ObjectMap:
             context, held, HELD_OBJECT_M,
         )  # fmt: skip
         look = self._viewpoints.locate(reading.view.T_world_cam)
-        if s.look_alikes == "compared" and self._is_new(look):
+        if s.look_alikes != "ignored" and self._is_new(look):
             detections = (*observation.detections, *observation.others)
             self._sightings.note(reading, s.stride_px, detections)
         if s.joined_by == "detections" and self._is_new(look):

@@ -97,10 +97,11 @@ class ObjectMapSettings(ServiceSettings):
         description="Gaussians of a class that touch are one instance: always, as in the paper, or "
         "only where most detections that show one part show the other part too",
     )
-    look_alikes: Literal["ignored", "compared"] = Field(
+    look_alikes: Literal["ignored", "compared", "sized"] = Field(
         default="ignored",
-        description="detections under other names at an instance: ignored, or compared with those "
-        "under its own name",
+        description="detections under other names at an instance: ignored, compared with those "
+        "under its own name, or sized (compared, and a name that its measured size does not fit "
+        "counts less)",
     )
     error_model: str = Field(
         default="",

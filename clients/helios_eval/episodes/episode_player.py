@@ -215,6 +215,10 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -
         **asdict(judged_as), collisions=done.collisions, collided_with=done.collided_with,
         steps=done.steps, path_m=done.path_m,
         picks=sum(isinstance(event, PickTried) for event in world.events),
+        wrong_picks=sum(
+            isinstance(event, PickTried) and bool(event.name) and not event.candidate
+            for event in world.events
+        ),
         state=said.state, message=said.message, reported_cause=said.cause,
         wall_s=round(said.wall_s, 3),
         step_ms=round(statistics.median(world.step_ms), 2) if world.step_ms else 0.0,

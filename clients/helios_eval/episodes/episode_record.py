@@ -105,6 +105,11 @@ class EpisodeRecord(_Frozen):
     path_m: float
     shortest_path_m: float | None = Field(default=None, description="object navigation alone")
     picks: int = Field(description="picks that were tried, right or wrong")
+    wrong_picks: int | None = Field(
+        default=None,
+        description="picks that took an object of another class, which the robot so disturbed; "
+        "None in records that lack it",
+    )
     cause: str = Field(description="of failure, closed list; empty on success")
 
     # --- report of the agent ---

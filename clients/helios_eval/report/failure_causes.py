@@ -98,17 +98,24 @@ def _table_of_collisions(arms: Sequence[Arm]) -> Table:
             number_format.mean("steps", mean_sem(values(arm.records, "steps"))),
             number_format.number(sum(r.path_m for r in arm.records) / len(arm.records), 1),
             number_format.number(sum(r.picks for r in arm.records) / len(arm.records), 2),
+            _wrong_picks(arm),
             number_format.mean("collisions", mean_sem(values(arm.records, "collisions"))),
             _count(hit, len(arm.records)),
             often or number_format.NONE,
         ])  # fmt: skip
     return rows.table(
         "Steps and collisions",
-        ["agent", "steps", "path (m)", "picks tried", "collisions", "episodes with one",
-         "touched most often"],
-        "Means over the episodes.",
+        ["agent", "steps", "path (m)", "picks tried", "wrong objects picked", "collisions",
+         "episodes with one", "touched most often"],
+        "Means over the episodes. A wrong object that is picked is disturbed, also if the robot puts "
+        "it back.",
         words=["touched most often"],
     )  # fmt: skip
+
+
+def _wrong_picks(arm: Arm) -> str:
+    known = [r.wrong_picks for r in arm.records if r.wrong_picks is not None]
+    return number_format.number(sum(known) / len(known), 2) if known else number_format.NONE
 
 
 def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:

@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
-from helios_objectmap.instances.size_prior import agreement, extents_of, usual_extents
+from helios_objectmap.instances.size_prior import (
+    Extents,
+    agreement,
+    extents_of,
+    usual_extents,
+)
 from helios_objectmap.instances.summary import (
     Belief,
     Shape,
@@ -93,11 +98,15 @@ class InstanceBeliefs:
         class_name, names = self._registry.records[label].class_name, self._classes.names
         if class_name not in names:
             names.append(class_name)
-        trust = self._trust(label) * self._name_probability(label, rows)
+        trust = self._trust(label)
+        if s.look_alikes == "compared":
+            trust *= self._name_probability(label, rows)
         belief = self._believed(rows, class_name, names, trust)
-        if s.size_agreement == "off":
-            return belief
-        sized = trust * self._size_agreement(label, belief)
+        sized = trust
+        if s.look_alikes == "sized":
+            sized *= self._name_probability(label, rows, self._shape(label, belief))
+        if s.size_agreement != "off":
+            sized *= self._size_agreement(label, belief)
         if sized == trust:
             return belief
         return with_trust(
@@ -124,24 +133,36 @@ class InstanceBeliefs:
             else self._registry.true_detection_share(label, trust == "class-distance")
         )
 
-    def _name_probability(self, label: int, rows: NDArray[np.integer]) -> float:
-        """Probability of an instance's own name against the other names that it was called by."""
-        if self._settings.look_alikes == "ignored":
-            return 1.0
+    def _name_probability(
+        self, label: int, rows: NDArray[np.integer], shape: Shape | None = None
+    ) -> float:
+        """Probability of an instance's own name against the other names that it was called by.
+        shape: with it, other names that it does not fit count less."""
         name = self._registry.records[label].class_name
         rates = self._sightings.rates(self._store.means, rows, name, self._settings.side_views)
-        return 1.0 if rates is None else rates.probability(name, self._name_errors)
+        if rates is None:
+            return 1.0
+        if shape is None:
+            return rates.probability(name, self._name_errors)
+        measured = self._measured(shape)
+        return rates.probability(
+            name, self._name_errors, lambda other: agreement(other, measured[0], 0.0, measured[1])
+        )
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """Likelihood, in (0, 1], of the measured size of an instance, given its class."""
-        s, record = self._settings, self._registry.records[label]
+        record = self._registry.records[label]
         if usual_extents(record.class_name) is None:
             return 1.0
-        shape = self._shape(label, belief)
-        measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
-        top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
-        views = record.views if s.size_agreement == "on" else 0.0
+        measured_m, top_m = self._measured(self._shape(label, belief))
+        views = record.views if self._settings.size_agreement == "on" else 0.0
         return agreement(record.class_name, measured_m, views, top_m)
+
+    def _measured(self, shape: Shape) -> tuple[Extents, float | None]:
+        """Extents of a shape, and the height of its top above the floor; None: not known."""
+        extents_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
+        floor_m = self._settings.floor_m
+        return extents_m, None if floor_m is None else float(shape.high_m[2]) - floor_m
 
     def _shape(self, label: int, belief: Belief) -> Shape:
         if label not in self._shapes:

@@ -12,7 +12,7 @@ full from `side_views` views on, and the sides of one thing depend on one anothe
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -61,8 +61,14 @@ class NameRates:
     rate: NDArray[np.float64]  # [sides, names] share of the side's views that gave the name
     weight: NDArray[np.float64]  # [sides] in (0, 1]
 
-    def probability(self, own: str, errors: NameErrors = BROAD_PRIOR) -> float:
-        """Probability that the own name is right, against all others, each on its own."""
+    def probability(
+        self,
+        own: str,
+        errors: NameErrors = BROAD_PRIOR,
+        prior: Callable[[str], float] = lambda _: 1.0,
+    ) -> float:
+        """Probability that the own name is right, against all others, each on its own. prior:
+        factor of the prior odds of another name."""
         if not len(self.weight):
             return 1.0
         hit, mistaken = errors.hit, errors.mistaken
@@ -73,8 +79,8 @@ class NameRates:
         mine = float(support[self.names.index(own)]) if own in self.names else (
             total * unnamed * independent
         )  # fmt: skip
-        others = [s for name, s in zip(self.names, support, strict=True) if name != own]
-        odds = sum(errors.rival * math.exp(min(s - mine, 50.0)) for s in others)
+        others = [(n, s) for n, s in zip(self.names, support, strict=True) if n != own]
+        odds = sum(errors.rival * prior(n) * math.exp(min(s - mine, 50.0)) for n, s in others)
         return 1 / (1 + odds)
 
 
