@@ -45,6 +45,8 @@ SAYS = {  # what a setting decides, in a few words
     "objectmap.core_from": "share of evidence from which a Gaussian is in the core of an instance",
     "objectmap.look_alikes": "names of look-alikes at an instance",
     "objectmap.equal_masks": "class of a pixel in several masks of one size",
+    "planner.hand_sides": "sides from which a picked object is looked at in the hand",
+    "objectmap.joined_by": "touching Gaussians of furniture that form one instance",
     "planner.ask_also": "names that the detector is asked for beside the task's",
     "objectmap.receptacle_voxel_m": "voxels that join receptacles, m",
     "objectmap.size_agreement": "weight by the usual size of the class",
