@@ -107,8 +107,8 @@ def _table_of_collisions(arms: Sequence[Arm]) -> Table:
         "Steps and collisions",
         ["agent", "steps", "path (m)", "picks tried", "wrong objects picked", "collisions",
          "episodes with one", "touched most often"],
-        "Means over the episodes. A wrong object that is picked is disturbed, also if the robot puts "
-        "it back.",
+        "Means over the episodes. A wrong object that is picked is disturbed, even if the robot "
+        "puts it back.",
         words=["touched most often"],
     )  # fmt: skip
 
