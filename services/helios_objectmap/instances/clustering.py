@@ -54,7 +54,7 @@ def voxel_centers_m(keys: NDArray[np.integer], voxel_m: float) -> NDArray[np.flo
 class Separations(Protocol):
     """Neighbouring voxels that belong to different things although they touch."""
 
-    def apart(self, keys: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def apart(self, keys: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Which of its 13 neighbours `PRECEDING` each voxel [n] is apart from: [n, 13]."""
         ...
 
@@ -175,7 +175,7 @@ class Voxels:
         """True if an instance may have split or merged since the last `join`."""
         return bool(self._loose)
 
-    def loosen(self, keys: NDArray[np.int64]) -> None:
+    def loosen(self, keys: NDArray[np.integer]) -> None:
         """Cluster the instances of these voxels again at the next `join`."""
         labels = (self._label.get(key) for key in keys.tolist())
         self._loose.update(label for label in labels if label is not None)

@@ -49,7 +49,7 @@ class CoDetections:
 
     def note(
         self, reading: LabelImage, stride: int, detections: Sequence[Detection]
-    ) -> NDArray[np.int64]:
+    ) -> NDArray[np.integer]:
         """Add the detections of the class in a view. Returns the keys of voxels with a neighbour
         that is apart now and was not before, or the reverse. stride: that of the reading, in pixels
         of the masks."""
@@ -72,7 +72,7 @@ class CoDetections:
         bits = np.left_shift(np.uint64(1), np.arange(len(inside), dtype=np.uint64))
         return self.count(keys, bits @ (covers & (inside > 0)).astype(np.uint64))
 
-    def count(self, keys: NDArray[np.int64], covering: NDArray[np.uint64]) -> NDArray[np.int64]:
+    def count(self, keys: NDArray[np.integer], covering: NDArray[np.uint64]) -> NDArray[np.integer]:
         """Add a view that shows some voxels; returns the same as `note`. keys: [n], distinct, in
         rising order; covering: [n] one bit for each detection that covers the voxel."""
         rows = self._rows_of(keys)
@@ -86,19 +86,19 @@ class CoDetections:
         )  # fmt: skip
         return np.union1d(keys[mine][changed.any(axis=1)], around[changed])
 
-    def keep_apart(self, keys: NDArray[np.int64], labels: NDArray[np.integer]) -> None:
+    def keep_apart(self, keys: NDArray[np.integer], labels: NDArray[np.integer]) -> None:
         """Make neighbouring voxels with different labels apart, as after one view of each. keys:
         [n], distinct, in rising order; labels: [n]."""
         for label in np.unique(labels):
             of_label = labels == label
             self.count(keys[of_label], np.ones(int(of_label.sum()), np.uint64))
 
-    def apart(self, keys: NDArray[np.int64]) -> Pairs:
+    def apart(self, keys: NDArray[np.integer]) -> Pairs:
         """Which of its 13 preceding neighbours each voxel [n] is kept apart from."""
         rows = self._rows_of(keys)
         return self._apart[rows]
 
-    def _rows_of(self, keys: NDArray[np.int64]) -> NDArray[np.int32]:
+    def _rows_of(self, keys: NDArray[np.integer]) -> NDArray[np.int32]:
         """Rows [n] of the arrays; new voxels get new ones."""
         rows = self._numbers.of_keys(keys)
         lacking = len(self._numbers) - len(self._views)

@@ -180,7 +180,7 @@ class InstanceRegistry:
         self._voxels[group].fill(store.means[rows], labels)
 
     def note_detections(
-        self, class_name: str, voxel_m: float, note: Callable[[CoDetections], NDArray[np.int64]]
+        self, class_name: str, voxel_m: float, note: Callable[[CoDetections], NDArray[np.integer]]
     ) -> None:
         """Count the detections of a class in a view; `join` then updates the partition. note: adds
         them, and returns the voxels where things join or come apart."""

@@ -61,7 +61,8 @@ def test_a_table_that_is_detected_in_one_piece_is_one_instance() -> None:
 
 def test_one_detection_over_both_does_not_join_what_most_views_tell_apart() -> None:
     keys = np.unique(voxel_keys(np.array([[0.1, 0, 0], [0.3, 0, 0]], np.float32), 0.2))
-    pairs, one_by_one, together = CoDetections(0.2), np.uint64([1, 2]), np.uint64([1, 1])
+    pairs = CoDetections(0.2)
+    one_by_one, together = np.array([1, 2], np.uint64), np.array([1, 1], np.uint64)
     for covering, apart in [(together, False), (one_by_one, False), (one_by_one, True)]:
         pairs.count(keys, covering)
         assert pairs.apart(keys).any() == apart

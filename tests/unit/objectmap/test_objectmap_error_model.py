@@ -52,7 +52,7 @@ def test_a_map_takes_the_numbers_of_its_file(file: str) -> None:
         0.7, 0.3, 0.5, 0.6,
     )  # fmt: skip
     assert ObjectMap(using(file)).name_errors == errors
-    assert ObjectMap(COMPARED)._name_errors == BROAD_PRIOR
+    assert ObjectMap(COMPARED).name_errors == BROAD_PRIOR
 
 
 @pytest.mark.parametrize("name", shipped_models())

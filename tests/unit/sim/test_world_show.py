@@ -55,7 +55,7 @@ def test_the_held_object_is_shown_where_the_description_says(world: World) -> No
     assert np.hypot(columns.mean() - pixel[0, 0], rows.mean() - pixel[0, 1]) < 60
     depth_m = capture.depth_m[rows, columns]
     assert 0.25 < np.median(depth_m) < 0.7
-    assert np.allclose(world.describe().show_base_m, SHOW_BASE_M)
+    assert world.describe().show_base_m == SHOW_BASE_M
 
 
 def test_it_is_turned_about_the_vertical(world: World) -> None:
