@@ -75,6 +75,9 @@ class CoDetections:
     def count(self, keys: NDArray[np.integer], covering: NDArray[np.uint64]) -> NDArray[np.integer]:
         """Add a view that shows some voxels; returns the same as `note`. keys: [n], distinct, in
         rising order; covering: [n] one bit for each detection that covers the voxel."""
+        covered = keys[covering != 0]
+        near = np.isin(keys, covered[:, None] + STEPS) | (covering != 0)
+        keys, covering = keys[near], covering[near]  # pairs of other voxels do not count
         rows = self._rows_of(keys)
         count_kernel(keys, covering, PRECEDING, rows, self._views, self._shown, self._together)
         mine = covering != 0

@@ -118,8 +118,8 @@ def test_an_object_that_cannot_be_put_back_is_brought() -> None:
     )
 
 
-def test_a_restart_between_pick_and_return_puts_the_wrong_object_back() -> None:
-    world = world_of(looks(mug(3), WRONG), looks(mug(4, 6.7, 5.6), RIGHT))
+def restarted(world: FakeWorld, before: type[Place] | type[Show]) -> Mission:
+    """Mission after a death of the planner before its first action of that kind."""
     first = mission(world)
     stored: dict = {}
 
@@ -129,7 +129,7 @@ def test_a_restart_between_pick_and_return_puts_the_wrong_object_back() -> None:
     acting = world.act
 
     def act(action):
-        if isinstance(action, Place) and not stored:
+        if isinstance(action, before) and not stored:
             stored.update(first.checkpoint())
             raise Died
         return acting(action)
@@ -140,6 +140,12 @@ def test_a_restart_between_pick_and_return_puts_the_wrong_object_back() -> None:
     assert world.held() == "mug"
     again = mission(world)
     again.restore(stored, LastAction(Show(0.0), True, "", "mug"))
+    return again
+
+
+def test_a_restart_between_pick_and_return_puts_the_wrong_object_back() -> None:
+    world = world_of(looks(mug(3), WRONG), looks(mug(4, 6.7, 5.6), RIGHT))
+    again = restarted(world, before=Place)
     again.run()
     assert world.released is world.things[4]
     assert again.skills.falls == 0
@@ -147,25 +153,6 @@ def test_a_restart_between_pick_and_return_puts_the_wrong_object_back() -> None:
 
 def test_a_restart_while_the_object_is_shown_keeps_it() -> None:
     world = world_of(looks(mug(3), RIGHT))
-    first = mission(world)
-    stored: dict = {}
-
-    class Died(Exception):
-        pass
-
-    acting = world.act
-
-    def act(action):
-        if isinstance(action, Show) and not stored:
-            stored.update(first.checkpoint())
-            raise Died
-        return acting(action)
-
-    world.act = act
-    with pytest.raises(Died):
-        first.run()
-    again = mission(world)
-    again.restore(stored, LastAction(Show(0.0), True, "", "mug"))
-    again.run()
+    restarted(world, before=Show).run()
     assert world.released is world.things[3]
     assert sum(isinstance(action, Pick) for action in world.log) == 1
