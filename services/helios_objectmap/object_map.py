@@ -47,6 +47,7 @@ from helios_objectmap.rendering.back_ends import back_end
 from helios_objectmap.rendering.renderer_interface import FAR_M, Projection, Rendering
 from helios_objectmap.searched_classes import SearchedClasses
 from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.shown_object import ShownNames, ShownObject
 from helios_objectmap.viewpoint_weights import NEVER, ViewpointMatch, Viewpoints
 
 SEEN_BEYOND_M = 1.0  # margin beyond max_depth_m: Gaussians within it still occlude
@@ -78,7 +79,7 @@ class ObjectMap:
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         """Raises InvalidInput for an error model that cannot be read."""
-        self._settings, self.name_errors = settings, name_errors(settings.error_model)
+        self._settings, self._name_errors = settings, name_errors(settings.error_model)
         self._back_end = back_end(settings.renderer)
         self.reset()
 
@@ -94,9 +95,10 @@ class ObjectMap:
         self._added_update: int | None = None  # update number of `add_stored`
         self._classes = SearchedClasses(self._settings, content.roles)
         self._past, self._sightings = PastViews(), NameSightings()
+        self._shown = ShownObject()
         self._beliefs = InstanceBeliefs(
             self._settings, self._store, self._registry, self._classes, self._sightings,
-            self.name_errors,
+            self._name_errors,
         )  # fmt: skip
 
     def __len__(self) -> int:
@@ -126,9 +128,12 @@ class ObjectMap:
         self, observation: Observation, context: SearchContext, held: str = ""
     ) -> UpdateReport:
         """Integrate one observation made for a context. held: class of the object that the robot
-        holds."""
+        holds. A frame in which the robot shows it counts for `shown_names` alone."""
         self.set_context(context)
         s, store = self._settings, self._store
+        self._shown.note(observation)
+        if observation.frame.shown is not None:
+            return UpdateReport(0, 0, 0, 0, len(store))
         reading = without_held(
             read(
                 observation, context, s.stride_px, s.min_depth_m, s.max_depth_m,
@@ -209,6 +214,10 @@ class ObjectMap:
         return tuple(
             o for label, o in known if o is not None and not registry.is_beside_core(label)
         )
+
+    def shown_names(self, class_name: str) -> ShownNames:
+        """Names of the object that the robot shows, or showed last, against those of a class."""
+        return self._shown.names(class_name, self._name_errors)
 
     def class_of(self, instance_id: int) -> str:
         """Class of an instance; "" if the id is unknown."""
@@ -445,12 +454,9 @@ class ObjectMap:
             if d.score >= least.get(d.class_name, 2.0):
                 by_class.setdefault(d.class_name, []).append(d)
         for name, detections in by_class.items():
-            self._registry.note_detections(
-                name, self._classes.voxel_m(name),
-                lambda pairs, found=detections: pairs.note(
-                    reading, self._settings.stride_px, found
-                ),
-            )  # fmt: skip
+            pairs = self._registry.co_detections(name, self._classes.voxel_m(name))
+            changed = pairs.note(reading, self._settings.stride_px, detections)
+            self._registry.cluster_again(name, changed)
 
     def _creation_mask(self, reading: LabelImage, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene

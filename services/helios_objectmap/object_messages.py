@@ -1,17 +1,19 @@
-"""Messages of the object map: objects, one object in detail, acknowledgements of observations."""
+"""Messages of the object map: objects, one in detail, the held one, acknowledgements."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from helios_core import proto as pb
 from helios_core.codec import object_to_proto, vector_to_proto
 from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import MapPart
-from helios_core.types import ObjectInstance
+from helios_core.types import ObjectInstance, Observation
 
 from helios_objectmap.instances.registry import Moment
 from helios_objectmap.instances.summary import Grasp
+from helios_objectmap.shown_object import ShownNames
 
 
 def object_message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstance:
@@ -19,6 +21,12 @@ def object_message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstanc
     out = object_to_proto(thing)
     out.relocalised = relocalised
     return out
+
+
+def held_message(seen: ShownNames) -> pb.HeldObjectReply:
+    """Message of the names of the shown object."""
+    names = [pb.NameShare(name=name, share=share) for name, share in seen.names]
+    return pb.HeldObjectReply(probability=seen.probability, sides=seen.sides, names=names)
 
 
 def detail_message(
@@ -46,3 +54,9 @@ def ack_message(
         service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=not reason,
         reason=reason, version=version, update_ms=update_ms, context_id=message.context_id,
     )  # fmt: skip
+
+
+def with_own_color(observation: Observation) -> Observation:
+    """The observation with a colour image of its own: the received one may lie in shared memory."""
+    frame = observation.frame
+    return replace(observation, frame=replace(frame, color=frame.color.copy()))

@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from helios_core import map_autosave, tracing
@@ -55,9 +55,14 @@ from helios_objectmap.camera import View
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.error_model import ErrorModelInUse
 from helios_objectmap.object_map import ObjectMap, UpdateReport
-from helios_objectmap.object_messages import ack_message, detail_message, object_message
+from helios_objectmap.object_messages import (
+    ack_message,
+    detail_message,
+    held_message,
+    object_message,
+    with_own_color,
+)
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.shown_object import ShownObject
 from helios_objectmap.stored_objects import StoredObjects
 from helios_objectmap.warm_up import warm_up
 
@@ -92,7 +97,6 @@ class ObjectMapService:
         self._over: deque[str] = deque(maxlen=256)  # ids of contexts that a later one replaced
         self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
         self._held = ""
-        self._shown = ShownObject()
         self._version = 0
         self._published: _Published | None = None
         bus.subscribe(CONTEXT, self.on_context)
@@ -215,7 +219,7 @@ class ObjectMapService:
                 observation.context_id not in self._over
             )
             if is_unknown:
-                self._waiting.append((apart(message).head, _with_own_color(observation)))
+                self._waiting.append((apart(message).head, with_own_color(observation)))
                 if len(self._waiting) > MOST_WAITING:
                     dropped = self._waiting.popleft()[0]
         if dropped is not None:
@@ -319,9 +323,8 @@ class ObjectMapService:
     def held_object(self, request: pb.HeldObjectRequest) -> pb.HeldObjectReply:
         """Names of the object that the robot shows to the camera, or showed last."""
         with self._lock:
-            seen = self._shown.names(request.class_name, self._maps.current.name_errors)
-        names = [pb.NameShare(name=name, share=share) for name, share in seen.names]
-        return pb.HeldObjectReply(probability=seen.probability, sides=seen.sides, names=names)
+            seen = self._maps.current.shown_names(request.class_name)
+        return held_message(seen)
 
     def reset(self, _: pb.Empty) -> pb.Empty:
         """Delete every map, the parked and saved ones included; the current search continues."""
@@ -451,9 +454,6 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame)
-        self._shown.note(observation)
-        if observation.frame.shown is not None:
-            return UpdateReport(0, 0, 0, 0, len(present))
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
         self._maps.newest = observation.frame.id
@@ -594,9 +594,3 @@ class ObjectMapService:
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:
         return InvalidInput(f"no object {object_id}: ask for the objects again, they have changed")
-
-
-def _with_own_color(observation: Observation) -> Observation:
-    """The observation with a colour image of its own: the received one may lie in shared memory."""
-    frame = observation.frame
-    return replace(observation, frame=replace(frame, color=frame.color.copy()))

@@ -49,7 +49,10 @@ class HandCheck:
     def resume(self) -> bool:
         """Go on with a return that a restart interrupted. False if the object cannot be put back:
         it is still held."""
-        return not self.robot.held() or self._put_back()
+        if self.robot.held():
+            return self._put_back()
+        self._note_returned()
+        return True
 
     # --- the check -----------------------------------------------------------------------------
     def refutes(self, search: Search, found: ObjectInstance, picks: int) -> bool:
@@ -94,9 +97,12 @@ class HandCheck:
         for raised_m in RAISED_M:
             self.base.monitor.act(Place((x, y, z + raised_m)))
             if not self.robot.held():
-                self.base.monitor.carrying = False
-                self.put_back += 1
-                self.returning_m = None
+                self._note_returned()
                 return True
         self.returning_m = None
         return False
+
+    def _note_returned(self) -> None:
+        self.base.monitor.carrying = False
+        self.put_back += 1
+        self.returning_m = None

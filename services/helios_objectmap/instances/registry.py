@@ -179,20 +179,20 @@ class InstanceRegistry:
         self._voxels[group] = Voxels(voxel_m, separations)
         self._voxels[group].fill(store.means[rows], labels)
 
-    def note_detections(
-        self, class_name: str, voxel_m: float, note: Callable[[CoDetections], NDArray[np.integer]]
-    ) -> None:
-        """Count the detections of a class in a view; `join` then updates the partition. note: adds
-        them, and returns the voxels where things join or come apart."""
-        separations = self._separations_of(class_name, voxel_m)
-        if separations is None:
-            separations = self.separations[class_name] = CoDetections(voxel_m)
+    def co_detections(self, class_name: str, voxel_m: float) -> CoDetections:
+        """Co-detections of a class; the voxels where they change belong to `cluster_again`."""
+        known = self._separations_of(class_name, voxel_m)
+        if known is None:
+            known = self.separations[class_name] = CoDetections(voxel_m)
             self._voxels = {g: v for g, v in self._voxels.items() if g.class_name != class_name}
-        changed = note(separations)
+        return known
+
+    def cluster_again(self, class_name: str, keys: NDArray[np.integer]) -> None:
+        """Cluster the instances of a class that have these voxels [n] again at the next `join`."""
         for in_core in (True, False):
             voxels = self._voxels.get(Group(class_name, in_core))
-            if voxels is not None and len(changed):
-                voxels.loosen(changed)
+            if voxels is not None:
+                voxels.loosen(keys)
 
     def keep_apart(self, store: GaussianStore, class_name: str, voxel_m: float) -> None:
         """Keep the instances of a class that touch apart, whatever detections will show."""

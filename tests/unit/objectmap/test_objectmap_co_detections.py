@@ -152,7 +152,7 @@ def test_the_partition_equals_clustering_everything_with_the_separations(seed, c
         means = rng.uniform(-0.8, 0.8, (n, 3)).astype(np.float32)
         new = store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
         store.class_column[new] = 0
-        registry.note_detections("table", size_m, some_apart)
+        registry.cluster_again("table", some_apart(registry.co_detections("table", size_m)))
         gone = np.flatnonzero(rng.random(len(store)) < 0.2)
         gone = gone[gone < new.start]
         registry.leave(store, gone, lambda _: size_m)

@@ -51,8 +51,8 @@ def test_a_map_takes_the_numbers_of_its_file(file: str) -> None:
     assert (errors.hit, errors.mistaken, errors.sides_correlate, errors.rival) == (
         0.7, 0.3, 0.5, 0.6,
     )  # fmt: skip
-    assert ObjectMap(using(file)).name_errors == errors
-    assert ObjectMap(COMPARED).name_errors == BROAD_PRIOR
+    assert ObjectMap(using(file))._name_errors == errors
+    assert ObjectMap(COMPARED)._name_errors == BROAD_PRIOR
 
 
 @pytest.mark.parametrize("name", shipped_models())
