@@ -13,13 +13,14 @@ from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
 from helios_planner.decisions.acceptance import check_in_hand
-from helios_planner.decisions.decision import Do
+from helios_planner.decisions.decision import Decision, Do
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.navigation.base_controller import BaseController
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import Search
 from helios_planner.settings import Settings
+from helios_planner.task import Phase
 
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
 
@@ -62,11 +63,11 @@ class HandCheck:
         can = self.robot.description.show_base_m is not None and not self.cannot_show
         if not s.hand_sides or not can or (s.max_picks and picks >= s.max_picks):
             return False
-        search.tell(f"looking at the picked {search.name} from {s.hand_sides} sides")
+        self._tell(search, f"looking at the picked {search.name} from {s.hand_sides} sides")
         held = self._look(search.name)
         if held is None:
             return False
-        decision = search.publish(check_in_hand(found, held, s.hand_from))
+        decision = self._publish(search, check_in_hand(found, held, s.hand_from))
         if decision.do is Do.ACT:
             return False
         search.refused.add(found)
@@ -74,10 +75,18 @@ class HandCheck:
         self.returning_m = np.array([x, y, z - float(found.size_m[2]) / 2])
         if not self._put_back():
             why = "which cannot be put back where it was"
-            search.publish(check_in_hand(found, held, s.hand_from, why))
+            self._publish(search, check_in_hand(found, held, s.hand_from, why))
             return False
         search.set_message_prefix(decision.why)
         return True
+
+    def _publish(self, search: Search, decision: Decision) -> Decision:
+        self.robot.listener.on_decision(decision)
+        self._tell(search, decision.why)
+        return decision
+
+    def _tell(self, search: Search, message: str) -> None:
+        self.robot.listener.on_phase(Phase.PICK, search.name, message)
 
     def _look(self, class_name: str) -> HeldObject | None:
         """Show the held object from all sides. None if it cannot be shown."""

@@ -10,7 +10,7 @@ from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, TaskFailed
+from helios_planner.task import Cause, Phase, TaskFailed
 from helios_planner.tasks.mission import Mission
 from helios_planner.tasks.run_control import LastAction
 from planner_eye import ROBOT
@@ -72,6 +72,7 @@ def test_the_right_object_is_shown_from_all_sides_and_kept() -> None:
     mission(world).run()
     angles = [action.angle_rad for action in world.log if isinstance(action, Show)]
     assert angles == pytest.approx([k * 1.0472 for k in range(6)], abs=1e-3)
+    assert world.phases.count(Phase.FIND_OBJECT) == 1  # the look belongs to the pick
     (kept,) = [d for d in world.decisions if d.rule == DecisionRule.IN_HAND]
     assert kept.why == "keep the mug: 6 sides in the hand show mug on 83% and glass on 17%; " \
         "probability 0.99"  # fmt: skip
