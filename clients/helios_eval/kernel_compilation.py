@@ -23,9 +23,10 @@ from helios_planner.warm_up import warm_up as warm_up_paths
 
 
 def objects() -> None:
-    """Compile the object map's kernels, for evidence by views and by sectors (`hindsight`)."""
+    """Compile the object map's kernels, those of our own rules too."""
     warm_up_objects(ObjectMapSettings())
-    warm_up_objects(ObjectMapSettings(evidence="hindsight", look_alikes="compared"))
+    ours = {"evidence": "hindsight", "look_alikes": "compared", "joined_by": "detections"}
+    warm_up_objects(ObjectMapSettings.model_validate(ours))
 
 
 # longest compilation first

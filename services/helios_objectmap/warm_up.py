@@ -25,8 +25,9 @@ def warm_up(settings: ObjectMapSettings) -> None:
     camera = Pinhole(60.0, 60.0, 31.5, 23.5, 64, 48)
     mask = np.zeros((48, 64), bool)
     mask[16:32, 16:32] = True
-    context = SearchContext("warm-up", (SearchClass("thing", Role.OBJECT, 0.0),))
-    seen = Detection("thing", 1.0, (16, 16, 32, 32), mask)
+    classes = SearchClass("thing", Role.OBJECT, 0.0), SearchClass("table", Role.GOAL_RECEPTACLE, 0.0)
+    context = SearchContext("warm-up", classes)
+    seen = tuple(Detection(c.name, 1.0, (16, 16, 32, 32), mask) for c in classes)
     scratch = ObjectMap(settings)
     color, depth_m = np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 1.0, np.float32)
     for i in range(2):  # the second one re-observes the Gaussians of the first
@@ -35,7 +36,7 @@ def warm_up(settings: ObjectMapSettings) -> None:
         frame = Frame(
             FrameId("warm-up", 0, i), i, True, color, depth_m, camera, T_world_cam, np.eye(4)
         )
-        scratch.update(Observation(frame, context.id, (seen,), {}, "warm-up"), context)
+        scratch.update(Observation(frame, context.id, seen, {}, "warm-up"), context)
     view = View(60.0, 60.0, 31.5, 23.5, 64, 48, np.eye(4))
     for instance in scratch.objects():
         scratch.what_if(instance.id, instance.class_name, [view])
