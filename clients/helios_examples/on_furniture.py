@@ -15,6 +15,7 @@ class OnFurniture(ScorerBackend):
     """Scorer that gives every layer the best score of the furniture in the image; at least 0.1."""
 
     name = "on-furniture"
+    reads_names = True
 
     def score(
         self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]

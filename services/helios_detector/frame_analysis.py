@@ -9,14 +9,15 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
 from helios_core.errors import DeadlineExceeded, HeliosError, Internal, Unavailable
 from helios_core.health import Health
 from helios_core.log_location import log_place
-from helios_core.types import Frame, SearchContext
+from helios_core.types import Embedding, Frame, SearchContext
 
-from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
+from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
 from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
@@ -33,6 +34,15 @@ log = logging.getLogger(__name__)
 ATTEMPTS = 3  # per frame, while a dependency of the back end does not answer
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Ratings:
+    """Image-text scores of one frame, 0 to 1."""
+
+    layer_scores: dict[str, float]
+    class_scores: dict[str, float]  # empty if the scorer reads the detector's names
+    image: Embedding | None = None
 
 
 class FrameAnalyzer:
@@ -84,19 +94,31 @@ class FrameAnalyzer:
 
     def judge(
         self, frame: Frame, findings: Findings, context: SearchContext
-    ) -> tuple[Judgement, str]:
+    ) -> tuple[Ratings, str]:
         """(scores of all prompts in one pass, one sentence on dropped entries). Does not run the
         scorer for a context without prompts and classes. Raises HeliosError."""
         if not (context.prompts or context.classes):
-            return Judgement({}), ""
+            return Ratings({}, {}), ""
         scorer = self.models.scorer
+        key_of = {} if scorer.reads_names else class_keys(context)
+        prompts = context.prompts | {
+            key: context.class_prompts[name]
+            for name, key in key_of.items()
+            if key not in context.prompts
+        }
         judgement, wrong = self._checked(
             scorer, "score",
             lambda: checked_judgement(
-                scorer.judge(frame, findings.seen, context.prompts), context.prompts.keys()
+                scorer.judge(frame, findings.seen, prompts), prompts.keys()
             ),
         )  # fmt: skip
-        return judgement, self._note(scorer, "score", frame, wrong)
+        scores = judgement.scores
+        rated = Ratings(
+            {layer: scores[layer] for layer in context.prompts if layer in scores},
+            {name: scores[key] for name, key in key_of.items() if key in scores},
+            judgement.image,
+        )
+        return rated, self._note(scorer, "score", frame, wrong)
 
     def timed(self, what: str, began: float) -> float:
         """Milliseconds since `began` (of `time.perf_counter`), also recorded as a metric."""
@@ -141,6 +163,15 @@ class FrameAnalyzer:
         kinds = tuple(sorted(wrong.descriptions))
         self._seldom.warn((of.name, method, kinds), f"frame {frame.id}: {said}")
         return f"{said}; see {log_place()}"
+
+
+def class_keys(context: SearchContext) -> dict[str, str]:
+    """Class name -> key of its score: the value layer with the same prompt, else one of its own."""
+    layer_of = {prompt: layer for layer, prompt in context.prompts.items()}
+    return {
+        name: layer_of.get(prompt, f"class {name}")
+        for name, prompt in context.class_prompts.items()
+    }
 
 
 def kind_of(back_end: DetectorBackend | ScorerBackend) -> str:

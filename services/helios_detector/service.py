@@ -267,15 +267,15 @@ class DetectorService:
         detect_ms = self._analyst.timed("detect", began)
         began = time.perf_counter()
         with tracing.span("score", scorer=self._models.scorer.name):
-            judged, wrong = self._analyst.judge(frame, findings, context)
+            rated, wrong = self._analyst.judge(frame, findings, context)
         self._say_trouble("scored", wrong)
         models = self._models
         mine, others = by_class(findings.detections, context)
         out = observation_message(
             Observation(
-                frame, context.id, mine, judged.scores,
-                models.detector.name, models.scorer.name, judged.image,
-                others,
+                frame, context.id, mine, rated.layer_scores,
+                models.detector.name, models.scorer.name, rated.image,
+                others, rated.class_scores,
             ),
             message,
         )  # fmt: skip

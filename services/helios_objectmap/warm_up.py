@@ -25,7 +25,10 @@ def warm_up(settings: ObjectMapSettings) -> None:
     camera = Pinhole(60.0, 60.0, 31.5, 23.5, 64, 48)
     mask = np.zeros((48, 64), bool)
     mask[16:32, 16:32] = True
-    classes = SearchClass("thing", Role.OBJECT, 0.0), SearchClass("table", Role.GOAL_RECEPTACLE, 0.0)
+    classes = (
+        SearchClass("thing", Role.OBJECT, 0.0),
+        SearchClass("table", Role.GOAL_RECEPTACLE, 0.0),
+    )
     context = SearchContext("warm-up", classes)
     seen = tuple(Detection(c.name, 1.0, (16, 16, 32, 32), mask) for c in classes)
     scratch = ObjectMap(settings)

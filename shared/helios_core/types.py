@@ -113,6 +113,8 @@ class Observation:
     scorer: str = ""
     image_embedding: Embedding | None = None  # to score a later prompt
     others: tuple[Detection, ...] = ()  # under the other names of the search context
+    # class -> image-text score, 0 to 1; empty if the scorer does not look at the image
+    class_scores: dict[str, float] = field(default_factory=dict)
 
 
 class Role(StrEnum):
@@ -149,6 +151,7 @@ class SearchContext:
     classes: tuple[SearchClass, ...]
     prompts: dict[str, str] = field(default_factory=dict)  # value layer -> prompt
     also: tuple[str, ...] = ()  # other names to detect, to tell look-alikes of the classes apart
+    class_prompts: dict[str, str] = field(default_factory=dict)  # class -> prompt of its score
 
     def distinct(self, same: Callable[[str], str] = str) -> tuple[SearchClass, ...]:
         """Classes with one entry per name, in their order. A name in two roles ("from a table to

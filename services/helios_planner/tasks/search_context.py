@@ -19,8 +19,9 @@ ALL_NAMES = "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"
 
 
 def search_context(id: str, instruction: Instruction, settings: Settings) -> SearchContext:
-    """Classes with their thresholds, and the prompts of the value layers. The pick layer's prompt
-    names the start receptacle if there is one (section 3.1.2), else the object."""
+    """Classes with their thresholds, and the prompts of the value layers and of the classes. The
+    pick layer's prompt names the start receptacle if there is one (section 3.1.2), else the
+    object."""
     wanted = (
         (instruction.object, Role.OBJECT, settings.od_g),
         (instruction.start, Role.START_RECEPTACLE, settings.od_a),
@@ -33,7 +34,8 @@ def search_context(id: str, instruction: Instruction, settings: Settings) -> Sea
     if instruction.goal:
         prompts[PLACE_LAYER] = settings.prompt.format(instruction.goal)
     also = HOUSEHOLD_NAMES if settings.ask_also == "household" else ()
-    return SearchContext(id, classes, prompts, also)
+    of_classes = {c.name: settings.prompt.format(c.name) for c in classes}
+    return SearchContext(id, classes, prompts, also, of_classes)
 
 
 def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> Instruction:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
@@ -291,6 +292,7 @@ def observation_to_proto(observation: Observation, frame: pb.Frame | None = None
         detector=observation.detector,
         scorer=observation.scorer,
         others=[detection_to_proto(d) for d in observation.others],
+        class_scores=observation.class_scores,
     )
     if observation.image_embedding is not None:
         out.image_embedding.CopyFrom(embedding_to_proto(observation.image_embedding))
@@ -318,7 +320,7 @@ def observation_from_proto(
         frame=frame,
         context_id=observation.context_id,
         detections=tuple(detection_from_proto(d, shape) for d in observation.detections),
-        layer_scores={k: v for k, v in observation.layer_scores.items() if math.isfinite(v)},
+        layer_scores=_finite(observation.layer_scores),
         detector=observation.detector,
         scorer=observation.scorer,
         image_embedding=(
@@ -327,4 +329,9 @@ def observation_from_proto(
             else None
         ),
         others=tuple(detection_from_proto(d, shape) for d in observation.others if with_others),
+        class_scores=_finite(observation.class_scores),
     )
+
+
+def _finite(scores: Mapping[str, float]) -> dict[str, float]:
+    return {k: v for k, v in scores.items() if math.isfinite(v)}

@@ -35,6 +35,7 @@ def context_to_proto(context: SearchContext) -> pb.SearchContext:
         ],
         prompts=context.prompts,
         also=context.also,
+        class_prompts=context.class_prompts,
     )
 
 
@@ -59,14 +60,27 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
             f"the search context asks for {len(context.also)} other names; ask for at most "
             f"{MOST_ALSO}"
         )
-    if (longest := max(map(len, context.prompts.values()), default=0)) > MOST_PROMPT_CHARACTERS:
+    if len(context.class_prompts) > MOST_CLASSES:
+        raise InvalidInput(
+            f"the search context has prompts for {len(context.class_prompts)} classes; send at "
+            f"most {MOST_CLASSES}"
+        )
+    prompts = (*context.prompts.values(), *context.class_prompts.values())
+    if (longest := max(map(len, prompts), default=0)) > MOST_PROMPT_CHARACTERS:
         raise InvalidInput(
             f"the search context holds a prompt of {longest} characters; send at most "
             f"{MOST_PROMPT_CHARACTERS}"
         )
     synonyms = (s for c in context.classes for s in c.synonyms)
     classes = (c.name for c in context.classes)
-    names = (context.id, *classes, *synonyms, *context.prompts, *context.also)
+    names = (
+        context.id,
+        *classes,
+        *synonyms,
+        *context.prompts,
+        *context.class_prompts,
+        *context.also,
+    )
     if (longest := max(map(len, names))) > MOST_CHARACTERS:
         raise InvalidInput(
             f"the search context holds a name of {longest} characters; send at most "
@@ -86,6 +100,7 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
         ),
         prompts=dict(context.prompts),
         also=tuple(context.also),
+        class_prompts=dict(context.class_prompts),
     )
 
 

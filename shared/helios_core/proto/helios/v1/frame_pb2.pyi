@@ -84,8 +84,15 @@ class Detection(_message.Message):
     def __init__(self, class_name: _Optional[str] = ..., score: _Optional[float] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ...) -> None: ...
 
 class Observation(_message.Message):
-    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer", "image_embedding", "others")
+    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer", "image_embedding", "others", "class_scores")
     class LayerScoresEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: float
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
+    class ClassScoresEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
         VALUE_FIELD_NUMBER: _ClassVar[int]
@@ -101,6 +108,7 @@ class Observation(_message.Message):
     SCORER_FIELD_NUMBER: _ClassVar[int]
     IMAGE_EMBEDDING_FIELD_NUMBER: _ClassVar[int]
     OTHERS_FIELD_NUMBER: _ClassVar[int]
+    CLASS_SCORES_FIELD_NUMBER: _ClassVar[int]
     frame: Frame
     context_id: str
     detections: _containers.RepeatedCompositeFieldContainer[Detection]
@@ -110,7 +118,8 @@ class Observation(_message.Message):
     scorer: str
     image_embedding: Embedding
     others: _containers.RepeatedCompositeFieldContainer[Detection]
-    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ..., image_embedding: _Optional[_Union[Embedding, _Mapping]] = ..., others: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ...) -> None: ...
+    class_scores: _containers.ScalarMap[str, float]
+    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ..., image_embedding: _Optional[_Union[Embedding, _Mapping]] = ..., others: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., class_scores: _Optional[_Mapping[str, float]] = ...) -> None: ...
 
 class DepthRequest(_message.Message):
     __slots__ = ("raw_color", "compressed_color", "calibration")

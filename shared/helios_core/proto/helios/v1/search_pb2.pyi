@@ -21,8 +21,15 @@ class SearchClass(_message.Message):
     def __init__(self, name: _Optional[str] = ..., role: _Optional[str] = ..., threshold: _Optional[float] = ..., synonyms: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class SearchContext(_message.Message):
-    __slots__ = ("id", "classes", "prompts", "also")
+    __slots__ = ("id", "classes", "prompts", "also", "class_prompts")
     class PromptsEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    class ClassPromptsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
         VALUE_FIELD_NUMBER: _ClassVar[int]
@@ -33,11 +40,13 @@ class SearchContext(_message.Message):
     CLASSES_FIELD_NUMBER: _ClassVar[int]
     PROMPTS_FIELD_NUMBER: _ClassVar[int]
     ALSO_FIELD_NUMBER: _ClassVar[int]
+    CLASS_PROMPTS_FIELD_NUMBER: _ClassVar[int]
     id: str
     classes: _containers.RepeatedCompositeFieldContainer[SearchClass]
     prompts: _containers.ScalarMap[str, str]
     also: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ..., also: _Optional[_Iterable[str]] = ...) -> None: ...
+    class_prompts: _containers.ScalarMap[str, str]
+    def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ..., also: _Optional[_Iterable[str]] = ..., class_prompts: _Optional[_Mapping[str, str]] = ...) -> None: ...
 
 class ObjectInstance(_message.Message):
     __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate", "relocalised")
