@@ -29,6 +29,7 @@ from helios_objectmap.gaussians import (
 )
 from helios_objectmap.instances import information_gain
 from helios_objectmap.instances.beliefs import InstanceBeliefs
+from helios_objectmap.instances.image_text import ImageTextScores
 from helios_objectmap.instances.information_gain import (
     EvidenceParameters,
     Expected,
@@ -95,10 +96,11 @@ class ObjectMap:
         self._added_update: int | None = None  # update number of `add_stored`
         self._classes = SearchedClasses(self._settings, content.roles)
         self._past, self._sightings = PastViews(), NameSightings()
+        self._image_text = ImageTextScores()
         self._shown = ShownObject()
         self._beliefs = InstanceBeliefs(
             self._settings, self._store, self._registry, self._classes, self._sightings,
-            self._name_errors,
+            self._name_errors, self._image_text,
         )  # fmt: skip
 
     def __len__(self) -> int:
@@ -145,6 +147,8 @@ class ObjectMap:
         if s.look_alikes != "ignored" and self._is_new(look):
             detections = (*observation.detections, *observation.others)
             self._sightings.note(reading, s.stride_px, detections)
+        if s.image_text != "ignored" and self._is_new(look):
+            self._image_text.note(reading, observation.class_scores)
         if s.joined_by == "detections" and self._is_new(look):
             self._note_co_detections(reading, observation)
         projection = self._project(reading.view)
@@ -275,6 +279,7 @@ class ObjectMap:
                 s.prior_classes,
                 belief.trust if belief is not None else 1.0,
                 s.side_views,
+                self._beliefs.image_text_nats(instance_id) if belief is not None else 0.0,
             ),
             s.max_depth_m,
             s.expected_label == "rendered",
@@ -405,6 +410,7 @@ class ObjectMap:
         store.class_column[rows] = OTHER
         self._join(rows)
         store.drop_columns(names)
+        self._image_text.forget(names)
         self._past.forget(lambda name: name in names)
         for name in names:
             self._viewpoints.forget(name)
@@ -530,10 +536,9 @@ class ObjectMap:
         descriptions."""
         self._beliefs.drop(labels)
         for label in labels:
-            belief = self._beliefs.belief(label)
+            scored = self._beliefs.score(label)
             record = self._registry.records[label]
-            if belief is not None:
-                scored = belief.score
+            if scored is not None:
                 record.note(Moment(stamp_ns, record.views, scored.psi, scored.class_score))
 
     def _remove(self, rows: NDArray[np.integer]) -> None:

@@ -103,6 +103,11 @@ class ObjectMapSettings(ServiceSettings):
         "under its own name, or sized (compared, and a name that its measured size does not fit "
         "counts less)",
     )
+    image_text: Literal["ignored", "compared"] = Field(
+        default="ignored",
+        description="image-text scores of the views that show an instance: ignored, as in the "
+        "paper, or compared with those of all views; only scorers that look at the image give them",
+    )
     error_model: str = Field(
         default="",
         description="error model of the detector for that comparison: a file of helios calibrate, "

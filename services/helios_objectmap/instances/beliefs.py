@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
+from helios_objectmap.fusion.semantics import Score
 from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.instances.image_text import ImageTextScores, SectorScores, moved
 from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
 from helios_objectmap.instances.size_prior import (
@@ -47,9 +50,12 @@ class InstanceBeliefs:
         classes: SearchedClasses,
         sightings: NameSightings,
         name_errors: NameErrors,
+        image_text: ImageTextScores,
     ) -> None:
         self._settings, self._store, self._registry = settings, store, registry
         self._classes, self._sightings, self._name_errors = classes, sightings, name_errors
+        self._image_text = image_text
+        self._sectors: dict[int, SectorScores | None] = {}
         self._beliefs: dict[int, Belief | None] = {}
         self._shapes: dict[int, Shape] = {}  # of the beliefs; they depend on no score
         self._described: dict[int, ObjectInstance | None] = {}
@@ -60,6 +66,7 @@ class InstanceBeliefs:
             self._described.pop(label, None)
             self._beliefs.pop(label, None)
             self._shapes.pop(label, None)
+            self._sectors.pop(label, None)
 
     def drop_all(self) -> None:
         self._described.clear()
@@ -69,9 +76,11 @@ class InstanceBeliefs:
         """Forget all beliefs, whose rows were renumbered; descriptions stay."""
         self._beliefs.clear()
         self._shapes.clear()
+        self._sectors.clear()
 
     def belief(self, label: int) -> Belief | None:
-        """Belief that an instance is of its own class; None if it is too small to be reported."""
+        """Belief that an instance is of its own class, without image-text scores; None if it is too
+        small to be reported."""
         if label not in self._beliefs:
             self._beliefs[label] = self._new_belief(label)
         return self._beliefs[label]
@@ -80,7 +89,33 @@ class InstanceBeliefs:
         """Description of an instance; None if it is too small to be reported."""
         if label not in self._described:
             self._described[label] = self._new_description(label)
-        return self._described[label]
+        thing = self._described[label]
+        nats = self.image_text_nats(label)
+        if thing is None or nats == 0:
+            return thing
+        now = moved(Score(thing.class_score, thing.uncertainty, thing.score), nats)
+        likely = thing.probabilities | {thing.class_name: now.class_score}
+        rest = 1 - sum(p for name, p in likely.items() if name != "other")
+        return replace(
+            thing, score=now.psi, class_score=now.class_score, uncertainty=now.uncertainty,
+            probabilities=likely | {"other": max(0.0, rest)},
+        )  # fmt: skip
+
+    def score(self, label: int) -> Score | None:
+        """Score of an instance; None if it is too small to be reported."""
+        belief = self.belief(label)
+        return None if belief is None else moved(belief.score, self.image_text_nats(label))
+
+    def image_text_nats(self, label: int) -> float:
+        """Log-likelihood ratio of an instance's class by image-text scores; 0 without any."""
+        if self._settings.image_text == "ignored" or self.belief(label) is None:
+            return 0.0
+        name = self._registry.records[label].class_name
+        if label not in self._sectors:
+            rows = self._store.instances.rows_of(np.array([label]))
+            self._sectors[label] = self._image_text.of(self._store.means[rows], name)
+        seen = self._sectors[label]
+        return 0.0 if seen is None else self._image_text.log_likelihood_ratio(seen, name)
 
     def box_threshold(self, label: int, mean: NDArray[np.floating]) -> float:
         """Probability above which a Gaussian of an instance belongs to its box; mean: [n]."""

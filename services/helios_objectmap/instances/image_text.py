@@ -1,0 +1,165 @@
+"""Image-text scores as a second witness of what an instance is (not in the paper).
+
+The paper uses the scores of whole images for the value maps alone. A detector that takes a
+washstand for a sofa does so in many views, but the scorer errs on its own. So views that show an
+instance should score higher for its class than the other views of the search. With the mean and
+the standard deviation of all scores of the class, z is the standard score of an image, and of a
+viewing sector
+
+    z = mean over its views, weighted by the share of the image that shows the instance
+    w = min(1, sum of these shares / FULL_SHARE)
+
+If views of the class score RISE deviations higher, and errors are normal, the sectors have a
+log-likelihood ratio of
+
+    L = sum of w (z RISE - RISE^2 / 2) / (1 + SIDES_CORRELATE (sum of w - 1))
+
+for the class against any other. It moves a score in the odds: logit(S') = logit(S) + L.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from helios_objectmap.camera import offset
+from helios_objectmap.fusion.label_image import LabelImage
+from helios_objectmap.fusion.semantics import Score
+from helios_objectmap.fusion.viewing_sectors import SECTORS
+from helios_objectmap.instances.clustering import voxel_keys
+from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
+
+VOXEL_M = 0.2
+WIDTH_PX = 80  # largest width of the image from which voxels are filled
+FULL_SHARE = 0.1  # of an image, summed over the views of a sector
+RISE = 1.5  # standard deviations
+SIDES_CORRELATE = 0.1
+FEW_VIEWS = 20.0  # views of the search at which L counts in half
+LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less they tell nothing apart
+MOST_NATS = 6.0  # largest L, both ways
+_LEAST = 1e-4  # score in the odds; also 1 minus the largest one
+
+
+@dataclass
+class _Distribution:
+    """Scores of one class over all views."""
+
+    views: int = 0
+    mean: float = 0.0
+    squares: float = 0.0  # sum of squared differences from the mean
+
+    def add(self, score: float) -> None:
+        self.views += 1
+        before = score - self.mean
+        self.mean += before / self.views
+        self.squares += before * (score - self.mean)
+
+    @property
+    def deviation(self) -> float:
+        return math.sqrt(self.squares / max(self.views, 1))
+
+
+@dataclass(frozen=True)
+class SectorScores:
+    """Views that show an instance, by viewing sector."""
+
+    share: NDArray[np.float64]  # [SECTORS] of the image, summed over the views
+    score: NDArray[np.float64]  # [SECTORS] sum of share times score
+
+
+class ImageTextScores:
+    """Scores of the views of each class, spread over the voxels that they show."""
+
+    def __init__(self) -> None:
+        self._voxels = VoxelNumbers()
+        self._sums: dict[str, NDArray[np.float32]] = {}  # class -> [voxels, SECTORS, 2]
+        self._scores: dict[str, _Distribution] = {}
+
+    def note(self, reading: LabelImage, scores: Mapping[str, float]) -> None:
+        """Add a view. scores: class -> image-text score, 0 to 1."""
+        if not scores:
+            return
+        coarse = max(1, -(-reading.view.width // WIDTH_PX))
+        depth_m = reading.depth_m[offset(coarse) :: coarse, offset(coarse) :: coarse]
+        measured = depth_m > 0
+        points = reading.view.strided(coarse).lift(depth_m, measured)
+        voxels = self._voxels.of_keys(voxel_keys(points, VOXEL_M))
+        for name, score in scores.items():
+            self._scores.setdefault(name, _Distribution()).add(score)
+            sums = self._of_class(name)
+            add_kernel(
+                points, voxels, reading.view.T_world_cam[:2, 3], 1 / depth_m.size, score, sums
+            )
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Drop the scores of some classes."""
+        for name in names:
+            self._sums.pop(name, None)
+            self._scores.pop(name, None)
+
+    def of(self, points: NDArray[np.float32], class_name: str) -> SectorScores | None:
+        """Views that show the instance with these points [n, 3]; None without one."""
+        sums = self._sums.get(class_name)
+        if sums is None:
+            return None
+        voxels = np.unique(self._voxels.known(voxel_keys(points, VOXEL_M)))
+        voxels = voxels[(voxels != NO_VOXEL) & (voxels < len(sums))]
+        share, score = sums[voxels].sum(axis=0, dtype=np.float64).T
+        return SectorScores(share, score) if share.any() else None
+
+    def log_likelihood_ratio(self, seen: SectorScores, class_name: str) -> float:
+        """L (nats) of the class for an instance that these views show; 0 if all views of the search
+        score alike."""
+        all_scores = self._scores[class_name]
+        if all_scores.deviation < LEAST_DEVIATION:
+            return 0.0
+        shown = seen.share > 0
+        weight = np.minimum(seen.share[shown] / FULL_SHARE, 1)
+        mean = seen.score[shown] / seen.share[shown]
+        z = (mean - all_scores.mean) / all_scores.deviation
+        total = float(weight.sum())
+        nats = float(weight @ (z * RISE - RISE**2 / 2))
+        nats /= 1 + SIDES_CORRELATE * max(total - 1, 0)
+        nats *= all_scores.views / (all_scores.views + FEW_VIEWS)
+        return min(max(nats, -MOST_NATS), MOST_NATS)
+
+    def _of_class(self, name: str) -> NDArray[np.float32]:
+        """Sums of a class, with room for every voxel."""
+        sums, n = self._sums.get(name), len(self._voxels)
+        if sums is None or len(sums) < n:
+            grown = np.zeros((max(2 * n, 1024), SECTORS, 2), np.float32)
+            if sums is not None:
+                grown[: len(sums)] = sums
+            self._sums[name] = sums = grown
+        return sums
+
+
+def moved(score: Score, nats: float) -> Score:
+    """Score after a log-likelihood ratio; the uncertainty becomes S' - Psi'."""
+    if nats == 0:
+        return score
+    class_score, psi = in_odds(score.class_score, nats), in_odds(score.psi, nats)
+    return Score(class_score, class_score - psi, psi)
+
+
+def in_odds(probability: float, nats: float) -> float:
+    """Probability whose log odds are larger by `nats`."""
+    p = min(max(probability, _LEAST), 1 - _LEAST)
+    return 1 / (1 + (1 - p) / p * math.exp(-nats))
+
+
+@njit(cache=True, nogil=True)
+def add_kernel(points, voxels, eye_xy, share, score, sums):
+    """Add a view to sums [., SECTORS, 2]. points: [n, 3] world; voxels: [n] their numbers; eye_xy:
+    [2] camera; share: of one point in the image."""
+    sectors = sums.shape[1]
+    for k in range(voxels.size):
+        angle = math.atan2(eye_xy[1] - points[k, 1], eye_xy[0] - points[k, 0])
+        side = math.floor(angle * sectors / math.tau) % sectors
+        sums[voxels[k], side, 0] += share
+        sums[voxels[k], side, 1] += share * score

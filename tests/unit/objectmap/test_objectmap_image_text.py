@@ -1,0 +1,146 @@
+"""Image-text scores of the views that show an instance move its score."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_objectmap.camera import View
+from helios_objectmap.fusion.label_image import read
+from helios_objectmap.fusion.semantics import score_from
+from helios_objectmap.instances.image_text import ImageTextScores, in_odds, moved
+from helios_objectmap.object_map import ObjectMap
+from hypothesis import given
+from hypothesis import strategies as st
+from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe, pose
+
+COMPARED = SETTINGS.model_copy(update={"image_text": "compared"})
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+EYES = ((0.0, 0.0), (0.4, -1.2), (0.4, 1.2), (2.6, -0.8), (2.6, 0.8), (1.4, 1.6))
+AWAY = tuple(pose(-2.0, 0.3 * k, yaw=math.pi + 0.2 * k) for k in range(24))  # table behind them
+
+Rating = Callable[[bool, int], float]  # (True if the view shows the table, its number) -> score
+
+
+def built(settings, rating: Rating) -> ObjectMap:
+    """Map after views of the table from six sides, and after views away from it."""
+    objects = ObjectMap(settings)
+    views = [(True, looking_at(*eye, (1.4, 0.0, 0.7))) for eye in EYES]
+    views += [(False, T) for T in AWAY]
+    for seq, (shows, T_world_cam) in enumerate(views):
+        seen = observe(SCENE, T_world_cam, seq=seq)
+        objects.update(replace(seen, class_scores={"table": rating(shows, seq)}), CONTEXT)
+    return objects
+
+
+def table_score(settings, rating: Rating) -> float:
+    return max(o.score for o in built(settings, rating).objects() if o.class_name == "table")
+
+
+def noisy(level: float, seq: int) -> float:
+    return level + 0.1 * math.sin(7.0 * seq)
+
+
+def test_an_instance_whose_views_score_higher_than_others_gains_and_else_it_loses() -> None:
+    without = table_score(SETTINGS, lambda shows, seq: noisy(0.4, seq))
+    high = table_score(COMPARED, lambda shows, seq: noisy(0.8 if shows else 0.3, seq))
+    like_others = table_score(COMPARED, lambda shows, seq: noisy(0.3, seq))
+    low = table_score(COMPARED, lambda shows, seq: noisy(0.2 if shows else 0.5, seq))
+    assert low < like_others < without < high
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+def test_a_scorer_that_tells_nothing_apart_changes_nothing(value: float) -> None:
+    assert table_score(COMPARED, lambda *_: value) == table_score(SETTINGS, lambda *_: value)
+
+
+def test_the_other_class_and_the_ignored_scores_stay_as_they_are() -> None:
+    def rating(shows: bool, seq: int) -> float:
+        return noisy(0.8 if shows else 0.3, seq)
+
+    mug = [
+        next(o.score for o in built(s, rating).objects() if o.class_name == "mug")
+        for s in (SETTINGS, COMPARED)
+    ]
+    assert mug[0] == mug[1]
+
+
+def test_an_instance_keeps_score_uncertainty_and_probabilities_consistent() -> None:
+    objects = built(COMPARED, lambda shows, seq: noisy(0.8 if shows else 0.3, seq))
+    table = next(o for o in objects.objects() if o.class_name == "table")
+    assert table.score == pytest.approx(table.class_score - table.uncertainty)  # eq. 7
+    assert table.probabilities["table"] == table.class_score
+    assert objects.history(table.id)[-1].score == pytest.approx(table.score, abs=0.2)
+
+
+def test_an_expected_view_raises_the_same_score_that_is_reported() -> None:
+    objects = built(COMPARED, lambda shows, seq: noisy(0.2 if shows else 0.5, seq))
+    table = next(o for o in objects.objects() if o.class_name == "table")
+    eye = looking_at(1.4, -1.6, (1.4, 0.0, 0.7))
+    view = View(CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height, eye)
+    told = objects.what_if(table.id, "table", [view])
+    assert told is not None
+    assert table.score <= told[1].psi < 0.9
+
+
+def sums(order: Sequence[int], scores: Sequence[float]) -> tuple[float, np.ndarray]:
+    """(L of the table, share by sector) after the views in this order."""
+    noted = ImageTextScores()
+    for k in order:
+        T_world_cam = looking_at(*EYES[k % len(EYES)], (1.4, 0.0, 0.7)) if k < 6 else AWAY[k - 6]
+        reading = read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0)
+        noted.note(reading, {"table": scores[k]})
+    top = np.array([(x, y, 0.74) for x in (1.1, 1.4, 1.7) for y in (-0.4, 0.0, 0.4)], np.float32)
+    seen = noted.of(top, "table")
+    assert seen is not None
+    return noted.log_likelihood_ratio(seen, "table"), seen.share
+
+
+@given(st.permutations(range(12)), st.lists(st.floats(0, 1), min_size=12, max_size=12))
+def test_the_order_of_views_does_not_matter(order: list[int], scores: list[float]) -> None:
+    nats, share = sums(order, scores)
+    as_listed, share_as_listed = sums(range(12), scores)
+    assert share == pytest.approx(share_as_listed)
+    assert nats == pytest.approx(as_listed, abs=1e-3)
+
+
+def test_views_from_one_side_count_as_one_side() -> None:
+    def nats(eyes: Sequence[int]) -> float:
+        noted = ImageTextScores()
+        for k, T_world_cam in enumerate(AWAY):
+            noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0),
+                       {"table": noisy(0.3, k)})  # fmt: skip
+        for k in eyes:
+            T_world_cam = looking_at(*EYES[k], (1.4, 0.0, 0.7))
+            noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": 0.45})
+        top = np.array([(1.4, y, 0.74) for y in (-0.4, 0.0, 0.4)], np.float32)
+        seen = noted.of(top, "table")
+        assert seen is not None
+        return noted.log_likelihood_ratio(seen, "table")
+
+    assert nats([0] * 4) < nats([0, 1, 3, 4])
+
+
+def test_what_was_never_shown_has_no_scores() -> None:
+    noted = ImageTextScores()
+    noted.note(read(observe(SCENE, AWAY[0]), CONTEXT, 1, 0.1, 8.0), {"table": 0.5})
+    table_top = np.array([(1.4, 0.0, 0.74)], np.float32)
+    assert noted.of(table_top, "table") is None
+    assert noted.of(table_top, "mug") is None
+
+
+@given(st.floats(0, 1), st.floats(-50, 50), st.floats(-50, 50))
+def test_nats_add_up_in_the_odds(probability: float, first: float, second: float) -> None:
+    moved_once = in_odds(probability, first)
+    assert 0 <= moved_once <= 1
+    assert in_odds(probability, max(first, second)) >= in_odds(probability, min(first, second))
+    if 0.01 < probability < 0.99 and max(abs(first), abs(second), abs(first + second)) < 4:
+        assert in_odds(moved_once, second) == pytest.approx(in_odds(probability, first + second))
+
+
+def test_no_evidence_leaves_a_score_bit_for_bit() -> None:
+    score = score_from(0.00001, 0.3, 1.0)
+    assert moved(score, 0.0) is score
