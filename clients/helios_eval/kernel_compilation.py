@@ -25,7 +25,10 @@ from helios_planner.warm_up import warm_up as warm_up_paths
 def objects() -> None:
     """Compile the object map's kernels, those of our own rules too."""
     warm_up_objects(ObjectMapSettings())
-    ours = {"evidence": "hindsight", "look_alikes": "compared", "joined_by": "detections"}
+    ours = {
+        "evidence": "hindsight", "look_alikes": "compared", "joined_by": "detections",
+        "image_text": "compared",
+    }  # fmt: skip
     warm_up_objects(ObjectMapSettings.model_validate(ours))
 
 

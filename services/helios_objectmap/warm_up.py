@@ -39,7 +39,9 @@ def warm_up(settings: ObjectMapSettings) -> None:
         frame = Frame(
             FrameId("warm-up", 0, i), i, True, color, depth_m, camera, T_world_cam, np.eye(4)
         )
-        scratch.update(Observation(frame, context.id, seen, {}, "warm-up"), context)
+        scores = {c.name: 0.5 for c in classes}
+        observation = Observation(frame, context.id, seen, {}, "warm-up", class_scores=scores)
+        scratch.update(observation, context)
     view = View(60.0, 60.0, 31.5, 23.5, 64, 48, np.eye(4))
     for instance in scratch.objects():
         scratch.what_if(instance.id, instance.class_name, [view])
