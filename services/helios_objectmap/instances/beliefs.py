@@ -56,6 +56,7 @@ class InstanceBeliefs:
         self._classes, self._sightings, self._name_errors = classes, sightings, name_errors
         self._image_text = image_text
         self._sectors: dict[int, SectorScores | None] = {}
+        self._rises: dict[str, float] = {}  # class -> rise of its image-text scores
         self._beliefs: dict[int, Belief | None] = {}
         self._shapes: dict[int, Shape] = {}  # of the beliefs; they depend on no score
         self._described: dict[int, ObjectInstance | None] = {}
@@ -67,6 +68,7 @@ class InstanceBeliefs:
             self._beliefs.pop(label, None)
             self._shapes.pop(label, None)
             self._sectors.pop(label, None)
+        self._rises.clear()
 
     def drop_all(self) -> None:
         self._described.clear()
@@ -77,6 +79,7 @@ class InstanceBeliefs:
         self._beliefs.clear()
         self._shapes.clear()
         self._sectors.clear()
+        self._rises.clear()
 
     def belief(self, label: int) -> Belief | None:
         """Belief that an instance is of its own class, without image-text scores; None if it is too
@@ -110,12 +113,31 @@ class InstanceBeliefs:
         """Log-likelihood ratio of an instance's class by image-text scores; 0 without any."""
         if self._settings.image_text == "ignored" or self.belief(label) is None:
             return 0.0
+        seen = self._seen_by_sector(label)
+        if seen is None:
+            return 0.0
         name = self._registry.records[label].class_name
+        return self._image_text.log_likelihood_ratio(seen, name, self._rise(name))
+
+    def _rise(self, class_name: str) -> float:
+        """Rise of the image-text scores of views that show the class."""
+        if class_name not in self._rises:
+            things = (
+                (belief.score.psi, seen)
+                for label, record in self._registry.records.items()
+                if record.class_name == class_name
+                and (belief := self.belief(label)) is not None
+                and (seen := self._seen_by_sector(label)) is not None
+            )
+            self._rises[class_name] = self._image_text.rise(class_name, things)
+        return self._rises[class_name]
+
+    def _seen_by_sector(self, label: int) -> SectorScores | None:
         if label not in self._sectors:
             rows = self._store.instances.rows_of(np.array([label]))
+            name = self._registry.records[label].class_name
             self._sectors[label] = self._image_text.of(self._store.means[rows], name)
-        seen = self._sectors[label]
-        return 0.0 if seen is None else self._image_text.log_likelihood_ratio(seen, name)
+        return self._sectors[label]
 
     def box_threshold(self, label: int, mean: NDArray[np.floating]) -> float:
         """Probability above which a Gaussian of an instance belongs to its box; mean: [n]."""

@@ -9,12 +9,20 @@ viewing sector
     z = mean over its views, weighted by the share of the image that shows the instance
     w = min(1, sum of these shares / FULL_SHARE)
 
-If views of the class score RISE deviations higher, and errors are normal, the sectors have a
+If views of the class score r deviations higher, and errors are normal, the sectors have a
 log-likelihood ratio of
 
-    L = sum of w (z RISE - RISE^2 / 2) / (1 + SIDES_CORRELATE (sum of w - 1))
+    L = sum of w (z r - r^2 / 2) / (1 + SIDES_CORRELATE (sum of w - 1))
 
 for the class against any other. It moves a score in the odds: logit(S') = logit(S) + L.
+
+The rise r is learned from the instances of the class as the detector believes them. With their
+scores Psi,
+
+    r = (USUAL_WEIGHT USUAL_RISE + sum of Psi w z) / (USUAL_WEIGHT + sum of Psi w)
+
+and at least 0. So a scorer whose values have nothing to do with the detector's class soon counts
+for nothing.
 """
 
 from __future__ import annotations
@@ -37,7 +45,7 @@ from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 VOXEL_M = 0.2
 WIDTH_PX = 80  # largest width of the image from which voxels are filled
 FULL_SHARE = 0.1  # of an image, summed over the views of a sector
-RISE = 1.5  # standard deviations
+USUAL_RISE, USUAL_WEIGHT = 1.5, 1.0  # standard deviations; sectors of a sure instance
 SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
 LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less they tell nothing apart
@@ -112,21 +120,33 @@ class ImageTextScores:
         share, score = sums[voxels].sum(axis=0, dtype=np.float64).T
         return SectorScores(share, score) if share.any() else None
 
-    def log_likelihood_ratio(self, seen: SectorScores, class_name: str) -> float:
+    def rise(self, class_name: str, things: Iterable[tuple[float, SectorScores]]) -> float:
+        """Rise r of the class. things: Psi of each of its instances, and the views that show it."""
+        weight, total = USUAL_WEIGHT, USUAL_WEIGHT * USUAL_RISE
+        for psi, seen in things:
+            sides, z = self._standard(seen, class_name)
+            weight += max(psi, 0.0) * sides
+            total += max(psi, 0.0) * z
+        return max(total / weight, 0.0)
+
+    def log_likelihood_ratio(self, seen: SectorScores, class_name: str, rise: float) -> float:
         """L (nats) of the class for an instance that these views show; 0 if all views of the search
         score alike."""
+        sides, z = self._standard(seen, class_name)
+        nats = (z * rise - sides * rise**2 / 2) / (1 + SIDES_CORRELATE * max(sides - 1, 0))
+        views = self._scores[class_name].views
+        return min(max(nats * views / (views + FEW_VIEWS), -MOST_NATS), MOST_NATS)
+
+    def _standard(self, seen: SectorScores, class_name: str) -> tuple[float, float]:
+        """Sum of w, and sum of w z, over the sectors."""
         all_scores = self._scores[class_name]
         if all_scores.deviation < LEAST_DEVIATION:
-            return 0.0
+            return 0.0, 0.0
         shown = seen.share > 0
         weight = np.minimum(seen.share[shown] / FULL_SHARE, 1)
         mean = seen.score[shown] / seen.share[shown]
         z = (mean - all_scores.mean) / all_scores.deviation
-        total = float(weight.sum())
-        nats = float(weight @ (z * RISE - RISE**2 / 2))
-        nats /= 1 + SIDES_CORRELATE * max(total - 1, 0)
-        nats *= all_scores.views / (all_scores.views + FEW_VIEWS)
-        return min(max(nats, -MOST_NATS), MOST_NATS)
+        return float(weight.sum()), float(weight @ z)
 
     def _of_class(self, name: str) -> NDArray[np.float32]:
         """Sums of a class, with room for every voxel."""

@@ -11,27 +11,28 @@ import pytest
 from helios_objectmap.camera import View
 from helios_objectmap.fusion.label_image import read
 from helios_objectmap.fusion.semantics import score_from
-from helios_objectmap.instances.image_text import ImageTextScores, in_odds, moved
+from helios_objectmap.instances.image_text import USUAL_RISE, ImageTextScores, in_odds, moved
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given
 from hypothesis import strategies as st
-from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe, pose
+from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, Box, looking_at, mug_at, observe, pose
 
 COMPARED = SETTINGS.model_copy(update={"image_text": "compared"})
 SCENE = (*ROOM, mug_at(1.2, 0.0))
 EYES = ((0.0, 0.0), (0.4, -1.2), (0.4, 1.2), (2.6, -0.8), (2.6, 0.8), (1.4, 1.6))
+SECOND = (*SCENE, ("table", (-4.4, -0.6, 0.7), (-3.6, 0.6, 0.75)))
 AWAY = tuple(pose(-2.0, 0.3 * k, yaw=math.pi + 0.2 * k) for k in range(24))  # table behind them
 
 Rating = Callable[[bool, int], float]  # (True if the view shows the table, its number) -> score
 
 
-def built(settings, rating: Rating) -> ObjectMap:
+def built(settings, rating: Rating, scene: Sequence[Box] = SCENE) -> ObjectMap:
     """Map after views of the table from six sides, and after views away from it."""
     objects = ObjectMap(settings)
     views = [(True, looking_at(*eye, (1.4, 0.0, 0.7))) for eye in EYES]
     views += [(False, T) for T in AWAY]
     for seq, (shows, T_world_cam) in enumerate(views):
-        seen = observe(SCENE, T_world_cam, seq=seq)
+        seen = observe(scene, T_world_cam, seq=seq)
         objects.update(replace(seen, class_scores={"table": rating(shows, seq)}), CONTEXT)
     return objects
 
@@ -44,12 +45,28 @@ def noisy(level: float, seq: int) -> float:
     return level + 0.1 * math.sin(7.0 * seq)
 
 
-def test_an_instance_whose_views_score_higher_than_others_gains_and_else_it_loses() -> None:
+def test_an_instance_gains_if_its_views_score_higher_than_others() -> None:
     without = table_score(SETTINGS, lambda shows, seq: noisy(0.4, seq))
     high = table_score(COMPARED, lambda shows, seq: noisy(0.8 if shows else 0.3, seq))
     like_others = table_score(COMPARED, lambda shows, seq: noisy(0.3, seq))
+    assert without < high
+    assert like_others < (without + high) / 2
+
+
+def test_of_two_instances_the_one_with_the_higher_views_gains() -> None:
+    def scores(settings) -> list[float]:
+        objects = built(settings, lambda shows, seq: noisy(0.8 if shows else 0.3, seq), SECOND)
+        tables = [o for o in objects.objects() if o.class_name == "table"]
+        return [o.score for o in sorted(tables, key=lambda o: -o.center_m[0])]
+
+    (first, second), (first_without, second_without) = scores(COMPARED), scores(SETTINGS)
+    assert first > first_without
+    assert second < second_without
+
+
+def test_where_the_scorer_contradicts_every_believed_instance_it_counts_for_nothing() -> None:
     low = table_score(COMPARED, lambda shows, seq: noisy(0.2 if shows else 0.5, seq))
-    assert low < like_others < without < high
+    assert low == table_score(SETTINGS, lambda *_: 0.0)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
@@ -77,7 +94,7 @@ def test_an_instance_keeps_score_uncertainty_and_probabilities_consistent() -> N
 
 
 def test_an_expected_view_raises_the_same_score_that_is_reported() -> None:
-    objects = built(COMPARED, lambda shows, seq: noisy(0.2 if shows else 0.5, seq))
+    objects = built(COMPARED, lambda shows, seq: noisy(0.3, seq))
     table = next(o for o in objects.objects() if o.class_name == "table")
     eye = looking_at(1.4, -1.6, (1.4, 0.0, 0.7))
     view = View(CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height, eye)
@@ -96,7 +113,7 @@ def sums(order: Sequence[int], scores: Sequence[float]) -> tuple[float, np.ndarr
     top = np.array([(x, y, 0.74) for x in (1.1, 1.4, 1.7) for y in (-0.4, 0.0, 0.4)], np.float32)
     seen = noted.of(top, "table")
     assert seen is not None
-    return noted.log_likelihood_ratio(seen, "table"), seen.share
+    return noted.log_likelihood_ratio(seen, "table", 1.5), seen.share
 
 
 @given(st.permutations(range(12)), st.lists(st.floats(0, 1), min_size=12, max_size=12))
@@ -119,9 +136,25 @@ def test_views_from_one_side_count_as_one_side() -> None:
         top = np.array([(1.4, y, 0.74) for y in (-0.4, 0.0, 0.4)], np.float32)
         seen = noted.of(top, "table")
         assert seen is not None
-        return noted.log_likelihood_ratio(seen, "table")
+        return noted.log_likelihood_ratio(seen, "table", 1.5)
 
     assert nats([0] * 4) < nats([0, 1, 3, 4])
+
+
+def test_the_rise_is_learned_from_what_the_detector_believes() -> None:
+    def rise(level: float, psi: float) -> float:
+        noted = ImageTextScores()
+        views = [(noisy(0.3, k), T) for k, T in enumerate(AWAY)]
+        views += [(level, looking_at(*eye, (1.4, 0.0, 0.7))) for eye in EYES]
+        for score, T_world_cam in views:
+            noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": score})
+        seen = noted.of(np.array([(1.4, y, 0.74) for y in (-0.4, 0.0, 0.4)], np.float32), "table")
+        assert seen is not None
+        return noted.rise("table", [(psi, seen)])
+
+    assert rise(0.3, 0.9) < 0.8 < USUAL_RISE < rise(0.9, 0.9)
+    assert rise(0.0, 0.9) == 0.0  # it never counts the other way round
+    assert rise(0.3, 0.0) == USUAL_RISE
 
 
 def test_what_was_never_shown_has_no_scores() -> None:
