@@ -34,6 +34,10 @@ class ObjectInstance(BaseModel):
     detection_rate: float | None = Field(
         description="share of the instance's views in which it was detected as its class"
     )
+    image_text_nats: float | None = Field(
+        description="log-likelihood ratio of the class by the image-text scores of the views that "
+        "show the instance, nats; the scores contain it. 0: the scorer gave none"
+    )
     outline_m: list[Vector2] = Field(
         description="convex hull of the projection to the ground, in the world frame, metres"
     )

@@ -199,6 +199,7 @@ def _object(o: pb.ObjectInstance) -> api_map_models.ObjectInstance:
         score=finite(o.score), class_score=finite(o.class_score),
         uncertainty=finite(o.uncertainty), views=o.views, gaussians=o.gaussians,
         probabilities=_numbers(o.probabilities), detection_rate=finite(o.detection_rate),
+        image_text_nats=finite(o.image_text_nats),
         outline_m=pairs(o.outline_m), relocalisation="relocalised" if o.relocalised else None,
     )  # fmt: skip
 

@@ -237,3 +237,5 @@ class ObjectInstance:
     top_m: float  # height of its highest likely Gaussian
     outline_m: NDArray[np.float64]  # [n, 2] hull of its ground projection
     detection_rate: float = 0.0  # share of its views that detected it as its class
+    # Log-likelihood ratio of its class by the image-text scores of its views; it is in the scores.
+    image_text_nats: float = 0.0

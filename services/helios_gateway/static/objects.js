@@ -92,12 +92,14 @@ export class Objects {
     if (!object) return;
     $("object-title").textContent = `${object.class} ${object.id}`;
     this.showView(object);
+    const nats = object.image_text_nats;
     facts($("object-facts"), [
       ["score Ψ", number(object.score)],
       ["class score", number(object.class_score)],
       ["uncertainty", number(object.uncertainty)],
       ["views", object.views],
       ["detected in", object.detection_rate == null ? "" : `${Math.round(100 * object.detection_rate)} %`],
+      ["image-text scores", nats ? `odds × ${Math.exp(nats).toPrecision(2)}` : ""],
       ["Gaussians", object.gaussians],
       ["centre", `${place(object.center_m)} m`],
       ["stored map", object.relocalisation ?? ""],

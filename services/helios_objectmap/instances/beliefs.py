@@ -101,7 +101,7 @@ class InstanceBeliefs:
         rest = 1 - sum(p for name, p in likely.items() if name != "other")
         return replace(
             thing, score=now.psi, class_score=now.class_score, uncertainty=now.uncertainty,
-            probabilities=likely | {"other": max(0.0, rest)},
+            probabilities=likely | {"other": max(0.0, rest)}, image_text_nats=nats,
         )  # fmt: skip
 
     def score(self, label: int) -> Score | None:

@@ -126,6 +126,7 @@ def act_or_look(
                 "total": t.total,
             }
             | ({} if t.place == 1 else {"place": t.place})
+            | _image_text(t.instance)
             | ({} if t.best_score is None else {"score_after_view": t.best_score}),
             t.instance.id,
         )
@@ -219,6 +220,11 @@ def _scores(thing: ObjectInstance) -> dict[str, float]:
         "class_score": thing.class_score, "uncertainty": thing.uncertainty,
         "score": thing.score, "views": float(thing.views),
     }  # fmt: skip
+
+
+def _image_text(instance: ObjectInstance) -> dict[str, float]:
+    nats = instance.image_text_nats
+    return {"image_text_nats": nats} if nats else {}
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:

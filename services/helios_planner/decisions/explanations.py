@@ -5,6 +5,7 @@ Sentences name numbers as the paper does: score is Ψ, class score is S, uncerta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 from helios_core.printable_text import counted
@@ -133,7 +134,7 @@ def act(what: Act, c: Candidate, threshold: float, sure: int) -> str:
     return (
         f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score', n)} ≥ "
         f"{threshold:.{n}f} after {counted(int(t['views']), 'view')} (class score "
-        f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}){of}"
+        f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}{_image_text(t)}){of}"
     )
 
 
@@ -241,6 +242,12 @@ def _digits(holds: Callable[[Rounding], bool]) -> int:
         return lambda value: float(f"{value:.{decimals}f}")
 
     return next((n for n in range(2, 16) if holds(to(n))), 2)
+
+
+def _image_text(terms: Mapping[str, float]) -> str:
+    """Text about the part of a score that comes from image-text scores; "" for none."""
+    nats = terms.get("image_text_nats", 0.0)
+    return f", odds × {math.exp(nats):.2g} by image-text scores" if nats else ""
 
 
 def _value(terms: Mapping[str, float], name: str, rounded: Rounding) -> float:

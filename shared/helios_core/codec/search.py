@@ -120,6 +120,7 @@ def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
         top_m=instance.top_m,
         outline_m=instance.outline_m.ravel().tolist(),
         detection_rate=instance.detection_rate,
+        image_text_nats=instance.image_text_nats,
     )
 
 
@@ -144,4 +145,5 @@ def object_from_proto(instance: pb.ObjectInstance) -> ObjectInstance:
         top_m=instance.top_m,
         outline_m=np.array(instance.outline_m, float).reshape(-1, 2),
         detection_rate=instance.detection_rate,
+        image_text_nats=instance.image_text_nats,
     )

@@ -210,7 +210,7 @@ def test_a_mask_outside_the_image_is_refused() -> None:
 def test_a_search_context_round_trips_through_its_message() -> None:
     context = SearchContext(
         "id", (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),), {"pick": "a mug ahead"},
-        ("glass", "vase"),
+        ("glass", "vase"), {"mug": "a mug ahead"},
     )  # fmt: skip
     assert context_from_proto(context_to_proto(context)) == context
 
@@ -236,6 +236,8 @@ def test_an_unknown_role_is_refused_by_name() -> None:
     "message",
     [
         pb.SearchContext(prompts={f"layer {i}": "a mug" for i in range(2000)}),
+        pb.SearchContext(class_prompts={f"class {i}": "a mug" for i in range(2000)}),
+        pb.SearchContext(class_prompts={"mug": "a mug " * 1000}),
         pb.SearchContext(classes=[pb.SearchClass(name=f"{i}", role="object") for i in range(2000)]),
         pb.SearchContext(classes=[pb.SearchClass(name="x" * 100_000, role="object")]),
     ],

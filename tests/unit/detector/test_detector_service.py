@@ -1,7 +1,10 @@
 """The service on an in-memory bus answers every keyframe and shows every stream frame."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
+import pytest
 from detector_rig import CONTEXT_1, Faulty, Rig
 from detector_scene import MUG, SceneTruth, context_of
 from helios_core import proto as pb
@@ -30,6 +33,32 @@ def test_every_keyframe_is_answered_with_its_frame_context_masks_and_scores():
     assert observation.layer_scores.keys() == {"pick", "place"}
     assert observation.layer_scores["pick"] > observation.layer_scores["place"]
     assert rig.health.state == ("ready", "")
+
+
+class Looking(LexicalScorer):
+    """Scorer that says it looks at the image; keeps the prompts of its last call."""
+
+    reads_names = False
+
+    def score(self, frame, seen, prompts):
+        self.prompts = dict(prompts)
+        return super().score(frame, seen, prompts)
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_a_scorer_that_looks_at_the_image_rates_each_class_once(looks: bool):
+    scorer = Looking()
+    scorer.reads_names = not looks
+    rig = Rig(scorer=scorer)
+    of_classes = {"mug": "a mug", "dining table": "a dining table"}
+    rig.look_for(replace(CONTEXT_1, class_prompts=of_classes))
+    rig.bus.publish(KEYFRAME, rig.frame())
+    observation = observation_from_proto(rig.observations[0])
+    assert observation.layer_scores.keys() == {"pick", "place"}
+    assert observation.class_scores.keys() == (of_classes.keys() if looks else set())
+    assert len(scorer.prompts) == (3 if looks else 2)  # the pick layer's prompt is the mug's
+    if looks:
+        assert observation.class_scores["mug"] == observation.layer_scores["pick"]
 
 
 def test_detections_under_other_names_stand_apart_and_get_no_box():

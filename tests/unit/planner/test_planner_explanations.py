@@ -47,6 +47,13 @@ def test_the_printed_numbers_of_a_look_are_below_the_threshold_and_worth_a_view(
     assert printed(said, "bring it to ") >= printed(said, "worth it from "), said
 
 
+def test_an_accepted_candidate_tells_what_image_text_scores_did_to_its_odds() -> None:
+    mug = mug_candidate(0.5, None, None)
+    assert "image-text" not in act(Act.PICK, mug, 0.3, 1)
+    mug.terms["image_text_nats"] = math.log(3)
+    assert "odds × 3 by image-text scores" in act(Act.PICK, mug, 0.3, 1)
+
+
 @given(scores, nearly, st.none() | scores, places)
 @example(0.4999, 0.0001, None, None)
 def test_the_printed_numbers_of_searching_on_are_below_their_limits(

@@ -41,6 +41,13 @@ def test_the_pick_layer_asks_for_the_start_receptacle_or_else_for_the_object(
     assert context.prompts == {k: f"Seems like there is {v}" for k, v in prompts.items()}
 
 
+def test_every_class_has_a_prompt_of_its_own() -> None:
+    context = search_context("c", parse(MOVE), Settings())
+    assert context.class_prompts == {
+        name: f"Seems like there is a {name} ahead" for name in ("mug", "table", "counter")
+    }
+
+
 def test_objects_are_judged_by_tau_g_and_goals_by_tau_b() -> None:
     tools = Rig(tau_g=0.6, tau_b=0.7).tools
     thing = ObjectSearch(tools, "mug", "table", global_search.by_objective, paper)

@@ -49,7 +49,7 @@ class SearchContext(_message.Message):
     def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ..., also: _Optional[_Iterable[str]] = ..., class_prompts: _Optional[_Mapping[str, str]] = ...) -> None: ...
 
 class ObjectInstance(_message.Message):
-    __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate", "relocalised")
+    __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate", "relocalised", "image_text_nats")
     class ProbabilitiesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -71,6 +71,7 @@ class ObjectInstance(_message.Message):
     OUTLINE_M_FIELD_NUMBER: _ClassVar[int]
     DETECTION_RATE_FIELD_NUMBER: _ClassVar[int]
     RELOCALISED_FIELD_NUMBER: _ClassVar[int]
+    IMAGE_TEXT_NATS_FIELD_NUMBER: _ClassVar[int]
     id: int
     class_name: str
     center_m: _common_pb2.Vector3
@@ -85,7 +86,8 @@ class ObjectInstance(_message.Message):
     outline_m: _containers.RepeatedScalarFieldContainer[float]
     detection_rate: float
     relocalised: bool
-    def __init__(self, id: _Optional[int] = ..., class_name: _Optional[str] = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., size_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., score: _Optional[float] = ..., class_score: _Optional[float] = ..., uncertainty: _Optional[float] = ..., views: _Optional[int] = ..., gaussians: _Optional[int] = ..., probabilities: _Optional[_Mapping[str, float]] = ..., top_m: _Optional[float] = ..., outline_m: _Optional[_Iterable[float]] = ..., detection_rate: _Optional[float] = ..., relocalised: bool = ...) -> None: ...
+    image_text_nats: float
+    def __init__(self, id: _Optional[int] = ..., class_name: _Optional[str] = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., size_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., score: _Optional[float] = ..., class_score: _Optional[float] = ..., uncertainty: _Optional[float] = ..., views: _Optional[int] = ..., gaussians: _Optional[int] = ..., probabilities: _Optional[_Mapping[str, float]] = ..., top_m: _Optional[float] = ..., outline_m: _Optional[_Iterable[float]] = ..., detection_rate: _Optional[float] = ..., relocalised: bool = ..., image_text_nats: _Optional[float] = ...) -> None: ...
 
 class ObjectsRequest(_message.Message):
     __slots__ = ("class_names", "min_class_score")
