@@ -16,13 +16,13 @@ log-likelihood ratio of
 
 for the class against any other. It moves a score in the odds: logit(S') = logit(S) + L.
 
-The rise r is learned from the instances of the class as the detector believes them. With their
-scores Psi,
+The rise r is learned from the instances of the class, by expectation maximisation from
+r = USUAL_RISE on: with their scores Psi' for the last r, the next one is
 
-    r = (USUAL_WEIGHT USUAL_RISE + sum of Psi w z) / (USUAL_WEIGHT + sum of Psi w)
+    r = (USUAL_WEIGHT USUAL_RISE + sum of Psi' w z) / (USUAL_WEIGHT + sum of Psi' w)
 
-and at least 0. So a scorer whose values have nothing to do with the detector's class soon counts
-for nothing.
+and at least 0. So a scorer that does not agree with what the detector believes most counts for
+little.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 VOXEL_M = 0.2
 WIDTH_PX = 80  # largest width of the image from which voxels are filled
 FULL_SHARE = 0.1  # of an image, summed over the views of a sector
-USUAL_RISE, USUAL_WEIGHT = 1.5, 1.0  # standard deviations; sectors of a sure instance
+USUAL_RISE, USUAL_WEIGHT = 1.5, 0.5  # standard deviations; sectors of a sure instance
+ROUNDS = 3  # of expectation maximisation
 SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
 LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less they tell nothing apart
@@ -122,17 +123,24 @@ class ImageTextScores:
 
     def rise(self, class_name: str, things: Iterable[tuple[float, SectorScores]]) -> float:
         """Rise r of the class. things: Psi of each of its instances, and the views that show it."""
-        weight, total = USUAL_WEIGHT, USUAL_WEIGHT * USUAL_RISE
-        for psi, seen in things:
-            sides, z = self._standard(seen, class_name)
-            weight += max(psi, 0.0) * sides
-            total += max(psi, 0.0) * z
-        return max(total / weight, 0.0)
+        known = [(psi, *self._standard(seen, class_name)) for psi, seen in things]
+        rise = USUAL_RISE
+        for _ in range(ROUNDS if known else 0):
+            weight, total = USUAL_WEIGHT, USUAL_WEIGHT * USUAL_RISE
+            for psi, sides, z in known:
+                now = in_odds(psi, self._nats(sides, z, class_name, rise))
+                weight += now * sides
+                total += now * z
+            rise = max(total / weight, 0.0)
+        return rise
 
     def log_likelihood_ratio(self, seen: SectorScores, class_name: str, rise: float) -> float:
         """L (nats) of the class for an instance that these views show; 0 if all views of the search
         score alike."""
-        sides, z = self._standard(seen, class_name)
+        return self._nats(*self._standard(seen, class_name), class_name, rise)
+
+    def _nats(self, sides: float, z: float, class_name: str, rise: float) -> float:
+        """L for the sum of w and the sum of w z."""
         nats = (z * rise - sides * rise**2 / 2) / (1 + SIDES_CORRELATE * max(sides - 1, 0))
         views = self._scores[class_name].views
         return min(max(nats * views / (views + FEW_VIEWS), -MOST_NATS), MOST_NATS)

@@ -64,9 +64,9 @@ def test_of_two_instances_the_one_with_the_higher_views_gains() -> None:
     assert second < second_without
 
 
-def test_where_the_scorer_contradicts_every_believed_instance_it_counts_for_nothing() -> None:
+def test_an_instance_whose_views_score_lower_than_others_loses() -> None:
     low = table_score(COMPARED, lambda shows, seq: noisy(0.2 if shows else 0.5, seq))
-    assert low == table_score(SETTINGS, lambda *_: 0.0)
+    assert low < 0.2 * table_score(SETTINGS, lambda *_: 0.0)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
@@ -154,7 +154,7 @@ def test_the_rise_is_learned_from_what_the_detector_believes() -> None:
 
     assert rise(0.3, 0.9) < 0.8 < USUAL_RISE < rise(0.9, 0.9)
     assert rise(0.0, 0.9) == 0.0  # it never counts the other way round
-    assert rise(0.3, 0.0) == USUAL_RISE
+    assert rise(0.3, 0.0) == pytest.approx(USUAL_RISE, abs=0.01)
 
 
 def test_what_was_never_shown_has_no_scores() -> None:
