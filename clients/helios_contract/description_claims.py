@@ -49,6 +49,19 @@ class DescriptionClaims:
         robot = rig.robot
         assert robot.reach_m > 0.0 or not (robot.can_pick or robot.can_place)
 
+    def test_a_held_object_is_shown_where_the_camera_can_see_it(self, rig: Rig) -> None:
+        robot = rig.robot
+        if robot.show_base_m is None:
+            return
+        assert robot.can_pick
+        x, y, z = robot.show_base_m
+        ahead_m, down_m = x - robot.camera_forward_m, robot.camera_height_m - z
+        assert 0.1 <= ahead_m <= 2.0
+        assert abs(math.atan2(y, ahead_m)) < robot.camera.hfov_rad / 2
+        low, high = robot.tilt_range_rad
+        half = robot.camera.vfov_rad / 2
+        assert low - half < math.atan2(down_m, ahead_m) < high + half
+
     def test_the_camera_sees_between_20_and_150_degrees(self, rig: Rig) -> None:
         camera = rig.robot.camera
         assert 20.0 <= math.degrees(camera.hfov_rad) <= 150.0

@@ -7,7 +7,7 @@ import uuid
 import numpy as np
 import pytest
 from helios_core.geometry import invert, project, wrap_angle, yaw_of
-from helios_core.robot import Action, Capture, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_core.robot import Action, Capture, Forward, Observe, Pick, Place, Show, Tilt, Turn
 
 from helios_contract.rig import Rig, seen_points
 
@@ -126,6 +126,10 @@ class MotionClaims:
 
     def test_with_an_empty_hand_nothing_is_placed_and_the_reason_said(self, rig: Rig) -> None:
         _failed_with_a_sentence(rig, Place(FAR_AWAY_M))
+
+    def test_with_an_empty_hand_nothing_is_shown_and_the_reason_said(self, rig: Rig) -> None:
+        if rig.robot.show_base_m is not None:
+            _failed_with_a_sentence(rig, Show(0.0))
 
     def test_a_failed_action_keeps_no_later_one_from_its_work(self, rig: Rig) -> None:
         _failed_with_a_sentence(rig, Pick(FAR_AWAY_M, "mug"))

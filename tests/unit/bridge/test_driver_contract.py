@@ -15,7 +15,7 @@ from helios_contract.rig import Rig
 from helios_contract.suite import DriverContract
 from helios_core.errors import HeliosError
 from helios_core.geometry import R_BODY_CAM, se2_to_se3
-from helios_core.robot import ActionResult, Capture, Forward, Turn
+from helios_core.robot import ActionResult, Capture, Forward, Show, Turn
 from helios_core.types import RobotDescription, RobotState
 from helios_examples.room_robot import ROBOT, RoomRobot
 
@@ -156,6 +156,16 @@ class Raising(RoomRobot):
         return why_not
 
 
+class Showing(Described):
+    """Shows its empty hand."""
+
+    def __init__(self) -> None:
+        super().__init__(can_pick=True, reach_m=0.8, show_base_m=(0.5, 0.0, 0.6))
+
+    def _do(self, action) -> str:
+        return "" if isinstance(action, Show) else super()._do(action)
+
+
 class Lost(RoomRobot):
     """Has another origin id at every call."""
 
@@ -185,6 +195,15 @@ SLIPS: list[tuple[Callable[[], RoomRobot], str]] = [
     (lambda: Described(max_turn_rad=30.0), "test_angles_are_radians"),
     (lambda: Described(tilt_range_rad=(-20.0, 60.0)), "test_angles_are_radians"),
     (lambda: Described(can_pick=True), "test_a_robot_that_can_pick_can_reach"),
+    (
+        lambda: Described(show_base_m=(0.5, 0.0, 0.6)),  # and no arm
+        "test_a_held_object_is_shown_where_the_camera_can_see_it",
+    ),
+    (
+        lambda: Described(can_pick=True, reach_m=0.8, show_base_m=(-0.5, 0.0, 0.6)),
+        "test_a_held_object_is_shown_where_the_camera_can_see_it",
+    ),
+    (Showing, "test_with_an_empty_hand_nothing_is_shown_and_the_reason_said"),
     (lambda: Described(name=" "), "test_the_robot_has_a_name"),
     (
         lambda: Described(camera_height_m=0.3),
