@@ -15,6 +15,7 @@ from helios_objectmap import export, placed
 from helios_objectmap.camera import View
 from helios_objectmap.error_model import name_errors
 from helios_objectmap.fusion import geometry, viewing_sectors
+from helios_objectmap.fusion.floor import without_depth_below, without_floor
 from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
 from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_columns
@@ -136,13 +137,7 @@ class ObjectMap:
         self._shown.note(observation)
         if observation.frame.shown is not None:
             return UpdateReport(0, 0, 0, 0, len(store))
-        reading = without_held(
-            read(
-                observation, context, s.stride_px, s.min_depth_m, s.max_depth_m,
-                s.equal_masks == "by-score",
-            ),
-            context, held, HELD_OBJECT_M,
-        )  # fmt: skip
+        reading = self._read(observation, context, held)
         look = self._viewpoints.locate(reading.view.T_world_cam)
         if s.look_alikes != "ignored" and self._is_new(look):
             detections = (*observation.detections, *observation.others)
@@ -449,9 +444,16 @@ class ObjectMap:
             self._project(reading.view, rows=stays),
         ), gone
 
+    def _read(self, observation: Observation, context: SearchContext, held: str) -> LabelImage:
+        s, by_score = self._settings, self._settings.equal_masks == "by-score"
+        reading = read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m, by_score)
+        reading = without_held(reading, context, held, HELD_OBJECT_M)
+        return without_floor(reading, context, s.furniture_from_m)
+
     def _note_co_detections(self, reading: LabelImage, observation: Observation) -> None:
         """Note which neighbouring voxels the detections of each class show together."""
         by_class: dict[str, list[Detection]] = {}
+        reading = without_depth_below(reading, self._settings.furniture_from_m)
         context = self._classes.context
         assert context is not None
         large = [c for c in context.distinct() if c.role.is_receptacle]

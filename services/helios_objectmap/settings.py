@@ -55,6 +55,13 @@ class ObjectMapSettings(ServiceSettings):
         description="height of the floor in the world frame, for the sizes of objects that "
         "stand on it; none: unknown",
     )
+    furniture_above_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.5,
+        description="height above the floor below which no pixel belongs to furniture; 0: every "
+        "pixel of a mask does, as in the paper",
+    )
     alpha_cpa: float = Field(
         default=3.0, gt=0, description="weight of an observation (α_cpa, eq. 3)"
     )
@@ -176,6 +183,13 @@ class ObjectMapSettings(ServiceSettings):
     save_every_s: float = Field(
         default=3.0, gt=0, description="time between two saves of a changed map"
     )
+
+    @property
+    def furniture_from_m(self) -> float | None:
+        """Height, world, from which pixels belong to furniture; None: from anywhere."""
+        if self.floor_m is None or self.furniture_above_m == 0:
+            return None
+        return self.floor_m + self.furniture_above_m
 
     @property
     def by_sides(self) -> bool:
