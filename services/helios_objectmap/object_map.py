@@ -15,7 +15,7 @@ from helios_objectmap import export, placed
 from helios_objectmap.camera import View
 from helios_objectmap.error_model import name_errors
 from helios_objectmap.fusion import geometry, viewing_sectors
-from helios_objectmap.fusion.floor import without_depth_below, without_floor
+from helios_objectmap.fusion.floor import without_depth_below, without_labels_below
 from helios_objectmap.fusion.geometry import compare_with_depth, reobserved
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
 from helios_objectmap.fusion.semantics import accumulate, marginal, most_likely_columns
@@ -448,7 +448,8 @@ class ObjectMap:
         s, by_score = self._settings, self._settings.equal_masks == "by-score"
         reading = read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m, by_score)
         reading = without_held(reading, context, held, HELD_OBJECT_M)
-        return without_floor(reading, context, s.furniture_from_m)
+        labels = self._classes.labels_off_floor()
+        return without_labels_below(reading, labels, s.furniture_from_m)
 
     def _note_co_detections(self, reading: LabelImage, observation: Observation) -> None:
         """Note which neighbouring voxels the detections of each class show together."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from helios_core.types import Role, SearchContext
 
 from helios_objectmap.gaussians import GaussianStore
-from helios_objectmap.instances.furniture import is_furniture
+from helios_objectmap.instances.furniture import is_flat, is_furniture
 from helios_objectmap.settings import ObjectMapSettings
 
 
@@ -57,8 +57,19 @@ class SearchedClasses:
     def is_receptacle(self, class_name: str) -> bool:
         return self.roles[class_name].is_receptacle
 
+    def is_large(self, class_name: str) -> bool:
+        return self.is_receptacle(class_name) or is_furniture(class_name)
+
     def voxel_m(self, class_name: str) -> float:
         """Edge (m) of the voxels that join Gaussians of a class into instances."""
         s = self._settings
-        large = self.is_receptacle(class_name) or is_furniture(class_name)
-        return s.receptacle_voxel_m if large else s.object_voxel_m
+        return s.receptacle_voxel_m if self.is_large(class_name) else s.object_voxel_m
+
+    def labels_off_floor(self) -> list[int]:
+        """Labels of the current search that no pixel on the floor has: large and not flat."""
+        above_m = self._settings.furniture_above_m
+        return [
+            1 + i
+            for i, name in enumerate(self.names)
+            if self.is_large(name) and not is_flat(name, above_m)
+        ]

@@ -6,15 +6,13 @@ is everywhere, so such pixels would join furniture that stands apart.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from helios_core.types import SearchContext
 from numpy.typing import NDArray
 
 from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage
-from helios_objectmap.instances.furniture import is_furniture
-from helios_objectmap.instances.size_prior import usual_extents
 
 
 def below(reading: LabelImage, height_m: float) -> NDArray[np.bool_]:
@@ -28,20 +26,15 @@ def below(reading: LabelImage, height_m: float) -> NDArray[np.bool_]:
     return (at_m < height_m) & (reading.depth_m > 0)
 
 
-def without_floor(
-    reading: LabelImage, context: SearchContext, height_m: float | None
+def without_labels_below(
+    reading: LabelImage, labels: Sequence[int], height_m: float | None
 ) -> LabelImage:
-    """Label image in which pixels of furniture below a height (m, world) are unlabelled; None: all
-    stay. A rug, and any other class that is no higher than that, keeps its pixels."""
+    """Label image in which pixels with these labels below a height (m, world) are unlabelled; None:
+    all stay."""
     if height_m is None:
         return reading
-    large = [
-        1 + i for i, c in enumerate(context.distinct())
-        if (c.role.is_receptacle or is_furniture(c.name)) and not is_flat(c.name, height_m)
-    ]  # fmt: skip
-    on_floor = np.isin(reading.labels, large) & below(reading, height_m)
-    labels = np.where(on_floor, OTHER_LABEL, reading.labels).astype(np.int32)
-    return replace(reading, labels=labels)
+    low = np.isin(reading.labels, labels) & below(reading, height_m)
+    return replace(reading, labels=np.where(low, OTHER_LABEL, reading.labels).astype(np.int32))
 
 
 def without_depth_below(reading: LabelImage, height_m: float | None) -> LabelImage:
@@ -50,9 +43,3 @@ def without_depth_below(reading: LabelImage, height_m: float | None) -> LabelIma
         return reading
     low = below(reading, height_m)
     return replace(reading, depth_m=np.where(low, np.float32(0), reading.depth_m))
-
-
-def is_flat(class_name: str, height_m: float) -> bool:
-    """True for a class that is usually no higher than `height_m` above the floor."""
-    usual = usual_extents(class_name)
-    return usual is not None and usual.on_floor and float(usual.most_m[2]) <= height_m

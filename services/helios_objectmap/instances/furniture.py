@@ -22,3 +22,9 @@ def is_furniture(class_name: str) -> bool:
 def _is_listed(name: str) -> bool:
     usual = usual_extents(name)
     return name in _ALSO or (usual is not None and usual.on_floor)
+
+
+def is_flat(class_name: str, height_m: float) -> bool:
+    """True for a class that usually is no higher than `height_m` above the floor, like a rug."""
+    usual = usual_extents(class_name)
+    return usual is not None and usual.on_floor and float(usual.most_m[2]) <= height_m

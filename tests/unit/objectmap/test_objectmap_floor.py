@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.types import Detection, Role, SearchClass, SearchContext
-from helios_objectmap.fusion.floor import below, is_flat, without_floor
+from helios_objectmap.fusion.floor import below, without_labels_below
 from helios_objectmap.fusion.label_image import read
+from helios_objectmap.instances.furniture import is_flat
 from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.searched_classes import SearchedClasses
 from hypothesis import given
 from hypothesis import strategies as st
 from objectmap_scene import (
@@ -74,8 +76,11 @@ def test_a_small_object_on_the_floor_stays() -> None:
 def test_a_rug_is_flat_and_stays() -> None:
     rug: Box = ("rug", (1.0, -0.5, 0.0), (2.0, 0.5, 0.01))
     context = SearchContext("r", (SearchClass("rug", Role.GOAL_RECEPTACLE, 0.3),))
-    reading = read(observe((FLOOR, rug), pose(), context=context), context, 1, 0.1, 8.0)
-    assert (without_floor(reading, context, 0.05).labels == reading.labels).all()
+    objects = ObjectMap(ABOVE)
+    for seq in range(3):
+        seen = observe((FLOOR, rug), pose(0.3 * seq), seq=seq, context=context)
+        objects.update(seen, context)
+    assert [o.class_name for o in objects.objects()] == ["rug"]
     assert is_flat("rug", 0.05)
     assert not is_flat("table", 0.05)
     assert not is_flat("thing without an entry", 0.05)
@@ -108,7 +113,10 @@ def test_detections_keep_their_masks() -> None:
     whole = np.ones_like(seen.detections[0].mask)
     wide = replace(seen, detections=(Detection("table", 0.9, (0, 0, 160, 120), whole),))
     reading = read(wide, CONTEXT, 1, 0.1, 8.0)
-    labels = without_floor(reading, CONTEXT, 0.05).labels
+    classes = SearchedClasses(ABOVE)
+    classes.search(CONTEXT)
+    assert classes.labels_off_floor() == [2]  # the table, not the mug
+    labels = without_labels_below(reading, [2], 0.05).labels
     low = below(reading, 0.05)
     assert (labels[low] == 0).all()
     assert (labels[~low] == reading.labels[~low]).all()
