@@ -118,7 +118,11 @@ class ImageTextScores:
             return None
         voxels = np.unique(self._voxels.known(voxel_keys(points, VOXEL_M)))
         voxels = voxels[(voxels != NO_VOXEL) & (voxels < len(sums))]
-        share, score = sums[voxels].sum(axis=0, dtype=np.float64).T
+        # The voxels of a small thing show more than the thing: half of its box faces a camera.
+        x_m, y_m, z_m = np.ptp(points, axis=0).tolist()
+        facing_m2 = x_m * y_m + y_m * z_m + z_m * x_m
+        own = min(1.0, facing_m2 / (max(len(voxels), 1) * VOXEL_M**2))
+        share, score = own * sums[voxels].sum(axis=0, dtype=np.float64).T
         return SectorScores(share, score) if share.any() else None
 
     def rise(self, class_name: str, things: Iterable[tuple[float, SectorScores]]) -> float:

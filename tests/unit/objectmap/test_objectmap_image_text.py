@@ -23,6 +23,8 @@ EYES = ((0.0, 0.0), (0.4, -1.2), (0.4, 1.2), (2.6, -0.8), (2.6, 0.8), (1.4, 1.6)
 SECOND = (*SCENE, ("table", (-4.4, -0.6, 0.7), (-3.6, 0.6, 0.75)))
 AWAY = tuple(pose(-2.0, 0.3 * k, yaw=math.pi + 0.2 * k) for k in range(24))  # table behind them
 
+TOP = np.array([(x, y, 0.74) for x in (1.1, 1.4, 1.7) for y in (-0.4, 0.0, 0.4)], np.float32)
+
 Rating = Callable[[bool, int], float]  # (True if the view shows the table, its number) -> score
 
 
@@ -110,8 +112,7 @@ def sums(order: Sequence[int], scores: Sequence[float]) -> tuple[float, np.ndarr
         T_world_cam = looking_at(*EYES[k % len(EYES)], (1.4, 0.0, 0.7)) if k < 6 else AWAY[k - 6]
         reading = read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0)
         noted.note(reading, {"table": scores[k]})
-    top = np.array([(x, y, 0.74) for x in (1.1, 1.4, 1.7) for y in (-0.4, 0.0, 0.4)], np.float32)
-    seen = noted.of(top, "table")
+    seen = noted.of(TOP, "table")
     assert seen is not None
     return noted.log_likelihood_ratio(seen, "table", 1.5), seen.share
 
@@ -133,8 +134,7 @@ def test_views_from_one_side_count_as_one_side() -> None:
         for k in eyes:
             T_world_cam = looking_at(*EYES[k], (1.4, 0.0, 0.7))
             noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": 0.45})
-        top = np.array([(1.4, y, 0.74) for y in (-0.4, 0.0, 0.4)], np.float32)
-        seen = noted.of(top, "table")
+        seen = noted.of(TOP, "table")
         assert seen is not None
         return noted.log_likelihood_ratio(seen, "table", 1.5)
 
@@ -148,7 +148,7 @@ def test_the_rise_is_learned_from_what_the_detector_believes() -> None:
         views += [(level, looking_at(*eye, (1.4, 0.0, 0.7))) for eye in EYES]
         for score, T_world_cam in views:
             noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": score})
-        seen = noted.of(np.array([(1.4, y, 0.74) for y in (-0.4, 0.0, 0.4)], np.float32), "table")
+        seen = noted.of(TOP, "table")
         assert seen is not None
         return noted.rise("table", [(psi, seen)])
 
@@ -160,9 +160,19 @@ def test_the_rise_is_learned_from_what_the_detector_believes() -> None:
 def test_what_was_never_shown_has_no_scores() -> None:
     noted = ImageTextScores()
     noted.note(read(observe(SCENE, AWAY[0]), CONTEXT, 1, 0.1, 8.0), {"table": 0.5})
-    table_top = np.array([(1.4, 0.0, 0.74)], np.float32)
-    assert noted.of(table_top, "table") is None
-    assert noted.of(table_top, "mug") is None
+    assert noted.of(TOP, "table") is None
+    assert noted.of(TOP, "mug") is None
+
+
+def test_of_a_small_thing_a_view_shows_a_small_share() -> None:
+    noted = ImageTextScores()
+    near = looking_at(0.4, 0.0, (1.4, 0.0, 0.7))
+    noted.note(read(observe(SCENE, near), CONTEXT, 1, 0.1, 8.0), {"table": 0.5, "mug": 0.5})
+    mug = np.array([(x, y, z) for x in (1.16, 1.24) for y in (-0.04, 0.04) for z in (0.76, 0.84)])
+    table, small = noted.of(TOP, "table"), noted.of(mug.astype(np.float32), "mug")
+    assert table is not None
+    assert small is not None
+    assert small.share.sum() < 0.01 < 0.05 < table.share.sum()
 
 
 @given(st.floats(0, 1), st.floats(-50, 50), st.floats(-50, 50))
