@@ -4,8 +4,8 @@ An agent decides in the planner, but depends on the content of the maps. The def
 settings are Table 3 of the paper and our rules where an agent of your own needs some. The agents of
 the paper turn these rules off (`PRINTED_RULES`). `helios` has its own settings, which go beyond the
 paper: it uses weak detections, weighs evidence by viewing sectors and with past views, and compares
-objects with the usual size of their class and with look-alikes. docs/reference/agents.md lists all
-values.
+objects with the usual size of their class, with look-alikes and with image-text scores.
+docs/reference/agents.md lists all values.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ _HELIOS: dict[str, Value] = {
     "planner.cs_a": 0.2,
     "planner.cs_g": 0.15,
     "planner.cs_b": 0.2,
-    "planner.tau_g": 0.15,
-    "planner.tau_b": 0.28,
+    "planner.tau_g": 0.2,
+    "planner.tau_b": 0.35,
     "planner.ask_also": "household",
     "planner.hand_sides": 6,
     "objectmap.evidence": "hindsight",
@@ -68,6 +68,8 @@ _HELIOS: dict[str, Value] = {
     "objectmap.core_from": 0.3,
     "objectmap.joined_by": "detections",
     "objectmap.look_alikes": "sized",
+    "objectmap.image_text": "compared",
+    "objectmap.furniture_above_m": 0.05,
     "objectmap.equal_masks": "by-score",
     "objectmap.receptacle_voxel_m": 0.2,
     "objectmap.size_agreement": "large",
