@@ -44,7 +44,7 @@ SAYS = {  # what a setting decides, in a few words
     "objectmap.named_from": "share of evidence from which a Gaussian has a class",
     "objectmap.core_from": "share of evidence from which a Gaussian is in the core of an instance",
     "objectmap.look_alikes": "names of look-alikes at an instance",
-    "objectmap.furniture_above_m": "height above the floor from which pixels belong to furniture, m",
+    "objectmap.furniture_above_m": "height above the floor from which pixels are furniture, m",
     "objectmap.image_text": "image-text scores of the views that show an instance",
     "objectmap.equal_masks": "class of a pixel in several masks of one size",
     "planner.hand_sides": "sides from which a picked object is looked at in the hand",

@@ -45,7 +45,28 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
     Raises InvalidInput on too many or too long names, a class without a name, an unknown role, or a
     threshold outside 0 to 1.
     """
+    _check_sizes(context)
     roles = {r.value for r in Role}
+    for c in context.classes:
+        if c.role not in roles or not c.name or not 0 <= c.threshold <= 1:
+            raise InvalidInput(
+                f"search class {c.name!r} has role {c.role!r} and threshold {c.threshold}; wanted "
+                f"a name, a role of {', '.join(sorted(roles))} and a threshold of 0 to 1"
+            )
+    return SearchContext(
+        id=context.id,
+        classes=tuple(
+            SearchClass(c.name, Role(c.role), c.threshold, tuple(c.synonyms))
+            for c in context.classes
+        ),
+        prompts=dict(context.prompts),
+        also=tuple(context.also),
+        class_prompts=dict(context.class_prompts),
+    )
+
+
+def _check_sizes(context: pb.SearchContext) -> None:
+    """Raises InvalidInput on too many or too long names and prompts."""
     if len(context.classes) > MOST_CLASSES or len(context.prompts) > MOST_LAYERS:
         raise InvalidInput(
             f"the search context asks for {len(context.classes)} classes and "
@@ -86,22 +107,6 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
             f"the search context holds a name of {longest} characters; send at most "
             f"{MOST_CHARACTERS}"
         )
-    for c in context.classes:
-        if c.role not in roles or not c.name or not 0 <= c.threshold <= 1:
-            raise InvalidInput(
-                f"search class {c.name!r} has role {c.role!r} and threshold {c.threshold}; wanted "
-                f"a name, a role of {', '.join(sorted(roles))} and a threshold of 0 to 1"
-            )
-    return SearchContext(
-        id=context.id,
-        classes=tuple(
-            SearchClass(c.name, Role(c.role), c.threshold, tuple(c.synonyms))
-            for c in context.classes
-        ),
-        prompts=dict(context.prompts),
-        also=tuple(context.also),
-        class_prompts=dict(context.class_prompts),
-    )
 
 
 def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
