@@ -54,7 +54,8 @@ class Belief(_Frozen):
     gaussians: int
     correct: bool = Field(description="a thing of that class is there")
     image_text_nats: float = Field(
-        0.0, description="log-likelihood ratio by image-text scores; class_score and score have it"
+        default=0.0,
+        description="log-likelihood ratio by image-text scores; class_score and score have it",
     )
 
 
