@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap.fusion.semantics import Score
 from helios_objectmap.gaussians import GaussianStore
-from helios_objectmap.instances.image_text import ImageTextScores, SectorScores, moved
+from helios_objectmap.instances.image_text import ImageTextScores, SectorScores, with_evidence
 from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
 from helios_objectmap.instances.size_prior import (
@@ -96,7 +96,7 @@ class InstanceBeliefs:
         nats = self.image_text_nats(label)
         if thing is None or nats == 0:
             return thing
-        now = moved(Score(thing.class_score, thing.uncertainty, thing.score), nats)
+        now = with_evidence(Score(thing.class_score, thing.uncertainty, thing.score), nats)
         likely = thing.probabilities | {thing.class_name: now.class_score}
         rest = 1 - sum(p for name, p in likely.items() if name != "other")
         return replace(
@@ -107,7 +107,7 @@ class InstanceBeliefs:
     def score(self, label: int) -> Score | None:
         """Score of an instance; None if it is too small to be reported."""
         belief = self.belief(label)
-        return None if belief is None else moved(belief.score, self.image_text_nats(label))
+        return None if belief is None else with_evidence(belief.score, self.image_text_nats(label))
 
     def image_text_nats(self, label: int) -> float:
         """Log-likelihood ratio of an instance's class by image-text scores; 0 without any."""

@@ -1,8 +1,8 @@
-"""Image-text scores as a second witness of what an instance is (not in the paper).
+"""Image-text scores as independent evidence of what an instance is (not in the paper).
 
 The paper uses the scores of whole images for the value maps alone. A detector that takes a
-washstand for a sofa does so in many views, but the scorer errs on its own. So views that show an
-instance should score higher for its class than the other views of the search. With the mean and
+washstand for a sofa does so in many views, but the scorer's errors do not depend on the detector's.
+So views that show an instance should score higher for its class than the other views of the search. With the mean and
 the standard deviation of all scores of the class, z is the standard score of an image, and of a
 viewing sector
 
@@ -14,15 +14,15 @@ log-likelihood ratio of
 
     L = sum of w (z r - r^2 / 2) / (1 + SIDES_CORRELATE (sum of w - 1))
 
-for the class against any other. It moves a score in the odds: logit(S') = logit(S) + L.
+for the class against any other. It is added to the log odds of a score: logit(S') = logit(S) + L.
 
 The rise r is learned from the instances of the class, by expectation maximisation from
 r = USUAL_RISE on: with their scores Psi' for the last r, the next one is
 
     r = (USUAL_WEIGHT USUAL_RISE + sum of Psi' w z) / (USUAL_WEIGHT + sum of Psi' w)
 
-and at least 0. So a scorer that does not agree with what the detector believes most counts for
-little.
+and at least 0. If the scores of the class do not agree with the detector, r falls and L becomes
+small.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ USUAL_RISE, USUAL_WEIGHT = 1.5, 0.5  # standard deviations; sectors of a sure in
 ROUNDS = 3  # of expectation maximisation
 SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
-LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less they tell nothing apart
+LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less, L is 0
 MOST_NATS = 6.0  # largest L, both ways
 _LEAST = 1e-4  # score in the odds; also 1 minus the largest one
 
@@ -171,7 +171,7 @@ class ImageTextScores:
         return sums
 
 
-def moved(score: Score, nats: float) -> Score:
+def with_evidence(score: Score, nats: float) -> Score:
     """Score after a log-likelihood ratio; the uncertainty becomes S' - Psi'."""
     if nats == 0:
         return score

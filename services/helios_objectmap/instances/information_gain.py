@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import viewing_sectors
 from helios_objectmap.fusion.semantics import concentration_of, entropy, marginal, score
-from helios_objectmap.instances.image_text import moved
+from helios_objectmap.instances.image_text import with_evidence
 from helios_objectmap.rendering.renderer_interface import Project
 
 Float32 = NDArray[np.float32]
@@ -58,7 +58,7 @@ class EvidenceParameters:
     n_classes: int = 0  # classes with "other", if more than the member's and "other"
     trust: float = 1.0  # share of the evidence for the wanted class that counts
     side_views: float = 1.0  # with votes: views of a sector until it counts in full
-    nats: float = 0.0  # log-likelihood ratio by image-text scores, which moves the score
+    image_text_nats: float = 0.0  # log-likelihood ratio by image-text scores, in the score
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,9 @@ def expected(
         own = base[:, wanted].copy()
         own[seen] = positive[:, wanted]
         mean, deviation = marginal(own, asked, rates.prior, n_classes)
-        psi = moved(score(mean, deviation, rates.alpha_cs), rates.nats).psi  # eq. 11
+        psi = with_evidence(
+            score(mean, deviation, rates.alpha_cs), rates.image_text_nats
+        ).psi  # eq. 11
         out.append(Expected(psi, max(gain, 0.0)))
     return out
 

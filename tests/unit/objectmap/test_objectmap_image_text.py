@@ -11,7 +11,12 @@ import pytest
 from helios_objectmap.camera import View
 from helios_objectmap.fusion.label_image import read
 from helios_objectmap.fusion.semantics import score_from
-from helios_objectmap.instances.image_text import USUAL_RISE, ImageTextScores, in_odds, moved
+from helios_objectmap.instances.image_text import (
+    USUAL_RISE,
+    ImageTextScores,
+    in_odds,
+    with_evidence,
+)
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given
 from hypothesis import strategies as st
@@ -186,4 +191,4 @@ def test_nats_add_up_in_the_odds(probability: float, first: float, second: float
 
 def test_no_evidence_leaves_a_score_bit_for_bit() -> None:
     score = score_from(0.00001, 0.3, 1.0)
-    assert moved(score, 0.0) is score
+    assert with_evidence(score, 0.0) is score
