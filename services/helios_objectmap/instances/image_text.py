@@ -2,9 +2,9 @@
 
 The paper uses the scores of whole images for the value maps alone. A detector that takes a
 washstand for a sofa does so in many views, but the scorer's errors do not depend on the detector's.
-So views that show an instance should score higher for its class than the other views of the search. With the mean and
-the standard deviation of all scores of the class, z is the standard score of an image, and of a
-viewing sector
+So views that show an instance should score higher for its class than the other views of the search.
+With the mean and the standard deviation of all scores of the class, z is the standard score of an
+image, and of a viewing sector
 
     z = mean over its views, weighted by the share of the image that shows the instance
     w = min(1, sum of these shares / FULL_SHARE)
