@@ -233,12 +233,14 @@ class GaussianStore:
         self.blocks.add(np.arange(first, n), self._means[rows])
         return rows
 
-    def remove(self, rows: NDArray[np.integer]) -> None:
-        """Remove rows; the last rows take their numbers."""
+    def remove(self, rows: NDArray[np.integer]) -> NDArray[np.int32]:
+        """Remove rows; the last rows take their numbers. Returns the instances whose rows this
+        changes."""
         gone = np.unique(rows)
         n = self._n - len(gone)
         gaps = gone[gone < n]
         last = np.setdiff1d(np.arange(n, self._n), gone, assume_unique=True)
+        moved = np.unique(self.instances.group[np.concatenate([gone, last])])
         for groups in (self.blocks.rows, self.instances):
             groups.move(gone, NO_GROUP)
             groups.rename(last, gaps)
@@ -246,6 +248,7 @@ class GaussianStore:
             array = getattr(self, f"_{name}")
             array[gaps] = array[last]
         self._n = n
+        return moved
 
     def seen_by(self, view: View, far_m: float) -> NDArray[np.int32]:
         """Rows that a view may show, in rising order."""

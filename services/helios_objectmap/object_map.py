@@ -147,6 +147,7 @@ class ObjectMap:
         if s.joined_by == "detections" and self._is_new(look):
             self._note_co_detections(reading, observation)
         projection = self._project(reading.view)
+        self._beliefs.drop_rows(np.unique(store.instance[projection.rows]).tolist())
         gone = np.empty(0, np.int32)
         if s.creation_rule != "paper":
             projection, gone = self._carve(projection, reading, look)
@@ -166,9 +167,8 @@ class ObjectMap:
         if weights is not None:
             self._past.note(reading, self._names, weights)
         self._updates += 1
-        store.remove(gone)
         if len(gone):
-            self._beliefs.drop_rows()
+            self._beliefs.drop_rows(store.remove(gone).tolist())
         self._remove(surplus(store.class_column, store.last_seen_update, s.max_gaussians))
         return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
 
@@ -190,6 +190,7 @@ class ObjectMap:
         inside &= ~np.isin(store.class_column[near], receptacles)
         gone = np.union1d(member, near[inside])
         self._sightings.forget_at(store.means[member])
+        self._image_text.forget_at(store.means[member])
         self._remove(gone)
         self._past.forget(lambda name: not self._classes.is_receptacle(name))
         return len(gone)
@@ -549,8 +550,7 @@ class ObjectMap:
         if len(rows):
             self._registry.leave(self._store, rows, self._classes.voxel_m)
             self._join(rows[:0], taken_out=True)
-            self._store.remove(rows)
-            self._beliefs.drop_rows()
+            self._beliefs.drop_rows(self._store.remove(rows).tolist())
 
     def _believe(self, rows: NDArray[np.integer]) -> None:
         """Update the most likely class of rows, and the instances that this changes."""

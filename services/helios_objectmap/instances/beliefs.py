@@ -38,8 +38,8 @@ MIN_GAUSSIANS = 5  # smaller instances are not reported
 class InstanceBeliefs:
     """Beliefs about instances, by label.
 
-    A computed belief stays until `drop` or `drop_all`. The owner drops those that an update
-    changes, and all of them when it renumbers the rows of the store.
+    A computed belief stays until it is dropped. The owner drops the beliefs of instances that an
+    update changes, that a view may show, and whose rows in the store get other numbers.
     """
 
     def __init__(
@@ -63,23 +63,23 @@ class InstanceBeliefs:
 
     def drop(self, labels: Iterable[int]) -> None:
         """Forget what was computed for instances that have changed."""
+        labels = list(labels)
         for label in labels:
             self._described.pop(label, None)
+        self.drop_rows(labels)
+
+    def drop_rows(self, labels: Iterable[int]) -> None:
+        """Forget beliefs that depend on row numbers or on what views saw nearby; descriptions
+        stay."""
+        for label in labels:
             self._beliefs.pop(label, None)
             self._shapes.pop(label, None)
             self._sectors.pop(label, None)
         self._rises.clear()
 
     def drop_all(self) -> None:
-        self._described.clear()
-        self.drop_rows()
-
-    def drop_rows(self) -> None:
-        """Forget all beliefs, whose rows were renumbered; descriptions stay."""
-        self._beliefs.clear()
-        self._shapes.clear()
-        self._sectors.clear()
-        self._rises.clear()
+        for known in (self._described, self._beliefs, self._shapes, self._sectors, self._rises):
+            known.clear()
 
     def belief(self, label: int) -> Belief | None:
         """Belief that an instance is of its own class, without image-text scores; None if it is too
@@ -136,7 +136,7 @@ class InstanceBeliefs:
         if label not in self._sectors:
             rows = self._store.instances.rows_of(np.array([label]))
             name = self._registry.records[label].class_name
-            self._sectors[label] = self._image_text.of(self._store.means[rows], name)
+            self._sectors[label] = self._image_text.of(self._store.means, rows, name)
         return self._sectors[label]
 
     def box_threshold(self, label: int, mean: NDArray[np.floating]) -> float:

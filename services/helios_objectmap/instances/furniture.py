@@ -7,7 +7,8 @@ from helios_objectmap.instances.size_prior import usual_extents
 # Large classes that `sizes.toml` lists as not standing on the floor, or does not list.
 _ALSO = frozenset({
     "cabinet", "cupboard", "cooker", "stove", "oven", "range", "sink", "stand", "washer/dryer",
-    "tv", "television", "tv set", "tv screen", "radiator",
+    "tv", "television", "tv set", "tv screen", "radiator", "window", "curtain", "curtains", "blind",
+    "blinds", "fireplace", "shower", "shower curtain", "staircase", "wall", "floor", "ceiling",
 })  # fmt: skip
 
 

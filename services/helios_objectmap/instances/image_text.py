@@ -39,7 +39,7 @@ from helios_objectmap.camera import offset
 from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.semantics import Score
 from helios_objectmap.fusion.viewing_sectors import SECTORS
-from helios_objectmap.instances.clustering import voxel_keys
+from helios_objectmap.instances.clustering import BITS, voxel_keys
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 
 VOXEL_M = 0.2
@@ -105,24 +105,34 @@ class ImageTextScores:
                 points, voxels, reading.view.T_world_cam[:2, 3], 1 / depth_m.size, score, sums
             )
 
+    def forget_at(self, points: NDArray[np.float32]) -> None:
+        """Drop what was seen in the voxels of points [n, 3], where a thing was taken away."""
+        voxels = np.unique(self._voxels.known(voxel_keys(points, VOXEL_M)))
+        for sums in self._sums.values():
+            sums[voxels[(voxels != NO_VOXEL) & (voxels < len(sums))]] = 0
+
     def forget(self, names: Iterable[str]) -> None:
         """Drop the scores of some classes."""
         for name in names:
             self._sums.pop(name, None)
             self._scores.pop(name, None)
 
-    def of(self, points: NDArray[np.float32], class_name: str) -> SectorScores | None:
-        """Views that show the instance with these points [n, 3]; None without one."""
+    def of(
+        self, points: NDArray[np.float32], rows: NDArray[np.integer], class_name: str
+    ) -> SectorScores | None:
+        """Views that show the instance with the rows [n] of points [., 3]; None without one."""
         sums = self._sums.get(class_name)
         if sums is None:
             return None
-        voxels = np.unique(self._voxels.known(voxel_keys(points, VOXEL_M)))
-        voxels = voxels[(voxels != NO_VOXEL) & (voxels < len(sums))]
+        keys, extent_m = np.empty(len(rows), np.int64), np.zeros(3)
+        keys_and_extent_kernel(points, rows, VOXEL_M, BITS, keys, extent_m)
+        total, marked = np.zeros((SECTORS, 2)), np.zeros(len(sums), np.bool_)
+        n_voxels = sum_kernel(self._voxels.known(keys), sums, marked, total)
         # The voxels of a small thing show more than the thing: half of its box faces a camera.
-        x_m, y_m, z_m = np.ptp(points, axis=0).tolist()
+        x_m, y_m, z_m = extent_m.tolist()
         facing_m2 = x_m * y_m + y_m * z_m + z_m * x_m
-        own = min(1.0, facing_m2 / (max(len(voxels), 1) * VOXEL_M**2))
-        share, score = own * sums[voxels].sum(axis=0, dtype=np.float64).T
+        own = min(1.0, facing_m2 / (max(n_voxels, 1) * VOXEL_M**2))
+        share, score = own * total.T
         return SectorScores(share, score) if share.any() else None
 
     def rise(self, class_name: str, things: Iterable[tuple[float, SectorScores]]) -> float:
@@ -195,3 +205,40 @@ def add_kernel(points, voxels, eye_xy, share, score, sums):
         side = math.floor(angle * sectors / math.tau) % sectors
         sums[voxels[k], side, 0] += share
         sums[voxels[k], side, 1] += share * score
+
+
+@njit(cache=True, nogil=True)
+def keys_and_extent_kernel(points, rows, voxel_m, bits, keys, extent_m):
+    """Fill keys [n] with the voxels of the rows [n] of points [., 3], like
+    `clustering.voxel_keys_kernel`, and extent_m [3] with the size of their box."""
+    half = np.int64(1) << (bits - 1)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for k in range(rows.size):
+        key = np.int64(0)
+        for axis in range(3):
+            at = np.float64(points[rows[k], axis])
+            low[axis], high[axis] = min(low[axis], at), max(high[axis], at)
+            key = (key << bits) | (np.int64(np.floor(at / voxel_m)) + half)
+        keys[k] = key
+    if rows.size:
+        for axis in range(3):
+            extent_m[axis] = high[axis] - low[axis]
+
+
+@njit(cache=True, nogil=True)
+def sum_kernel(voxels, sums, marked, total):
+    """Add sums [v, SECTORS, 2] of the numbered voxels [n], each once, to total [SECTORS, 2].
+
+    Numbers without a sum are left out. marked: [v] False. Returns the number of voxels.
+    """
+    n = 0
+    for k in range(voxels.size):
+        at = voxels[k]
+        if at < 0 or at >= marked.size or marked[at]:
+            continue
+        marked[at] = True
+        n += 1
+        for side in range(total.shape[0]):
+            total[side, 0] += sums[at, side, 0]
+            total[side, 1] += sums[at, side, 1]
+    return n

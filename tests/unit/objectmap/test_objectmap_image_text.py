@@ -11,12 +11,15 @@ import pytest
 from helios_objectmap.camera import View
 from helios_objectmap.fusion.label_image import read
 from helios_objectmap.fusion.semantics import score_from
+from helios_objectmap.fusion.viewing_sectors import SECTORS
 from helios_objectmap.instances.image_text import (
     USUAL_RISE,
     ImageTextScores,
     in_odds,
+    sum_kernel,
     with_evidence,
 )
+from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,6 +32,7 @@ SECOND = (*SCENE, ("table", (-4.4, -0.6, 0.7), (-3.6, 0.6, 0.75)))
 AWAY = tuple(pose(-2.0, 0.3 * k, yaw=math.pi + 0.2 * k) for k in range(24))  # table behind them
 
 TOP = np.array([(x, y, 0.74) for x in (1.1, 1.4, 1.7) for y in (-0.4, 0.0, 0.4)], np.float32)
+ROWS = np.arange(len(TOP))
 
 Rating = Callable[[bool, int], float]  # (True if the view shows the table, its number) -> score
 
@@ -117,7 +121,7 @@ def sums(order: Sequence[int], scores: Sequence[float]) -> tuple[float, np.ndarr
         T_world_cam = looking_at(*EYES[k % len(EYES)], (1.4, 0.0, 0.7)) if k < 6 else AWAY[k - 6]
         reading = read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0)
         noted.note(reading, {"table": scores[k]})
-    seen = noted.of(TOP, "table")
+    seen = noted.of(TOP, ROWS, "table")
     assert seen is not None
     return noted.log_likelihood_ratio(seen, "table", 1.5), seen.share
 
@@ -139,7 +143,7 @@ def test_views_from_one_side_count_as_one_side() -> None:
         for k in eyes:
             T_world_cam = looking_at(*EYES[k], (1.4, 0.0, 0.7))
             noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": 0.45})
-        seen = noted.of(TOP, "table")
+        seen = noted.of(TOP, ROWS, "table")
         assert seen is not None
         return noted.log_likelihood_ratio(seen, "table", 1.5)
 
@@ -153,7 +157,7 @@ def test_the_rise_is_learned_from_what_the_detector_believes() -> None:
         views += [(level, looking_at(*eye, (1.4, 0.0, 0.7))) for eye in EYES]
         for score, T_world_cam in views:
             noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": score})
-        seen = noted.of(TOP, "table")
+        seen = noted.of(TOP, ROWS, "table")
         assert seen is not None
         return noted.rise("table", [(psi, seen)])
 
@@ -165,8 +169,29 @@ def test_the_rise_is_learned_from_what_the_detector_believes() -> None:
 def test_what_was_never_shown_has_no_scores() -> None:
     noted = ImageTextScores()
     noted.note(read(observe(SCENE, AWAY[0]), CONTEXT, 1, 0.1, 8.0), {"table": 0.5})
-    assert noted.of(TOP, "table") is None
-    assert noted.of(TOP, "mug") is None
+    assert noted.of(TOP, ROWS, "table") is None
+    assert noted.of(TOP, ROWS, "mug") is None
+
+
+def test_what_was_taken_away_takes_its_scores_along() -> None:
+    noted = ImageTextScores()
+    noted.note(read(observe(SCENE, AWAY[0]), CONTEXT, 1, 0.1, 8.0), {"table": 0.2})
+    near = looking_at(*EYES[0], (1.4, 0.0, 0.7))
+    noted.note(read(observe(SCENE, near), CONTEXT, 1, 0.1, 8.0), {"table": 0.5})
+    assert noted.of(TOP, ROWS, "table") is not None
+    noted.forget_at(TOP)
+    assert noted.of(TOP, ROWS, "table") is None
+
+
+def test_the_sums_of_an_instance_count_each_of_its_voxels_once() -> None:
+    rng = np.random.default_rng(7)
+    sums = rng.random((30, SECTORS, 2)).astype(np.float32)
+    voxels = rng.integers(NO_VOXEL, 40, 200).astype(np.int32)
+    total = np.zeros((SECTORS, 2))
+    n = sum_kernel(voxels, sums, np.zeros(len(sums), bool), total)
+    known = np.unique(voxels[(voxels != NO_VOXEL) & (voxels < len(sums))])
+    assert n == len(known)
+    assert total == pytest.approx(sums[known].sum(axis=0, dtype=np.float64))
 
 
 def test_of_a_small_thing_a_view_shows_a_small_share() -> None:
@@ -174,7 +199,8 @@ def test_of_a_small_thing_a_view_shows_a_small_share() -> None:
     near = looking_at(0.4, 0.0, (1.4, 0.0, 0.7))
     noted.note(read(observe(SCENE, near), CONTEXT, 1, 0.1, 8.0), {"table": 0.5, "mug": 0.5})
     mug = np.array([(x, y, z) for x in (1.16, 1.24) for y in (-0.04, 0.04) for z in (0.76, 0.84)])
-    table, small = noted.of(TOP, "table"), noted.of(mug.astype(np.float32), "mug")
+    table = noted.of(TOP, ROWS, "table")
+    small = noted.of(mug.astype(np.float32), np.arange(len(mug)), "mug")
     assert table is not None
     assert small is not None
     assert small.share.sum() < 0.01 < 0.05 < table.share.sum()
