@@ -146,7 +146,7 @@ def record(
         }  # fmt: skip
 
         def note(kind: bytes, message: Message) -> None:
-            parts.append(_packed(kind, message.SerializeToString()))
+            parts.append(packed(kind, message.SerializeToString()))
 
         def on_state(message: pb.RobotState) -> None:
             nonlocal held
@@ -166,7 +166,7 @@ def record(
                     for s in states
                 ]  # fmt: skip
                 text = json.dumps({"things": things, "roles": roles})
-                parts.append(_packed(b"T", text.encode()))
+                parts.append(packed(b"T", text.encode()))
 
         bus.subscribe(CONTEXT, partial(note, b"C"))
         bus.subscribe(ROBOT_STATE, on_state)
@@ -177,7 +177,8 @@ def record(
     return path
 
 
-def _packed(kind: bytes, data: bytes) -> bytes:
+def packed(kind: bytes, data: bytes) -> bytes:
+    """Bytes of an event in the file of a history."""
     return kind + len(data).to_bytes(4, "little") + data
 
 

@@ -170,14 +170,18 @@ def _measure(given: argparse.Namespace) -> None:
 
 
 def seeds(text: str) -> tuple[int, ...]:
-    first, _, last = text.partition("-")
-    try:
-        out = tuple(range(int(first), int(last or first) + 1))
-    except ValueError:
-        out = ()
-    if not out:
-        raise argparse.ArgumentTypeError(f"{text!r} names no seeds; write 3 or 0-9")
-    return out
+    """Seeds of a text like "3", "0-9" or "3,5,8-10"."""
+    out: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        try:
+            some = range(int(first), int(last or first) + 1)
+        except ValueError:
+            some = range(0)
+        if not some:
+            raise argparse.ArgumentTypeError(f"{text!r} names no seeds; write 3, 0-9 or 3,5,8-10")
+        out += some
+    return tuple(out)
 
 
 def _arguments() -> argparse.ArgumentParser:
