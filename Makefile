@@ -45,7 +45,10 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated files
 	$(BIN)/python scripts/generate_proto.py --check
 	$(BIN)/python -m scripts.generate_sdk --check
 
-test: install browser lint ## everything that CI runs
+test: install browser ## the tests, without the long ones
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow and not long"
+
+check: install browser lint ## everything that CI runs: lint and all tests but the slow ones
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow"
 
 docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
@@ -63,4 +66,4 @@ sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX),
 proto: $(VENV)/.installed ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
-.PHONY: help install ros2-env ros2-interfaces demo docs lint test browser sbom proto
+.PHONY: help install ros2-env ros2-interfaces demo docs lint test check browser sbom proto

@@ -94,6 +94,7 @@ def test_every_service_announces_itself_and_serves_all_its_methods(bus: ZenohBus
             querier.undeclare()
 
 
+@pytest.mark.long
 def test_a_task_goes_on_after_the_process_was_killed_and_succeeds(
     stack: Stack, bus: ZenohBus
 ) -> None:

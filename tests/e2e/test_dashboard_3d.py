@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
+import pytest
 from helios_client.commands.api_keys import add_key
 from playwright.sync_api import Browser, Page, expect
 
@@ -22,6 +23,7 @@ from tests.support import wait_until
 expect.set_options(timeout=DEADLINE_MS)
 
 
+@pytest.mark.long
 def test_the_3d_view_shows_gaussians_with_the_key_and_loads_only_from_the_gateway(
     browser: Browser, tmp_path: Path
 ) -> None:

@@ -87,6 +87,7 @@ def test_a_run_writes_results_settings_reports_and_failure_snapshots(complete_ru
     assert len(list((complete_run / "failed").glob("helios-noisy-*.npz"))) == 2
 
 
+@pytest.mark.long
 def test_a_killed_run_resumes_and_plays_only_the_missing_episodes(
     complete_run: Path, tmp_path: Path
 ) -> None:

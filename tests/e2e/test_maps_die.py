@@ -115,6 +115,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
         stack.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MAPS)
 def test_a_killed_map_restores_and_reports_its_state_of_5_s_before(
     watched: Watched, name: str

@@ -61,6 +61,7 @@ def find_the_box(running: OwnUp) -> str:
     return get(running, f"/tasks/{id}")["state"]
 
 
+@pytest.mark.long
 def test_maps_are_restored_only_after_a_start_with_the_same_origin_id(tmp_path: Path) -> None:
     with up(tmp_path, ROBOT) as first:
         assert find_the_box(first) == "succeeded"

@@ -126,6 +126,7 @@ def test_stop_now_over_http_blocks_actions_until_it_is_cleared(up: OwnUp, bus: Z
     assert act(bus, "after that", pb.Action(turn=pb.Action.Turn(angle_rad=0.2))).succeeded
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_the_planner_drives_the_example_robot_and_finds_an_object(up: OwnUp) -> None:
     """The shelf stands behind the robot, which has to turn and to look from several places."""

@@ -48,6 +48,8 @@ from tests.helios_up import Up, helios_up
 from tests.support import ENDS_WITHIN_S, LOOPBACK, wait_until
 from tests.unit.recorder.recorder_maps import cells_of, last_of
 
+pytestmark = pytest.mark.long
+
 SEED = 1
 MOST_STEPS = 400
 CALL_S = 60.0

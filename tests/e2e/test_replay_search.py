@@ -105,6 +105,7 @@ def test_a_damaged_recording_is_replayed_without_its_lost_chunks(tmp_path: Path)
     assert "without --strict the rest is played" in strict.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_replay_writes_its_results_so_far(
     number: signal.Signals, tmp_path: Path

@@ -18,6 +18,7 @@ def passed(output: str) -> int:
     return int(found.group(1)) if found else 0
 
 
+@pytest.mark.long
 @needs_ros2
 def test_the_driver_meets_the_contract_with_odometry_and_velocities() -> None:
     domain = free_domain()
@@ -25,6 +26,7 @@ def test_the_driver_meets_the_contract_with_odometry_and_velocities() -> None:
         assert passed(contract(domain, settings=TOPIC)) >= 49
 
 
+@pytest.mark.long
 @needs_ros2
 @needs_interfaces("tf2_msgs")
 def test_a_robot_with_tf_unaligned_millimetres_best_effort_a_head_and_simulated_time() -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.ros2_processes import free_domain, in_ros, needs_ros2
 
 
+@pytest.mark.long
 @needs_ros2
 def test_hand_person_nav2_stop_silence_and_restart_of_a_ros2_robot() -> None:
     done = in_ros(

@@ -24,6 +24,8 @@ from tests.ros2_processes import (
 )
 from tests.support import LOOPBACK, wait_until
 
+pytestmark = pytest.mark.long
+
 SERVICES = ("bridge", "detector", "map2d", "objectmap", "planner", "ros2")
 SETTINGS = {
     "HELIOS_ROS2_POSE": "topic", "HELIOS_ROS2_CAMERA_TILT_RAD": "0.55",

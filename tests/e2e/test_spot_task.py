@@ -169,6 +169,7 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
         yield Episode(world, *then, refused.value.message, stack.end(id))
 
 
+@pytest.mark.long
 def test_a_task_pauses_while_the_tablet_holds_the_lease(episode: Episode) -> None:
     assert episode.paused.state == "paused"
     assert "the tablet has taken the robot's lease" in episode.paused.message

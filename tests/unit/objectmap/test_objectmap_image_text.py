@@ -21,7 +21,7 @@ from helios_objectmap.instances.image_text import (
 )
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 from helios_objectmap.object_map import ObjectMap
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, Box, looking_at, mug_at, observe, pose
 
@@ -126,6 +126,7 @@ def sums(order: Sequence[int], scores: Sequence[float]) -> tuple[float, np.ndarr
     return noted.log_likelihood_ratio(seen, "table", 1.5), seen.share
 
 
+@settings(max_examples=20)
 @given(st.permutations(range(12)), st.lists(st.floats(0, 1), min_size=12, max_size=12))
 def test_the_order_of_views_does_not_matter(order: list[int], scores: list[float]) -> None:
     nats, share = sums(order, scores)
