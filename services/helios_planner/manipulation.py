@@ -254,9 +254,10 @@ class Manipulation:
         self, receptacle: ObjectInstance, reached: Reach, failed: _Failed
     ) -> list[Spot]:
         """New spots that are flat and empty. Without any: spots that are nearly flat, then spots
-        nearer to an edge."""
-        for inset_m, flat_m in product((PLACE_INSET_M, PLACE_INSET_M / 2), FLATNESS_M):
-            rules = PlaceRules(inset_m, flat_m)
+        nearer to an edge, then spots on top of what lies there."""
+        choices = product((False, True), (PLACE_INSET_M, PLACE_INSET_M / 2), FLATNESS_M)
+        for on_things, inset_m, flat_m in choices:
+            rules = PlaceRules(inset_m, flat_m, on_things=on_things)
             spots = place_spots(receptacle, reached, self._reach_m, rules, failed.stands)
             if new := [spot for spot in spots if failed.lacks(spot.point_m)]:
                 return new

@@ -24,6 +24,8 @@ REACH_SPARE_M = 0.06  # part of the robot's reach that base placement leaves unu
 ON_TOP_M = 0.15  # nothing else stands within this distance of an object
 OTHER_SIDE_M = 0.4  # least distance of a new pose from one that failed
 ON_SHELF_M = 0.45  # from a shelf's edge to an object at its back
+SURFACE_M = 0.04  # a flat spot this far above a receptacle's surface is the top of another thing
+_HEIGHT_STEP_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,7 @@ class PlaceRules:
     patch_m: float = 0.10  # side of the patch that must be flat
     spacing_m: float = 0.08
     best_inset_m: float = 0.22
+    on_things: bool = True  # also on top of what lies on the receptacle, such as a cushion
 
 
 @dataclass(frozen=True)
@@ -332,10 +335,20 @@ def _flat_inset_m(
     top = cv2.morphologyEx(part.top_m, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     rough = cv2.dilate(top, kernel) - cv2.erode(top, kernel)
     flat = (mask != 0) & (top > 0.05) & (top <= receptacle.top_m + 0.15) & (rough <= rules.flat_m)
+    if not rules.on_things and flat.any():
+        flat &= top <= surface_height_m(top[flat]) + SURFACE_M
     # The patch around a cell is flat too, so the flat part itself ends n cells further out.
     out = cv2.distanceTransform(flat.astype(np.uint8), cv2.DIST_L2, 5) * part.cell_m
     out[flat] += n * part.cell_m
     return out.astype(np.float32)
+
+
+def surface_height_m(heights_m: NDArray[np.floating]) -> float:
+    """Height that most of the flat cells have, from the heights [n] of at least one cell."""
+    steps = np.rint(heights_m / _HEIGHT_STEP_M).astype(np.int64)
+    counts = np.convolve(np.bincount(steps), np.ones(3))[1:-1]  # neighbouring heights count too
+    most = int(np.argmax(counts))
+    return float(np.median(heights_m[np.abs(steps - most) <= 1]))
 
 
 def top_at_m(ground: GroundMap, xy_m: tuple[float, float], radius_m: float) -> float:

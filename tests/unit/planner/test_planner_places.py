@@ -26,6 +26,7 @@ from helios_planner.motion_planning.base_placement import (
     in_sight,
     place_spots,
     stand_for,
+    surface_height_m,
     tilt_towards,
     top_at_m,
 )
@@ -33,6 +34,8 @@ from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.path_planner import MotionRules, reach
 from helios_planner.settings import PlaceRule, Settings
 from helios_planner.tasks.mission import Mission
+from hypothesis import given
+from hypothesis import strategies as st
 from planner_eye import CELL_M, ROBOT
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box, Thing
@@ -83,6 +86,24 @@ def test_the_flat_area_is_free_and_away_from_the_edge() -> None:
         assert 1.1 <= y <= 1.9
         assert max(abs(x - 2.5), abs(y - 1.5)) > 0.1
         assert spot.stand.distance_m((x, y)) <= 0.8
+
+
+def test_a_surface_comes_before_the_top_of_what_lies_on_it() -> None:
+    ground, table = table_with_a_box()
+    at = np.s_[round(1.3 / CELL_M) : round(1.7 / CELL_M), round(2.2 / CELL_M) : round(2.8 / CELL_M)]
+    ground.top_m[at] = 0.78  # a cushion on the middle
+    reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
+    rules = PlaceRules(inset_m=0.06, flat_m=0.012)
+    anywhere = {round(s.point_m[2], 2) for s in place_spots(table, reached, 0.8, rules)}
+    on_it = place_spots(table, reached, 0.8, replace(rules, on_things=False))
+    assert anywhere == {TABLE_TOP_M, 0.78}
+    assert {round(s.point_m[2], 2) for s in on_it} == {TABLE_TOP_M}
+
+
+@given(st.lists(st.floats(0.1, 1.5), min_size=1, max_size=40), st.floats(0.3, 1.2))
+def test_the_height_of_a_surface_is_that_of_most_cells(others: list[float], top_m: float) -> None:
+    heights = np.array([*others, *[top_m] * (3 * len(others) + 1)])
+    assert surface_height_m(heights) == pytest.approx(top_m, abs=0.031)
 
 
 def test_an_obstacle_beside_a_place_does_not_raise_the_place() -> None:

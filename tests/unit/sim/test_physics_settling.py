@@ -31,17 +31,24 @@ STILL = PhysicsStep()
 MOVES = PhysicsStep(linear_m_s=0.0051)
 TURNS = PhysicsStep(angular_rad_s=0.051)
 FALLS = PhysicsStep(on=())
+JUMPS = PhysicsStep(linear_m_s=0.2)
 
 
 def settled(moments: Sequence[PhysicsStep]) -> RestState:
     """The gripper's result for a sequence of steps; the last step repeats forever."""
-    data = SimpleNamespace(qvel=np.zeros(6), body_awake=[True], xpos=np.zeros((1, 3)))
-    count = 0
+    data = SimpleNamespace(
+        qpos=np.array([0.0, 0, 0, 1, 0, 0, 0]), qvel=np.zeros(6), body_awake=[True],
+        xpos=np.zeros((1, 3)),
+    )  # fmt: skip
+    count, turned_rad = 0, 0.0
 
     def step() -> None:
-        nonlocal count
+        nonlocal count, turned_rad
         now = moments[min(count, len(moments) - 1)]
         data.qvel[:] = [0, 0, now.linear_m_s, now.angular_rad_s, 0, 0]
+        turned_rad += now.angular_rad_s * DT_S
+        data.qpos[2] += now.linear_m_s * DT_S
+        data.qpos[3:5] = np.cos(turned_rad / 2), np.sin(turned_rad / 2)
         hand.touched_by = lambda _: dict(now.on)
         count += 1
 
@@ -58,9 +65,24 @@ def test_an_object_is_at_rest_after_fifty_consecutive_still_control_steps(
 ) -> None:
     assert settled([STILL] * ENOUGH + [restless]).at_rest
     assert not settled([STILL] * (ENOUGH - 1) + [restless]).at_rest
-    assert not settled(([STILL] * (ENOUGH - 1) + [restless]) * 4).at_rest
     assert settled([restless] * (LONGEST - ENOUGH) + [STILL]).at_rest
-    assert not settled([restless] * (LONGEST - ENOUGH + 1) + [STILL]).at_rest
+    assert not settled([restless] * (LONGEST - ENOUGH // 2) + [STILL]).at_rest
+
+
+@pytest.mark.parametrize("restless", [JUMPS, FALLS])
+def test_an_object_that_leaves_its_place_again_and_again_is_not_at_rest(
+    restless: PhysicsStep,
+) -> None:
+    assert not settled(([STILL] * (ENOUGH - 1) + [restless]) * 4).at_rest
+
+
+def test_an_object_that_trembles_in_its_place_is_at_rest() -> None:
+    there = PhysicsStep(linear_m_s=0.04, angular_rad_s=0.5)
+    back = PhysicsStep(linear_m_s=-0.04, angular_rad_s=-0.5)
+    rest = settled([there, back] * LONGEST)
+    assert (rest.at_rest, rest.on) == (True, {SOFA: 0.4})
+    assert not settled([there, there, back] * LONGEST).at_rest  # it wanders off
+    assert not settled([there, replace(back, on=())] * LONGEST).at_rest  # it bounces
 
 
 def test_an_object_slower_than_the_limits_is_at_rest() -> None:
