@@ -89,13 +89,17 @@ def test_each_pod_runs_its_own_image_closed(name: str) -> None:
         assert closed["capabilities"] == {"drop": ["ALL"]}
 
 
-@pytest.mark.parametrize("name", SERVICES)
-def test_each_state_folder_is_on_a_volume_that_outlives_the_pod(name: str) -> None:
-    folder = SETTINGS[name].get("state_dir")
-    if folder is None:
-        return
+KEPT = [
+    (name, path) for name in SERVICES for path in SETTINGS[name].values()
+    if str(path).startswith("/state/")
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "path"), KEPT)
+def test_what_a_service_keeps_is_on_a_volume_that_outlives_the_pod(name: str, path: str) -> None:
     spec, claims = pod(name), manifests(f"{name}.yaml")[1:]
-    [mount] = [m for m in spec["containers"][0]["volumeMounts"] if m["mountPath"] == folder]
+    mounts = spec["containers"][0]["volumeMounts"]
+    [mount] = [m for m in mounts if Path(path).is_relative_to(m["mountPath"])]
     [volume] = [v for v in spec["volumes"] if v["name"] == mount["name"]]
     claim = volume["persistentVolumeClaim"]["claimName"]
     assert claim in [c["metadata"]["name"] for c in claims]
