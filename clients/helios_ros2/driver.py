@@ -114,6 +114,7 @@ class Ros2Driver(RobotDriver):
             world_epoch=self._senses.world_epoch,
             message=self._latch.reason,
             origin_id=self._s.origin,
+            battery=self._senses.battery,
         )
 
     def capture(self) -> Capture:

@@ -20,7 +20,15 @@ from helios_ros2.poses import Poses, TfPoses, TopicPoses
 from helios_ros2.robot_clock import RobotClock
 from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
-from helios_ros2.topic_choice import COMPRESSED, RAW, color_topic, depth_topic, info_beside
+from helios_ros2.topic_choice import (
+    BATTERY,
+    COMPRESSED,
+    RAW,
+    battery_topic,
+    color_topic,
+    depth_topic,
+    info_beside,
+)
 from helios_ros2.topic_reader import TopicReader
 from helios_ros2.transforms import Transforms, pose_of
 from helios_ros2.zenoh_node import ZenohNode
@@ -65,6 +73,7 @@ class RobotInput:
         self._history: deque[BasePose] = deque(maxlen=HISTORY)
         self._names: dict[str, str] = {}
         self._pose_frame = "odom"
+        self.battery: float | None = None  # charge, 0 to 1; None: not known
         self.world_epoch = 0
         self.after_ns = 0  # the next image must be later
         self._make_readers()
@@ -108,6 +117,10 @@ class RobotInput:
             self._joints = TopicReader(
                 ros, lambda: s.joint_states, ("sensor_msgs/msg/JointState",), self._on_joints, 10
             )
+
+        self._battery = TopicReader(
+            ros, lambda: battery_topic(ros.graph(), s.battery), (BATTERY,), self._on_battery, 1
+        )
 
     # --- in the node's thread -----------------------------------------------------------------
     def _on_color(self, message: Any) -> None:
@@ -161,6 +174,10 @@ class RobotInput:
             with self._news:
                 self._tilt_rad = s.tilt_sign * angle_rad + s.tilt_offset_rad
                 self._news.notify_all()
+
+    def _on_battery(self, message: Any) -> None:
+        charge = float(message.percentage)  # NaN if the robot does not measure it
+        self.battery = charge if 0 <= charge <= 1 else None
 
     def _note(self, poses: Poses, going_on: bool) -> None:
         """Note the newest pose; count a new world if it cannot follow the one before."""

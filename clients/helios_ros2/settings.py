@@ -133,6 +133,10 @@ class Ros2Settings(ServiceSettings):
     tilt_max_rad: float = Field(default=1.0, description="lowest view; positive looks down")
     joint_states: str = Field(default="/joint_states", description="topic of JointState")
 
+    battery: str = Field(
+        default="", description="topic of BatteryState; empty: the only one that there is"
+    )
+
     pick: UserAction | None = Field(
         default=None, description="action that picks: a table with action, type, goal, success"
     )

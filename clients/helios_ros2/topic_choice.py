@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from helios_core.errors import Unavailable
 
+BATTERY = "sensor_msgs/msg/BatteryState"
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NOT_A_CAMERA = ("mask", "debug", "overlay", "annotated", "/helios/", "infra", "confidence")
 _COLOR, _DEPTH = ("color", "rgb", "image"), ("aligned_depth", "depth_registered", "depth")
@@ -20,6 +21,17 @@ def color_topic(graph: Mapping[str, Sequence[str]], given: str) -> str:
 def depth_topic(graph: Mapping[str, Sequence[str]], given: str) -> str:
     """Topic of the depth image, one registered to colour if there is. Raises Unavailable."""
     return given or _one("depth", graph, _DEPTH, ())
+
+
+def battery_topic(graph: Mapping[str, Sequence[str]], given: str) -> str:
+    """Topic of the battery: the given one, or the only one. Raises Unavailable without a clear
+    one."""
+    found = [given] if given else sorted(t for t, types in graph.items() if BATTERY in types)
+    if len(found) != 1:
+        raise Unavailable(
+            f"{len(found)} topics of {BATTERY} are published; name one with HELIOS_ROS2_BATTERY"
+        )
+    return found[0]
 
 
 def info_beside(image_topic: str) -> str:

@@ -23,6 +23,7 @@ def parsed(argv: list[str] | None = None) -> argparse.Namespace:
     add("--tilt", action="store_true", help="a head that a JointTrajectory tilts")
     add("--nav2", action="store_true", help="serve Spin, DriveOnHeading, BackUp (needs nav2_msgs)")
     add("--hand", action="store_true", help="serve /pick and /place as test_msgs/action/Fibonacci")
+    add("--battery", type=float, help="publish this charge, 0 to 1")
     add("--clock-rate", type=float, default=0.0, help="simulated time at this rate; 0: real time")
     add("--clock-start", type=float, default=100.0, help="start of the simulated time, s")
     return parser.parse_args(argv)

@@ -24,7 +24,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory
 
 HEIGHT_M, TILT_RAD, RADIUS_M = 1.2, 0.55, 0.25
@@ -96,6 +96,7 @@ class FakeRobot:
             node.create_subscription(
                 JointTrajectory, "/head_controller/joint_trajectory", self._on_trajectory, 10
             )
+        self._battery = None if o.battery is None else make(BatteryState, "/battery_state", 1)
         self._tf = None
         if o.tf:
             from tf2_msgs.msg import TFMessage
@@ -166,6 +167,8 @@ class FakeRobot:
             joints = JointState(name=["wheel", TILT_JOINT], position=[0.0, self.tilt])
             self._stamp(joints.header, ns, "")
             self._joints.publish(joints)
+        if self._battery is not None:
+            self._battery.publish(BatteryState(percentage=self.o.battery))
         if self._clock is not None:
             clock = Clock()
             clock.clock.sec, clock.clock.nanosec = divmod(ns, 10**9)

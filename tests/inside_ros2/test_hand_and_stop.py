@@ -86,6 +86,13 @@ def test_actions_of_the_user_pick_and_place_and_a_failure_is_said() -> None:
             assert made.state().held == ""
 
 
+def test_the_state_has_the_charge_of_the_battery() -> None:
+    with fake_robot(DOMAIN, "--still", "--battery", "0.75"), driver() as made:
+        wait_until(lambda: made.state().battery == pytest.approx(0.75))
+    with fake_robot(DOMAIN, "--still", "--battery", "nan"), driver() as made:
+        assert made.state().battery is None
+
+
 def test_a_person_is_asked_and_answers() -> None:
     said: list[str] = []
     ros = RosNode("person")

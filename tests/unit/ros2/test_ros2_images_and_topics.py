@@ -7,7 +7,15 @@ from helios_core.errors import Unavailable
 from helios_ros2.image_pairs import MOST_WAITING, ImagePairs
 from helios_ros2.offered_qos import Qos, matching
 from helios_ros2.robot_clock import RobotClock
-from helios_ros2.topic_choice import COMPRESSED, RAW, color_topic, depth_topic, info_beside
+from helios_ros2.topic_choice import (
+    BATTERY,
+    COMPRESSED,
+    RAW,
+    battery_topic,
+    color_topic,
+    depth_topic,
+    info_beside,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -118,3 +126,12 @@ def test_the_robots_clock_goes_on_between_two_messages() -> None:
     clock.note(5_000 * MS)
     now_s[0] += 0.25
     assert clock.now_ns() == 5_250 * MS
+
+
+def test_the_only_battery_is_taken_and_among_several_one_must_be_named() -> None:
+    one = {"/battery_state": [BATTERY], "/odom": ["nav_msgs/msg/Odometry"]}
+    assert battery_topic(one, "") == "/battery_state"
+    assert battery_topic({}, "/mine") == "/mine"
+    for graph in ({}, one | {"/arm/battery": [BATTERY]}):
+        with pytest.raises(Unavailable, match="HELIOS_ROS2_BATTERY"):
+            battery_topic(graph, "")
