@@ -34,6 +34,7 @@ from helios_map2d.files.map_file import decode_map, encode_map
 from helios_map2d.files.persistence import areas_m2
 from helios_map2d.layers.parameters import MapRules
 from helios_objectmap import persistence
+from helios_objectmap.object_map import ObjectMap
 from rich.console import Console
 from rich.table import Table
 
