@@ -343,7 +343,7 @@ def _flat_inset_m(
     return out.astype(np.float32)
 
 
-def surface_height_m(heights_m: NDArray[np.floating]) -> float:
+def surface_height_m(heights_m: NDArray[np.floating | np.integer]) -> float:
     """Height that most of the flat cells have, from the heights [n] of at least one cell."""
     steps = np.rint(heights_m / _HEIGHT_STEP_M).astype(np.int64)
     counts = np.convolve(np.bincount(steps), np.ones(3))[1:-1]  # neighbouring heights count too
