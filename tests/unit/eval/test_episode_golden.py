@@ -27,7 +27,7 @@ PACKAGES = ("mujoco", "numpy", "numba", "opencv-python-headless", "scipy")
 
 GOLDEN = {
     "znver3, llvmpipe (LLVM 15.0.6, 256 bits), mujoco 3.17.0 numpy 2.4.6 numba 0.68.1 "
-    "opencv-python-headless 5.0.0.93 scipy 1.17.1": "6347796e5894e869",
+    "opencv-python-headless 5.0.0.93 scipy 1.17.1": "64020a286d7fe977",
 }
 
 
