@@ -163,7 +163,7 @@ def test_a_robot_that_restarts_elsewhere_begins_a_new_world() -> None:
         act(made, Forward(0.4))
         restart()
         wait_until(lambda: not silence_of(made.state) and not silence_of(made.capture))
-        assert made.state().world_epoch > before.world_epoch
+        wait_until(lambda: made.state().world_epoch > before.world_epoch)
 
 
 @contextmanager
