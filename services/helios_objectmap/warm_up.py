@@ -21,7 +21,7 @@ from helios_objectmap.settings import ObjectMapSettings
 
 
 def warm_up(settings: ObjectMapSettings) -> None:
-    """Run synthetic observations and a what-if through a temporary map."""
+    """Run synthetic observations, a what-if and a removal through a temporary map."""
     camera = Pinhole(60.0, 60.0, 31.5, 23.5, 64, 48)
     mask = np.zeros((48, 64), bool)
     mask[16:32, 16:32] = True
@@ -45,4 +45,5 @@ def warm_up(settings: ObjectMapSettings) -> None:
     view = View(60.0, 60.0, 31.5, 23.5, 64, 48, np.eye(4))
     for instance in scratch.objects():
         scratch.what_if(instance.id, instance.class_name, [view])
+        scratch.retire(instance.id)
     outline(np.zeros((MANY_POINTS + 1, 2), np.float32))
