@@ -197,9 +197,9 @@ class Gripper:
     def settle(self, thing: Graspable) -> RestState:
         """Step the physics until the object rests for 50 control steps; at most 6 s.
 
-        Thin things on a soft contact tremble for ever: their velocity passes the limits of the
-        benchmark, but they stay where they are. So at the end an object rests too if it stayed
-        within `STAYS_M` and `STAYS_RAD` of one pose for as long.
+        An object also rests if it stayed within `STAYS_M` and `STAYS_RAD` of one pose, in contact,
+        for the last 50 control steps. Thin objects on a soft contact do: they tremble in their
+        place, faster than the benchmark's limits of velocity.
         """
         data = self._data
         dt = float(self._model.opt.timestep)

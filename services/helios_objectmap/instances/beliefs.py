@@ -69,8 +69,8 @@ class InstanceBeliefs:
         self.drop_rows(labels)
 
     def drop_rows(self, labels: Iterable[int]) -> None:
-        """Forget beliefs that depend on row numbers or on what views saw nearby; descriptions
-        stay."""
+        """Forget the beliefs of instances whose rows got other numbers, or that a view may show.
+        Their descriptions stay."""
         for label in labels:
             self._beliefs.pop(label, None)
             self._shapes.pop(label, None)
