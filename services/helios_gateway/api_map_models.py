@@ -36,7 +36,7 @@ class ObjectInstance(BaseModel):
     )
     image_text_nats: float | None = Field(
         description="log-likelihood ratio of the class by the image-text scores of the views that "
-        "show the instance, nats; the scores contain it. 0: the scorer gave none"
+        "show the instance, nats; the scores contain it. null: the scorer does not rate the class"
     )
     outline_m: list[Vector2] = Field(
         description="convex hull of the projection to the ground, in the world frame, metres"

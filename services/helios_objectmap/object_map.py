@@ -275,7 +275,7 @@ class ObjectMap:
                 s.prior_classes,
                 belief.trust if belief is not None else 1.0,
                 s.side_views,
-                self._beliefs.image_text_nats(instance_id) if belief is not None else 0.0,
+                self._beliefs.image_text_nats(instance_id) or 0.0,
             ),
             s.max_depth_m,
             s.expected_label == "rendered",

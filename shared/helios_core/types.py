@@ -238,4 +238,6 @@ class ObjectInstance:
     outline_m: NDArray[np.float64]  # [n, 2] hull of its ground projection
     detection_rate: float = 0.0  # share of its views that detected it as its class
     # Log-likelihood ratio of its class by the image-text scores of its views; it is in the scores.
-    image_text_nats: float = 0.0
+    # None: the scorer does not rate the class.
+    image_text_nats: float | None = None
+    relocalised: bool = False  # of a stored map whose place was found since the service started

@@ -94,7 +94,7 @@ class InstanceBeliefs:
             self._described[label] = self._new_description(label)
         thing = self._described[label]
         nats = self.image_text_nats(label)
-        if thing is None or nats == 0:
+        if thing is None or nats is None:
             return thing
         now = with_evidence(Score(thing.class_score, thing.uncertainty, thing.score), nats)
         likely = thing.probabilities | {thing.class_name: now.class_score}
@@ -107,16 +107,19 @@ class InstanceBeliefs:
     def score(self, label: int) -> Score | None:
         """Score of an instance; None if it is too small to be reported."""
         belief = self.belief(label)
-        return None if belief is None else with_evidence(belief.score, self.image_text_nats(label))
+        if belief is None:
+            return None
+        return with_evidence(belief.score, self.image_text_nats(label) or 0.0)
 
-    def image_text_nats(self, label: int) -> float:
-        """Log-likelihood ratio of an instance's class by image-text scores; 0 without any."""
-        if self._settings.image_text == "ignored" or self.belief(label) is None:
-            return 0.0
+    def image_text_nats(self, label: int) -> float | None:
+        """Log-likelihood ratio of an instance's class by image-text scores; None if the scorer does
+        not rate the class, or the instance is too small to be reported."""
+        name = self._registry.records[label].class_name
+        if not self._image_text.rates(name) or self.belief(label) is None:
+            return None
         seen = self._seen_by_sector(label)
         if seen is None:
             return 0.0
-        name = self._registry.records[label].class_name
         return self._image_text.log_likelihood_ratio(seen, name, self._rise(name))
 
     def _rise(self, class_name: str) -> float:

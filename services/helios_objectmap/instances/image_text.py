@@ -105,6 +105,10 @@ class ImageTextScores:
                 points, voxels, reading.view.T_world_cam[:2, 3], 1 / depth_m.size, score, sums
             )
 
+    def rates(self, class_name: str) -> bool:
+        """True if a view has a score of the class."""
+        return class_name in self._scores
+
     def forget_at(self, points: NDArray[np.float32]) -> None:
         """Drop what was seen in the voxels of points [n, 3], where a thing was taken away."""
         voxels = np.unique(self._voxels.known(voxel_keys(points, VOXEL_M)))

@@ -28,6 +28,7 @@ from helios_planner.decisions.held_object import HeldObject
 _OF_OBJECTS = (1.25, 1.0, 0.75, 0.5)
 _OF_RECEPTACLES = (1.4, 1.2, 1.0, 0.75, 0.5)
 PATIENCE = 0.6  # see AcceptanceThresholds.patience
+UNRATED = 0.8  # see AcceptanceThresholds.unrated
 
 
 @dataclass(frozen=True)
@@ -47,15 +48,27 @@ class AcceptanceThresholds:
     lowest threshold when the share `patience` of that budget is used, in equal intervals; with None
     it falls only when nothing is left to search. strict_count: number of thresholds that apply
     before the second search round. by_place: True if scores are multiplied by the relative
-    probability that the candidate lies where the instruction says. at_last: share of the task's
-    budget from which the last threshold applies, which `patience` never reaches.
+    probability that the candidate lies where the instruction says. unrated: factor of the
+    thresholds for a class that the image-text scorer does not rate, whose scores stay lower.
+    in_known_home: index of the first threshold if the candidates include one of a stored map, whose
+    home has been searched before. at_last: share of the task's budget from which the last threshold
+    applies, which `patience` never reaches.
     """
 
     steps: tuple[AcceptanceThreshold, ...]
     strict_count: int
     patience: float | None = None
     by_place: bool = False
+    unrated: float = 1.0
+    in_known_home: int = 0
     at_last: float | None = None
+
+    def step(self, index: int, rated: bool) -> AcceptanceThreshold:
+        """Threshold that applies to a class. rated: True if the image-text scorer rates it."""
+        one = self.steps[index]
+        if rated or one.score == ANY_SCORE:
+            return one
+        return replace(one, score=self.unrated * one.score)
 
     def least_at(self, used: float, since: float) -> int:
         """Index into `steps` of the threshold that applies now, if nothing lowered it before. used,
@@ -87,7 +100,9 @@ def patient(threshold: float, place_known: bool) -> AcceptanceThresholds:
     shares = _OF_OBJECTS if place_known else _OF_RECEPTACLES
     steps = tuple(AcceptanceThreshold(share * threshold, True) for share in shares)
     firm = sum(share >= 1 for share in shares)
-    return AcceptanceThresholds(steps, firm, PATIENCE, by_place=place_known)
+    return AcceptanceThresholds(
+        steps, firm, PATIENCE, by_place=place_known, unrated=UNRATED, in_known_home=firm - 1
+    )
 
 
 def with_final_fallback(within: AcceptanceThresholds, at_last: float) -> AcceptanceThresholds:
@@ -224,7 +239,7 @@ def _scores(thing: ObjectInstance) -> dict[str, float]:
 
 def _image_text(instance: ObjectInstance) -> dict[str, float]:
     nats = instance.image_text_nats
-    return {"image_text_nats": nats} if nats else {}
+    return {} if nats is None else {"image_text_nats": nats}
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:

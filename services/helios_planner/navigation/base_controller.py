@@ -112,9 +112,9 @@ class BaseController:
         self.monitor.act(Tilt(wanted))
         return True
 
-    def look_around(self) -> None:
-        """Make a full turn, and look at the ground next to the robot on the way."""
-        self._full_turn(down_only=False)
+    def look_around(self, enough: Callable[[], bool] = lambda: False) -> None:
+        """Make a full turn, until `enough()`, and look at the ground next to the robot."""
+        self._full_turn(enough=enough)
 
     def turn_around(self, stop: Callable[[], bool]) -> None:
         """Make a full turn with the head as while driving, until `stop()` is true."""
@@ -131,7 +131,9 @@ class BaseController:
         self.tilt(self.settings.travel_tilt_rad)
         return True
 
-    def _full_turn(self, down_only: bool) -> None:
+    def _full_turn(
+        self, down_only: bool = False, enough: Callable[[], bool] = lambda: False
+    ) -> None:
         description = self.robot.description
         turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
         step = 2 * math.pi / turns
@@ -146,7 +148,7 @@ class BaseController:
             if both and k % apart == 0:
                 self.tilt(down)
                 self.tilt(travel)
-            if not self._turn(step):
+            if enough() or not self._turn(step):
                 return
 
     # --- what can be reached -------------------------------------------------------------------

@@ -53,9 +53,9 @@ class ScoredSearch(Search):
         super().__init__(tools, phase, name, refused_m)
         self._thresholds, self._since = thresholds, tools.robot.budget_used()
         self._step = 0  # index into the acceptance thresholds
-        self._decision_threshold = thresholds.steps[
-            0
-        ]  # acceptance threshold of the newest decision
+        self._decision_step = 0  # the same for the newest decision
+        self._rated = True  # the image-text scorer rates the class, as far as is known
+        self._known_home = False  # a candidate is of a stored map
         self._views: dict[int, BestView | None] = {}
         self._checks: list[tuple[float, float]] = []  # centres of candidates at each check, m
         self._remembered = CandidateMemory()
@@ -96,9 +96,18 @@ class ScoredSearch(Search):
 
     @property
     def _standard(self) -> AcceptanceThreshold:
+        return self._thresholds.step(self._present_step(), self._rated)
+
+    @property
+    def _decision_threshold(self) -> AcceptanceThreshold:
+        return self._thresholds.step(self._decision_step, self._rated)
+
+    def _present_step(self) -> int:
+        """Index of the threshold that applies now; it never decreases."""
+        least = self._thresholds.in_known_home if self._known_home else 0
         due = self._thresholds.least_at(self.robot.budget_used(), self._since)
-        self._step = max(self._step, due)
-        return self._thresholds.steps[self._step]
+        self._step = max(self._step, least, due)
+        return self._step
 
     def _place(self, candidate: ObjectInstance) -> float:
         return self.place_probability(candidate) if self._thresholds.by_place else 1.0
@@ -130,16 +139,14 @@ class ScoredSearch(Search):
     @property
     def _least_near(self) -> float:
         """Least score from near of the chosen candidate."""
-        threshold = self._thresholds.steps[self._thresholds.strict_count - 1].score
+        threshold = self._thresholds.step(self._thresholds.strict_count - 1, self._rated).score
         return min(self._decision_threshold.score, threshold) - self.settings.tau_inc
 
     @property
     def accepted_any_candidate(self) -> bool:
         """True if the newest decision used the threshold that accepts any candidate."""
-        return (
-            self._thresholds.at_last is not None
-            and self._decision_threshold is self._thresholds.steps[-1]
-        )
+        last = len(self._thresholds.steps) - 1
+        return self._thresholds.at_last is not None and self._decision_step == last
 
     def _meets(self, thing: ObjectInstance, standard: AcceptanceThreshold) -> bool:
         sure = thing.score * self._place(thing) >= standard.score
@@ -152,7 +159,10 @@ class ScoredSearch(Search):
     def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
         if not self.accepted_any_candidate:
             return False
-        return self._from_memory or not self._meets(thing, self._thresholds.steps[-2])
+        last_but_one = len(self._thresholds.steps) - 2
+        return self._from_memory or not self._meets(
+            thing, self._thresholds.step(last_but_one, self._rated)
+        )
 
     def relax(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first search everything once more
@@ -171,7 +181,7 @@ class ScoredSearch(Search):
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
         self._step, self._since = int(checkpoint["standard"]), float(checkpoint["since"])
-        self._decision_threshold = self._thresholds.steps[self._step]
+        self._decision_step = self._step
         self._remembered.restore(checkpoint.get("remembered", []))
         self._checks = [(x, y) for x, y in checkpoint.get("checks", [])]
 
@@ -184,7 +194,10 @@ class ScoredSearch(Search):
         options = []
         self._views.clear()
         self._remembered.note(things)
-        self._decision_threshold = self._standard
+        if things:
+            self._rated = any(thing.image_text_nats is not None for thing in things)
+            self._known_home = any(thing.relocalised for thing in things)
+        self._decision_step = self._present_step()
         known_once = (
             None if things or not self.accepted_any_candidate else self._remembered.best(self.open)
         )

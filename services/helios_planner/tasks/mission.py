@@ -67,7 +67,7 @@ class Mission:
         if not self.looked_around:
             phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
             self.robot.listener.on_phase(phase, i.object or i.goal or "", "looking around")
-            self.tools.base.look_around()
+            self.tools.base.look_around(self._remembers_it)
             self.looked_around = True
         if i.kind is Kind.GO_TO:
             assert i.goal
@@ -94,6 +94,12 @@ class Mission:
                 self._fell = f"the {i.object} fell: {fall}"
         seen = "it is seen there" if self.seen_at_goal else "it was not seen there yet"
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
+
+    def _remembers_it(self) -> bool:
+        """True if a stored map, found again, has the object or place with a sufficient score."""
+        s, i = self.tools.settings, self.instruction
+        name, least = (i.object, s.tau_g) if i.object else (i.goal, s.tau_b)
+        return self.tools.belief.remembers(name or "", least)
 
     def _take_over(self, name: str) -> None:
         """Use an object that an earlier task left in the gripper: the right one only needs to be

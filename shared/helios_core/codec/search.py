@@ -126,6 +126,7 @@ def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
         outline_m=instance.outline_m.ravel().tolist(),
         detection_rate=instance.detection_rate,
         image_text_nats=instance.image_text_nats,
+        relocalised=instance.relocalised,
     )
 
 
@@ -136,6 +137,7 @@ def object_from_proto(instance: pb.ObjectInstance) -> ObjectInstance:
             f"the outline of object {instance.id} has {len(instance.outline_m)} numbers; send x "
             "and y of each point"
         )
+    rated = instance.HasField("image_text_nats")
     return ObjectInstance(
         id=instance.id,
         class_name=instance.class_name,
@@ -150,5 +152,6 @@ def object_from_proto(instance: pb.ObjectInstance) -> ObjectInstance:
         top_m=instance.top_m,
         outline_m=np.array(instance.outline_m, float).reshape(-1, 2),
         detection_rate=instance.detection_rate,
-        image_text_nats=instance.image_text_nats,
+        image_text_nats=instance.image_text_nats if rated else None,
+        relocalised=instance.relocalised,
     )

@@ -31,7 +31,7 @@ TABLE_XY = (7.0, 5.5)
 def instance(thing: Thing, id: int = 0, class_score: float = 0.6, score: float = 0.4) -> Any:
     return ObjectInstance(
         id or thing.id, thing.class_name, thing.center_m, thing.size_m, score, class_score, 0.1, 3,
-        100, {}, 0.5, np.empty((0, 2)), 1.0,
+        100, {}, 0.5, np.empty((0, 2)), 1.0, 0.0,
     )  # fmt: skip
 
 

@@ -37,6 +37,7 @@ class Thing:
     graspable: bool = True
     slippery: int = 0  # picks that fail first
     in_hand: HeldObject = UNKNOWN  # what it looks like in the hand
+    remembered: bool = False  # the object map has it from a stored map
 
     def score_at(self, views: int) -> tuple[float, float, float]:
         """Return (Psi, S, U) after that many views (eq. 4, 7), four classes, alpha_cpa 3."""

@@ -210,6 +210,7 @@ class FakeWorld(RobotInterface):
                 out.append(ObjectInstance(
                     t.id, t.class_name, t.center_m.copy(), t.size_m, psi, s, u, len(t.views), 200,
                     {t.class_name: s}, float(t.center_m[2] + t.size_m[2] / 2), corners, t.rate,
+                    0.0, t.remembered,
                 ))  # fmt: skip
         return out
 
