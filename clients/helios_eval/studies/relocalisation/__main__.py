@@ -60,8 +60,8 @@ def recorded(folder: Path, preset: str, seed: int, sensor: str) -> Recording:
         first = play(Place(preset, seed, sensor), VISIT_STEPS)
         moments: list[Moment] = []
         place = Place(preset, seed, sensor, random_start=seed)
-        later = play(place, LATER_STEPS, lambda *running: moments.append(moment_of(*running)))
-        recordings.write(folder, seed, sensor, first, later, moments)
+        play(place, LATER_STEPS, lambda *running: moments.append(moment_of(*running)))
+        recordings.write(folder, seed, sensor, first, moments)
     return recordings.read(path)
 
 
@@ -74,7 +74,8 @@ def searched(session: Recording, other: Recording) -> Outcome:
 
 
 def second_visit(preset: str, recording: Recording) -> SecondVisit:
-    """Do the task again, from a random start and with the saved map. Raises HeliosError."""
+    """Do the task again, from a random start, with the saved map and without it. Raises
+    HeliosError."""
     place = Place(preset, recording.seed, recording.sensor, random_start=recording.seed)
     told: list[pb.Relocalisation] = []
     known: list[tuple[int, float, float]] = []
@@ -90,7 +91,8 @@ def second_visit(preset: str, recording: Recording) -> SecondVisit:
 
     done = play(place, VISIT_STEPS, on_step, recording.saved, explores=False)
     step, error_m, error_rad = known[0] if known else (0, 0.0, 0.0)
-    return SecondVisit(done.found_step, done.steps, step, error_m, error_rad)
+    without = play(place, VISIT_STEPS, explores=False)
+    return SecondVisit(done.found_step, done.steps, without.found_step, step, error_m, error_rad)
 
 
 def played(
@@ -104,8 +106,8 @@ def played(
     stored = stored_map(own.saved)
     known = stored is not None and starts_on_known_floor(own, stored)
     return HomeOutcome(
-        seed, sensor, known, own.first_found_step, own.later_found_step, searched(own, own),
-        searched(own, elsewhere), second,
+        seed, sensor, known, own.first_found_step, searched(own, own), searched(own, elsewhere),
+        second,
     )  # fmt: skip
 
 

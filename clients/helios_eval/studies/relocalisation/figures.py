@@ -31,6 +31,8 @@ def figures(done: Sequence[HomeOutcome]) -> dict[str, str]:
     known_right = sum(one.own.is_right for one in known)
     relocalised = sum(v.place_step > 0 for v in visits)
     again = [float(b.found_step) for _, b in both]
+    without = [v for v in visits if v.without_map_step]
+    of_both = [(v.without_map_step, v) for v in without if v.found_step]
     return {
         "relocalised after at most 40 actions": _share(len(right), len(done)),
         "- of starts on floor that the saved map knows": _share(known_right, len(known)),
@@ -45,6 +47,10 @@ def figures(done: Sequence[HomeOutcome]) -> dict[str, str]:
         "actions to find: first visit (median)": _middle([float(a) for a, _ in both], 0),
         "actions to find: second visit (median)": _middle(again, 0),
         "second visit in shares of the first (sum of actions)": _ratio(both),
+        "visits from the same starts without the map that found it": _share(
+            len(without), len(visits)
+        ),
+        "second visit in shares of these (sum of actions)": _ratio(of_both),
     }
 
 

@@ -56,8 +56,9 @@ class Outcome:
 class SecondVisit:
     """The task of the first visit again, from a random start and with the saved map."""
 
-    found_step: int  # actions until the object was found; 0: not found
+    found_step: int  # actions until the task ended in front of the object; 0: it did not
     steps: int
+    without_map_step: int  # the same from the same start without the saved map
     place_step: int  # action after which the place was known; 0: it stayed unknown
     error_m: float  # of the robot's position in the saved map
     error_rad: float
@@ -76,7 +77,6 @@ class HomeOutcome:
     sensor: str
     starts_on_known_floor: bool  # the later session starts on floor that the saved map knows
     first_found_step: int  # actions until the first visit found the object; 0: not found
-    later_found_step: int  # the same of the later session without the saved map, within 40
     own: Outcome
     other: Outcome
     second: SecondVisit | None  # None if the first visit did not find the object
@@ -87,7 +87,6 @@ class HomeOutcome:
         second = raw["second"]
         return HomeOutcome(
             raw["seed"], raw["sensor"], raw["starts_on_known_floor"], raw["first_found_step"],
-            raw["later_found_step"],
             Outcome(**raw["own"]), Outcome(**raw["other"]),
             None if second is None else SecondVisit(**second),
         )  # fmt: skip

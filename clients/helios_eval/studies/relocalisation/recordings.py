@@ -43,7 +43,6 @@ class Recording:
     seed: int
     sensor: str
     first_found_step: int  # actions until the first visit found the object; 0: not found
-    later_found_step: int  # the same of the later session, without the saved map
     saved: SavedMap
     moments: tuple[RecordedMoment, ...]
 
@@ -52,13 +51,10 @@ def path_of(folder: Path, seed: int, sensor: str) -> Path:
     return folder / f"{seed}-{sensor}.npz"
 
 
-def write(
-    folder: Path, seed: int, sensor: str, first: Session, later: Session, moments: list[Moment]
-) -> Path:
+def write(folder: Path, seed: int, sensor: str, first: Session, moments: list[Moment]) -> Path:
     """Write the recording of a home."""
     about = {
         "seed": seed, "sensor": sensor, "first_found_step": first.found_step,
-        "later_found_step": later.found_step,
         "moments": [
             {
                 "step": m.step, "origin_m": list(m.view.origin_m), "cell_m": m.view.cell_m,
@@ -87,7 +83,7 @@ def read(path: Path) -> Recording:
         arrays = unpacked(path.read_bytes())
         about = json.loads(arrays["about"].tobytes())
         return Recording(
-            about["seed"], about["sensor"], about["first_found_step"], about["later_found_step"],
+            about["seed"], about["sensor"], about["first_found_step"],
             SavedMap(arrays["map2d"].tobytes(), arrays["objects"].tobytes()),
             tuple(
                 _moment(m, arrays[f"occupancy.{i}"]) for i, m in enumerate(about["moments"])

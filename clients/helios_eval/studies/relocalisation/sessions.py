@@ -29,7 +29,7 @@ from helios_eval.episodes.episode_player import LONGEST_S
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
 from helios_eval.episodes.in_process_stack import CALL_S, InProcessStack
 
-VISIT_STEPS = 200  # actions of a first visit
+VISIT_STEPS = 600  # actions of a first visit; enough to see every room
 LATER_STEPS = 40  # actions of a later session until it must be relocalised
 AGENT = "helios"
 _ORIGIN = (0.0, 0.0, 0.0)  # pose that a robot of unknown origin reports at its start
@@ -88,7 +88,7 @@ class Moment:
 class Session:
     """Result of a session."""
 
-    found_step: int  # actions until the object was found (FindObj); 0: not found
+    found_step: int  # actions until the task ended in front of the object; 0: it did not
     steps: int
     saved: SavedMap
 
@@ -105,20 +105,12 @@ def play(
     on_step: called after each action. stored: map to load at the start, as `helios map load` does.
     explores: go on to search for an absent object after the task.
     """
-    found = 0
-
-    def step(stack: InProcessStack, thread: WorldThread) -> None:
-        nonlocal found
-        progress = thread.run(lambda world: world.progress)
-        if progress.find_object and not found:
-            found = progress.steps
-        on_step(stack, thread)
-
-    with _running(place, step) as (thread, stack):
+    with _running(place, on_step) as (thread, stack):
         if stored is not None:
             _load(stack, stored)
-        stack.run(f"Find the {place.sought}", most_steps, LONGEST_S)
-        steps = thread.run(lambda world: world.progress.steps)
+        task = stack.run(f"Find the {place.sought}", most_steps, LONGEST_S)
+        steps, arrived = thread.run(lambda world: (world.progress.steps, world.arrived()))
+        found = steps if task.state == "succeeded" and arrived else 0
         if explores and steps < most_steps - 1:
             stack.run(f"Find the {place.absent}", most_steps - steps, LONGEST_S)
             steps = thread.run(lambda world: world.progress.steps)
