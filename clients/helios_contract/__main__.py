@@ -119,7 +119,7 @@ def _choose(args: argparse.Namespace) -> str:
         load_driver(settings, MemoryBus(MemoryHub())),
         args.forward_m, args.turn_rad, args.tolerance_m, args.tolerance_rad,
         args.depth_tolerance_m, started_again=start if args.start_twice else None,
-    )  # fmt: skip
+    ).ready()  # fmt: skip
     return "chosen_driver.py"
 
 

@@ -16,6 +16,7 @@ from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDrive
 from helios_core.types import RobotDescription
 
 BACK_WITHIN_S = 60.0
+READY_WITHIN_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,19 @@ class Rig:
     @property
     def robot(self) -> RobotDescription:
         return self.driver.describe()
+
+    def ready(self) -> Rig:
+        """This rig, once the robot describes itself. Raises Unavailable if it never does."""
+        deadline_s = time.monotonic() + READY_WITHIN_S
+        while True:
+            try:
+                self.driver.describe()
+            except Unavailable:
+                if time.monotonic() > deadline_s:
+                    raise
+                time.sleep(0.1)
+            else:
+                return self
 
     def act(self, action: Action) -> ActionResult:
         """Execute an action under a new id."""

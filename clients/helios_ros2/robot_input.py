@@ -42,7 +42,6 @@ POSES = (
 )  # fmt: skip
 INFO = "sensor_msgs/msg/CameraInfo"
 BACK_NS = 1_000_000_000  # a clock that goes back further has begun anew
-LATE_POSE_S = 0.3  # longest wait for a pose after an image
 REST_NS = 150_000_000  # span over which a base at rest does not move
 REST_M, REST_RAD = 0.004, 0.006
 HISTORY = 400  # poses
@@ -312,7 +311,7 @@ class RobotInput:
             pair = self._pairs.newest
             assert pair is not None
             self.after_ns = pair.stamp_ns
-            self._news.wait_for(lambda: self._pose_is_known(pair.stamp_ns), LATE_POSE_S)
+            self._news.wait_for(lambda: self._pose_is_known(pair.stamp_ns), within_s)
             return pair
 
     def poses_at(self, ns: int) -> tuple[Matrix, Matrix]:

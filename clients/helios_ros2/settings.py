@@ -158,7 +158,9 @@ class Ros2Settings(ServiceSettings):
         default=1.0, gt=0, description="a topic without a message for this long is silent"
     )
     image_wait_s: float = Field(
-        default=3.0, gt=0, description="longest wait for an image newer than the robot's rest"
+        default=3.0,
+        gt=0,
+        description="longest wait for an image newer than the robot's rest, and for its pose",
     )
     pair_s: float = Field(
         default=0.02, ge=0, description="longest time between colour and depth of one image"
