@@ -30,13 +30,11 @@ from helios_objectmap.gaussians import (
 )
 from helios_objectmap.instances import information_gain
 from helios_objectmap.instances.beliefs import InstanceBeliefs
-from helios_objectmap.instances.image_text import ImageTextScores
 from helios_objectmap.instances.information_gain import (
     EvidenceParameters,
     Expected,
     InstanceEvidence,
 )
-from helios_objectmap.instances.name_sightings import NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry, Moment
 from helios_objectmap.instances.summary import (
     Grasp,
@@ -91,13 +89,13 @@ class ObjectMap:
         self._hold(MapContent(store, InstanceRegistry(), self.empty_viewpoints(), {}, 0))
 
     def _hold(self, content: MapContent) -> None:
-        """Take over a content; views and sightings of the past are empty."""
+        """Take over a content; the past views, which it lacks, are empty."""
         self._store, self._registry = content.store, content.registry
         self._viewpoints, self._updates = content.viewpoints, content.updates
         self._added_update: int | None = None  # update number of `add_stored`
         self._classes = SearchedClasses(self._settings, content.roles)
-        self._past, self._sightings = PastViews(), NameSightings()
-        self._image_text = ImageTextScores()
+        self._past = PastViews()
+        self._sightings, self._image_text = content.sightings, content.image_text
         self._shown = ShownObject()
         self._beliefs = InstanceBeliefs(
             self._settings, self._store, self._registry, self._classes, self._sightings,
@@ -344,8 +342,9 @@ class ObjectMap:
     def content(self) -> MapContent:
         """Content of the map; its parts are the map's own objects, not copies."""
         return MapContent(
-            self._store, self._registry, self._viewpoints, self._classes.roles, self._updates
-        )
+            self._store, self._registry, self._viewpoints, self._classes.roles, self._updates,
+            self._sightings, self._image_text,
+        )  # fmt: skip
 
     def load_content(self, content: MapContent) -> None:
         """Replace the content of the map with that of a file.
@@ -383,6 +382,8 @@ class ObjectMap:
         self._classes.add_roles(content.roles)
         self._join(rows)
         self._registry.inherit_from(store.instance[rows], labels, content.registry)
+        self._sightings.add_arrays(content.sightings.arrays(), T_here_there)
+        self._image_text.add_arrays(content.image_text.arrays(), T_here_there)
         self._beliefs.drop_all()
         return len(rows)
 

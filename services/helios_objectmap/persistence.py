@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from helios_objectmap.fusion import viewing_sectors
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.instances.detector_precision import N_BANDS, FormerDetections
+from helios_objectmap.instances.image_text import ImageTextScores
+from helios_objectmap.instances.name_sightings import NameSightings
 from helios_objectmap.instances.registry import InstanceRecord, InstanceRegistry, Moment
 from helios_objectmap.viewpoint_weights import NEVER, Viewpoints
 
@@ -37,6 +39,8 @@ class MapContent:
     viewpoints: Viewpoints
     roles: dict[str, Role]
     updates: int
+    sightings: NameSightings = field(default_factory=NameSightings)
+    image_text: ImageTextScores = field(default_factory=ImageTextScores)
 
 
 def arrays_of(
@@ -70,7 +74,9 @@ def arrays_of(
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
     rows = {f"store.{name}": a for name, a in content.store.arrays().items()}
     views = {f"viewpoints.{name}": a for name, a in content.viewpoints.arrays().items()}
-    return {"header": text} | rows | views
+    named = {f"sightings.{name}": a for name, a in content.sightings.arrays().items()}
+    rated = {f"image_text.{name}": a for name, a in content.image_text.arrays().items()}
+    return {"header": text} | rows | views | named | rated
 
 
 def to_bytes(arrays: dict[str, NDArray]) -> bytes:
@@ -158,7 +164,12 @@ def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -
     }
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
     _check(store, registry, roles, viewpoints)
-    return MapContent(store, registry, viewpoints, roles, int(header["updates"]))
+    out = MapContent(store, registry, viewpoints, roles, int(header["updates"]))
+    if named := part("sightings."):  # files of earlier builds have none
+        out.sightings.add_arrays(named)
+    if rated := part("image_text."):
+        out.image_text.add_arrays(rated)
+    return out
 
 
 def _record(

@@ -32,6 +32,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.geometry import Matrix, yaw_of
 from numba import njit
 from numpy.typing import NDArray
 
@@ -40,6 +41,7 @@ from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.semantics import Score
 from helios_objectmap.fusion.viewing_sectors import SECTORS
 from helios_objectmap.instances.clustering import BITS, voxel_keys
+from helios_objectmap.instances.voxel_entries import check_within, moved_keys
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 
 VOXEL_M = 0.2
@@ -67,6 +69,13 @@ class _Distribution:
         before = score - self.mean
         self.mean += before / self.views
         self.squares += before * (score - self.mean)
+
+    def add_views(self, views: int, mean: float, squares: float) -> None:
+        """Add several scores by their number, mean and sum of squared differences from it."""
+        total, apart = self.views + views, mean - self.mean
+        self.squares += squares + apart**2 * self.views * views / max(total, 1)
+        self.mean += apart * views / max(total, 1)
+        self.views = total
 
     @property
     def deviation(self) -> float:
@@ -120,6 +129,45 @@ class ImageTextScores:
         for name in names:
             self._sums.pop(name, None)
             self._scores.pop(name, None)
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Copies of all scores. A cell is a voxel, a viewing sector and a class with a score."""
+        names = [name for name in self._scores if name in self._sums]
+        at = [np.nonzero(self._sums[name][..., 0]) for name in names]
+        voxel, sector = (np.concatenate([a[k] for a in at] or [[]]) for k in (0, 1))
+        rows = [self._sums[name][a] for name, a in zip(names, at, strict=True)]
+        found = [self._scores[name] for name in names]
+        return {
+            "names": np.array(names, np.str_),
+            "scores": np.array([(s.views, s.mean, s.squares) for s in found]).reshape(-1, 3),
+            "keys": self._voxels.keys.copy(),
+            "voxel": voxel.astype(np.int32), "sector": sector.astype(np.int8),
+            "class": np.repeat(np.arange(len(names), dtype=np.int16), [len(r) for r in rows]),
+            "sums": np.concatenate([np.empty((0, 2), np.float32), *rows]),
+        }  # fmt: skip
+
+    def add_arrays(self, arrays: Mapping[str, NDArray], T_here_there: Matrix | None = None) -> None:
+        """Add scores that `arrays` returned. T_here_there: their place in this frame, kept to the
+        nearest viewing sector; None: the same frame. Raises ValueError for inconsistent arrays."""
+        names = [str(name) for name in arrays["names"]]
+        scores = arrays["scores"].astype(np.float64).reshape(len(names), 3)
+        sums = arrays["sums"].astype(np.float32).reshape(-1, 2)
+        voxel, sector, of_class = (arrays[k].astype(np.intp) for k in ("voxel", "sector", "class"))
+        if any(a.shape != sums.shape[:1] for a in (voxel, sector, of_class)):
+            raise ValueError("cells of image-text scores have columns of different lengths")
+        if not (np.isfinite(sums).all() and np.isfinite(scores).all()) or scores.min(initial=1) < 0:
+            raise ValueError("an image-text score is no number from 0 on")
+        keys = moved_keys(arrays["keys"], VOXEL_M, T_here_there)
+        for index, n in ((voxel, len(keys)), (sector, SECTORS), (of_class, len(names))):
+            check_within(index, n)
+        numbers = self._voxels.of_keys(keys)
+        turned = 0 if T_here_there is None else round(yaw_of(T_here_there) * SECTORS / math.tau)
+        for k, name in enumerate(names):
+            views, mean, squares = scores[k].tolist()
+            self._scores.setdefault(name, _Distribution()).add_views(int(views), mean, squares)
+            own = of_class == k
+            at = numbers[voxel[own]], (sector[own] + turned) % SECTORS
+            np.add.at(self._of_class(name), at, sums[own])
 
     def of(
         self, points: NDArray[np.float32], rows: NDArray[np.integer], class_name: str

@@ -12,11 +12,12 @@ full from `side_views` views on, and the sides of one thing depend on one anothe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from helios_core.geometry import Matrix
 from helios_core.types import Detection
 from numba import njit
 from numpy.typing import NDArray
@@ -24,16 +25,22 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import offset
 from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.viewing_sectors import sector_of
-from helios_objectmap.instances.clustering import BITS, voxel_keys
+from helios_objectmap.instances.clustering import BITS
 from helios_objectmap.instances.furniture import is_furniture
-from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
+from helios_objectmap.instances.voxel_entries import (
+    NONE,
+    Column,
+    VoxelEntries,
+    check_within,
+    moved,
+)
+from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 
 VOXEL_M = 0.1
 WIDTH_PX = 160  # largest width of the image from which voxels are filled
 OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
 MOST_VIEWS = 2048  # about 6 kB each
-_NONE = -1  # end of a list of entries
 _is_furniture = lru_cache(maxsize=4096)(is_furniture)
 
 
@@ -113,36 +120,8 @@ class SightingTable:
     keys: NDArray[np.int64]  # [voxels] voxel keys
 
 
-class _Column:
-    """Growing array of int32."""
-
-    def __init__(self) -> None:
-        self._values, self._n = np.empty(1024, np.int32), 0
-
-    def append(self, values: NDArray[np.integer] | Sequence[int]) -> None:
-        end = self._n + len(values)
-        if end > len(self._values):
-            more = max(end, 2 * len(self._values)) - len(self._values)
-            self._values = np.concatenate([self._values, np.empty(more, np.int32)])
-        self._values[self._n : end] = values
-        self._n = end
-
-    def resize(self, n: int, fill: int) -> None:
-        """Make it at least n long; new values are `fill`."""
-        if n > self._n:
-            self.append(np.full(n - self._n, fill, np.int32))
-
-    @property
-    def values(self) -> NDArray[np.int32]:
-        return self._values[: self._n]
-
-
 class NameSightings:
-    """Detections of the latest views, with their voxels.
-
-    The detections of a voxel are a linked list of entries: `_newest` of a voxel is its first entry,
-    and `_before` of an entry the next one.
-    """
+    """Detections of the latest views, with the voxels that they fill."""
 
     def __init__(self, most_views: int = MOST_VIEWS) -> None:
         """most_views: beyond, the older half is dropped."""
@@ -150,10 +129,8 @@ class NameSightings:
         self._names: dict[str, int] = {}  # name -> its number
         self._furniture: list[bool] = []  # of each name
         self._eye_m: list[NDArray[np.float64]] = []  # of each view
-        self._voxels = VoxelNumbers()
-        none = np.empty(0, np.int32)
-        self._set_entries(none, none, 0)
-        self._name, self._view, self._size = _Column(), _Column(), _Column()  # of each detection
+        self._entries = VoxelEntries(VOXEL_M, ["detection"])
+        self._name, self._view, self._size = Column(), Column(), Column()  # of each detection
 
     def __len__(self) -> int:
         """Number of views."""
@@ -161,7 +138,7 @@ class NameSightings:
 
     def note(self, reading: LabelImage, stride: int, detections: Iterable[Detection]) -> None:
         """Add the detections of a view. stride: that of the reading, in pixels of the masks."""
-        if len(self._eye_m) == self._most_views:
+        if len(self) == self._most_views:
             self._forget_views(self._most_views // 2)
         coarse = max(1, -(-reading.view.width // WIDTH_PX))
         first = offset(stride) + stride * offset(coarse)
@@ -169,25 +146,52 @@ class NameSightings:
         measured = depth_m > 0
         points = reading.view.strided(coarse).lift(depth_m, measured)
         voxel = np.full(depth_m.shape, NO_VOXEL, np.int32)
-        voxel[measured] = self._voxels.of_keys(voxel_keys(points, VOXEL_M))
+        voxel[measured] = self._entries.numbers(points)
         self._eye_m.append(reading.view.T_world_cam[:3, 3])
-        stamps, filled = np.full(len(self._voxels), -1, np.int32), np.empty(voxel.size, np.int32)
+        stamps = np.full(len(self._entries.voxels), -1, np.int32)
+        filled = np.empty(voxel.size, np.int32)
         for k, d in enumerate(detections):
             box = np.array(d.box_xyxy, np.int64)
             n = filled_kernel(d.mask, box, first, stride * coarse, voxel, stamps, k, filled)
             if not n:
                 continue
-            self._add_entries(filled[:n], len(self._name.values))
+            self._entries.add(filled[:n], np.full(n, len(self._name.values), np.int32))
             self._name.append([self._number_of(d.class_name)])
-            self._view.append([len(self._eye_m) - 1])
+            self._view.append([len(self) - 1])
             self._size.append([n])
 
     def forget_at(self, points: NDArray[np.float32]) -> None:
         """Drop what was detected in the voxels of points [n, 3], where a thing was taken away."""
-        voxels = np.unique(self._voxels.of_keys(voxel_keys(points, VOXEL_M)))
-        self._newest.resize(len(self._voxels), _NONE)
-        self._newest.values[voxels] = _NONE
-        self._voxel.values[np.isin(self._voxel.values, voxels)] = NO_VOXEL
+        self._entries.forget_at(points)
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Copies of all views and detections."""
+        return {
+            "names": np.array(list(self._names), np.str_), "name": self._name.values.copy(),
+            "view": self._view.values.copy(), "eye_m": np.array(self._eye_m).reshape(-1, 3),
+        } | self._entries.arrays()  # fmt: skip
+
+    def add_arrays(self, arrays: Mapping[str, NDArray], T_here_there: Matrix | None = None) -> None:
+        """Add views that `arrays` returned. T_here_there: their place in this frame; None: the same
+        frame. Raises ValueError for inconsistent arrays."""
+        names = [str(name) for name in arrays["names"]]
+        name, view = (arrays[key].astype(np.int32) for key in ("name", "view"))
+        eyes_m = arrays["eye_m"].astype(np.float64).reshape(-1, 3)
+        if name.shape != view.shape or not np.isfinite(eyes_m).all():
+            raise ValueError("detections have no names or views")
+        check_within(name, len(names))
+        check_within(view, len(eyes_m))
+        check_within(arrays["detection"], len(name))
+        first, start = len(self._name.values), len(self._entries)
+        self._entries.add_arrays(arrays, first, T_here_there)
+        numbers = np.array([self._number_of(n) for n in names], np.int32)
+        self._name.append(numbers[name])
+        self._view.append(view + len(self))
+        added = self._entries.columns["detection"].values[start:] - first
+        self._size.append(np.bincount(added, minlength=len(name)))
+        self._eye_m.extend(moved(eyes_m, T_here_there))
+        if len(self) > self._most_views:
+            self._forget_views(len(self) - self._most_views // 2)
 
     def _number_of(self, name: str) -> int:
         if name not in self._names:
@@ -195,38 +199,12 @@ class NameSightings:
             self._furniture.append(_is_furniture(name))
         return self._names[name]
 
-    def _set_entries(
-        self, voxels: NDArray[np.int32], detections: NDArray[np.int32], n_voxels: int
-    ) -> None:
-        """Replace all entries."""
-        self._newest, self._before = _Column(), _Column()
-        self._voxel, self._detection = _Column(), _Column()  # of each entry
-        self._add(voxels, detections, n_voxels)
-
-    def _add_entries(self, voxels: NDArray[np.int32], detection: int) -> None:
-        self._add(voxels, np.full(len(voxels), detection, np.int32), len(self._voxels))
-
-    def _add(self, voxels: NDArray[np.int32], detections: NDArray[np.int32], n_voxels: int) -> None:
-        self._newest.resize(n_voxels, _NONE)
-        start = len(self._voxel.values)
-        self._voxel.append(voxels)
-        self._detection.append(detections)
-        self._before.append(np.empty(len(voxels), np.int32))
-        link_kernel(voxels, start, self._newest.values, self._before.values)
-
     def _forget_views(self, count: int) -> None:
         """Drop the oldest views and their detections, and the voxels that have no more."""
         gone = int(np.searchsorted(self._view.values, count))
-        kept = (self._detection.values >= gone) & (self._voxel.values != NO_VOXEL)
-        keys = self._voxels.keys[self._voxel.values[kept]]
-        detections = self._detection.values[kept] - gone
-        self._voxels = VoxelNumbers()
-        voxels = self._voxels.of_keys(keys)
-        self._set_entries(voxels, detections, len(self._voxels))
+        self._entries = self._entries.without(gone)
         for name in ("_name", "_view", "_size"):
-            column = _Column()
-            column.append(getattr(self, name).values[gone:])
-            setattr(self, name, column)
+            setattr(self, name, Column(getattr(self, name).values[gone:]))
         self._view.values[:] -= count
         del self._eye_m[:count]
 
@@ -249,14 +227,15 @@ class NameSightings:
     def named(self, keys: NDArray[np.integer], class_name: str) -> NamedViews | None:
         """Views that named the instance with these voxels [n] (keys, which may repeat); None
         without one."""
-        voxels = self._voxels.of_keys(keys)
-        self._newest.resize(len(self._voxels), _NONE)
+        entries = self._entries
+        voxels = entries.voxels.of_keys(keys)
+        entries.newest.resize(len(entries.voxels), NONE)
         overlap = np.zeros(len(self._name.values), np.int32)
         ids = np.empty(len(overlap), np.int32)
-        stamps = np.zeros(len(self._voxels), np.bool_)
+        stamps = np.zeros(len(entries.voxels), np.bool_)
         n_voxels, n = overlap_kernel(
-            voxels, stamps, self._newest.values, self._before.values, self._detection.values,
-            overlap, ids,
+            voxels, stamps, entries.newest.values, entries.before.values,
+            entries.columns["detection"].values, overlap, ids,
         )  # fmt: skip
         ids = np.sort(ids[:n])
         alike = np.array(self._furniture, np.bool_) == _is_furniture(class_name)
@@ -276,15 +255,16 @@ class NameSightings:
 
     def table(self) -> SightingTable:
         """All detections with their voxels."""
-        kept = self._voxel.values != NO_VOXEL
-        filled, voxel = np.unique(self._voxel.values[kept], return_inverse=True)
+        entries = self._entries
+        kept = entries.voxel.values != NO_VOXEL
+        filled, voxel = np.unique(entries.voxel.values[kept], return_inverse=True)
         order = np.argsort(voxel, kind="stable")
         return SightingTable(
             tuple(self._names),
             self._name.values.copy(),
             voxel[order],
-            self._detection.values[kept][order],
-            self._voxels.keys[filled],
+            entries.columns["detection"].values[kept][order],
+            entries.voxels.keys[filled],
         )
 
 
@@ -338,14 +318,6 @@ def filled_kernel(mask, box, first, step, voxel, stamps, stamp, filled):
 
 
 @njit(cache=True, nogil=True)
-def link_kernel(voxels, start, newest, before):
-    """Prepend entries, numbered from `start`, to the lists of their voxels."""
-    for k in range(voxels.size):
-        before[start + k] = newest[voxels[k]]
-        newest[voxels[k]] = start + k
-
-
-@njit(cache=True, nogil=True)
 def overlap_kernel(voxels, stamps, newest, before, detection, overlap, ids):
     """Add to overlap [detections] the distinct voxels among `voxels` that each detection fills.
 
@@ -360,7 +332,7 @@ def overlap_kernel(voxels, stamps, newest, before, detection, overlap, ids):
         stamps[v] = True
         n_voxels += 1
         entry = newest[v]
-        while entry != _NONE:
+        while entry != NONE:
             d = detection[entry]
             if overlap[d] == 0:
                 ids[n] = d
