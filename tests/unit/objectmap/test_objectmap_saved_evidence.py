@@ -66,7 +66,7 @@ def test_a_stored_map_keeps_its_beliefs_in_another_frame(seen: ObjectMap, turn_r
     before, after = ({o.class_name: o for o in m.objects()} for m in (seen, present))
     for name in ("table", "mug"):
         assert after[name].score == pytest.approx(before[name].score, abs=0.06)
-    assert after["table"].image_text_nats == pytest.approx(before["table"].image_text_nats, abs=0.3)
+    assert after["table"].image_text_nats == pytest.approx(before["table"].image_text_nats, abs=0.5)
 
 
 def test_a_file_without_past_names_and_scores_is_read(seen: ObjectMap) -> None:
