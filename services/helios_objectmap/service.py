@@ -120,7 +120,7 @@ class ObjectMapService:
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
             self._kept = AutosavedFile(path, settings.save_every_s, self._unkept, self._troubled)
-        self._found: bytes | None = None  # file of the map in `_restored`
+        self._found: tuple[WorldId | None, bytes] | None = None  # read before the world is known
         stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
         self._stored = StoredObjects(settings, stored_file)
         self._take_up_kept_map()
@@ -364,21 +364,21 @@ class ObjectMapService:
         """Replace the current map with the map of a file, or store it if it is of another world.
 
         A file names its world. In the present world, or with `same_frame`, it replaces the current
-        map; otherwise it waits until map2d has found its place. A refused file changes nothing.
+        map; otherwise it waits until map2d has found its place. Before the robot tells its world,
+        the file is used until it tells another one. A refused file changes nothing.
         """
         world = persistence.world_of(request.data)
         with self._lock:
             present = self._maps.robot_world or self._maps.world
-            named = world is not None and present is not None
-            counts = None
-            if named and world != present and not request.same_frame:
-                counts = self._stored.replace(request.data)
+            elsewhere = world not in (None, present) and not request.same_frame
+            counts = self._stored.replace(request.data) if elsewhere and present else None
         if counts is not None:
             self._say()
             return pb.ObjectMapLoaded(gaussians=counts[0], objects=counts[1], stored=True)
-        loaded = self._recall(request.data)
+        loaded = self._recall(request.data, only_in_its_world=elsewhere)
         with self._lock:
-            self._stored.drop()
+            if not elsewhere or self._found is not None:  # else it is stored now
+                self._stored.drop()
         self._say()
         return loaded
 
@@ -454,6 +454,7 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame)
+        self._store_left_behind()
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
         self._maps.newest = observation.frame.id
@@ -475,10 +476,10 @@ class ObjectMapService:
         self._say()
 
     def _store_left_behind(self) -> None:
-        """Store the map of an earlier process, which is of another world. The lock is held."""
+        """Store the map read before the world was known, if it is of another; the lock is held."""
         found, self._found = self._found, None
-        if found is not None:
-            self._stored.store(found)
+        if found is not None and found[0] != self._maps.world:
+            self._stored.store(found[1])
 
     def _replaced(self) -> None:
         """Set up the map that has just replaced the current one."""
@@ -529,7 +530,7 @@ class ObjectMapService:
         try:
             found = self._kept.found()
             if found is not None:
-                self._recall(found.data, written=found.written)
+                self._recall(found.data, written=found.written, only_in_its_world=True)
         except InvalidInput as error:
             self._health.count("maps_refused")
             self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
@@ -548,18 +549,20 @@ class ObjectMapService:
             return f"the map was restored as it was written at {written}: {content}"
         return map_autosave.of_another_world(written)
 
-    def _recall(self, data: bytes, *, written: str = "") -> pb.ObjectMapLoaded:
+    def _recall(
+        self, data: bytes, *, written: str = "", only_in_its_world: bool = False
+    ) -> pb.ObjectMapLoaded:
         """Replace the content of the current map with that of a file. Raises InvalidInput.
 
-        written: local time of writing if the file is the map of an earlier process, which is valid
-        only in the world of the file.
+        written: local time of writing if the file is the map of an earlier process.
+        only_in_its_world: the file must not be used in another world.
         """
         began = time.perf_counter()
         found = persistence.read(data, self._maps.current.empty_viewpoints())
         with self._lock:
             present = self._maps.current
             present.load_content(found.content)
-            if written and self._maps.world is None:
+            if only_in_its_world and self._maps.world is None:
                 self._maps.restored(found.world, found.newest)
             self._replaced()
             objects, gaussians = len(present.objects()), len(present)
@@ -568,7 +571,7 @@ class ObjectMapService:
             content = f"{counted(objects, 'object')}, {counted(gaussians, 'Gaussian')}{frames}"
             # Under the lock: a robot state of another world may park the map at once.
             self._restored = (present, written, content) if written else None
-            self._found = data if written else None
+            self._found = (found.world, data) if only_in_its_world else None
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
         return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
 

@@ -30,6 +30,7 @@ from helios_core.topics import (
     RENDER_OBJECTS,
     ROBOT_STATE,
     SAVE_OBJECTS,
+    STORED_OBJECTS,
 )
 from helios_core.types import RobotState
 from helios_objectmap import persistence
@@ -104,13 +105,17 @@ def test_a_loaded_map_equals_the_saved_one_and_continues(rig):
     assert other.mug().score > before.score
 
 
-def test_a_map_of_any_world_stays_if_loaded_before_the_first_frame(rig):
+@pytest.mark.parametrize("same_frame", [False, True])
+def test_a_map_loaded_before_the_robot_tells_its_world_is_used_there_only_if_asked(rig, same_frame):
     other = Rig()
     other.bus.publish(CONTEXT, context_to_proto(SOUGHT))
-    other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
+    file = pb.ObjectMapFile(data=rig.saved(), same_frame=same_frame)
+    other.bus.call(LOAD_OBJECTS, file, 5.0)
     state = RobotState(np.eye(4), robot_boot_id="a boot that the file does not name")
     other.bus.publish(ROBOT_STATE, state_to_proto(state))
-    assert other.objects() == rig.objects()
+    assert other.objects() == (rig.objects() if same_frame else [])
+    waiting = other.bus.call(STORED_OBJECTS, pb.Empty(), 5.0).objects
+    assert len(waiting) == (0 if same_frame else len(rig.objects()))
 
 
 @settings(max_examples=20, deadline=None)
