@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -300,6 +301,7 @@ class RobotInput:
 
     def image(self, within_s: float) -> ImagePair:
         """Newest pair of images later than `after_ns`, with its pose known. Raises Unavailable."""
+        until_s = time.monotonic() + within_s
         with self._news:
 
             def newer() -> bool:
@@ -311,7 +313,8 @@ class RobotInput:
             pair = self._pairs.newest
             assert pair is not None
             self.after_ns = pair.stamp_ns
-            self._news.wait_for(lambda: self._pose_is_known(pair.stamp_ns), within_s)
+            left_s = max(until_s - time.monotonic(), 0.0)
+            self._news.wait_for(lambda: self._pose_is_known(pair.stamp_ns), left_s)
             return pair
 
     def poses_at(self, ns: int) -> tuple[Matrix, Matrix]:

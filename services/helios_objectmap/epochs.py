@@ -58,6 +58,16 @@ class EpochMaps:
         self._go_to(world, ObjectMap(self._settings))
         return True
 
+    @property
+    def confirmed(self) -> WorldId | None:
+        """World that the robot or its frames have told; None before."""
+        return self.robot_world or (None if self.from_disk else self.world)
+
+    def use_anywhere(self) -> None:
+        """Let the current map count in any world that the robot will tell, if none is known yet."""
+        if self.from_disk:
+            self.world, self.newest, self.from_disk = None, None, False
+
     def restored(self, world: WorldId | None, newest: FrameId | None) -> None:
         """Note that the current map, with its world, comes from the file of an earlier process."""
         self.world, self.newest = world, newest

@@ -92,7 +92,7 @@ class ObjectMap:
         """Take over a content; the past views, which it lacks, are empty."""
         self._store, self._registry = content.store, content.registry
         self._viewpoints, self._updates = content.viewpoints, content.updates
-        self._added_update: int | None = None  # update number of `add_stored`
+        self._added_updates: list[int] = []  # update numbers of `add_stored`
         self._classes = SearchedClasses(self._settings, content.roles)
         self._past = PastViews()
         self._sightings, self._image_text = content.sightings, content.image_text
@@ -141,7 +141,7 @@ class ObjectMap:
             detections = (*observation.detections, *observation.others)
             self._sightings.note(reading, s.stride_px, detections)
         if s.image_text != "ignored" and self._is_new(look):
-            self._image_text.note(reading, observation.class_scores)
+            self._image_text.note(reading, self._classes.among(observation.class_scores))
         if s.joined_by == "detections" and self._is_new(look):
             self._note_co_detections(reading, observation)
         projection = self._project(reading.view)
@@ -378,20 +378,21 @@ class ObjectMap:
             return 0
         labels = there.instance.copy()
         rows = placed.append_stored(store, there, T_here_there, self._updates, self._sectors)
-        self._added_update, self._updates = self._updates, self._updates + 1
+        self._added_updates.append(self._updates)
+        self._updates += 1
         self._classes.add_roles(content.roles)
         self._join(rows)
         self._registry.inherit_from(store.instance[rows], labels, content.registry)
-        self._sightings.add_arrays(content.sightings.arrays(), T_here_there)
+        self._sightings.add_earlier(content.sightings.arrays(), T_here_there)
         self._image_text.add_arrays(content.image_text.arrays(), T_here_there)
         self._beliefs.drop_all()
         return len(rows)
 
     def added_objects(self) -> frozenset[int]:
         """Ids of the instances with Gaussians that `add_stored` added."""
-        if self._added_update is None:
+        if not self._added_updates:
             return frozenset()
-        added = self._store.instance[self._store.created_update == self._added_update]
+        added = self._store.instance[np.isin(self._store.created_update, self._added_updates)]
         return frozenset(np.unique(added).tolist()) - {NO_INSTANCE}
 
     # Parts of an update -----------------------------------------------------------------------

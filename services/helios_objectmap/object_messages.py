@@ -9,7 +9,8 @@ from helios_core import proto as pb
 from helios_core.codec import object_to_proto, vector_to_proto
 from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import MapPart
-from helios_core.types import ObjectInstance, Observation
+from helios_core.printable_text import counted
+from helios_core.types import FrameId, ObjectInstance, Observation
 
 from helios_objectmap.instances.registry import Moment
 from helios_objectmap.instances.summary import Grasp
@@ -21,6 +22,12 @@ def object_message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstanc
     out = object_to_proto(thing)
     out.relocalised = relocalised
     return out
+
+
+def content_in_words(objects: int, gaussians: int, newest: FrameId | None) -> str:
+    """Content of a map, for people. newest: newest frame in it."""
+    frames = "" if newest is None else f", frames up to number {newest.seq}"
+    return f"{counted(objects, 'object')}, {counted(gaussians, 'Gaussian')}{frames}"
 
 
 def held_message(seen: ShownNames) -> pb.HeldObjectReply:

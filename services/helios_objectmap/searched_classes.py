@@ -27,6 +27,10 @@ class SearchedClasses:
         """Classes of the current search; empty before the first."""
         return [c.name for c in self.context.distinct()] if self.context is not None else []
 
+    def among(self, scores: Mapping[str, float]) -> dict[str, float]:
+        """The scores of classes of the current search."""
+        return {name: scores[name] for name in self.names if name in scores}
+
     @property
     def prior_classes(self) -> int:
         """Number of classes of the prior, "other" included."""

@@ -25,7 +25,6 @@ from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.image_messages import ObservationMessage, apart
 from helios_core.map_autosave import AutosavedFile
-from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
 from helios_core.topics import (
     CONTEXT,
@@ -57,6 +56,7 @@ from helios_objectmap.error_model import ErrorModelInUse
 from helios_objectmap.object_map import ObjectMap, UpdateReport
 from helios_objectmap.object_messages import (
     ack_message,
+    content_in_words,
     detail_message,
     held_message,
     object_message,
@@ -120,7 +120,7 @@ class ObjectMapService:
         if settings.state_dir is not None:
             path = settings.state_dir / FILE_NAME
             self._kept = AutosavedFile(path, settings.save_every_s, self._unkept, self._troubled)
-        self._found: tuple[WorldId | None, bytes] | None = None  # read before the world is known
+        self._found: bytes | None = None  # file of the map in use until the robot tells its world
         stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
         self._stored = StoredObjects(settings, stored_file)
         self._take_up_kept_map()
@@ -187,7 +187,8 @@ class ObjectMapService:
             )
             if another:
                 self._replaced()
-                self._store_left_behind()
+            if message.robot_boot_id:
+                self._settle_world()
         if another:
             log.warning("%s", self._map_said)
             self._say()
@@ -367,18 +368,17 @@ class ObjectMapService:
         map; otherwise it waits until map2d has found its place. Before the robot tells its world,
         the file is used until it tells another one. A refused file changes nothing.
         """
-        world = persistence.world_of(request.data)
+        found = persistence.read(request.data, self._maps.current.empty_viewpoints())
         with self._lock:
-            present = self._maps.robot_world or self._maps.world
-            elsewhere = world not in (None, present) and not request.same_frame
-            counts = self._stored.replace(request.data) if elsewhere and present else None
-        if counts is not None:
-            self._say()
-            return pb.ObjectMapLoaded(gaussians=counts[0], objects=counts[1], stored=True)
-        loaded = self._recall(request.data, only_in_its_world=elsewhere)
-        with self._lock:
-            if not elsewhere or self._found is not None:  # else it is stored now
+            present = self._maps.confirmed
+            elsewhere = found.world not in (None, present) and not request.same_frame
+            if elsewhere and present is not None:
+                loaded = self._stored.replace(request.data)
+            else:
+                self._maps.use_anywhere()
+                loaded = self._use(found, request.data if elsewhere else None)
                 self._stored.drop()
+        log.info("%d Gaussians read", loaded.gaussians)
         self._say()
         return loaded
 
@@ -454,7 +454,7 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame)
-        self._store_left_behind()
+        self._settle_world()
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
         self._maps.newest = observation.frame.id
@@ -472,14 +472,20 @@ class ObjectMapService:
         if self._kept is not None:
             self._kept.write()
         with self._lock:
-            self._stored.drop()
+            self._stored.tidy()
         self._say()
 
-    def _store_left_behind(self) -> None:
-        """Store the map read before the world was known, if it is of another; the lock is held."""
+    def _settle_world(self) -> None:
+        """Put aside the map in use if it is of another world; the lock is held."""
         found, self._found = self._found, None
-        if found is not None and found[0] != self._maps.world:
-            self._stored.store(found[1])
+        if found is not None and persistence.world_of(found) != self._maps.world:
+            self._stored.store(found)
+        world = self._maps.confirmed
+        if world is not None and not len(self._maps.current):
+            own = self._stored.take(world)
+            if own is not None:
+                self._maps.current.load_content(own)
+                self._replaced()
 
     def _replaced(self) -> None:
         """Set up the map that has just replaced the current one."""
@@ -530,7 +536,10 @@ class ObjectMapService:
         try:
             found = self._kept.found()
             if found is not None:
-                self._recall(found.data, written=found.written, only_in_its_world=True)
+                loaded = persistence.read(found.data, self._maps.current.empty_viewpoints())
+                with self._lock:
+                    self._use(loaded, found.data, found.written)
+                log.info("%d Gaussians read", len(loaded.content.store))
         except InvalidInput as error:
             self._health.count("maps_refused")
             self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
@@ -549,30 +558,23 @@ class ObjectMapService:
             return f"the map was restored as it was written at {written}: {content}"
         return map_autosave.of_another_world(written)
 
-    def _recall(
-        self, data: bytes, *, written: str = "", only_in_its_world: bool = False
+    def _use(
+        self, found: persistence.LoadedMap, data: bytes | None, written: str = ""
     ) -> pb.ObjectMapLoaded:
-        """Replace the content of the current map with that of a file. Raises InvalidInput.
+        """Replace the content of the current map with that of a file. The lock is held.
 
+        data: the file, if it may be used in its own world alone, and the robot has told none yet.
         written: local time of writing if the file is the map of an earlier process.
-        only_in_its_world: the file must not be used in another world.
         """
-        began = time.perf_counter()
-        found = persistence.read(data, self._maps.current.empty_viewpoints())
-        with self._lock:
-            present = self._maps.current
-            present.load_content(found.content)
-            if only_in_its_world and self._maps.world is None:
-                self._maps.restored(found.world, found.newest)
-            self._replaced()
-            objects, gaussians = len(present.objects()), len(present)
-            newest = self._maps.newest
-            frames = "" if newest is None else f", frames up to number {newest.seq}"
-            content = f"{counted(objects, 'object')}, {counted(gaussians, 'Gaussian')}{frames}"
-            # Under the lock: a robot state of another world may park the map at once.
-            self._restored = (present, written, content) if written else None
-            self._found = (found.world, data) if only_in_its_world else None
-        log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
+        present = self._maps.current
+        present.load_content(found.content)
+        if data is not None and self._maps.world is None:
+            self._maps.restored(found.world, found.newest)
+        self._replaced()
+        objects, gaussians = len(present.objects()), len(present)
+        content = content_in_words(objects, gaussians, self._maps.newest)
+        self._restored = (present, written, content) if written else None
+        self._found = data if found.world is not None else None
         return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
 
     def _unkept(self, kept_version: int) -> tuple[int, bytes] | None:
@@ -592,7 +594,8 @@ class ObjectMapService:
 
     def _arrays(self) -> dict[str, NDArray]:
         maps = self._maps
-        return persistence.arrays_of(maps.current.content(), maps.world, maps.newest)
+        world = maps.world or maps.robot_world
+        return persistence.arrays_of(maps.current.content(), world, maps.newest)
 
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:

@@ -14,6 +14,7 @@ from helios_core.types import WorldId
 
 from helios_objectmap import persistence
 from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.persistence import MapContent
 from helios_objectmap.settings import ObjectMapSettings
 
 log = logging.getLogger(__name__)
@@ -57,17 +58,39 @@ class StoredObjects:
         self._maps = dict([(world, stored), *others][:2])
         return len(stored), len(stored.objects())
 
-    def replace(self, data: bytes) -> tuple[int, int]:
-        """Store a map file in place of all others; a refused one changes nothing. As `store`."""
+    def replace(self, data: bytes) -> pb.ObjectMapLoaded:
+        """Store a map file in place of all others; a refused one changes nothing. Raises
+        InvalidInput."""
         self._decoded(data)
         self.drop()
-        return self.store(data)
+        gaussians, objects = self.store(data)
+        return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects, stored=True)
 
     def drop(self) -> None:
         """Forget the stored maps, also on the disk."""
         self._maps = {}
         for file in self._files:
             file.remove()
+
+    def take(self, world: WorldId) -> MapContent | None:
+        """Content of the stored map of a world, which is no longer stored then; None without
+        one."""
+        stored = self._maps.pop(world, None)
+        if stored is None:
+            return None
+        self.tidy()
+        return stored.content()
+
+    def tidy(self) -> None:
+        """Remove the files of maps that are no longer stored."""
+        for file in self._files:
+            try:
+                data = file.read()
+            except OSError as error:
+                log.error("stored objects cannot be read: %s", error)
+                continue
+            if data is not None and persistence.world_of(data) not in self._maps:
+                file.remove()
 
     def note_place(self, place: pb.Relocalisation) -> None:
         """Note the newest message of map2d."""
@@ -77,7 +100,7 @@ class StoredObjects:
         """Add the stored map to the present one, if it is relocalised in this world.
 
         Returns the number of Gaussians added, or None if nothing was done. The file stays until
-        `drop`.
+        `tidy`.
         """
         place = self._place
         stored = self._maps.get(world_from_proto(place.stored))

@@ -115,7 +115,8 @@ class InstanceBeliefs:
         """Log-likelihood ratio of an instance's class by image-text scores; None if the scorer does
         not rate the class, or the instance is too small to be reported."""
         name = self._registry.records[label].class_name
-        if not self._image_text.rates(name) or self.belief(label) is None:
+        ignored = self._settings.image_text == "ignored" or not self._image_text.rates(name)
+        if ignored or self.belief(label) is None:
             return None
         seen = self._seen_by_sector(label)
         if seen is None:

@@ -53,6 +53,7 @@ SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
 LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less, L is 0
 MOST_NATS = 6.0  # largest L, both ways
+MOST_SUMS = 2**22  # voxels times classes of a map file: 400 MB
 _LEAST = 1e-4  # score in the odds; also 1 minus the largest one
 
 
@@ -133,15 +134,16 @@ class ImageTextScores:
     def arrays(self) -> dict[str, NDArray]:
         """Copies of all scores. A cell is a voxel, a viewing sector and a class with a score."""
         names = [name for name in self._scores if name in self._sums]
-        at = [np.nonzero(self._sums[name][..., 0]) for name in names]
-        voxel, sector = (np.concatenate([a[k] for a in at] or [[]]) for k in (0, 1))
-        rows = [self._sums[name][a] for name, a in zip(names, at, strict=True)]
+        cells = [np.flatnonzero(self._sums[name].view(np.uint64)) for name in names]
+        rows = [self._sums[name].reshape(-1, 2)[c] for name, c in zip(names, cells, strict=True)]
+        cell = np.concatenate([np.empty(0, np.intp), *cells])
         found = [self._scores[name] for name in names]
         return {
             "names": np.array(names, np.str_),
             "scores": np.array([(s.views, s.mean, s.squares) for s in found]).reshape(-1, 3),
             "keys": self._voxels.keys.copy(),
-            "voxel": voxel.astype(np.int32), "sector": sector.astype(np.int8),
+            "voxel": (cell // SECTORS).astype(np.int32),
+            "sector": (cell % SECTORS).astype(np.int8),
             "class": np.repeat(np.arange(len(names), dtype=np.int16), [len(r) for r in rows]),
             "sums": np.concatenate([np.empty((0, 2), np.float32), *rows]),
         }  # fmt: skip
@@ -160,7 +162,11 @@ class ImageTextScores:
         keys = moved_keys(arrays["keys"], VOXEL_M, T_here_there)
         for index, n in ((voxel, len(keys)), (sector, SECTORS), (of_class, len(names))):
             check_within(index, n)
-        numbers = self._voxels.of_keys(keys)
+        used, voxel = np.unique(voxel, return_inverse=True)
+        n_voxels = len(self._voxels) + len(used)
+        if n_voxels * len(self._scores.keys() | set(names)) > MOST_SUMS:
+            raise ValueError(f"image-text scores of {n_voxels} voxels and {len(names)} classes")
+        numbers = self._voxels.of_keys(keys[used])
         turned = 0 if T_here_there is None else round(yaw_of(T_here_there) * SECTORS / math.tau)
         for k, name in enumerate(names):
             views, mean, squares = scores[k].tolist()

@@ -126,6 +126,9 @@ class NameSightings:
     def __init__(self, most_views: int = MOST_VIEWS) -> None:
         """most_views: beyond, the older half is dropped."""
         self._most_views = most_views
+        self._clear()
+
+    def _clear(self) -> None:
         self._names: dict[str, int] = {}  # name -> its number
         self._furniture: list[bool] = []  # of each name
         self._eye_m: list[NDArray[np.float64]] = []  # of each view
@@ -168,30 +171,42 @@ class NameSightings:
         """Copies of all views and detections."""
         return {
             "names": np.array(list(self._names), np.str_), "name": self._name.values.copy(),
-            "view": self._view.values.copy(), "eye_m": np.array(self._eye_m).reshape(-1, 3),
+            "view": self._view.values.copy(), "size": self._size.values.copy(),
+            "eye_m": np.array(self._eye_m).reshape(-1, 3),
         } | self._entries.arrays()  # fmt: skip
 
     def add_arrays(self, arrays: Mapping[str, NDArray], T_here_there: Matrix | None = None) -> None:
         """Add views that `arrays` returned. T_here_there: their place in this frame; None: the same
-        frame. Raises ValueError for inconsistent arrays."""
+        frame. Raises ValueError for inconsistent arrays, and then nothing may be used."""
         names = [str(name) for name in arrays["names"]]
-        name, view = (arrays[key].astype(np.int32) for key in ("name", "view"))
+        name, view, size = (arrays[key].astype(np.int32) for key in ("name", "view", "size"))
         eyes_m = arrays["eye_m"].astype(np.float64).reshape(-1, 3)
-        if name.shape != view.shape or not np.isfinite(eyes_m).all():
-            raise ValueError("detections have no names or views")
+        if name.shape != view.shape or name.shape != size.shape or not np.isfinite(eyes_m).all():
+            raise ValueError("detections have no names, views or sizes")
+        if (np.diff(view) < 0).any() or size.min(initial=1) < 1:
+            raise ValueError("detections are not in the order of their views, or are empty")
         check_within(name, len(names))
         check_within(view, len(eyes_m))
         check_within(arrays["detection"], len(name))
         first, start = len(self._name.values), len(self._entries)
         self._entries.add_arrays(arrays, first, T_here_there)
+        filled = arrays["detection"][arrays["voxel"] != NO_VOXEL]
+        added = self._entries.columns["detection"].values[start:] - first
+        merged = np.bincount(filled, minlength=len(name)) - np.bincount(added, minlength=len(name))
         numbers = np.array([self._number_of(n) for n in names], np.int32)
         self._name.append(numbers[name])
         self._view.append(view + len(self))
-        added = self._entries.columns["detection"].values[start:] - first
-        self._size.append(np.bincount(added, minlength=len(name)))
+        self._size.append(np.maximum(size - merged, 1))
         self._eye_m.extend(moved(eyes_m, T_here_there))
         if len(self) > self._most_views:
-            self._forget_views(len(self) - self._most_views // 2)
+            self._forget_views(len(self) - self._most_views)
+
+    def add_earlier(self, arrays: Mapping[str, NDArray], T_here_there: Matrix | None) -> None:
+        """Add views before the present ones, which stay longest. As `add_arrays`."""
+        present = self.arrays()
+        self._clear()
+        self.add_arrays(arrays, T_here_there)
+        self.add_arrays(present)
 
     def _number_of(self, name: str) -> int:
         if name not in self._names:

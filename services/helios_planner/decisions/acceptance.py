@@ -50,9 +50,9 @@ class AcceptanceThresholds:
     before the second search round. by_place: True if scores are multiplied by the relative
     probability that the candidate lies where the instruction says. unrated: factor of the
     thresholds for a class that the image-text scorer does not rate, whose scores stay lower.
-    in_known_home: index of the first threshold if the candidates include one of a stored map, whose
-    home has been searched before. at_last: share of the task's budget from which the last threshold
-    applies, which `patience` never reaches.
+    in_known_home: index of the first threshold if a candidate of a stored map reaches it: its home
+    has been searched before; None: no difference. at_last: share of the task's budget from which
+    the last threshold applies, which `patience` never reaches.
     """
 
     steps: tuple[AcceptanceThreshold, ...]
@@ -60,7 +60,7 @@ class AcceptanceThresholds:
     patience: float | None = None
     by_place: bool = False
     unrated: float = 1.0
-    in_known_home: int = 0
+    in_known_home: int | None = None
     at_last: float | None = None
 
     def step(self, index: int, rated: bool) -> AcceptanceThreshold:

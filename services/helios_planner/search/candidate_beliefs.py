@@ -42,10 +42,6 @@ class Belief(ABC):
         """True if driving on to the object is worth it. Beliefs with scores decide on arrival."""
         return True
 
-    def remembers(self, class_name: str, least: float) -> bool:
-        """True if a stored map, found again, has an instance with at least that score."""
-        return False
-
     @abstractmethod
     def taken(self, thing: ObjectInstance) -> None:
         """Remove an object that was picked up."""
@@ -75,9 +71,6 @@ class MapBelief(Belief):
         same = [o for o in known if o.id == thing.id]
         within_m = within_m if same else min(within_m, SAME_THING_M)
         return nearest_to(thing.center_m, same or known, within_m)
-
-    def remembers(self, class_name: str, least: float) -> bool:
-        return any(o.relocalised and o.score >= least for o in self.known(class_name))
 
     def taken(self, thing: ObjectInstance) -> None:
         self.robot.retire(thing.id, np.asarray(thing.center_m), "picked up")

@@ -55,10 +55,10 @@ class ScoredSearch(Search):
         self._step = 0  # index into the acceptance thresholds
         self._decision_step = 0  # the same for the newest decision
         self._rated = True  # the image-text scorer rates the class, as far as is known
-        self._known_home = False  # a candidate is of a stored map
+        self._known_home = False  # a candidate of a stored map is good enough
         self._views: dict[int, BestView | None] = {}
         self._checks: list[tuple[float, float]] = []  # centres of candidates at each check, m
-        self._remembered = CandidateMemory()
+        self._past_candidates = CandidateMemory()
         self._from_memory = False  # True if its candidate is no longer in the object map
 
     @abstractmethod
@@ -103,11 +103,23 @@ class ScoredSearch(Search):
         return self._thresholds.step(self._decision_step, self._rated)
 
     def _present_step(self) -> int:
-        """Index of the threshold that applies now; it never decreases."""
-        least = self._thresholds.in_known_home if self._known_home else 0
+        """Index of the threshold that applies now."""
         due = self._thresholds.least_at(self.robot.budget_used(), self._since)
-        self._step = max(self._step, least, due)
-        return self._step
+        self._step = max(self._step, due)
+        least = self._thresholds.in_known_home if self._known_home else None
+        return self._step if least is None else max(self._step, least)
+
+    def remembers(self) -> bool:
+        """True if a stored map, found again, has a candidate that is good enough."""
+        return self._remembered(self.candidates())
+
+    def _remembered(self, things: Sequence[ObjectInstance]) -> bool:
+        step = self._thresholds.in_known_home
+        return step is not None and any(
+            t.relocalised
+            and self._meets(t, self._thresholds.step(step, t.image_text_nats is not None))
+            for t in things
+        )
 
     def _place(self, candidate: ObjectInstance) -> float:
         return self.place_probability(candidate) if self._thresholds.by_place else 1.0
@@ -174,15 +186,15 @@ class ScoredSearch(Search):
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
-            "standard": self._step, "since": self._since,
-            "remembered": self._remembered.checkpoint(), "checks": list(self._checks),
+            "standard": self._step, "since": self._since, "rated": self._rated,
+            "remembered": self._past_candidates.checkpoint(), "checks": list(self._checks),
         }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
         self._step, self._since = int(checkpoint["standard"]), float(checkpoint["since"])
-        self._decision_step = self._step
-        self._remembered.restore(checkpoint.get("remembered", []))
+        self._decision_step, self._rated = self._step, bool(checkpoint.get("rated", True))
+        self._past_candidates.restore(checkpoint.get("remembered", []))
         self._checks = [(x, y) for x, y in checkpoint.get("checks", [])]
 
     def decide(self) -> Decision:
@@ -193,13 +205,15 @@ class ScoredSearch(Search):
         """Decision about some candidates, by their scores."""
         options = []
         self._views.clear()
-        self._remembered.note(things)
+        self._past_candidates.note(things)
         if things:
             self._rated = any(thing.image_text_nats is not None for thing in things)
-            self._known_home = any(thing.relocalised for thing in things)
+        self._known_home = self._remembered(things)
         self._decision_step = self._present_step()
         known_once = (
-            None if things or not self.accepted_any_candidate else self._remembered.best(self.open)
+            None
+            if things or not self.accepted_any_candidate
+            else self._past_candidates.best(self.open)
         )
         self._from_memory = known_once is not None
         for thing in [known_once] if known_once else things:
@@ -215,7 +229,7 @@ class ScoredSearch(Search):
         )
 
     def chosen(self, decision: Decision) -> ObjectInstance:
-        known_once = self._remembered.get(decision.chosen.id) if self._from_memory else None
+        known_once = self._past_candidates.get(decision.chosen.id) if self._from_memory else None
         return known_once or super().chosen(decision)
 
     def decide_and_publish(self) -> Decision:

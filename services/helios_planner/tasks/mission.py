@@ -21,6 +21,7 @@ from helios_planner.navigation.base_controller import Outcome, base_controller_f
 from helios_planner.navigation.motion_monitor import Dropped
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import FRONTIER_REACH_M, Search, SearchTools
+from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import STOP_RULES, ViewPlanner
 from helios_planner.settings import Settings
@@ -96,10 +97,18 @@ class Mission:
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
 
     def _remembers_it(self) -> bool:
-        """True if a stored map, found again, has the object or place with a sufficient score."""
-        s, i = self.tools.settings, self.instruction
-        name, least = (i.object, s.tau_g) if i.object else (i.goal, s.tau_b)
-        return self.tools.belief.remembers(name or "", least)
+        """True if the search would act at once on what a stored map has, found again."""
+        i, name = self.instruction, self.instruction.object or self.instruction.goal or ""
+        if not isinstance(self.tools.belief, MapBelief):
+            return False
+        if not any(o.relocalised for o in self.robot.objects(name)):
+            return False
+        search = (
+            self.agent.seek_object(self.tools, name, i.start)
+            if i.object
+            else self.agent.seek_receptacle(self.tools, name, None)
+        )
+        return isinstance(search, ScoredSearch) and search.remembers()
 
     def _take_over(self, name: str) -> None:
         """Use an object that an earlier task left in the gripper: the right one only needs to be

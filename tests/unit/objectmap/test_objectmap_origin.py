@@ -161,7 +161,7 @@ def test_a_robot_state_of_another_world_right_after_the_map_was_read_is_reported
 
     class StateWhenRead(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            if "Gaussians read in" in record.getMessage():
+            if "Gaussians read" in record.getMessage():
                 said.append(record.getMessage())
                 state = RobotState(np.eye(4), robot_boot_id="tuesday", origin_id="garage")
                 hub_bus.publish(ROBOT_STATE, state_to_proto(state))

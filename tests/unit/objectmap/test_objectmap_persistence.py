@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -116,6 +117,54 @@ def test_a_map_loaded_before_the_robot_tells_its_world_is_used_there_only_if_ask
     assert other.objects() == (rig.objects() if same_frame else [])
     waiting = other.bus.call(STORED_OBJECTS, pb.Empty(), 5.0).objects
     assert len(waiting) == (0 if same_frame else len(rig.objects()))
+
+
+def told(rig: Rig, boot: str) -> None:
+    """The robot tells its world."""
+    rig.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), robot_boot_id=boot)))
+
+
+def waiting(rig: Rig) -> int:
+    """Number of objects that wait for their place."""
+    return len(rig.bus.call(STORED_OBJECTS, pb.Empty(), 5.0).objects)
+
+
+def test_a_map_that_is_loaded_twice_before_the_robot_tells_another_world_waits_once(rig):
+    other = Rig()
+    for _ in range(2):
+        assert not other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0).stored
+    told(other, "wednesday")
+    assert (len(other.objects()), waiting(other)) == (0, len(rig.objects()))
+
+
+def test_a_map_that_waits_is_used_once_the_robot_tells_its_world(rig):
+    world = persistence.world_of(rig.saved())
+    assert world is not None
+    other = Rig()
+    told(other, "wednesday")
+    assert other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0).stored
+    told(other, world.robot_boot_id)
+    assert (len(other.objects()), waiting(other)) == (len(rig.objects()), 0)
+
+
+def test_a_map_that_counts_anywhere_replaces_one_that_waits_for_its_world(rig):
+    other = Rig()
+    other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
+    file = pb.ObjectMapFile(data=rig.saved(), same_frame=True)
+    assert not other.bus.call(LOAD_OBJECTS, file, 5.0).stored
+    told(other, "wednesday")
+    assert (len(other.objects()), waiting(other)) == (len(rig.objects()), 0)
+
+
+def test_a_frame_of_another_world_also_puts_a_loaded_map_aside(rig):
+    other = Rig()
+    other.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
+    seen = observe(SCENE, looking_at(0.4, 0.4, MUG_CENTER), seq=1)
+    id = replace(seen.frame.id, robot_boot_id="wednesday")
+    seen = replace(seen, frame=replace(seen.frame, id=id))
+    other.bus.publish(OBSERVATION, observation_to_proto(seen))
+    assert waiting(other) == len(rig.objects())
 
 
 @settings(max_examples=20, deadline=None)

@@ -11,6 +11,8 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import se2_to_se3
 from helios_core.types import Detection
 from helios_objectmap import persistence
+from helios_objectmap.instances.image_text import _Distribution
+from helios_objectmap.instances.name_sightings import NameSightings
 from helios_objectmap.instances.voxel_entries import VoxelEntries
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 from helios_objectmap.object_map import ObjectMap
@@ -80,7 +82,8 @@ def test_a_file_without_past_names_and_scores_is_read(seen: ObjectMap) -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("sightings.name", 99), ("sightings.view", -1), ("sightings.detection", 10**6),
+        ("sightings.name", 99), ("sightings.view", -1), ("sightings.size", 0),
+        ("sightings.view", 3), ("sightings.detection", 10**6),
         ("sightings.voxel", 10**6), ("sightings.keys", -5), ("sightings.eye_m", math.nan),
         ("image_text.voxel", 10**6), ("image_text.sums", math.inf), ("image_text.keys", -1),
         ("image_text.sector", 12), ("image_text.class", 9), ("image_text.scores", -1),
@@ -102,6 +105,88 @@ def test_a_file_with_a_shortened_column_is_refused(seen: ObjectMap, name: str) -
     arrays[name] = arrays[name][:-1]
     with pytest.raises(InvalidInput, match="no whole object map"):
         loaded(arrays)
+
+
+def test_ignored_scores_of_a_file_change_nothing(seen: ObjectMap) -> None:
+    ignoring = ObjectMap(SETTINGS)
+    ignoring.load_content(loaded(saved(seen)))
+    bare = ObjectMap(SETTINGS)
+    bare.load_content(
+        loaded({k: a for k, a in saved(seen).items() if not k.startswith("image_text")})
+    )
+    assert [o.score for o in ignoring.objects()] == [o.score for o in bare.objects()]
+    assert all(o.image_text_nats is None for o in ignoring.objects())
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, math.pi / 2])
+def test_views_of_a_stored_map_count_beside_the_present_ones(
+    seen: ObjectMap, turn_rad: float
+) -> None:
+    """The same table was seen in both sessions: as often called, and twice as many views."""
+    T = se2_to_se3(3.0, -2.0, turn_rad)
+    present = ObjectMap(COMPARED)
+    present.add_stored(loaded(saved(seen)), T)
+    once, scores = present.content(), present.content().image_text
+    present.add_stored(loaded(saved(seen)), T)
+    content = present.content()
+    assert len(content.sightings) == 2 * len(seen.content().sightings)
+    rows = np.flatnonzero(content.store.column("mug") == content.store.class_column)
+    points = content.store.means
+    twice = content.sightings.rates(points, rows, "mug", 1.0)
+    single = seen.content()
+    rows = np.flatnonzero(single.store.column("mug") == single.store.class_column)
+    before = single.sightings.rates(single.store.means, rows, "mug", 1.0)
+    assert twice is not None
+    assert before is not None
+    assert twice.names == before.names
+    np.testing.assert_allclose(twice.rate.mean(axis=0), before.rate.mean(axis=0), atol=0.15)
+    assert once.image_text is scores
+    arrays, own = scores.arrays(), single.image_text.arrays()
+    np.testing.assert_allclose(arrays["scores"][:, 0], 2 * own["scores"][:, 0])
+    np.testing.assert_allclose(arrays["scores"][:, 1], own["scores"][:, 1])
+    np.testing.assert_allclose(arrays["scores"][:, 2], 2 * own["scores"][:, 2])
+    np.testing.assert_allclose(arrays["sums"].sum(axis=0), 2 * own["sums"].sum(axis=0), rtol=1e-4)
+    turned = round(turn_rad / (2 * math.pi) * 12)
+    share = np.bincount(arrays["sector"], arrays["sums"][:, 0], 12)
+    own_share = np.bincount(own["sector"], own["sums"][:, 0], 12)
+    np.testing.assert_allclose(share, 2 * np.roll(own_share, turned), rtol=1e-4)
+
+
+def test_scores_of_two_sessions_have_the_mean_and_deviation_of_all() -> None:
+    one, other, both = _Distribution(), _Distribution(), _Distribution()
+    for score in (0.1, 0.5, 0.3):
+        one.add(score)
+        both.add(score)
+    for score in (0.9, 0.8):
+        other.add(score)
+        both.add(score)
+    one.add_views(other.views, other.mean, other.squares)
+    assert (one.views, one.mean, one.deviation) == pytest.approx(
+        (both.views, both.mean, both.deviation)
+    )
+
+
+@pytest.mark.parametrize("present_views", [1, 3])
+def test_the_views_of_today_outlast_those_of_a_stored_map(
+    seen: ObjectMap, present_views: int
+) -> None:
+    stored = seen.content().sightings.arrays()
+    today = NameSightings(most_views=6)
+    own = NameSightings()
+    own.add_arrays(stored)
+    own._forget_views(len(own) - present_views)
+    today.add_arrays(own.arrays())
+    today.add_earlier(stored, None)
+    assert len(today) == 6
+    kept = today.arrays()["eye_m"]
+    np.testing.assert_array_equal(kept[-present_views:], own.arrays()["eye_m"])
+
+
+def test_a_forgotten_class_has_no_scores_in_the_file(seen: ObjectMap) -> None:
+    content = loaded(saved(seen))
+    content.image_text.forget(["table"])
+    assert not content.image_text.arrays()["names"].size
+    assert not content.image_text.rates("table")
 
 
 Entry = st.tuples(st.integers(0, 5), st.integers(0, 3), st.integers(1, 9))  # voxel, owner, pixels

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from helios_core.agent_presets import AgentName
 from helios_core.robot import Turn
 from helios_planner.decisions.acceptance import UNRATED, paper, patient
 from helios_planner.decisions.decision import ANY_SCORE, Do
@@ -18,14 +19,25 @@ from planner_rig import Looks, Rig, instance
 LOOKS = [(0.0, 0.0, 0.0)] * 20  # views of the stored map
 
 
-@pytest.mark.parametrize(("rate", "goes_at_once"), [(1.0, True), (0.0, False)])
+@pytest.mark.parametrize(
+    ("rate", "remembered", "agent", "text", "goes_at_once"),
+    [
+        (1.0, True, "helios", "find the mug", True),
+        (0.0, True, "helios", "find the mug", False),
+        (1.0, False, "helios", "find the mug", False),
+        (1.0, True, "helios-paper", "find the mug", False),
+        (1.0, True, "helios", "find the mug on the coffee table", False),
+        (1.0, True, "helios", "go to the counter", True),
+    ],
+)
 def test_the_robot_looks_around_only_until_a_stored_map_has_what_it_seeks(
-    rate: float, goes_at_once: bool
+    rate: float, remembered: bool, agent: AgentName, text: str, goes_at_once: bool
 ) -> None:
-    thing = mug(rate=rate)
-    thing.views, thing.remembered = list(LOOKS), True
-    world = flat([counter(), thing])
-    mission = Mission(world, parse("find the mug"), Settings(agent="helios", rounds=1))
+    things = [counter(), mug(rate=rate)]
+    for thing in things:
+        thing.views, thing.remembered = list(LOOKS), remembered
+    world = flat(things)
+    mission = Mission(world, parse(text), Settings(agent=agent, rounds=1))
     looked = len(world.log)
     mission.tools.base.look_around(mission._remembers_it)
     turns = [a for a in world.log[looked:] if isinstance(a, Turn)]
@@ -40,12 +52,36 @@ def test_agents_without_an_object_map_look_around_completely() -> None:
 
 
 def test_a_candidate_of_a_stored_map_needs_no_surplus_over_the_threshold() -> None:
-    known = instance(counter(), score=0.55)  # tau_b is 0.5, and 1.4 tau_b is 0.7
-    for relocalised, wanted in ((False, Do.SEARCH_ON), (True, Do.ACT)):
+    # tau_b is 0.5, and 1.4 tau_b is 0.7
+    for score, relocalised, wanted in (
+        (0.55, False, Do.SEARCH_ON), (0.55, True, Do.ACT), (0.45, True, Do.SEARCH_ON),
+    ):  # fmt: skip
         rig = Rig(Looks([]))
-        rig.known = [replace(known, relocalised=relocalised)]
+        rig.known = [replace(instance(counter(), score=score), relocalised=relocalised)]
         search = ReceptacleSearch(rig.tools, "counter", None, patient)
         assert search.decide().do is wanted
+
+
+def test_a_faint_candidate_of_a_stored_map_lowers_no_threshold_and_a_good_one_for_itself() -> None:
+    rig = Rig(Looks([]))
+    faint = replace(instance(counter(), id=8, score=0.01), relocalised=True)
+    rig.known = [faint, instance(counter(), score=0.55)]
+    search = ReceptacleSearch(rig.tools, "counter", None, patient)
+    assert search.decide().do is Do.SEARCH_ON
+    rig.known.append(replace(instance(counter(), id=9, score=0.6), relocalised=True))
+    assert search.decide().chosen.id == 9
+    rig.known.pop()
+    assert search.decide().do is Do.SEARCH_ON
+
+
+def test_a_restart_keeps_whether_the_scorer_rates_the_class() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [replace(instance(counter(), score=0.1), image_text_nats=None)]
+    search = ReceptacleSearch(rig.tools, "counter", None, patient)
+    search.decide()
+    again = ReceptacleSearch(rig.tools, "counter", None, patient)
+    again.restore(search.checkpoint())
+    assert again.threshold == search.threshold < 0.7
 
 
 def test_thresholds_are_lower_for_a_class_that_the_scorer_does_not_rate() -> None:
