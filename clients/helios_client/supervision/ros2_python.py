@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 from helios_client.usage_errors import UsageError
 
 BESIDE = ".venv-ros2"
+IMPORT_WITHIN_S = 30.0
 
 
 def chosen_ros2_python(by_zenoh: bool = False) -> str:
@@ -22,7 +24,27 @@ def chosen_ros2_python(by_zenoh: bool = False) -> str:
     settings = Ros2Settings.read()
     if by_zenoh and settings.transport == "zenoh":
         return sys.executable
-    return ros2_python(settings.python)
+    program = ros2_python(settings.python)
+    if program != sys.executable:
+        check_packages(program)
+    return program
+
+
+def check_packages(program: str) -> None:
+    """Raise UsageError if an interpreter cannot import rclpy and HELIOS."""
+    try:
+        done = subprocess.run(
+            [program, "-c", "import rclpy, helios_ros2.settings"],
+            capture_output=True, text=True, timeout=IMPORT_WITHIN_S, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return  # a slow machine; the process will say what is wrong
+    if done.returncode:
+        why = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
+        raise UsageError(
+            f"{program} cannot run HELIOS with ROS 2: {why}; run `make ros2-env`, which installs "
+            "rclpy and HELIOS, or name another Python with HELIOS_ROS2_PYTHON"
+        )
 
 
 def ros2_python(chosen: str) -> str:
