@@ -26,6 +26,7 @@ from helios_gateway.gaussian_arrays import ColorBy, Gaussians
 from helios_gateway.request_coalescing import RequestCoalescer
 
 MAX_AGE_S = 2.0  # an older picture or list of objects is made again
+LEAST_DRAWN = 0.1  # score of an object from which pictures of the map show it
 
 
 class MapCache:
@@ -228,7 +229,8 @@ class MapCache:
         )
 
     def _marked(self) -> list[pb.MarkedObject]:
-        """Objects to draw on the map; none while the object map does not answer."""
+        """Objects to draw on the map, without doubtful ones; none while the object map does not
+        answer."""
         try:
             reply = self._ask_objects()
         except HeliosError:
@@ -236,6 +238,7 @@ class MapCache:
         return [
             pb.MarkedObject(label=o.class_name, center_m=o.center_m, size_m=o.size_m, score=o.score)
             for o in reply.objects
+            if o.score >= LEAST_DRAWN
         ]
 
     def _ask_snapshot(self) -> MapView:
