@@ -32,7 +32,7 @@ class Gate:
     overlap_m: float = 4.0  # least surface on known cells of the stored map
     free_overlap_m2: float = 3.0  # least free floor on known cells
     overlap: float = 0.5  # least share of the surface on known cells
-    agreement: float = 0.6  # least share of that surface which agrees
+    agreement: float = 0.7  # least share of that surface which agrees
     contradiction: float = 0.02  # largest share of floor inside stored obstacles
     margin_m: float = 2.0  # least lead over the second-best transform
     ratio: float = 0.7  # largest score of the second-best transform, in shares of the best
