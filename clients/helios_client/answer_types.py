@@ -182,7 +182,8 @@ class FoundObject(_FromJson):
     views: int = 0
     gaussians: int = 0
     detection_rate: float = 0.0  # share of its views in which it was detected as its class
-    image_text_nats: float = 0.0  # log-likelihood ratio of its class by image-text scores
+    # Log-likelihood ratio of its class by image-text scores; None: the scorer rates no such class.
+    image_text_nats: float | None = None
     probabilities: dict[str, float] = field(default_factory=dict)
     relocalisation: str | None = None  # "relocalised": of a stored map, found again
 

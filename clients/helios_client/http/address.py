@@ -51,6 +51,7 @@ def split_url(text: str) -> SplitResult:
     except ValueError as error:
         raise ValueError(wanted) from error
     known = parts.scheme in ("http", "https") and parts.hostname
-    if not (has_port and known) or parts.query or parts.fragment:
+    spaced = any(c.isspace() for c in said)
+    if not (has_port and known) or parts.query or parts.fragment or spaced:
         raise ValueError(wanted)
     return parts

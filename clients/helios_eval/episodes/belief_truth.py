@@ -83,7 +83,7 @@ def judge_instances(
                 views=instance.views,
                 gaussians=instance.gaussians,
                 correct=correct,
-                image_text_nats=instance.image_text_nats,
+                image_text_nats=instance.image_text_nats or 0.0,
             )
         )
     return out
