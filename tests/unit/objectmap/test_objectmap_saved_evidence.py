@@ -11,6 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import se2_to_se3
 from helios_core.types import Detection
 from helios_objectmap import persistence
+from helios_objectmap.instances import image_text
 from helios_objectmap.instances.image_text import _Distribution
 from helios_objectmap.instances.name_sightings import NameSightings
 from helios_objectmap.instances.voxel_entries import VoxelEntries
@@ -180,6 +181,18 @@ def test_the_views_of_today_outlast_those_of_a_stored_map(
     assert len(today) == 6
     kept = today.arrays()["eye_m"]
     np.testing.assert_array_equal(kept[-present_views:], own.arrays()["eye_m"])
+
+
+def test_a_file_that_would_fill_the_memory_is_refused(
+    seen: ObjectMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arrays = saved(seen)
+    used = len(np.unique(arrays["image_text.voxel"]))
+    monkeypatch.setattr(image_text, "MOST_SUMS", used)
+    loaded(arrays)
+    monkeypatch.setattr(image_text, "MOST_SUMS", used - 1)
+    with pytest.raises(InvalidInput, match=f"{used} voxels"):
+        loaded(arrays)
 
 
 def test_a_forgotten_class_has_no_scores_in_the_file(seen: ObjectMap) -> None:
