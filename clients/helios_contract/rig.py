@@ -7,6 +7,7 @@ import uuid
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from helios_core.types import RobotDescription
 
 BACK_WITHIN_S = 60.0
 READY_WITHIN_S = 30.0
+RETRY_S = 0.1
+
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -44,16 +48,8 @@ class Rig:
 
     def ready(self) -> Rig:
         """This rig, once the robot describes itself. Raises Unavailable if it never does."""
-        deadline_s = time.monotonic() + READY_WITHIN_S
-        while True:
-            try:
-                self.driver.describe()
-            except Unavailable:
-                if time.monotonic() > deadline_s:
-                    raise
-                time.sleep(0.1)
-            else:
-                return self
+        _available(self.driver.describe, READY_WITHIN_S)
+        return self
 
     def act(self, action: Action) -> ActionResult:
         """Execute an action under a new id."""
@@ -68,20 +64,29 @@ class Rig:
 
         Raises Unavailable if it stays unreachable.
         """
-        deadline_s = time.monotonic() + BACK_WITHIN_S
-        while True:
-            try:  # an idle connection may fail once more
-                self.act(Turn(self.turn_rad) if self.robot.can_move else Observe())
-                return self.driver.capture()
-            except Unavailable:
-                if time.monotonic() > deadline_s:
-                    raise
-                time.sleep(0.1)
+
+        def image() -> Capture:  # an idle connection may fail once more
+            self.act(Turn(self.turn_rad) if self.robot.can_move else Observe())
+            return self.driver.capture()
+
+        return _available(image, BACK_WITHIN_S)
 
     def need_motion(self) -> None:
         """Skip the test if the robot cannot move."""
         if not self.robot.can_move:
             pytest.skip("this robot cannot move")
+
+
+def _available(ask: Callable[[], Answer], within_s: float) -> Answer:
+    """Answer of the robot, asked until it is reachable. Raises Unavailable after the time."""
+    deadline_s = time.monotonic() + within_s
+    while True:
+        try:
+            return ask()
+        except Unavailable:
+            if time.monotonic() > deadline_s:
+                raise
+            time.sleep(RETRY_S)
 
 
 def seen_points(capture: Capture, max_depth_m: float) -> Matrix:

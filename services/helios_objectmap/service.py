@@ -476,7 +476,7 @@ class ObjectMapService:
         self._say()
 
     def _settle_world(self) -> None:
-        """Put aside the map in use if it is of another world; the lock is held."""
+        """Put aside a map of another world, use a stored one of this world; the lock is held."""
         found, self._found = self._found, None
         if found is not None and persistence.world_of(found) != self._maps.world:
             self._stored.store(found)
