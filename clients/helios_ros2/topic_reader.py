@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from helios_core.errors import HeliosError, Unavailable
+from helios_replay.ros_images import stamp_ns
 
 from helios_ros2.offered_qos import Qos, matching
 from helios_ros2.ros_node import RosNode
@@ -37,7 +38,8 @@ class TopicReader:
         self._depth = depth
         self._subscription: Any = None
         self._taken: tuple[str, str, Qos] | None = None  # topic, type, quality of service
-        self._arrived_s, self._stamp_ns, self._count = 0.0, 0, 0
+        self._arrived_s, self._count = 0.0, 0
+        self._stamp_ns: int | None = None
         self._trouble = "not looked for yet"
         ros.every(LOOK_S, self.look)
 
@@ -79,9 +81,11 @@ class TopicReader:
         if not self._count:
             return Unavailable(f"no message has come on {topic} ({kind}, {qos}) yet; is it sent?")
         gone = "" if not self._trouble else f"; {self._trouble}"
+        stamp = ""
+        if self._stamp_ns is not None:
+            stamp = f", its last stamp is {self._stamp_ns / 1e9:.3f} s"
         return Unavailable(
-            f"{topic} ({kind}, {qos}) is silent for {self.age_s():.1f} s, its last stamp is "
-            f"{self._stamp_ns / 1e9:.3f} s{gone}"
+            f"{topic} ({kind}, {qos}) is silent for {self.age_s():.1f} s{stamp}{gone}"
         )
 
     def _unpublished(self, topic: str, offered: Sequence[tuple[str, Qos]]) -> str:
@@ -101,10 +105,15 @@ class TopicReader:
 
     def _on_message(self, message: Any) -> None:
         self._arrived_s, self._count = time.monotonic(), self._count + 1
-        header = getattr(message, "header", None)
-        if header is not None:
-            self._stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+        self._stamp_ns = newest_stamp_ns(message)
         try:
             self._handler(message)
         except HeliosError as error:  # a message with impossible content
             log.warning("a message of %s was left out: %s", self._taken, error.message)
+
+
+def newest_stamp_ns(message: Any) -> int | None:
+    """Stamp of a message's header; of its transforms' newest if it has none. None: unstamped."""
+    parts = [message, *getattr(message, "transforms", ())]
+    stamps = [stamp_ns(part.header) for part in parts if hasattr(part, "header")]
+    return max(stamps, default=None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 from helios_core.errors import Unavailable
 from helios_ros2.image_pairs import MOST_WAITING, ImagePairs
@@ -16,6 +18,7 @@ from helios_ros2.topic_choice import (
     depth_topic,
     info_beside,
 )
+from helios_ros2.topic_reader import newest_stamp_ns
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -135,3 +138,14 @@ def test_the_only_battery_is_taken_and_among_several_one_must_be_named() -> None
     for graph in ({}, one | {"/arm/battery": [BATTERY]}):
         with pytest.raises(Unavailable, match="HELIOS_ROS2_BATTERY"):
             battery_topic(graph, "")
+
+
+def test_the_stamp_of_a_message_is_its_headers_or_its_newest_transforms() -> None:
+    def stamped(sec: int, **more: object) -> SimpleNamespace:
+        stamp = SimpleNamespace(sec=sec, nanosec=5)
+        return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **more)
+
+    assert newest_stamp_ns(stamped(3)) == 3_000_000_005
+    tf = SimpleNamespace(transforms=[stamped(7), stamped(9), stamped(8)])
+    assert newest_stamp_ns(tf) == 9_000_000_005
+    assert newest_stamp_ns(SimpleNamespace(data="a String has no stamp")) is None
