@@ -10,8 +10,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from helios_core import map_autosave, tracing
 from helios_core import proto as pb
+from helios_core import tracing
 from helios_core.bus import Bus
 from helios_core.codec import (
     context_from_proto,
@@ -47,16 +47,13 @@ from helios_core.topics import (
     WHAT_IF,
 )
 from helios_core.types import ObjectInstance, Observation, SearchContext, WorldId
-from numpy.typing import NDArray
 
 from helios_objectmap import export, persistence
 from helios_objectmap.camera import View
-from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.error_model import ErrorModelInUse
-from helios_objectmap.object_map import ObjectMap, UpdateReport
+from helios_objectmap.object_map import UpdateReport
 from helios_objectmap.object_messages import (
     ack_message,
-    content_in_words,
     detail_message,
     held_message,
     object_message,
@@ -65,6 +62,7 @@ from helios_objectmap.object_messages import (
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.stored_objects import StoredObjects
 from helios_objectmap.warm_up import warm_up
+from helios_objectmap.world_maps import WorldMaps
 
 log = logging.getLogger(__name__)
 
@@ -92,7 +90,9 @@ class ObjectMapService:
         settings = self._errors.settings
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.Lock()  # guards every attribute below
-        self._maps = EpochMaps(settings)
+        stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
+        self._stored = StoredObjects(settings, stored_file)
+        self._maps = WorldMaps(settings, self._stored)
         self._context: SearchContext | None = None
         self._over: deque[str] = deque(maxlen=256)  # ids of contexts that a later one replaced
         self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
@@ -114,15 +114,12 @@ class ObjectMapService:
         bus.serve(OBJECT_DETAIL, self.detail)
         self._warm, self._ending = False, threading.Event()
         self._refused = ""  # why this process refused the map file of an earlier one
-        self._restored: tuple[ObjectMap, str, str] | None = None  # map, time of writing, content
         self._trouble = ""  # why the current map cannot be saved, "" if it can
         self._kept: AutosavedFile | None = None
-        if settings.state_dir is not None:
-            path = settings.state_dir / FILE_NAME
-            self._kept = AutosavedFile(path, settings.save_every_s, self._unkept, self._troubled)
-        self._found: bytes | None = None  # file of the map in use until the robot tells its world
-        stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
-        self._stored = StoredObjects(settings, stored_file)
+        if stored_file is not None:
+            self._kept = AutosavedFile(
+                stored_file, settings.save_every_s, self._unkept, self._troubled
+            )
         self._take_up_kept_map()
         bus.serve(STORED_OBJECTS, self.stored_objects)
         bus.subscribe(RELOCALISATION, self.on_relocalisation)
@@ -181,15 +178,13 @@ class ObjectMapService:
             return
         with self._lock:
             self._held = held
-            another = bool(message.robot_boot_id) and self._maps.set_robot_world(
-                WorldId.of(message.robot_boot_id, message.world_epoch, message.origin_id),
-                message.robot_boot_id,
-            )
-            if another:
+            parked = replaced = False
+            if boot_id := message.robot_boot_id:
+                world = WorldId.of(boot_id, message.world_epoch, message.origin_id)
+                parked, replaced = self._maps.robot_is_in(world, boot_id)
+            if replaced:
                 self._replaced()
-            if message.robot_boot_id:
-                self._settle_world()
-        if another:
+        if parked:
             log.warning("%s", self._map_said)
             self._say()
 
@@ -332,8 +327,6 @@ class ObjectMapService:
         with self._lock:
             self._maps.forget()
             self._replaced()
-            self._stored.drop()
-            self._restored = self._found = None
         if self._kept is not None:
             self._kept.forget()
         self._say()
@@ -358,26 +351,19 @@ class ObjectMapService:
     def save(self, _: pb.Empty) -> pb.ObjectMapFile:
         """The current map as a file."""
         with self._lock:
-            arrays = self._arrays()
+            arrays = self._maps.arrays()
         return pb.ObjectMapFile(data=persistence.to_bytes(arrays))
 
     def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
         """Replace the current map with the map of a file, or store it if it is of another world.
 
-        A file names its world. In the present world, or with `same_frame`, it replaces the current
-        map; otherwise it waits until map2d has found its place. Before the robot tells its world,
-        the file is used until it tells another one. A refused file changes nothing.
+        A refused file changes nothing.
         """
         found = persistence.read(request.data, self._maps.current.empty_viewpoints())
         with self._lock:
-            present = self._maps.confirmed
-            elsewhere = found.world not in (None, present) and not request.same_frame
-            if elsewhere and present is not None:
-                loaded = self._stored.replace(request.data)
-            else:
-                self._maps.use_anywhere()
-                loaded = self._use(found, request.data if elsewhere else None)
-                self._stored.drop()
+            loaded = self._maps.load(found, request.data, request.same_frame)
+            if not loaded.stored:
+                self._replaced()
         log.info("%d Gaussians read", loaded.gaussians)
         self._say()
         return loaded
@@ -438,7 +424,7 @@ class ObjectMapService:
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
         update_ms = (time.perf_counter() - began) * 1e3
-        if self._superseded() | self._errors.hear(observation.detector):
+        if self._maps.drop_fate() | self._errors.hear(observation.detector):
             self._say()
         self._take_over_stored()
         self._health.count("observations_accepted")
@@ -454,19 +440,16 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame)
-        self._settle_world()
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
-        self._maps.newest = observation.frame.id
+        self._maps.note_update(observation.frame.id)
         self._changed()
         return report
 
     def _take_over_stored(self) -> None:
         """Add the stored map to the present one if it is relocalised, and save the result."""
         with self._lock:
-            maps = self._maps
-            added = self._stored.take_over(maps.current, maps.world)
-            if added is None:
+            if not self._maps.take_over_stored():
                 return
             self._changed()
         if self._kept is not None:
@@ -474,18 +457,6 @@ class ObjectMapService:
         with self._lock:
             self._stored.tidy()
         self._say()
-
-    def _settle_world(self) -> None:
-        """Put aside a map of another world, use a stored one of this world; the lock is held."""
-        found, self._found = self._found, None
-        if found is not None and persistence.world_of(found) != self._maps.world:
-            self._stored.store(found)
-        world = self._maps.confirmed
-        if world is not None and not len(self._maps.current):
-            own = self._stored.take(world)
-            if own is not None:
-                self._maps.current.load_content(own)
-                self._replaced()
 
     def _replaced(self) -> None:
         """Set up the map that has just replaced the current one."""
@@ -521,13 +492,8 @@ class ObjectMapService:
             if self._stored.waits
             else ""
         )
-        parts = (self._trouble, self._refused, self._fate(), waits)
+        parts = (self._trouble, self._refused, self._maps.fate(), waits)
         return "; ".join(part for part in parts if part)
-
-    def _superseded(self) -> bool:
-        """Drop the note of the restored map, because the map changes now; True if there was one."""
-        was, self._restored = self._restored, None
-        return was is not None
 
     def _take_up_kept_map(self) -> None:
         """Restore the map file of an earlier process, if any, and start the periodic save."""
@@ -536,10 +502,11 @@ class ObjectMapService:
         try:
             found = self._kept.found()
             if found is not None:
-                loaded = persistence.read(found.data, self._maps.current.empty_viewpoints())
                 with self._lock:
-                    self._use(loaded, found.data, found.written)
-                log.info("%d Gaussians read", len(loaded.content.store))
+                    self._maps.restore(found)
+                    self._replaced()
+                    count = len(self._maps.current)
+                log.info("%d Gaussians read", count)
         except InvalidInput as error:
             self._health.count("maps_refused")
             self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
@@ -549,40 +516,12 @@ class ObjectMapService:
             log.warning("%s", self._map_said)
         self._kept.start()
 
-    def _fate(self) -> str:
-        """Fate of an earlier process's map: restored, or of another world; "" if not in use."""
-        if self._restored is None:
-            return ""
-        map, written, content = self._restored
-        if self._maps.current is map:
-            return f"the map was restored as it was written at {written}: {content}"
-        return map_autosave.of_another_world(written)
-
-    def _use(
-        self, found: persistence.LoadedMap, data: bytes | None, written: str = ""
-    ) -> pb.ObjectMapLoaded:
-        """Replace the content of the current map with that of a file. The lock is held.
-
-        data: the file, if it may be used in its own world alone, and the robot has told none yet.
-        written: local time of writing if the file is the map of an earlier process.
-        """
-        present = self._maps.current
-        present.load_content(found.content)
-        if data is not None and self._maps.world is None:
-            self._maps.restored(found.world, found.newest)
-        self._replaced()
-        objects, gaussians = len(present.objects()), len(present)
-        content = content_in_words(objects, gaussians, self._maps.newest)
-        self._restored = (present, written, content) if written else None
-        self._found = data if found.world is not None else None
-        return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
-
     def _unkept(self, kept_version: int) -> tuple[int, bytes] | None:
         with self._lock:
             version = self._version
             if version == kept_version:
                 return None
-            arrays = self._arrays()
+            arrays = self._maps.arrays()
         return version, persistence.to_bytes(arrays)
 
     def _troubled(self, reason: str) -> None:
@@ -591,11 +530,6 @@ class ObjectMapService:
         if reason != self._trouble:
             self._trouble = reason
             self._say()
-
-    def _arrays(self) -> dict[str, NDArray]:
-        maps = self._maps
-        world = maps.world or maps.robot_world
-        return persistence.arrays_of(maps.current.content(), world, maps.newest)
 
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:

@@ -25,9 +25,9 @@ Newer = Callable[[int], tuple[int, bytes] | None]
 def of_another_world(written: str) -> str:
     """Health note for a saved map that is unused because the robot is in another world."""
     return (
-        f"the map that was kept at {written} is of another world and is not used before the "
-        "robot has found its place in it: the robot restarted, or its poses jumped, and its driver "
-        "names no origin (origin_id) that is still the same"
+        f"the map that was kept at {written} has other coordinates than the robot has now; it is "
+        "used once the robot has found its place in it: the robot restarted, or its poses jumped, "
+        "and its driver names no origin (origin_id) that is still the same"
     )
 
 

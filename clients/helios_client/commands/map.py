@@ -123,9 +123,9 @@ def load(
         print_json(loaded)
     elif loaded["stored"]:
         print(
-            f"stored: {loaded['objects']} objects. The file is of another world: it is in use once "
-            "the robot has found its place in it, which takes views from a task or a drive; "
-            "helios objects shows the state"
+            f"stored: {loaded['objects']} objects. The file has other coordinates than the robot "
+            "has now. It is in use once the robot has found its place in it, which takes views "
+            "from a task or a drive; helios objects shows the state"
         )
     else:
         print(

@@ -137,4 +137,4 @@ def test_an_autosaved_map_of_another_origin_is_reported_as_unused(tmp_path: Path
     again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("monday", origin="garage")
     assert again.snapshot().cell_m == 0
-    assert "is of another world and is not used" in again.health.state[1]
+    assert "has other coordinates than the robot has now" in again.health.state[1]

@@ -69,12 +69,12 @@ def test_an_autosaved_map_of_another_world_is_not_used(tmp_path: Path) -> None:
     again = Rig(*autosave_flags(tmp_path))
     again.say_epoch("another boot")
     assert again.snapshot().cell_m == 0
-    assert "is of another world and is not used" in again.health.state[1]
+    assert "has other coordinates than the robot has now" in again.health.state[1]
     frame = again.walk.frame(2.0, 1.5, 0.0)
     again.keyframe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")))
     assert again.snapshot().version > rig.snapshot().version
     # The note stays for now: a glance would miss a brief one.
-    assert "is of another world and is not used" in again.health.state[1]
+    assert "has other coordinates than the robot has now" in again.health.state[1]
     again.search("first")
     again.observe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")), "first")
     assert again.acks[-1].accepted, again.acks[-1].reason

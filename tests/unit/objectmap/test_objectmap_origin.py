@@ -145,7 +145,7 @@ def test_an_autosaved_map_of_another_world_is_reported_as_unused_until_a_new_map
     again = restarted_elsewhere(tmp_path)
     assert not again.ids()
     said = again.health.state[1]
-    assert "is of another world and is not used" in said
+    assert "has other coordinates than the robot has now" in said
     assert "restored" not in said
     assert again.see("tuesday", "garage").accepted
     said = again.health.state[1]
@@ -180,7 +180,7 @@ def test_a_robot_state_of_another_world_right_after_the_map_was_read_is_reported
         log.removeHandler(handler)
         log.setLevel(was)
     assert said
-    assert "is of another world and is not used" in health.state[1]
+    assert "has other coordinates than the robot has now" in health.state[1]
 
 
 @pytest.mark.parametrize("elsewhere", [True, False])
