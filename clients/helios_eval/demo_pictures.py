@@ -74,8 +74,9 @@ def _draw_ground(axes: Axes, occupancy: Mapping[str, NDArray]) -> None:
 
 
 def _draw_instances(axes: Axes, objects: Sequence[ObjectInstance]) -> None:
-    """Draw the box of each object, and a label that overlaps no other; earlier objects first."""
-    from matplotlib.patches import Rectangle
+    """Draw the outline of each object, and a label that overlaps no other; earlier objects
+    first."""
+    from matplotlib.patches import Polygon
 
     figure = axes.figure
     figure.canvas.draw()  # fixes the transform from data to pixels
@@ -85,7 +86,10 @@ def _draw_instances(axes: Axes, objects: Sequence[ObjectInstance]) -> None:
     for o in objects:
         (x, y), (w, d) = o.center_m[:2], o.size_m[:2]
         color = SURE if o.score >= SURE_SCORE else UNSURE
-        axes.add_patch(Rectangle((x - w / 2, y - d / 2), w, d, fill=False, ec=color, lw=1.4))
+        around = np.array([(x - w / 2, y - d / 2), (x + w / 2, y - d / 2),
+                           (x + w / 2, y + d / 2), (x - w / 2, y + d / 2)])  # fmt: skip
+        outline = o.outline_m if len(o.outline_m) > 2 else around
+        axes.add_patch(Polygon(outline, closed=True, fill=False, ec=color, lw=1.4))
         text = axes.text(
             x, y, f"{o.class_name}  Ψ {o.score:.2f}", fontsize=9, color="white", ha="left",
             va="bottom", bbox={"boxstyle": "round,pad=0.3", "lw": 0, "fc": color, "alpha": 0.92},

@@ -11,11 +11,11 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.geometry import Matrix, quaternion_from_rotation
 from helios_core.map_snapshot import MapView
+from helios_core.object_boxes import LEAST_BOX_M, UprightBox, upright_box
 from numpy.typing import NDArray
 
 from helios_ros2.rclpy_loading import interface
 
-LEAST_BOX_M = 0.02  # keeps flat boxes visible
 LETTER_M = 0.12
 LEVELS = {"ready": 0, "starting": 1, "waiting": 1, "stopping": 1}  # of DiagnosticStatus; else error
 ERROR = 2
@@ -91,32 +91,32 @@ def markers(objects: Sequence[pb.ObjectInstance], frame: str) -> Any:
     kind = interface("visualization_msgs/msg/Marker")
     out = interface("visualization_msgs/msg/MarkerArray")(markers=[kind(action=kind.DELETEALL)])
     for o in objects:
+        box = upright_box(o, LEAST_BOX_M)
+        if box is None:
+            continue
         color = _color_of(o.class_name)
-        box = _marker(kind, frame, "objects", o.id, kind.CUBE, o, 0.0)
-        box.scale.x, box.scale.y, box.scale.z = (
-            max(LEAST_BOX_M, float(v)) for v in (o.size_m.x, o.size_m.y, o.size_m.z)
+        cube, label = (
+            kind(ns=ns, id=int(o.id) % 2**31, type=shape, action=kind.ADD)
+            for ns, shape in (("objects", kind.CUBE), ("labels", kind.TEXT_VIEW_FACING))
         )
-        label = _marker(
-            kind, frame, "labels", o.id, kind.TEXT_VIEW_FACING, o, o.size_m.z / 2 + LETTER_M
-        )
+        cube.header.frame_id = label.header.frame_id = frame
+        _place(cube.pose, box)
+        cube.scale.x, cube.scale.y, cube.scale.z = box.size_m
+        _place(label.pose, box)
+        label.pose.position.z += box.size_m[2] / 2 + LETTER_M
         label.scale.z = LETTER_M
         label.text = f"{o.class_name} {o.score:.2f}"
-        for marker, alpha in ((box, 0.5), (label, 1.0)):
+        for marker, alpha in ((cube, 0.5), (label, 1.0)):
             marker.color.r, marker.color.g, marker.color.b = color
             marker.color.a = alpha
             out.markers.append(marker)
     return out
 
 
-def _marker(
-    kind: Any, frame: str, ns: str, id: int, shape: int, o: pb.ObjectInstance, above_m: float
-) -> Any:
-    out = kind(ns=ns, id=int(id) % 2**31, type=shape, action=kind.ADD)
-    out.header.frame_id = frame
-    p = out.pose.position
-    p.x, p.y, p.z = o.center_m.x, o.center_m.y, o.center_m.z + above_m
-    out.pose.orientation.w = 1.0
-    return out
+def _place(pose: Any, box: UprightBox) -> None:
+    pose.position.x, pose.position.y, pose.position.z = box.center_m
+    pose.orientation.z = math.sin(box.yaw_rad / 2)
+    pose.orientation.w = math.cos(box.yaw_rad / 2)
 
 
 def _color_of(name: str) -> tuple[float, float, float]:
@@ -131,11 +131,13 @@ def detections(objects: Sequence[pb.ObjectInstance], ns: int, frame: str) -> Any
     out = interface("vision_msgs/msg/Detection3DArray")()
     stamp(out.header, ns, frame)
     for o in objects:
+        box = upright_box(o)
+        if box is None:
+            continue
         one = interface("vision_msgs/msg/Detection3D")(header=out.header, id=str(o.id))
         center, size = one.bbox.center, one.bbox.size
-        center.position.x, center.position.y = o.center_m.x, o.center_m.y
-        center.position.z, center.orientation.w = o.center_m.z, 1.0
-        size.x, size.y, size.z = o.size_m.x, o.size_m.y, o.size_m.z
+        _place(center, box)
+        size.x, size.y, size.z = box.size_m
         guess = interface("vision_msgs/msg/ObjectHypothesisWithPose")()
         guess.hypothesis.class_id, guess.hypothesis.score = o.class_name, float(o.score)
         guess.pose.pose = center

@@ -32,11 +32,12 @@ def scene_shapes(channel: str, scene: SceneUpdate) -> Iterator[tuple[str, Shapes
 
 
 def boxes(scene: SceneUpdate) -> rr.Boxes3D:
-    """Boxes along the axes of the world, each with the text of its entity."""
+    """Boxes, each with the text of its entity."""
     drawn = [(e, c) for e in scene.entities for c in e.cubes]
     return rr.Boxes3D(
         centers=_xyz([c.pose for _, c in drawn]),
         sizes=_rows([(c.size.x, c.size.y, c.size.z) for _, c in drawn], 3),
+        quaternions=_rows([_xyzw(c.pose) for _, c in drawn], 4),
         colors=_colors([c.color for _, c in drawn], opaque=True),
         labels=[_words(e) for e, _ in drawn], show_labels=True,
     )  # fmt: skip
@@ -78,6 +79,11 @@ def arrows(scene: SceneUpdate) -> rr.Arrows3D:
 
 def _words(entity: SceneEntity) -> str:
     return " ".join(text.text for text in entity.texts)
+
+
+def _xyzw(pose: Pose) -> tuple[float, ...]:
+    q = pose.orientation
+    return q.x, q.y, q.z, q.w
 
 
 def _xyz(poses: list[Pose]) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-MIN_SCORE = 0.3  # lowest score Ψ of an object for a suggestion
+MIN_SCORE = 0.5  # lowest score Ψ for a suggestion; below it an object is often a detector error
 CARRIED_M = 0.4  # longest side of a portable object
 SURFACE_M = 0.35  # shortest horizontal side of a receptacle
 SURFACE_HEIGHTS_M = (0.2, 1.3)  # of the receptacle's top

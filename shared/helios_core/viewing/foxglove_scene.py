@@ -18,6 +18,8 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from helios_core.object_boxes import UprightBox
+
 WORLD = "world"
 LETTER_M = 0.12  # height of text
 
@@ -42,10 +44,9 @@ def entity(id: str, stamp_ns: int, about: Mapping[str, object] | None = None) ->
     return out
 
 
-def add_box(out: SceneEntity, center_m: Xyz, size_m: Xyz, rgb: Rgb, alpha: float) -> None:
-    """Add a box along the axes of the world."""
-    cube = out.cubes.add(pose=pose(center_m), color=color(rgb, alpha))
-    cube.size.x, cube.size.y, cube.size.z = size_m
+def add_box(out: SceneEntity, box: UprightBox, rgb: Rgb, alpha: float) -> None:
+    cube = out.cubes.add(pose=pose(box.center_m, box.yaw_rad), color=color(rgb, alpha))
+    cube.size.x, cube.size.y, cube.size.z = box.size_m
 
 
 def add_ball(out: SceneEntity, center_m: Xyz, diameter_m: float, rgb: Rgb) -> None:

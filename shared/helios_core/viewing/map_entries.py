@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from helios_core import proto as pb
 from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, MapView
+from helios_core.object_boxes import LEAST_BOX_M, upright_box
 from helios_core.recording_format import (
     FRONTIERS,
     OBJECTS,
@@ -63,7 +64,6 @@ NUMERIC = {
     "|u1": PackedElementField.UINT8, "|i1": PackedElementField.INT8,
     "<f4": PackedElementField.FLOAT32, "<u4": PackedElementField.UINT32,
 }  # fmt: skip
-LEAST_BOX_M = 0.02  # keeps flat boxes visible
 
 
 def map_entries(view: MapView, gone: frozenset[str], stamp_ns: int) -> Iterator[Entry]:
@@ -169,11 +169,8 @@ def object_entry(reply: pb.ObjectsReply, stamp_ns: int) -> Entry:
     """Box for each object, with its class and its score Ψ."""
     out = []
     for o in reply.objects:
-        center_m = (o.center_m.x, o.center_m.y, o.center_m.z)
-        size_m = (
-            max(o.size_m.x, LEAST_BOX_M), max(o.size_m.y, LEAST_BOX_M), max(o.size_m.z, LEAST_BOX_M)
-        )  # fmt: skip
-        if not all(map(math.isfinite, (*center_m, *size_m))):
+        box = upright_box(o, LEAST_BOX_M)
+        if box is None:
             continue
         about: Mapping[str, object] = {
             "object": o.id, "class": o.class_name, "score": o.score, "class_score": o.class_score,
@@ -182,10 +179,11 @@ def object_entry(reply: pb.ObjectsReply, stamp_ns: int) -> Entry:
         }  # fmt: skip
         shown = entity(f"object {o.id}", stamp_ns, about)
         rgb = OBJECT_RGB[zlib.crc32(o.class_name.encode()) % len(OBJECT_RGB)]
-        add_box(shown, center_m, size_m, rgb, 0.4)
-        top_m = center_m[2] + size_m[2] / 2
+        add_box(shown, box, rgb, 0.4)
+        x, y, z = box.center_m
+        top_m = z + box.size_m[2] / 2
         words = f"{o.class_name} {o.score:.2f}"
-        add_words(shown, (*center_m[:2], top_m + 0.12), words, rgb)
+        add_words(shown, (x, y, top_m + 0.12), words, rgb)
         out.append(shown)
     return Entry(OBJECTS, scene(out, stamp_ns))
 

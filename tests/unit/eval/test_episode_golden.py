@@ -25,9 +25,13 @@ STEPS = 40
 TIMES = {"wall_s", "step_ms", "cpu_s", "stage_ms"}
 PACKAGES = ("mujoco", "numpy", "numba", "opencv-python-headless", "scipy")
 
+SOFTWARE = (
+    "llvmpipe (LLVM 15.0.6, 256 bits), mujoco 3.17.0 numpy 2.4.6 numba 0.68.1 "
+    "opencv-python-headless 5.0.0.93 scipy 1.17.1"
+)
 GOLDEN = {
-    "znver3, llvmpipe (LLVM 15.0.6, 256 bits), mujoco 3.17.0 numpy 2.4.6 numba 0.68.1 "
-    "opencv-python-headless 5.0.0.93 scipy 1.17.1": "64020a286d7fe977",
+    f"znver3, {SOFTWARE}": "64020a286d7fe977",
+    f"znver5, {SOFTWARE}": "64020a286d7fe977",
 }
 
 

@@ -34,6 +34,13 @@ def test_a_robot_without_an_arm_gets_no_move_suggestions() -> None:
     assert not any(text.startswith("Move") for text in reported)
 
 
+def test_a_doubtful_object_is_not_suggested() -> None:
+    doubtful = KnownObject("sponge", 0.49, (1.5, 1.4, 0.5), (0.1, 0.1, 0.1))
+    reported = suggestions(False, KNOWN, True, [doubtful, COUNTER, TABLE], 3)
+    assert reported[0] == "Go to the coffee table"
+    assert not any("sponge" in text for text in reported)
+
+
 def test_examples_and_known_names_are_suggested_before_anything_is_seen() -> None:
     assert suggestions(False, KNOWN, True, [], 3) == [
         EXAMPLE, "Find the bowl", "Go to the sofa"
