@@ -21,7 +21,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from helios_core.object_boxes import UprightBox
 
 WORLD = "world"
-LETTER_M = 0.12  # height of text
+LETTER_PX = 13  # height of text
 
 Rgb = tuple[int, int, int]
 Xyz = tuple[float, float, float]
@@ -69,11 +69,12 @@ def add_arrow(out: SceneEntity, at_m: Xyz, yaw_rad: float, rgb: Rgb) -> None:
     )  # fmt: skip
 
 
-def add_words(
-    out: SceneEntity, at_m: Xyz, words: str, rgb: Rgb, height_m: float = LETTER_M
-) -> None:
-    """Add text that always faces the viewer."""
-    out.texts.add(pose=pose(at_m), billboard=True, font_size=height_m, color=color(rgb), text=words)
+def add_words(out: SceneEntity, at_m: Xyz, words: str, rgb: Rgb) -> None:
+    """Add text that always faces the viewer, of the same height on the screen at any distance."""
+    out.texts.add(
+        pose=pose(at_m), billboard=True, font_size=LETTER_PX, scale_invariant=True,
+        color=color(rgb), text=words,
+    )  # fmt: skip
 
 
 def pose(at_m: Xyz, yaw_rad: float = 0.0) -> Pose:

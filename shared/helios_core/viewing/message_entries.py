@@ -33,13 +33,18 @@ ORANGE = (1.0, 0.55, 0.0, 1.0)
 
 
 class Entries:
-    """Converter of messages. It keeps the stamps of the newest frames for image annotations."""
+    """Converter of messages.
+
+    It keeps the stamps of the newest frames for image annotations, and the newest lines of the
+    log: what is repeated at each step is logged once.
+    """
 
     def __init__(self, jpeg_quality: int, lossless_keyframes: bool = True) -> None:
         """jpeg_quality: of stream frames, percent; also of keyframes if they are not lossless."""
         self._jpeg_quality = jpeg_quality
         self._keyframe_quality = None if lossless_keyframes else jpeg_quality
         self._stamps: dict[tuple[str, int, int], Timestamp] = {}
+        self._said: dict[str, str] = {}  # newest line of the log by its name
         self._kinds: dict[str, Callable[[Message, int], Iterator[Entry]]] = {
             KEYFRAME_CHANNELS.head: self._frame,
             STREAM_CHANNELS.head: self._frame,
@@ -86,18 +91,26 @@ class Entries:
         yield Entry(channel_of(TASK), message)
         said = f"{message.state} {message.phase}: {message.message}"
         level = Log.Level.WARNING if message.state == "failed" else Log.Level.INFO
-        yield Entry(LOG, _log("task", said, level, log_time_ns))
+        yield from self._log("task", said, level, log_time_ns)
 
     def _decision(self, message: Message, log_time_ns: int) -> Iterator[Entry]:
         assert isinstance(message, pb.Decision)
         yield Entry(channel_of(DECISION), message)
-        yield Entry(LOG, _log("decision", message.why, Log.Level.INFO, log_time_ns))
+        yield from self._log("decision", message.why, Log.Level.INFO, log_time_ns)
         yield candidate_entry(message, log_time_ns)
 
     def _plan(self, message: Message, log_time_ns: int) -> Iterator[Entry]:
         assert isinstance(message, pb.Plan)
         yield Entry(channel_of(PLAN), message)
         yield from plan_entries(message, log_time_ns)
+
+    def _log(
+        self, name: str, said: str, level: Log.Level.ValueType, log_time_ns: int
+    ) -> Iterator[Entry]:
+        if self._said.get(name) != said:
+            self._said[name] = said
+            line = Log(timestamp=stamp(log_time_ns), level=level, message=said, name=name)
+            yield Entry(LOG, line)
 
 
 def _calibration(frame: pb.Frame) -> CameraCalibration:
@@ -137,7 +150,3 @@ def _annotations(preview: pb.Preview, taken: Timestamp) -> ImageAnnotations:
         for color in (box.outline_color, text.text_color):
             color.r, color.g, color.b, color.a = ORANGE
     return out
-
-
-def _log(name: str, said: str, level: Log.Level.ValueType, log_time_ns: int) -> Log:
-    return Log(timestamp=stamp(log_time_ns), level=level, message=said, name=name)

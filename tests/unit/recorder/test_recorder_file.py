@@ -41,6 +41,7 @@ def test_every_recorded_message_can_be_read_without_helios_code(tmp_path: Path) 
     recorded.look(3, keyframe=False)
     recorded.bus.publish(TASK, pb.Task(id="t", state="running", message="looks for a cup"))
     recorded.bus.publish(DECISION, pb.Decision(task_id="t", why="it is near"))
+    recorded.bus.publish(TASK, pb.Task(id="t", state="running", message="looks for a cup", steps=1))
     preview = pb.Preview(id=frame(2).id, jpeg=b"jpeg")
     preview.detections.add(class_name="cup", score=0.5).mask.width = 7
     recorded.bus.publish(PREVIEW, preview)
@@ -56,8 +57,9 @@ def test_every_recorded_message_can_be_read_without_helios_code(tmp_path: Path) 
         ("world", "base"), ("world", "camera"),
     }  # fmt: skip
     assert all(len(c.P) == 12 and len(c.K) == 9 for c in said["/camera/calibration"])
-    assert said["/planner/task"][0].message == "looks for a cup"
-    assert [log.message for log in said["/log"]] == ["running : looks for a cup", "it is near"]
+    assert [task.steps for task in said["/planner/task"]] == [0, 1]
+    once = ["running : looks for a cup", "it is near"]  # though each step repeats it
+    assert [log.message for log in said["/log"]] == once
     assert said["/planner/context"][0].classes[0].name == "cup"
     assert said["/map2d/status"][0].state == "ready"
     assert said["/detector/annotations"][0].texts[0].text == "cup 0.50"
