@@ -22,7 +22,7 @@ class PlayedFault:
     lasted_s: float
     size: float  # delay in s, rate in Mbit/s or jump in s
     acting_again_s: float | None  # from its end to the end of the next action begun after it
-    still_after_s: float | None  # from its start until the robot stood, where it had to stand
+    still_after_s: float | None  # from its start until the robot stood or might drive again
 
 
 @dataclass

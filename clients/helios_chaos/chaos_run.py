@@ -26,7 +26,7 @@ from helios_chaos.messages import opened
 from helios_chaos.schedule import KINDS, Fault, Kind, schedule
 from helios_chaos.stack import Stack, open_bus, plan_for, running_stack
 from helios_chaos.tasks import PlayedTask, TaskPlayer
-from helios_chaos.witness import Witness
+from helios_chaos.witness import ControlChain, Witness
 
 ACTS_WITHIN_S = 60.0  # then the robot counts as never acting again
 FIRST_ACTION_S = 120.0
@@ -73,7 +73,7 @@ def run_chaos(plan: ChaosPlan, able: Abilities, say: Say) -> ChaosResult:
 
 def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> ChaosResult:
     bus, tap = open_bus(stack.router), opened(stack.router, plan.seed)
-    witness, helios = Witness(bus), stack.client()
+    witness, chain, helios = Witness(bus), ControlChain(bus), stack.client()
     try:
         player = TaskPlayer(helios, bus, plan.seed)
         player.start()
@@ -87,7 +87,7 @@ def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> C
                 break
             time.sleep(fault.rest_s)
             player.running.wait(ACTS_WITHIN_S)
-            faults.append(_play_fault(fault, injector, witness, began_s))
+            faults.append(_play_fault(fault, injector, witness, chain, began_s))
             say(_told(len(faults), faults[-1]))
         say("no more faults; the last task may end")
         player.finish(LAST_TASK_S)
@@ -100,13 +100,14 @@ def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> C
         )  # fmt: skip
     finally:
         witness.close()
+        chain.close()
         helios.close()
         tap.close()
         bus.close()
 
 
 def _play_fault(
-    fault: Fault, injector: Injector, witness: Witness, run_began_s: float
+    fault: Fault, injector: Injector, witness: Witness, chain: ControlChain, run_began_s: float
 ) -> PlayedFault:
     began_s = time.monotonic()
     undo = injector.inject(fault)
@@ -115,13 +116,14 @@ def _play_fault(
     finally:
         undo()
     ended_s = time.monotonic()
+    whole_s = chain.whole_after(ended_s, ACTS_WITHIN_S) if must_stand(fault) else None
     acted_s = witness.wait_action(ended_s, ACTS_WITHIN_S)
     still_s = None
-    if must_stand(fault):
+    if whole_s is not None:
         drive = witness.drive_after(began_s)
-        still_s = round(float(drive[-1, 0]) - began_s, 3) if len(drive) else 0.0
-        if fault.lasts_s:  # it may drive again afterwards
-            still_s = min(still_s, round(ended_s - began_s, 3))
+        last_s = float(drive[-1, 0]) if len(drive) else began_s
+        may_drive_s = ended_s if fault.lasts_s else whole_s()
+        still_s = round(min(last_s, may_drive_s) - began_s, 3)
     return PlayedFault(
         round(began_s - run_began_s, 2), fault.kind, fault.target, round(ended_s - began_s, 2),
         fault.size, None if acted_s is None else round(acted_s - ended_s, 3), still_s,

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
+
 from helios_chaos.isolation import limit_rate
 from helios_chaos.messages import MessageTap
 from helios_chaos.relay import LinkQuality
@@ -15,6 +17,7 @@ from helios_chaos.schedule import Fault, Kind
 from helios_chaos.stack import Stack
 
 Undo = Callable[[], None]
+ENDS_WITHIN_S = 10.0
 LOSS, REORDER = 0.01, 0.02  # shares on a slow link
 DRIVES = ("planner", "bridge", "world", "router")  # without one of them the robot must stand
 
@@ -35,11 +38,11 @@ class Injector:
         return self._kinds[fault.kind](fault)
 
     def _kill(self, fault: Fault) -> Undo:
-        _signal(self._stack.pid(fault.target), signal.SIGKILL)
+        _end(self._stack.pid(fault.target), signal.SIGKILL)
         return _nothing
 
     def _restart_router(self, fault: Fault) -> Undo:
-        _signal(self._stack.pid("router"), signal.SIGTERM)
+        _end(self._stack.pid("router"), signal.SIGTERM)
         return _nothing
 
     def _freeze(self, fault: Fault) -> Undo:
@@ -101,6 +104,15 @@ def fill(folder: Path) -> Path:
 
 def _nothing() -> None:
     pass
+
+
+def _end(pid: int, number: int) -> None:
+    """Signal a process and wait until it has ended."""
+    if pid:
+        with suppress(psutil.Error):
+            process = psutil.Process(pid)
+            process.send_signal(number)
+            process.wait(ENDS_WITHIN_S)
 
 
 def _signal(pid: int, number: int) -> None:

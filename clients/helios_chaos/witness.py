@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
-from helios_core.topics import TRUTH_TRACE
+from helios_core.topics import GET_STATE, LIST_TASKS, TRUTH_TRACE, WORLD_STATE, Method
 from numpy.typing import NDArray
 
 POLL_S, CALL_S = 0.05, 2.0
@@ -113,3 +117,33 @@ class Witness:
 def length_m(drive: NDArray[np.float64]) -> float:
     """Length of the path through steps [n, 3]."""
     return float(np.hypot(*np.diff(drive[:, 1:], axis=0).T).sum()) if len(drive) > 1 else 0.0
+
+
+class ControlChain:
+    """Watches whether the robot can be driven: planner, bridge and world answer at the router."""
+
+    METHODS: tuple[Method[pb.Empty, Any], ...] = (WORLD_STATE, GET_STATE, LIST_TASKS)
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._threads = ThreadPoolExecutor(len(self.METHODS), "chain")
+
+    def close(self) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    def whole_after(self, lost_s: float, within_s: float) -> Callable[[], float]:
+        """Begin to watch. The result waits, and is the time at which all have answered a call
+        that was made after `lost_s`; infinite if one did not in time."""
+        until_s = lost_s + within_s
+        parts = [self._threads.submit(self._answers, m, until_s) for m in self.METHODS]
+        return lambda: max(part.result() for part in parts)
+
+    def _answers(self, method: Method[pb.Empty, Any], until_s: float) -> float:
+        while (asked_s := time.monotonic()) < until_s:
+            try:
+                self._bus.call(method, pb.Empty(), CALL_S)
+            except HeliosError:
+                time.sleep(max(0.0, asked_s + POLL_S - time.monotonic()))
+            else:
+                return time.monotonic()
+        return math.inf
