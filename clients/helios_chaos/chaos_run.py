@@ -30,6 +30,7 @@ from helios_chaos.witness import ControlChain, Witness
 
 ACTS_WITHIN_S = 60.0  # then the robot counts as never acting again
 FIRST_ACTION_S = 120.0
+HITS_WITHIN_S = 20.0  # for a process that is being started again
 LAST_TASK_S = 240.0  # for the last task, after the last fault
 ANSWERS_WITHIN_S = 60.0
 Say = Callable[[str], None]
@@ -87,8 +88,12 @@ def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> C
                 break
             time.sleep(fault.rest_s)
             player.running.wait(ACTS_WITHIN_S)
-            faults.append(_play_fault(fault, injector, witness, chain, began_s))
-            say(_told(len(faults), faults[-1]))
+            played = _play_fault(fault, injector, witness, chain, began_s)
+            if played is None:
+                say(f"left out {fault.kind} {fault.target}: there was nothing to hit")
+                continue
+            faults.append(played)
+            say(_told(len(faults), played))
         say("no more faults; the last task may end")
         player.finish(LAST_TASK_S)
         minutes = (time.monotonic() - began_s) / 60
@@ -108,7 +113,10 @@ def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> C
 
 def _play_fault(
     fault: Fault, injector: Injector, witness: Witness, chain: ControlChain, run_began_s: float
-) -> PlayedFault:
+) -> PlayedFault | None:
+    """Play a fault; None if there was nothing to hit."""
+    if not injector.can_hit(fault, HITS_WITHIN_S):
+        return None
     began_s = time.monotonic()
     undo = injector.inject(fault)
     try:
@@ -132,7 +140,7 @@ def _play_fault(
 
 def _with_unknown(played: list[PlayedTask], helios: Helios) -> list[PlayedTask]:
     """Played tasks, and those of the planner's list that the player does not know: it gave up on
-    them, or an answer to it got lost."""
+    them, or an answer to it got lost. Their ends cannot be judged, so they count as lost."""
     known = {task.id for task in played}
     deadline_s = time.monotonic() + ANSWERS_WITHIN_S
     while True:
@@ -144,7 +152,9 @@ def _with_unknown(played: list[PlayedTask], helios: Helios) -> list[PlayedTask]:
                 raise
             time.sleep(0.5)
     more = [
-        PlayedTask(t.id, t.instruction, t.state, t.message) for t in listed if t.id not in known
+        PlayedTask(t.id, t.instruction, t.state, t.message, "nobody could follow it to its end")
+        for t in listed
+        if t.id not in known
     ]
     gone = known - {task.id for task in listed}
     return [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +14,7 @@ import psutil
 from helios_chaos.isolation import limit_rate
 from helios_chaos.messages import MessageTap
 from helios_chaos.relay import LinkQuality
-from helios_chaos.schedule import Fault, Kind
+from helios_chaos.schedule import MESSAGES, Fault, Kind
 from helios_chaos.stack import Stack
 
 Undo = Callable[[], None]
@@ -34,8 +35,22 @@ class Injector:
             "damaged": self._message, "old": self._message, "double": self._message,
         }  # fmt: skip
 
+    def can_hit(self, fault: Fault, within_s: float) -> bool:
+        """Wait until the target of a fault is there: its process, or a message to send again."""
+        until_s = time.monotonic() + within_s
+        while not self._has_target(fault):
+            if time.monotonic() > until_s:
+                return False
+            time.sleep(0.05)
+        return True
+
     def inject(self, fault: Fault) -> Undo:
         return self._kinds[fault.kind](fault)
+
+    def _has_target(self, fault: Fault) -> bool:
+        if fault.kind in ("kill", "freeze", "restart_router"):
+            return bool(self._stack.pid(fault.target))
+        return fault.target not in MESSAGES or self._tap.has_heard(fault.target)
 
     def _kill(self, fault: Fault) -> Undo:
         _end(self._stack.pid(fault.target), signal.SIGKILL)
@@ -107,7 +122,7 @@ def _nothing() -> None:
 
 
 def _end(pid: int, number: int) -> None:
-    """Signal a process and wait until it has ended."""
+    """Signal a process that may have ended, and wait until it has ended."""
     if pid:
         with suppress(psutil.Error):
             process = psutil.Process(pid)

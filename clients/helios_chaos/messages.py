@@ -28,6 +28,11 @@ class MessageTap:
         self._session = open_session(client_config(router))[0]
         self._readers = [self._listen(topic) for topic in MESSAGES]
 
+    def has_heard(self, topic: str) -> bool:
+        """True if there is a message of the topic to send again."""
+        with self._lock:
+            return bool(self._heard[topic])
+
     def damaged(self, topic: str) -> None:
         """Send messages that are cut short, with wrong bits or of noise."""
         for _ in range(BURST):
@@ -49,8 +54,7 @@ class MessageTap:
 
     def _one(self, topic: str, newest: bool) -> bytes:
         with self._lock:
-            heard = self._heard[topic]
-            return heard[-1 if newest else 0] if heard else b""
+            return self._heard[topic][-1 if newest else 0]
 
     def _put(self, topic: str, data: bytes) -> None:
         self._session.put(f"{ROOT}/{self._robot}/{topic}", data)

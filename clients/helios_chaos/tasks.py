@@ -63,6 +63,7 @@ class TaskPlayer:
         self._helios, self._bus, self._random = helios, bus, random.Random(seed)
         self._ending, self._given_up = threading.Event(), threading.Event()
         self._start_xy = self._robot_xy()
+        self._cancelled: set[str] = set()  # ids of the tasks that the player cancelled
         self.played: list[PlayedTask] = []
         self.running = threading.Event()  # a task runs at this moment
         self._thread = threading.Thread(target=self._run, name="tasks", daemon=True)
@@ -102,9 +103,7 @@ class TaskPlayer:
             task = self._ended(id)
         finally:
             self.running.clear()
-        untrue = ""
-        if task.state == "succeeded":
-            untrue = self._untrue(instruction, home)
+        untrue = self._untrue(instruction, task, home)
         self.played.append(PlayedTask(id, instruction, task.state, task.message, untrue))
 
     def _move(self, home: Home) -> str:
@@ -118,21 +117,22 @@ class TaskPlayer:
         goal = self._random.choice(sorted(goals) or [under[thing]])
         return f"Move the {class_name} from the {under[thing]} to the {goal}"
 
-    def _untrue(self, instruction: str, before: Home) -> str:
-        """Why a success contradicts the truth; empty if it does not."""
+    def _untrue(self, instruction: str, task: Task, before: Home) -> str:
+        """Why the end of a task contradicts the truth; empty if it does not.
+
+        The time of an exploration is its whole goal, so its success is never untrue.
+        """
+        if task.state == "cancelled":
+            return "" if task.id in self._cancelled else "nobody cancelled it"
         if instruction == "go home":
             away_m = float(np.hypot(*(self._robot_xy() - self._start_xy)))
-            return f"the robot is {away_m:.2f} m from its start" if away_m > AT_HOME_M else ""
-        if not instruction.startswith("Move the "):
+            is_there = away_m <= AT_HOME_M
+            found = f"the robot is {away_m:.2f} m from its start"
+        elif instruction.startswith("Move the "):
+            is_there, found = moved_as_told(instruction, before, self._home())
+        else:
             return ""
-        class_name, _, way = instruction.removeprefix("Move the ").partition(" from the ")
-        goal = way.partition(" to the ")[2]
-        after = self._home()
-        moved = [t for t in after.places if after.places[t] != before.places.get(t)]
-        if any(after.places[t][0] == class_name and after.class_under(t) == goal for t in moved):
-            return ""
-        found = ", ".join(f"{t} on {after.class_under(t) or 'nothing'}" for t in moved) or "nothing"
-        return f"no {class_name} was moved to a {goal}; moved: {found}"
+        return found if is_there != (task.state == "succeeded") else ""
 
     def _submitted(self, submit: Callable[[], Task]) -> str:
         """Id of the new task. After an error the task may exist all the same: it is then found in
@@ -154,6 +154,7 @@ class TaskPlayer:
             if task.ended:
                 return task
             if self._given_up.is_set() or time.monotonic() > deadline_s:
+                self._cancelled.add(id)
                 self._patiently(lambda: self._helios.cancel(id))
             time.sleep(POLL_S)
 
@@ -178,3 +179,13 @@ class TaskPlayer:
                 if time.monotonic() > deadline_s:
                     raise
                 time.sleep(RETRY_S)
+
+
+def moved_as_told(instruction: str, before: Home, after: Home) -> tuple[bool, str]:
+    """Whether an object of the class is on its goal and was not before, and what was moved."""
+    class_name, _, way = instruction.removeprefix("Move the ").partition(" from the ")
+    goal = way.partition(" to the ")[2]
+    moved = [t for t in after.places if after.places[t] != before.places.get(t)]
+    is_there = any(after.places[t][0] == class_name and after.class_under(t) == goal for t in moved)
+    found = ", ".join(f"{t} on {after.class_under(t) or 'nothing'}" for t in moved) or "nothing"
+    return is_there, f"a {class_name} to a {goal} was asked for; moved: {found}"

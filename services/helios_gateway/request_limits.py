@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from helios_core.errors import HeliosError
-from limits import RateLimitItemPerSecond
-from limits.storage import MemoryStorage
-from limits.strategies import FixedWindowRateLimiter
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
@@ -22,6 +19,7 @@ from helios_gateway.api_keys import ApiKeys
 from helios_gateway.api_keys import Scope as KeyScope
 from helios_gateway.dependencies import check, key_of
 from helios_gateway.error_responses import problem, problem_of
+from helios_gateway.request_rate import RequestRate
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 # Paths below the root of a robot.
@@ -71,8 +69,7 @@ class RequestLimits:
 
     def __init__(self, app: ASGIApp, bounds: LimitSettings, keys: ApiKeys) -> None:
         self._app, self._bounds, self._keys = app, bounds, keys
-        self._rate = RateLimitItemPerSecond(bounds.requests_per_s)
-        self._limiter = FixedWindowRateLimiter(MemoryStorage())
+        self._rate = RequestRate(bounds.requests_per_s)
         self._running = self._large = self._maps = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -125,7 +122,7 @@ class RequestLimits:
             return None
         key = key_of(scope, self._keys) if self._keys.required else None
         client = f"key {key.name}" if key else f"host {(scope.get('client') or ('',))[0]}"
-        if self._limiter.hit(self._rate, client):
+        if self._rate.allows(client):
             return None
         out = problem(
             429, "too-many", "Too Many Requests",

@@ -43,7 +43,8 @@ class Settings(ServiceSettings):
     faults_mb: float = Field(
         default=500,
         gt=0,
-        description="size of all recordings of one robot's faults; the oldest are removed",
+        description="size of all recordings of one robot's faults; the oldest are removed, also "
+        "where they take more than a quarter of the free disk",
     )
     fleet_queue: Path | None = Field(
         default=None,

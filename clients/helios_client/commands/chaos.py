@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 app = typer.Typer()
 
 JsonFile = Annotated[Path, typer.Option("--json", help="JSON file for the result")]
-Seed = Annotated[int, typer.Option(help="seed of the home, the tasks and the faults", min=0)]
+Seed = Annotated[int, typer.Option(help="seed of the home, the tasks and the disturbances", min=0)]
 Logs = Annotated[Path | None, typer.Option(help="folder for a copy of the services' logs")]
 
 
@@ -39,6 +39,7 @@ def chaos(
     lost or a limit is not met."""
     isolation = _load("isolation")
     wanted = _kinds(kinds)
+    _check_file(json_path)
     able = isolation.enter(sys.argv[1:])
     from helios_chaos.chaos_run import ChaosPlan, run_chaos
 
@@ -58,6 +59,7 @@ def stop_distance(
     """Measure in a simulated home how far the robot drives after a stop, and after the loss of
     planner, gateway, the bridge's link and the router; check that a stop outlives every service.
     Exit status 1 if a limit is not met."""
+    _check_file(json_path)
     able = _load("isolation").enter(sys.argv[1:])
     from helios_chaos.stop_distance import run_stop_distance
 
@@ -68,7 +70,9 @@ def stop_distance(
 @app.command()
 def soak(
     out: Annotated[Path, typer.Option(help="folder for the results")],
-    hours: Annotated[float, typer.Option(help="duration", min=0.01)] = 2.0,
+    hours: Annotated[
+        float | None, typer.Option(help="duration; not with --load", min=0.01, show_default="2")
+    ] = None,
     load: Annotated[
         bool, typer.Option("--load", help="measure under load, in a few minutes, instead")
     ] = False,
@@ -77,14 +81,16 @@ def soak(
     """Run tasks and idle in turn for hours, and check that memory, handles and the state folder do
     not grow. With --load: compare the services' times with and without many clients. Exit status 1
     if a limit is not met."""
-    from helios_core.errors import InvalidInput
+    from helios_client.usage_errors import UsageError
 
     if out.exists() and not out.is_dir():
-        raise InvalidInput(f"{out} is a file; name a folder with --out")
+        raise UsageError(f"{out} is a file; name a folder with --out")
+    if load and hours is not None:
+        raise UsageError("--load takes as long as its tasks take: omit --hours")
     if load:
         run = _load("load_run").run_load(seed, out, _say)
         _end(run.misses(), out / "load.json")
-    run = _load("soak_run").run_soak(hours, seed, out, _say)
+    run = _load("soak_run").run_soak(hours or 2.0, seed, out, _say)
     _end(run.misses(), out / "soak.json")
 
 
@@ -97,6 +103,17 @@ def _kinds(text: str) -> tuple[Kind, ...]:
     if unknown := [kind for kind in asked if kind not in KINDS]:
         raise UsageError(f"no fault is called {unknown[0]!r}; wanted some of {', '.join(KINDS)}")
     return tuple(kind for kind in KINDS if kind in asked) if asked else KINDS
+
+
+def _check_file(path: Path) -> None:
+    """Raises UsageError for a file that cannot be written, before the long run."""
+    from helios_core.atomic_file import unwritable_reason
+
+    from helios_client.usage_errors import UsageError
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if reason := unwritable_reason(path):
+        raise UsageError(reason)
 
 
 def _load(module: str):

@@ -1,14 +1,18 @@
 """The folder of faults: a list of them, and their recordings, limited in number and size.
 
 `faults.json` holds the faults and what each recording was made for. The recordings are MCAP files.
-The oldest are removed when there are more than `MOST_FILES`, or more than the given megabytes.
+The oldest are removed when there are more than `MOST_FILES`, more than the given megabytes, or when
+they take more than `SHARE_OF_DISK` of the space that they and the rest of the disk leave free: the
+journal of the planner and the maps are on the same disk and come first.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import math
 import re
+import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -21,6 +25,7 @@ from helios_gateway.faults.life_cycle import Fault, FaultState
 log = logging.getLogger(__name__)
 
 MOST_FILES = 100
+SHARE_OF_DISK = 0.25
 LIST_NAME = "faults.json"
 SUFFIX = ".mcap"
 NAME = re.compile(r"[0-9]{8}T[0-9]{6}Z-[a-z0-9-]{1,80}\.mcap")  # nothing else is read or removed
@@ -67,7 +72,13 @@ class FaultFiles:
         self._try(lambda: self._write(LIST_NAME, json.dumps(content, indent=1)))
 
     def save(self, name: str, data: bytes) -> bool:
-        """Write a recording. True if it is on the disk."""
+        """Write a recording. True if it is on the disk; one for which there is no room is not."""
+        if len(data) > self._share_of_disk(0):
+            log.warning(
+                "%s of %.1f MB was not kept: there is too little room on the disk of %s",
+                name, len(data) / 1e6, self.folder,
+            )  # fmt: skip
+            return False
         return self._try(lambda: self._write(name, data))
 
     def path(self, name: str) -> Path | None:
@@ -77,17 +88,31 @@ class FaultFiles:
         path = self._path(name)
         return path if path.is_file() else None
 
-    def shorten(self, notes: Sequence[RecordingNote]) -> list[RecordingNote]:
-        """Remove the oldest recordings beyond the limits. Returns the notes of the others."""
+    def shorten(self, notes: Sequence[RecordingNote], coming_bytes: int = 0) -> list[RecordingNote]:
+        """Remove the oldest recordings beyond the limits. Returns the notes of the others.
+
+        notes: the oldest first. coming_bytes: size of a recording that will be saved next.
+        """
         kept: list[RecordingNote] = []
-        size = 0
-        for note in sorted(notes, key=lambda n: n.made_s, reverse=True):
+        most = min(self._limit, self._share_of_disk(sum(note.bytes for note in notes)))
+        size = coming_bytes
+        for note in reversed(notes):
             size += note.bytes
-            if len(kept) < MOST_FILES and (size <= self._limit or not kept):
+            is_newest = not kept and not coming_bytes
+            if len(kept) < MOST_FILES and (size <= most or is_newest):
                 kept.append(note)
             else:
                 self._try(lambda name=note.name: self._path(name).unlink(missing_ok=True))
         return kept[::-1]
+
+    def _share_of_disk(self, own: int) -> float:
+        """Largest size of all recordings by the free space, if they take `own` bytes now."""
+        folder = next(f for f in (self.folder, *self.folder.absolute().parents) if f.exists())
+        try:
+            free = shutil.disk_usage(folder).free
+        except OSError:
+            return math.inf
+        return SHARE_OF_DISK * (free + own)
 
     def _path(self, name: str) -> Path:
         return self.folder / name

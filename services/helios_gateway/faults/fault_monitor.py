@@ -110,7 +110,7 @@ class FaultMonitor:
     def recordings(self) -> tuple[RecordingNote, ...]:
         """Recordings, newest first."""
         with self._lock:
-            return tuple(sorted(self._notes.values(), key=lambda n: -n.made_s))
+            return tuple(reversed(self._notes.values()))
 
     def recordings_of(self, task_id: str) -> list[str]:
         """Names of the recordings around the failure of a task."""
@@ -142,7 +142,7 @@ class FaultMonitor:
 
     def _is_due(self, fault: Fault, now_s: float) -> bool:
         made_s = [note.made_s for note in self._notes.values() if fault.id in note.faults]
-        return not made_s or now_s - max(made_s) >= AGAIN_S
+        return not made_s or not 0 <= now_s - made_s[-1] < AGAIN_S  # the clock may have jumped
 
     def _record(self, fault: Fault, task_id: str, now_s: float) -> None:
         if self._box is None:
@@ -158,14 +158,17 @@ class FaultMonitor:
     def _on_saved(self, name: str, data: bytes) -> None:
         """Store a finished recording; from the thread of the black box."""
         assert self._files is not None
+        with self._lock:
+            made = [note for note in self._notes.values() if note.bytes]
+            kept = {note.name for note in self._files.shorten(made, len(data))}
+            gone = {note.name for note in made} - kept
+            self._notes = {n.name: n for n in self._notes.values() if n.name not in gone}
         saved = self._files.save(name, data)
         with self._lock:
             note = self._notes.pop(name, None) or RecordingNote(name, self._clock())
             if saved:
                 self._notes[name] = replace(note, bytes=len(data))
-            kept = self._files.shorten(list(self._notes.values()))
-            self._notes = {note.name: note for note in kept}
-            self._files.write(self._book.faults(), kept)
+            self._files.write(self._book.faults(), list(self._notes.values()))
 
     def _publish(self, changed: Iterable[Fault]) -> None:
         for fault in changed:

@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -202,6 +203,24 @@ def test_the_oldest_recordings_are_removed(tmp_path: Path) -> None:
 
 def test_the_newest_recording_stays_even_if_it_is_too_large(tmp_path: Path) -> None:
     assert FaultFiles(tmp_path, 1).shorten([note(1), note(2, 10_000)]) == [note(2, 10_000)]
+
+
+def test_recordings_leave_room_on_a_small_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = SimpleNamespace(free=500)
+    monkeypatch.setattr("helios_gateway.faults.fault_files.shutil.disk_usage", lambda _: usage)
+    files = FaultFiles(tmp_path, 10_000)
+    notes = [note(number) for number in range(5)]
+    assert files.shorten(notes) == notes[-2:]  # a quarter of 500 + 500
+    assert files.shorten(notes, 100) == notes[-1:]
+    assert not files.save(note(6).name, bytes(126))
+    assert files.save(note(6).name, bytes(125))
+
+
+def test_a_clock_that_jumps_back_makes_no_new_recording_the_oldest(tmp_path: Path) -> None:
+    before, after = note(50), note(1)  # made an hour later, by a clock that was set back
+    assert FaultFiles(tmp_path, 150).shorten([before, after]) == [after]
 
 
 @pytest.mark.parametrize("name", ["../x.mcap", "faults.json", "20260101T000000Z-a/b.mcap", ""])
