@@ -44,7 +44,12 @@ class RosAction:
         end_s = time.monotonic() + within_s
         if not self.is_there():
             raise NotDone(f"nobody serves the action {self.name} ({self._kind}); start it")
-        handle = self._wait(self._client.send_goal_async(goal), latch, end_s)
+        sent = self._client.send_goal_async(goal)
+        try:
+            handle = self._wait(sent, latch, end_s)
+        except NotDone:
+            sent.add_done_callback(_cancel_if_accepted)
+            raise
         if not handle.accepted:
             raise NotDone(f"the action {self.name} refused the goal")
         self._goal = handle
@@ -74,6 +79,13 @@ class RosAction:
                 raise NotDone(f"the action {self.name} took too long")
             latch.rest(POLL_S)
         return future.result()
+
+
+def _cancel_if_accepted(sent: Any) -> None:
+    """Cancel a goal that is accepted only after nobody waits for it any more."""
+    handle = sent.result()
+    if handle is not None and handle.accepted:
+        handle.cancel_goal_async()
 
 
 def set_fields(message: Any, fields: Mapping[str, Any], what: str) -> None:

@@ -71,6 +71,7 @@ class RobotInput:
         self._topic_poses = TopicPoses(settings, self.tilt_rad)
         self._poses: Poses | None = None
         self._history: deque[BasePose] = deque(maxlen=HISTORY)
+        self._newest_came_s = 0.0  # when the newest pose came, by a monotonic clock
         self._names: dict[str, str] = {}
         self._pose_frame = "odom"
         self.battery: float | None = None  # charge, 0 to 1; None: not known
@@ -198,6 +199,7 @@ class RobotInput:
             self.world_epoch += 1
             self._history.clear()
         self._history.append(now)
+        self._newest_came_s = time.monotonic()
         self.clock.note(ns)
         self._news.notify_all()
 
@@ -272,14 +274,25 @@ class RobotInput:
         return self._s.camera_tilt_rad if self._tilt_rad is None else self._tilt_rad
 
     def here(self) -> BasePose:
-        """Newest pose of the base. Raises Unavailable if the robot is silent."""
+        """Newest pose of the base. Raises Unavailable if none has come for `silent_s`.
+
+        A topic that others keep alive does not count: several nodes publish on /tf.
+        """
         source = self.tf if isinstance(self._poses, TfPoses) and self.tf else self.odom
         with self._news:
             if not self._history:
                 self._news.wait_for(lambda: bool(self._history), self._s.silent_s)
             if not self._history or source.age_s() > self._s.silent_s:
                 raise source.silence()
-            return self._history[-1]
+            newest = self._history[-1]
+            age_s = time.monotonic() - self._newest_came_s
+            if newest.stamp_ns and age_s > self._s.silent_s:  # stamp 0: the pose is static
+                raise Unavailable(
+                    f"{source.described()} brings messages, but no new pose of the base for "
+                    f"{age_s:.1f} s; its last stamp is {newest.stamp_ns / 1e9:.3f} s: does the "
+                    "robot's odometry still run?"
+                )
+            return newest
 
     def wait_newer(self, than_ns: int, within_s: float) -> None:
         """Wait for a pose newer than `than_ns`."""

@@ -77,16 +77,20 @@ class TopicReader:
         """The fault of a topic without messages: names topic, type, QoS and last stamp."""
         if self._taken is None or (self._trouble and not self._count):
             return Unavailable(self._trouble)
-        topic, kind, qos = self._taken
         if not self._count:
-            return Unavailable(f"no message has come on {topic} ({kind}, {qos}) yet; is it sent?")
+            return Unavailable(f"no message has come on {self.described()} yet; is it sent?")
         gone = "" if not self._trouble else f"; {self._trouble}"
         stamp = ""
         if self._stamp_ns is not None:
             stamp = f", its last stamp is {self._stamp_ns / 1e9:.3f} s"
-        return Unavailable(
-            f"{topic} ({kind}, {qos}) is silent for {self.age_s():.1f} s{stamp}{gone}"
-        )
+        return Unavailable(f"{self.described()} is silent for {self.age_s():.1f} s{stamp}{gone}")
+
+    def described(self) -> str:
+        """Topic, type and QoS, for messages; empty before a publisher is found."""
+        if self._taken is None:
+            return ""
+        topic, kind, qos = self._taken
+        return f"{topic} ({kind}, {qos})"
 
     def _unpublished(self, topic: str, offered: Sequence[tuple[str, Qos]]) -> str:
         wanted = " or ".join(self._types)

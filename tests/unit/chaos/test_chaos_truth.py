@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from helios_chaos.tasks import Home, TaskPlayer, moved_as_told
@@ -61,7 +63,8 @@ def test_a_wrong_success_a_wrong_failure_and_a_strange_cancellation_are_untrue(
     world = MemoryBus(hub)
     world.serve(TRUTH_OBJECTS, lambda _: truth(mug_on))
     world.serve(WORLD_STATE, lambda _: state_to_proto(RobotState(np.eye(4))))
-    player = TaskPlayer(None, MemoryBus(hub), 0)  # type: ignore[arg-type]
+    no_client: Any = None
+    player = TaskPlayer(no_client, MemoryBus(hub), 0)
     task = Task(id="a", state=state)
     found = player._untrue(MOVE, task, home("desk_0"))
     assert (untrue in found) if untrue else not found
