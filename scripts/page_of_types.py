@@ -83,6 +83,8 @@ MEANING: dict[type, dict[str, str]] = {
         "footprint_box_m": "length and width of a body that is no disc; None: a disc",
         "show_base_m": "where `Show` holds the thing's centre, (x, y, z) from the base; None: it "
         "cannot show what it holds",
+        "world_frame": "frame of the poses in the robot's own messages, as ROS names it; empty: it "
+        "has none",
     },
     RobotState: {
         "T_world_base": "pose of the base: on the floor, x ahead, z up",

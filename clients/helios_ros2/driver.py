@@ -101,6 +101,7 @@ class Ros2Driver(RobotDriver):
             can_move=s.motion != "none",
             can_pick=self._manipulation.can_pick,
             can_place=self._manipulation.can_place,
+            world_frame=self._senses.world_frame,
         )
 
     def state(self) -> RobotState:

@@ -19,7 +19,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput, Unavailable
 
-from helios_ros2.interface_definitions import DISTRIBUTIONS, packages
+from helios_ros2.interface_definitions import DISTRIBUTIONS, HELIOS, InterfacePackage, packages
 from helios_ros2.rclpy_loading import INSTALL
 
 OURS = tuple(package.name for package in packages(DISTRIBUTIONS[0]))
@@ -121,16 +121,26 @@ def install(folder: Path, ros: RosPython) -> None:
     shutil.copytree(folder / "install", ros.prefix, dirs_exist_ok=True, symlinks=True)
 
 
+def write_our_sources(src: Path) -> Path:
+    """Write helios_msgs, which no ROS has, as a package for colcon. Returns its folder."""
+    return _write_source(src, HELIOS)
+
+
+def _write_source(src: Path, package: InterfacePackage) -> Path:
+    at = src / package.name
+    for name, text in {
+        **package.files, "package.xml": package.manifest, "CMakeLists.txt": package.build_file
+    }.items():  # fmt: skip
+        path = at / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text() != text:
+            path.write_text(text)
+    return at
+
+
 def _write_sources(src: Path, distribution: str) -> tuple[str, ...]:
     for package in packages(distribution):
-        at = src / package.name
-        for name, text in {
-            **package.files, "package.xml": package.manifest, "CMakeLists.txt": package.build_file
-        }.items():  # fmt: skip
-            path = at / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if not path.exists() or path.read_text() != text:
-                path.write_text(text)
+        _write_source(src, package)
     theirs = sorted(p.parent.name for p in src.glob("*/package.xml") if p.parent.name not in OURS)
     return (*OURS, *theirs)
 

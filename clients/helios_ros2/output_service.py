@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import re
 import threading
-import time
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +16,7 @@ from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import transform_from_proto
-from helios_core.errors import HeliosError
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.topics import (
@@ -55,13 +54,18 @@ class OutputService:
     def __init__(self, bus: Bus, settings: Ros2Settings, health: Health) -> None:
         """Raises InvalidInput without rclpy, or for an output that it cannot make."""
         self._bus, self._s, self._health = bus, settings, health
-        self._frame = settings.frame or settings.world_frame or "map"
+        self._frame = settings.frame or settings.world_frame  # empty: the robot's driver tells it
+        if settings.publish_tf == "odom" and self._frame == "odom":
+            raise InvalidInput(
+                "publish_tf = odom publishes that `frame` and odom are the same, but frame is "
+                "odom: name another frame, or set HELIOS_ROS2_PUBLISH_TF=none"
+            )
         self._radius_m = DEFAULT_RADIUS_M
         self._statuses: dict[str, pb.ServiceStatus] = {}
         self._map_version = self._object_version = 0
         self._values: dict[str, tuple[Any, Any]] = {}  # layer -> publishers of picture and grid
         self._ending = threading.Event()
-        self._ros = RosNode(settings.node, THREADS)
+        self._ros = RosNode(settings.node, THREADS, settings.sim_time)
         self._make_publishers()
         self._tasks = TaskInterface(self._ros, bus)
         bus.subscribe(PLAN, self._on_plan)
@@ -100,8 +104,8 @@ class OutputService:
         if self._s.publish_tf != "none":
             still = self._s.publish_tf == "odom"
             self._tf = publisher(TF_MESSAGE, "/tf_static" if still else "/tf", Qos(retained=still))
-        if self._s.publish_tf == "odom":
-            self._publish_transform("odom", np.eye(4))
+        if self._frame:
+            self._publish_odom()
 
     def _missing(self) -> str:
         """What is not published because its interfaces are not built."""
@@ -113,22 +117,31 @@ class OutputService:
 
     # --- streams ------------------------------------------------------------------------------
     def _on_plan(self, plan: pb.Plan) -> None:
-        points = zip(plan.path_m[::2], plan.path_m[1::2], strict=False)
-        self._send(self._path, ros_messages.path(points, time.time_ns(), self._frame))
+        if self._frame:
+            points = zip(plan.path_m[::2], plan.path_m[1::2], strict=False)
+            self._send(self._path, ros_messages.path(points, self._ros.now_ns(), self._frame))
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._radius_m = description.footprint_radius_m or DEFAULT_RADIUS_M
         self._map_version = 0  # its costs depend on the radius
+        if not self._frame:
+            self._frame = description.world_frame or "map"
+            log.info("publishes in the frame %s", self._frame)
+            self._publish_odom()
 
     def _on_state(self, state: pb.RobotState) -> None:
-        if self._s.publish_tf == "base":
+        if self._s.publish_tf == "base" and self._frame:
             self._publish_transform("base_link", transform_from_proto(state.T_world_base))
 
     def _on_status(self, status: pb.ServiceStatus) -> None:
         self._statuses[status.service] = status
 
+    def _publish_odom(self) -> None:
+        if self._s.publish_tf == "odom" and self._frame != "odom":
+            self._publish_transform("odom", np.eye(4))
+
     def _publish_transform(self, child: str, T: Any) -> None:
-        one = ros_messages.transform(self._frame, child, T, time.time_ns())
+        one = ros_messages.transform(self._frame, child, T, self._ros.now_ns())
         self._send(self._tf, interface(TF_MESSAGE)(transforms=[one]))
 
     # --- maps ---------------------------------------------------------------------------------
@@ -136,8 +149,9 @@ class OutputService:
         while not self._ending.wait(self._s.map_period_s):
             try:
                 self._publish_diagnostics()
-                self._publish_map()
-                self._publish_objects()
+                if self._frame:
+                    self._publish_map()
+                    self._publish_objects()
             except HeliosError as error:  # a map with impossible content; the next may be valid
                 self._health.count("unpublishable_maps")
                 log.warning("a map was left out: %s", error.message)
@@ -149,7 +163,7 @@ class OutputService:
 
     def _publish_diagnostics(self) -> None:
         statuses = list(self._statuses.values())
-        self._send(self._diagnostics, ros_messages.diagnostics(statuses, time.time_ns()))
+        self._send(self._diagnostics, ros_messages.diagnostics(statuses, self._ros.now_ns()))
 
     def _publish_map(self) -> None:
         request = pb.SnapshotRequest(layers=True, if_newer=self._map_version)
@@ -157,7 +171,7 @@ class OutputService:
         if snapshot is None or snapshot.unchanged or not snapshot.width:
             return
         view = decode_snapshot(snapshot)
-        ns = time.time_ns()
+        ns = self._ros.now_ns()
         self._send(self._map, ros_messages.grid(view, view.occupancy, ns, self._frame))
         costs = map_arrays.costs(view, self._radius_m)
         self._send(self._costmap, ros_messages.grid(view, costs, ns, self._frame))
@@ -187,7 +201,7 @@ class OutputService:
         gaussians = self._ask(GAUSSIANS, pb.GaussiansRequest())
         if gaussians is None:
             return
-        ns = time.time_ns()
+        ns = self._ros.now_ns()
         self._send(self._objects, ros_messages.markers(reply.objects, self._frame))
         if self._detections is not None:
             found = ros_messages.detections(reply.objects, ns, self._frame)

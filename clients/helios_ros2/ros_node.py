@@ -23,16 +23,21 @@ CLOSE_WITHIN_S = 1.0
 class RosNode:
     """Node with its executor's thread. `start` begins to spin; `close` ends it."""
 
-    def __init__(self, name: str, threads: int = 1) -> None:
-        """threads: number of callbacks that run at a time. Raises InvalidInput without rclpy."""
+    def __init__(self, name: str, threads: int = 1, sim_time: bool = False) -> None:
+        """threads: number of callbacks that run at a time. sim_time: its clock is that of /clock.
+
+        Raises InvalidInput without rclpy.
+        """
         self._rclpy = load_rclpy()
         executors = rclpy_module("executors")
         no_signals = rclpy_module("signals").SignalHandlerOptions.NO
         self._context = self._rclpy.Context()
         self._rclpy.init(args=[], context=self._context, signal_handler_options=no_signals)
+        parameter = rclpy_module("parameter").Parameter
         self.node = self._rclpy.create_node(
-            name, context=self._context, start_parameter_services=False
-        )
+            name, context=self._context, start_parameter_services=False,
+            parameter_overrides=[parameter("use_sim_time", value=sim_time)],
+        )  # fmt: skip
         self.executor = (
             executors.SingleThreadedExecutor(context=self._context)
             if threads == 1
@@ -55,6 +60,10 @@ class RosNode:
             self._thread.join(CLOSE_WITHIN_S)
         self.node.destroy_node()
         self._rclpy.shutdown(context=self._context)
+
+    def now_ns(self) -> int:
+        """Time of the node's clock; 0 before the first message of a simulated clock."""
+        return int(self.node.get_clock().now().nanoseconds)
 
     def interface(self, name: str) -> Any:
         """Class of a message. Raises InvalidInput if it is not installed."""

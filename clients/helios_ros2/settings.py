@@ -171,7 +171,12 @@ class Ros2Settings(ServiceSettings):
     )
     frame: str = Field(
         default="",
-        description="frame of everything that HELIOS publishes; empty: world_frame, else map",
+        description="frame of everything that HELIOS publishes; empty: world_frame, else the frame "
+        "of the robot's poses as its driver tells it, else map",
+    )
+    sim_time: bool = Field(
+        default=False,
+        description="stamp what HELIOS publishes by /clock, for a robot in simulated time",
     )
     publish_tf: Literal["none", "odom", "base"] = Field(
         default="none",

@@ -194,6 +194,7 @@ class RobotDescription:
     footprint_box_m: tuple[float, float] | None = None  # length, width; None: a disc
     # Centre of a held object that is shown to the camera, base frame; None: it cannot show one.
     show_base_m: tuple[float, float, float] | None = None
+    world_frame: str = ""  # frame of the poses in the robot's own messages (ROS); empty: none
 
     @property
     def inner_radius_m(self) -> float:

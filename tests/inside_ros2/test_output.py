@@ -15,10 +15,19 @@ rclpy = pytest.importorskip("rclpy")
 
 from helios_core import proto as pb  # noqa: E402
 from helios_core.codec import state_to_proto  # noqa: E402
+from helios_core.errors import InvalidInput  # noqa: E402
 from helios_core.geometry import se2_to_se3  # noqa: E402
 from helios_core.health import Health  # noqa: E402
 from helios_core.memory_bus import MemoryBus, MemoryHub  # noqa: E402
-from helios_core.topics import CANCEL, GET_TASK, ROBOT_STATE, SUBMIT, TASK  # noqa: E402
+from helios_core.topics import (  # noqa: E402
+    CANCEL,
+    GET_TASK,
+    PLAN,
+    ROBOT_DESCRIPTION,
+    ROBOT_STATE,
+    SUBMIT,
+    TASK,
+)
 from helios_core.types import RobotState  # noqa: E402
 from helios_ros2.offered_qos import Qos  # noqa: E402
 from helios_ros2.output_service import OutputService  # noqa: E402
@@ -93,12 +102,48 @@ def test_the_base_is_published_in_tf_if_asked() -> None:
 
 @pytest.mark.skipif(not has_interface(TF), reason="no tf2_msgs")
 def test_map_and_odom_are_one_frame_if_asked() -> None:
-    with output(publish_tf="odom") as (_, user):
+    with output(publish_tf="odom") as (bus, user):
         got = heard(user, "/tf_static", TF, retained=True)
+        bus.publish(ROBOT_DESCRIPTION, pb.RobotDescription())
         wait_until(lambda: got)
         [one] = got[0].transforms
         assert (one.header.frame_id, one.child_frame_id) == ("map", "odom")
         assert one.transform.rotation.w == 1.0
+
+
+@pytest.mark.parametrize(("told", "frame"), [("odom", "odom"), ("", "map")])
+def test_the_frame_is_that_of_the_robots_poses_unless_it_is_set(told: str, frame: str) -> None:
+    with output() as (bus, user):
+        got = heard(user, "/helios/path", "nav_msgs/msg/Path", retained=True)
+        bus.publish(PLAN, pb.Plan(path_m=[0, 0, 1, 0]))  # in a frame that is not known yet
+        bus.publish(ROBOT_DESCRIPTION, pb.RobotDescription(world_frame=told))
+        bus.publish(PLAN, pb.Plan(path_m=[0, 0, 1, 0, 2, 0]))
+        wait_until(lambda: got)
+        assert (got[0].header.frame_id, len(got[0].poses)) == (frame, 3)
+
+
+def test_odom_is_not_published_below_itself() -> None:
+    with (
+        pytest.raises(InvalidInput, match="name another frame"),
+        output(frame="odom", publish_tf="odom"),
+    ):
+        pass
+
+
+def test_stamps_are_of_the_simulated_clock_if_asked() -> None:
+    with output(sim_time=True, frame="map") as (bus, user):
+        got = heard(user, "/helios/path", "nav_msgs/msg/Path", retained=True)
+        kind = "rosgraph_msgs/msg/Clock"
+        clock = user.publisher("/clock", kind, Qos(), 10)
+        now = interface(kind)()
+        now.clock.sec = 2_000_000_000  # a time to which no other clock has come
+
+        def told() -> bool:
+            clock.publish(now)
+            bus.publish(PLAN, pb.Plan(path_m=[0, 0, 1, 0]))
+            return any(path.header.stamp.sec == now.clock.sec for path in got)
+
+        wait_until(told)
 
 
 def test_a_stop_that_nobody_takes_is_no_success() -> None:

@@ -36,19 +36,26 @@ def build_interfaces(
     no_install: Annotated[
         bool, typer.Option("--no-install", help="leave them in DIR/install")
     ] = False,
+    sources: Annotated[
+        bool,
+        typer.Option("--sources", help="only write helios_msgs into DIR/src, for colcon"),
+    ] = False,
 ) -> None:
     """Build tf2_msgs, nav2_msgs, vision_msgs and helios_msgs for pip's rclpy. Needs gcc and
-    cmake; takes some minutes."""
+    cmake; takes some minutes. --sources needs neither."""
     from helios_core.errors import InvalidInput
     from helios_ros2 import interface_build as build
 
     from helios_client.supervision.ros2_python import chosen_ros2_python
     from helios_client.usage_errors import UsageError
 
-    screen = console(stderr=True)
-    ros = build.ros_python(chosen_ros2_python())
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
+    if sources:
+        print(f"wrote {build.write_our_sources(folder / 'src')}; build it with colcon")
+        return
+    screen = console(stderr=True)
+    ros = build.ros_python(chosen_ros2_python())
     wanted = [name.strip() for name in only.split(",") if name.strip()]
     try:
         names = build.build(folder, ros, wanted, lambda words: screen.print(words, highlight=False))

@@ -77,6 +77,7 @@ def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
         footprint_length_m=length_m,
         footprint_width_m=width_m,
         show_base_m=None if show is None else pb.Vector3(x=show[0], y=show[1], z=show[2]),
+        world_frame=robot.world_frame,
     )
 
 
@@ -127,6 +128,7 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
         recorded=robot.recorded,
         footprint_box_m=box if min(box) > 0 else None,
         show_base_m=None if show is None else (show.x, show.y, show.z),
+        world_frame=robot.world_frame,
     )
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class RobotDescription(_message.Message):
-    __slots__ = ("name", "footprint_radius_m", "height_m", "camera", "camera_height_m", "min_forward_m", "max_forward_m", "min_turn_rad", "max_turn_rad", "min_tilt_rad", "max_tilt_rad", "reach_m", "can_move", "can_pick", "can_place", "max_depth_m", "simulated", "recorded", "camera_forward_m", "footprint_length_m", "footprint_width_m", "max_back_m", "show_base_m")
+    __slots__ = ("name", "footprint_radius_m", "height_m", "camera", "camera_height_m", "min_forward_m", "max_forward_m", "min_turn_rad", "max_turn_rad", "min_tilt_rad", "max_tilt_rad", "reach_m", "can_move", "can_pick", "can_place", "max_depth_m", "simulated", "recorded", "camera_forward_m", "footprint_length_m", "footprint_width_m", "max_back_m", "show_base_m", "world_frame")
     NAME_FIELD_NUMBER: _ClassVar[int]
     FOOTPRINT_RADIUS_M_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
@@ -31,6 +31,7 @@ class RobotDescription(_message.Message):
     FOOTPRINT_WIDTH_M_FIELD_NUMBER: _ClassVar[int]
     MAX_BACK_M_FIELD_NUMBER: _ClassVar[int]
     SHOW_BASE_M_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FRAME_FIELD_NUMBER: _ClassVar[int]
     name: str
     footprint_radius_m: float
     height_m: float
@@ -54,7 +55,8 @@ class RobotDescription(_message.Message):
     footprint_width_m: float
     max_back_m: float
     show_base_m: _common_pb2.Vector3
-    def __init__(self, name: _Optional[str] = ..., footprint_radius_m: _Optional[float] = ..., height_m: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., camera_height_m: _Optional[float] = ..., min_forward_m: _Optional[float] = ..., max_forward_m: _Optional[float] = ..., min_turn_rad: _Optional[float] = ..., max_turn_rad: _Optional[float] = ..., min_tilt_rad: _Optional[float] = ..., max_tilt_rad: _Optional[float] = ..., reach_m: _Optional[float] = ..., can_move: bool = ..., can_pick: bool = ..., can_place: bool = ..., max_depth_m: _Optional[float] = ..., simulated: bool = ..., recorded: bool = ..., camera_forward_m: _Optional[float] = ..., footprint_length_m: _Optional[float] = ..., footprint_width_m: _Optional[float] = ..., max_back_m: _Optional[float] = ..., show_base_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ...) -> None: ...
+    world_frame: str
+    def __init__(self, name: _Optional[str] = ..., footprint_radius_m: _Optional[float] = ..., height_m: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., camera_height_m: _Optional[float] = ..., min_forward_m: _Optional[float] = ..., max_forward_m: _Optional[float] = ..., min_turn_rad: _Optional[float] = ..., max_turn_rad: _Optional[float] = ..., min_tilt_rad: _Optional[float] = ..., max_tilt_rad: _Optional[float] = ..., reach_m: _Optional[float] = ..., can_move: bool = ..., can_pick: bool = ..., can_place: bool = ..., max_depth_m: _Optional[float] = ..., simulated: bool = ..., recorded: bool = ..., camera_forward_m: _Optional[float] = ..., footprint_length_m: _Optional[float] = ..., footprint_width_m: _Optional[float] = ..., max_back_m: _Optional[float] = ..., show_base_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., world_frame: _Optional[str] = ...) -> None: ...
 
 class RobotState(_message.Message):
     __slots__ = ("T_world_base", "tilt_rad", "held", "moving", "stopped", "world_epoch", "robot_boot_id", "message", "finished", "last_seq", "last_action_id", "origin_id", "battery")
