@@ -28,7 +28,7 @@ def test_the_doctor_names_the_faults_and_status_repeats_them(
     up: Up, capsys: pytest.CaptureFixture[str]
 ) -> None:
     port = up.address.rsplit(":", 1)[1]
-    assert run(["doctor", "--robot", "--json", "--port", port]) == 1
+    assert run(["doctor", "--robot", "--no-drive", "--json", "--port", port]) == 1
     told = json.loads(capsys.readouterr().out)
     checks = {check["name"]: check for check in told["checks"]}
     assert told["wrong"]
@@ -42,12 +42,12 @@ def test_the_doctor_names_the_faults_and_status_repeats_them(
 
 def test_the_doctor_prints_a_table_of_words(up: Up, capsys: pytest.CaptureFixture[str]) -> None:
     port = up.address.rsplit(":", 1)[1]
-    assert run(["doctor", "--robot", "--drive", "--port", port]) == 1
+    assert run(["doctor", "--robot", "--port", port]) == 1
     said = capsys.readouterr()
     assert "drives to and fro" in said.err
     assert "depth and driven distances agree" in said.out
 
 
 def test_options_of_the_robot_need_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["doctor", "--drive"]) == 2
+    assert run(["doctor", "--no-drive"]) == 2
     assert "--robot" in capsys.readouterr().err

@@ -125,11 +125,20 @@ def evaluate(context: typer.Context) -> None:
 @app.command()
 def doctor(
     robot: Annotated[
-        bool, typer.Option("--robot", help="check the robot's set-up; THE ROBOT TURNS on the spot")
+        bool,
+        typer.Option(
+            "--robot",
+            help="check the robot's set-up; THE ROBOT TURNS on the spot, then DRIVES to and fro "
+            "where it sees free floor",
+        ),
     ] = False,
     drive: Annotated[
-        bool, typer.Option("--drive", help="with --robot: it also drives where it sees free floor")
-    ] = False,
+        bool,
+        typer.Option(
+            "--drive/--no-drive",
+            help="--no-drive: it only turns, and the depth's scale is not checked",
+        ),
+    ] = True,
     name: Annotated[
         str | None, typer.Option(help="with --robot: name of one of several robots")
     ] = None,
@@ -148,8 +157,8 @@ def doctor(
 
     if robot:
         _check_robot(GatewayAddress(port, url, key, name), drive, as_json)
-    if drive or name or url:
-        raise UsageError("--drive, --name and --url belong to --robot; add it")
+    if not drive or name or url:
+        raise UsageError("--no-drive, --name and --url belong to --robot; add it")
     _check_machine(port or 8080, certs, as_json)
 
 

@@ -16,7 +16,7 @@ MOUNT_ERROR_M = 0.004  # of a height that counts as right, when the depth scale 
 SIGNIFICANT = 2.5  # standard errors that the drives must show
 AGREES, DISAGREES = 0.5, 0.3  # shares of the drives' ratio, between it and the floor's
 CLOSE = 1.5  # standard errors between the two ratios that also agree
-NO_DRIVE = "only a drive tells the depth's scale: helios doctor --robot --drive"
+NO_DRIVE = "only a drive tells the depth's scale: helios doctor --robot"
 NO_FLOOR = "too little floor is seen"
 
 

@@ -50,7 +50,8 @@ def camera_at(
 
 @settings(max_examples=25, deadline=None)
 @given(
-    pitch_deg=st.floats(-4, 4), higher_m=st.floats(-0.08, 0.08), yaw_rad=st.floats(-3, 3),
+    pitch_deg=st.floats(-4, 4), higher_m=st.floats(-0.08, 0.08),
+    yaw_rad=st.floats(-1.2, 3),  # the wall at -1.57 is too near to show enough floor
     percent=st.floats(-3, 3),
 )  # fmt: skip
 def test_the_floor_shows_pitch_and_height(
