@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -30,6 +31,7 @@ from tests.contract.certified_router import (
 )
 from tests.support import free_port, wait_until
 
+ROOT = Path(__file__).parents[2]
 NAMES = (
     Names(("127.0.0.1",), 7447, 5)
     .with_robots(("r",), (), simulated=True)
@@ -68,6 +70,10 @@ def sessions(router: Certified) -> Iterator[dict[str, zenoh.Session]]:
 def test_the_attempts_cover_what_the_table_allows_and_far_more() -> None:
     assert ALLOWED < ALL
     assert len(ALL - ALLOWED) > 20_000
+    page = " ".join((ROOT / "docs/explanation/security.md").read_text().split())
+    assert f"Of {len(ALL):,} pairs" in page
+    assert f"the table allows {len(ALLOWED):,}" in page
+    assert f"All {len(ALL - ALLOWED):,} others" in page
 
 
 @pytest.mark.parametrize(

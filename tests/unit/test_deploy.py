@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib.util
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helios_core.settings import ServiceSettings
 
 from tests.support import settings_of
 
@@ -48,10 +50,39 @@ def test_the_router_listens_on_the_port_of_the_services() -> None:
 
 
 def test_each_state_folder_has_its_own_volume() -> None:
-    assert set(STATE_DIRS) == {"objectmap", "map2d", "planner"}
+    assert set(STATE_DIRS) == {"bridge", "objectmap", "map2d", "planner"}
     for name, folder in STATE_DIRS.items():
         assert f"{name}-state:{folder}" in SERVICES[name]["volumes"]
         assert f"{name}-state" in COMPOSE["volumes"]
+
+
+def of_compose(name: str) -> ServiceSettings:
+    module, *flags = SERVICES[name]["command"]
+    return settings_of(module).load(flags)
+
+
+def of_file(folder: str) -> Callable[[str], ServiceSettings]:
+    def load(name: str) -> ServiceSettings:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("HELIOS_CONFIG", str(ROOT / "deploy" / folder / "helios.toml"))
+            return settings_of(f"helios_{name}").load([])
+
+    return load
+
+
+@pytest.mark.parametrize("load", [of_compose, of_file("systemd"), of_file("kubernetes")])
+@pytest.mark.parametrize(
+    ("name", "setting"),
+    [
+        ("bridge", "state_dir"),  # a stop
+        ("planner", "state_dir"), ("objectmap", "state_dir"), ("map2d", "state_dir"),
+        ("gateway", "faults"), ("gateway", "audit"), ("gateway", "fleet_queue"),
+    ],
+)  # fmt: skip
+def test_stops_tasks_maps_and_records_outlive_their_service(
+    load: Callable[[str], ServiceSettings], name: str, setting: str
+) -> None:
+    assert getattr(load(name), setting) is not None
 
 
 @pytest.mark.parametrize("name", COMPOSE["services"])

@@ -105,6 +105,12 @@ def test_what_a_service_keeps_is_on_a_volume_that_outlives_the_pod(name: str, pa
     assert claim in [c["metadata"]["name"] for c in claims]
 
 
+def test_the_gateway_is_reached_while_the_robot_is_stopped() -> None:
+    [service] = [m for m in manifests("gateway.yaml") if m["kind"] == "Service"]
+    assert pod("gateway")["containers"][0]["readinessProbe"]["httpGet"]["path"] == "/readyz"
+    assert service["spec"]["publishNotReadyAddresses"]
+
+
 def test_only_the_services_may_leave_their_pods_and_only_for_the_router() -> None:
     policies = {p["metadata"]["name"]: p["spec"] for p in manifests("network-policies.yaml")}
     assert policies["deny-all"]["podSelector"] == {}

@@ -71,7 +71,8 @@ def test_each_service_accepts_the_settings(name: str, monkeypatch: pytest.Monkey
 def test_all_state_lies_in_the_folder_that_the_unit_may_write() -> None:
     assert unit("helios@.service")["Service"]["StateDirectory"] == "helios"
     folders = [
-        v for table in SETTINGS.values() for k, v in table.items() if k in ("state_dir", "out")
-    ]
-    assert len(folders) == 4
+        v for table in SETTINGS.values() for k, v in table.items()
+        if k in ("state_dir", "out", "faults", "audit", "fleet_queue")
+    ]  # fmt: skip
+    assert len(folders) == 8
     assert all(folder.startswith("/var/lib/helios/") for folder in folders)

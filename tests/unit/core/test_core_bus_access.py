@@ -37,6 +37,7 @@ CODE = {
     "planner": ("services/helios_planner",),
     "gateway": ("services/helios_gateway",),
     "supervisor": ("clients/helios_client/supervision",),
+    "ros2": ("clients/helios_ros2/output_service.py", "clients/helios_ros2/task_interface.py"),
 }  # fmt: skip
 BY_NAME = {name: value for name, value in vars(topics).items() if isinstance(value, Topic | Method)}
 
