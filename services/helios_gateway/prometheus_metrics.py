@@ -11,6 +11,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from helios_gateway.fleet.queue import FleetQueue
 from helios_gateway.robot_registry import API_ROOT, ROBOT_ROOT, RobotRegistry
 
 BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
@@ -19,7 +20,7 @@ BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 class Metrics:
     """Metrics of one application, in a registry of its own; nothing is global."""
 
-    def __init__(self, robots: RobotRegistry) -> None:
+    def __init__(self, robots: RobotRegistry, fleet: FleetQueue) -> None:
         self.registry = CollectorRegistry()
         self.requests = Counter(
             "helios_http_requests_total", "requests by route and status",
@@ -31,6 +32,7 @@ class Metrics:
         )  # fmt: skip
         self.registry.register(_Services(robots))
         self.registry.register(_Faults(robots))
+        self.registry.register(_Fleet(fleet))
 
     def text(self) -> tuple[bytes, str]:
         """Body and content type."""
@@ -80,6 +82,16 @@ class _Services(Collector):
             dropped.add_metric([robot], served.monitor.events.dropped)
             queue.add_metric([robot], served.monitor.events.longest_queue)
         return [ready, stopped, up, restarts, figures, viewers, dropped, queue]
+
+
+class _Fleet(Collector):
+    def __init__(self, queue: FleetQueue) -> None:
+        self._queue = queue
+
+    def collect(self) -> Iterable[Metric]:
+        waiting = GaugeMetricFamily("helios_fleet_tasks", "tasks of the fleet that have not ended")
+        waiting.add_metric([], len(self._queue.open_tasks()))
+        return [waiting]
 
 
 class _Faults(Collector):

@@ -119,7 +119,7 @@ def _state(
         fleet=dispatcher,
         settings=settings,
         keys=keys,
-        metrics=Metrics(robots),
+        metrics=Metrics(robots, dispatcher.queue),
         stop_threads=CapacityLimiter(MOST_STOPS),
         frame_threads=CapacityLimiter(frames.MOST_SENDERS + MOST_LARGE),
         frame_sockets=ConnectionSlots(frames.MOST_SENDERS, "sockets for frames"),

@@ -181,9 +181,14 @@ class PlannerService:
         )
 
     def _add(self, task: Task) -> pb.Task:
-        """Store, publish and queue a new task."""
-        id = task.id
+        """Store, publish and queue a new task. Raises Conflict if too many wait."""
+        id, most = task.id, self._settings.max_waiting
         with self._lock:
+            if len(self._queue) >= most:
+                raise Conflict(
+                    f"{most} tasks wait already, the most that this planner takes "
+                    "(planner.max_waiting): cancel some, or submit it again once they have run"
+                )
             self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is published
         try:
             changed = self._registry.add(task)  # before the worker can publish it as running
@@ -193,8 +198,12 @@ class PlannerService:
             raise
         with self._lock:
             self._queue.append(id)
+            self._tell_waiting()
             self._wake.notify_all()
         return changed
+
+    def _tell_waiting(self) -> None:
+        self._health.set("tasks_waiting", len(self._queue))
 
     def _waiting_words(self, instruction: Instruction) -> str:
         with self._lock:
@@ -256,6 +265,7 @@ class PlannerService:
             queued = request.id in self._queue
             if queued:
                 self._queue.remove(request.id)
+                self._tell_waiting()
                 self._holds.pop(request.id, None)
             if event := self._cancels.get(request.id):
                 event.set()
@@ -345,6 +355,7 @@ class PlannerService:
                 return None
             id = max(ready, key=self._rank)  # the first of equal ones
             self._queue.remove(id)
+            self._tell_waiting()
             return id
 
     def _may_go(self, id: str) -> bool:

@@ -52,6 +52,9 @@ class Settings(ServiceSettings):
     keep_tasks: int = Field(
         default=500, ge=1, description="number of ended tasks to keep; the oldest is deleted first"
     )
+    max_waiting: int = Field(
+        default=100, ge=1, description="most tasks that wait; a further one is refused"
+    )
     max_steps: int = Field(
         default=1250,
         ge=1,

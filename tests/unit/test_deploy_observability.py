@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helios_gateway.fleet.queue import FleetQueue
 from helios_gateway.prometheus_metrics import Metrics
 from helios_gateway.robot_registry import RobotRegistry
 
@@ -30,7 +31,7 @@ OF_PROMETHEUS = {"up"}
 @cache
 def metric_names() -> set[str]:
     """Names of all series that the gateway serves."""
-    metrics = Metrics(RobotRegistry({}))
+    metrics = Metrics(RobotRegistry({}), FleetQueue(None))
     out: set[str] = set()
     for family in metrics.registry.collect():
         suffixes = {"counter": ("_total",), "histogram": ("_bucket", "_sum", "_count")}

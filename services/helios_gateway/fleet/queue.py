@@ -16,7 +16,7 @@ from typing import Any
 
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
-from helios_core.errors import Unavailable
+from helios_core.errors import Conflict, Unavailable
 
 from helios_gateway.error_responses import NotFound
 from helios_gateway.fleet.records import FleetTask, Stage, WithdrawnOffer
@@ -24,6 +24,7 @@ from helios_gateway.fleet.records import FleetTask, Stage, WithdrawnOffer
 log = logging.getLogger(__name__)
 
 MOST_ENDED = 1000  # the oldest ended tasks beyond are deleted
+MOST_OPEN = 500  # a further task is refused
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS tasks (
     id TEXT PRIMARY KEY, stage TEXT NOT NULL, record TEXT NOT NULL, request BLOB NOT NULL,
@@ -99,8 +100,14 @@ class FleetQueue:
             return list(self._withdrawn.values())
 
     def add(self, task: FleetTask) -> None:
-        """Store a new task, and delete the oldest ended ones beyond `MOST_ENDED`."""
+        """Store a new task, and delete the oldest ended ones beyond `MOST_ENDED`. Raises Conflict
+        if `MOST_OPEN` have not ended."""
         with self._lock:
+            if len(self._tasks) - sum(t.ended for t in self._tasks.values()) >= MOST_OPEN:
+                raise Conflict(
+                    f"{MOST_OPEN} tasks of the fleet wait or run, the most that it takes: cancel "
+                    "some, or submit it again once they have run"
+                )
             ended = sorted((t.created_s, t.id) for t in self._tasks.values() if t.ended)
             gone = [id for _, id in ended[: max(0, len(ended) - MOST_ENDED)]]
             self._write(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_core.errors import InvalidInput
+from helios_core.errors import Conflict, InvalidInput
 from helios_gateway.error_responses import NotFound
 from helios_gateway.fleet import dispatcher as dispatching
 from helios_gateway.fleet.records import Stage
@@ -30,6 +30,19 @@ def fleet_of(count: int, file: Path | None = None) -> MadeUpFleet:
 def state(fleet: MadeUpFleet, id: str) -> tuple[str, str]:
     task = fleet.dispatcher.queue.get(id)
     return task.state, task.robot
+
+
+def test_a_task_beyond_the_most_that_the_fleet_takes_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("helios_gateway.fleet.queue.MOST_OPEN", 2)
+    fleet = fleet_of(1)
+    first = fleet.add("find the mug")
+    fleet.add("find the cup")
+    with pytest.raises(Conflict, match="2 tasks of the fleet wait or run"):
+        fleet.add("find the book")
+    fleet.dispatcher.cancel(first)
+    fleet.add("find the book")
 
 
 def test_a_task_goes_to_the_nearest_idle_robot_whose_map_knows_the_thing() -> None:

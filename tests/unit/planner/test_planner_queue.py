@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
+from helios_core.errors import Conflict, InvalidInput
 from helios_core.topics import CANCEL, LIST_TASKS, SUBMIT, TASK
 from helios_planner.instruction.parser import parse
 from helios_planner.service import PlannerService
@@ -31,6 +31,21 @@ def test_a_queued_task_waits_and_can_be_cancelled(start: Start) -> None:
     bus.call(CANCEL, pb.TaskRequest(id=first), 5)
     peers.gate.set()
     assert ended(bus, first).state == "cancelled"
+
+
+def test_a_task_beyond_the_most_that_wait_is_refused_until_one_is_gone(start: Start) -> None:
+    planner, bus, peers = start(max_waiting=2)
+    peers.gate = threading.Event()
+    submit(bus, "find the mug")
+    wait_until(peers.acting.is_set, 60, "it acts")
+    waiting = [submit(bus).id for _ in range(2)]
+    assert planner._health.metrics()["tasks_waiting"] == 2
+    with pytest.raises(Conflict, match="2 tasks wait already"):
+        submit(bus)
+    bus.call(CANCEL, pb.TaskRequest(id=waiting[0]), 5)
+    assert planner._health.metrics()["tasks_waiting"] == 1
+    assert submit(bus).state == "queued"
+    peers.gate.set()
 
 
 def test_the_queue_is_ordered_by_priority_and_then_by_submission(start: Start) -> None:
