@@ -11,6 +11,7 @@ import asyncio
 import itertools
 import json
 import signal
+import socket
 import time
 from dataclasses import dataclass, field
 
@@ -38,15 +39,23 @@ async def watch(port: int, counts: Counts, read: bool) -> None:
     """One event stream, read or not; opened again when it ends."""
     while True:
         try:
+            if not read:
+                await _be_deaf(port)
             reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=1 << 22)
             writer.write(b"GET /v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            while not read:
-                await asyncio.sleep(3600)
             async for line in reader:
                 counts.events += line.startswith(b"event: ")
         except (OSError, ValueError):
             pass
         await asyncio.sleep(0.5)
+
+
+async def _be_deaf(port: int) -> None:
+    """Ask for events and read none; the gateway soon cannot send more."""
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await asyncio.Event().wait()
 
 
 async def ask(port: int, todo: asyncio.Queue[str], counts: Counts) -> None:

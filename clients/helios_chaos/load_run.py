@@ -6,6 +6,7 @@ stream at 30 Hz. The services' own times per step are compared.
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import signal
@@ -13,22 +14,29 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx
 from helios_client.sdk import Helios
+from helios_core import proto as pb
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
+from helios_core.topics import TRUTH_OBJECTS
 from helios_eval.provenance import commit, machine
 
 from helios_chaos.load_clients import REQUESTS_PER_S
-from helios_chaos.stack import Stack, StackPlan, running_stack
+from helios_chaos.stack import Stack, StackPlan, open_bus, running_stack
 
-TASKS, EXPLORE_S, STREAM_HZ = 20, 12.0, "30"
+TASKS, TASK_S, STREAM_HZ = 20, 25.0, "30"
+EXPLORE_S = 12.0
+QUEUE, DROPPED = "helios_event_queue", "helios_event_viewers_dropped_total"
+MOST_EVENTS = 2000  # that wait for one reader, before it is dropped
 TASKS_WITHIN_S = 900.0
-POLL_S = 1.0
+POLL_S, CALL_S = 1.0, 10.0
 MOST_SLOWER = 0.10
 LATE_SHARE = 0.05  # of requests that the clients could not send in time
 FIGURE = re.compile(r'^helios_service_figure\{name="(\w+)",robot="\w+",service="(\w+)"\} (\S+)$')
@@ -73,6 +81,13 @@ class LoadResult:
         for run in (self.without, self.loaded):
             if run.ended < TASKS:
                 out.append(f"{run.ended} of {TASKS} tasks ended")
+        if self.loaded.queues.get(QUEUE, 0.0) > MOST_EVENTS:
+            out.append(
+                f"{self.loaded.queues[QUEUE]:g} events waited for one reader; wanted at most "
+                f"{MOST_EVENTS}"
+            )
+        if not self.loaded.queues.get(DROPPED):
+            out.append("the reader that never reads was not dropped")
         if self.loaded.clients.get("failed"):
             out.append(f"{self.loaded.clients['failed']} requests failed")
         if self.loaded.clients.get("late", 0) > LATE_SHARE * self.loaded.clients.get("requests", 0):
@@ -113,7 +128,8 @@ def _play(stack: Stack, loaded: bool, out: Path) -> Run:
     try:
         with stack.client(30.0) as helios:
             began_s = time.monotonic()
-            ids = [_submit(helios, n) for n in range(TASKS)]
+            with ThreadPoolExecutor(TASKS) as threads:  # all at once
+                ids = list(threads.map(partial(_submit, helios), _instructions(stack)))
             run.accepted = len(ids)
             while time.monotonic() - began_s < TASKS_WITHIN_S:
                 _note_figures(stack, run)
@@ -132,8 +148,28 @@ def _play(stack: Stack, loaded: bool, out: Path) -> Run:
     return run
 
 
-def _submit(helios: Helios, number: int) -> str:
-    return (helios.home() if number % 2 else helios.explore(EXPLORE_S)).id
+def _instructions(stack: Stack) -> list[str]:
+    """Instructions of every kind that leaves the home as it is, by the home's true contents."""
+    bus = open_bus(stack.router)
+    try:
+        truth = bus.call(TRUTH_OBJECTS, pb.Empty(), CALL_S)
+    finally:
+        bus.close()
+    things = sorted({one.class_name for one in truth.instances if one.graspable})
+    places = sorted({one.class_name for one in truth.instances if not one.graspable})
+    kinds = itertools.cycle((
+        lambda n: "explore", lambda n: "go home", lambda n: f"Find the {things[n % len(things)]}",
+        lambda n: f"Go to the {places[n % len(places)]}",
+    ))  # fmt: skip
+    return [kind(n) for n, kind in zip(range(TASKS), kinds, strict=False)]
+
+
+def _submit(helios: Helios, instruction: str) -> str:
+    if instruction == "explore":
+        return helios.explore(EXPLORE_S).id
+    if instruction == "go home":
+        return helios.home().id
+    return helios.submit(instruction.replace("_", " "), time_limit_s=TASK_S).id
 
 
 def _ended(helios: Helios, ids: list[str]) -> int | None:

@@ -1,6 +1,8 @@
 """`helios up` whose services reach the router through relays: `python -m helios_chaos.relayed_up`.
 
 It is the ordinary `helios up`; only the router's address in each service's command line differs.
+Services with memory or a clock of their own are started one by one; otherwise they are forked, as
+`helios up` does.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from helios_client.supervision.child_process import ProcessSpec
+from helios_client.supervision.forked_process import fork_server_for
 from helios_client.supervision.service_specs import StackOptions
 from helios_client.supervision.up import Screen, up
 
@@ -46,7 +49,8 @@ def main() -> None:
     parser.add_argument("options", help="fields of RelayedStack as JSON")
     options = json.loads(parser.parse_args().options)
     options["state_dir"] = Path(options["state_dir"])
-    up(RelayedStack(**options), Screen())
+    with fork_server_for(several=options.pop("forked")) as server:
+        up(RelayedStack(**options), Screen(), server)
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ class ResourceLog:
             "planner": helios.tasks, "bridge": helios.robot,
         }  # fmt: skip
         out = []
-        for service in MODULES:
+        for service in ("supervisor", "fork server", *MODULES):
             with suppress(psutil.Error):
                 process = psutil.Process(self._stack.pid(service))
                 with process.oneshot():

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import psutil
 from helios_client.sdk import Helios
+from helios_client.supervision.fork_server import NAME as FORK_SERVER
 from helios_client.supervision.service_specs import free_port
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.zenoh_bus import ZenohBus
@@ -50,6 +51,11 @@ class StackPlan:
     own_memory: bool = False
     environment: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def forked(self) -> bool:
+        """Services share what they import, as with `helios up`."""
+        return not (self.own_memory or self.clock)
+
 
 class Stack:
     """A running stack. Create it with `running_stack`."""
@@ -72,11 +78,14 @@ class Stack:
         return Helios(f"http://127.0.0.1:{self.port}", timeout_s)
 
     def pid(self, name: str) -> int:
-        """Process id of a service; 0 while it does not run."""
+        """Process id of a service, the `supervisor` or the `fork server`; 0 if it does not run."""
+        if name == "supervisor":
+            return self.process.pid
+        module = FORK_SERVER if name == "fork server" else MODULES[name]
         with suppress(psutil.Error):
             for child in psutil.Process(self.process.pid).children():
-                with suppress(psutil.Error):
-                    if MODULES[name] in " ".join(child.cmdline()).split():
+                with suppress(psutil.Error):  # a forked service has one text as its command line
+                    if module in " ".join(child.cmdline()).split():
                         return child.pid
         return 0
 
@@ -110,6 +119,7 @@ def running_stack(plan: StackPlan) -> Iterator[tuple[Stack, list[int]]]:
         "robot": "sim", "router_port": router_port, "state_dir": str(state), "port": port,
         "seed": plan.seed, "preset": plan.preset, "detector": plan.detector,
         "links": {name: relay.port for name, relay in links.items()}, "own_memory": plan.own_memory,
+        "forked": plan.forked,
     }  # fmt: skip
     environment = os.environ | {MARK: mark, "HELIOS_WORLD_PACE": PACE} | plan.environment
     clock = WallClock(plan.out / "clock") if plan.clock else None

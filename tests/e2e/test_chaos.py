@@ -1,4 +1,4 @@
-"""`helios chaos` with twenty faults: no task is lost, and the robot stands without its planner.
+"""`helios chaos` with twenty faults: no task is lost. Times depend on the machine: see the reports.
 
 A hundred faults: `helios chaos --minutes 60 --faults 100 --seed 1 --json runs/chaos.json`.
 """

@@ -26,7 +26,7 @@ from helios_core.viewing.message_entries import Entries
 from helios_core.viewing.message_queue import Item, MessageQueue
 
 from helios_gateway.faults.box_file import BoxMessage, compressed, mcap_bytes
-from helios_gateway.faults.life_cycle import CONFIRM_S
+from helios_gateway.faults.findings import DOWN_S  # the longest time to a confirmation
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class _Ring:
     def add(self, message: BoxMessage) -> None:
         self._messages.append(message)
         self._bytes += message.size
-        oldest_ns = message.log_time_ns - int((BEFORE_S + CONFIRM_S) * 1e9)
+        oldest_ns = message.log_time_ns - int((BEFORE_S + DOWN_S) * 1e9)
         while self._messages[0].log_time_ns < oldest_ns or self._bytes > RING_BYTES:
             gone = self._messages.popleft()
             self._bytes -= gone.size

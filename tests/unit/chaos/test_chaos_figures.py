@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_chaos.chaos_result import ChaosResult, PlayedFault
 from helios_chaos.figures import percentiles
-from helios_chaos.load_run import TASKS, LoadResult, Run
+from helios_chaos.load_run import DROPPED, QUEUE, TASKS, LoadResult, Run
 from helios_chaos.resources import Sample, as_csv, growth, slope_per_h
 from helios_chaos.soak_run import SoakResult, growths
 from helios_chaos.tasks import PlayedTask
@@ -16,6 +16,7 @@ from helios_chaos.witness import length_m
 from hypothesis import given
 from hypothesis import strategies as st
 
+FINE_QUEUES = {DROPPED: 1.0, QUEUE: 2000.0}
 FINE = PlayedTask("a", "go home", "succeeded", "")
 
 
@@ -118,13 +119,29 @@ def test_samples_become_lines_of_csv() -> None:
 
 def test_a_step_that_slows_by_more_than_a_tenth_is_named() -> None:
     base = Run(TASKS, TASKS, 10.0, {"map2d/fuse": 10.0, "bridge/act": 100.0, "tiny/x": 0.01})
-    load = Run(TASKS, TASKS, 12.0, {"map2d/fuse": 11.5, "bridge/act": 109.0, "tiny/x": 1.0})
+    steps = {"map2d/fuse": 11.5, "bridge/act": 109.0, "tiny/x": 1.0}
+    load = Run(TASKS, TASKS, 12.0, steps, FINE_QUEUES)
     [said] = LoadResult(base, load).misses()
     assert "map2d/fuse takes 1.15 times" in said
 
 
 def test_clients_that_could_not_send_their_requests_are_told() -> None:
     run = Run(TASKS, TASKS, 10.0)
-    slow = Run(TASKS, TASKS, 10.0, clients={"requests": 100, "late": 90, "requests_per_s": 105.0})
+    clients = {"requests": 100, "late": 90, "requests_per_s": 105.0}
+    slow = Run(TASKS, TASKS, 10.0, queues=FINE_QUEUES, clients=clients)
     [said] = LoadResult(run, slow).misses()
     assert "only 105 requests a second of 200" in said
+
+
+@pytest.mark.parametrize(
+    ("queues", "miss"),
+    [
+        ({QUEUE: 12.0}, "the reader that never reads was not dropped"),
+        (FINE_QUEUES | {QUEUE: 2001.0}, "2001 events waited for one reader"),
+    ],
+)
+def test_a_reader_that_is_kept_and_a_queue_that_grows_are_told(
+    queues: dict[str, float], miss: str
+) -> None:
+    [said] = LoadResult(Run(TASKS, TASKS, 1.0), Run(TASKS, TASKS, 1.0, queues=queues)).misses()
+    assert miss in said

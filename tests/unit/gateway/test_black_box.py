@@ -25,7 +25,7 @@ from helios_gateway.faults.black_box import BlackBox
 from helios_gateway.faults.box_file import METADATA, compressed, mcap_bytes
 from helios_gateway.faults.fault_files import LIST_NAME, FaultFiles, RecordingNote
 from helios_gateway.faults.fault_monitor import FaultMonitor
-from helios_gateway.faults.findings import LATE_S
+from helios_gateway.faults.findings import DOWN_S, LATE_S
 from helios_gateway.faults.life_cycle import Fault, Finding
 from mcap.reader import make_reader
 
@@ -184,6 +184,14 @@ def test_large_messages_wait_compressed_and_come_back_whole() -> None:
     assert kept.size < 20_000
     found = Read(mcap_bytes([kept], {}))
     assert found.data["/detector/preview"] == message.SerializeToString()
+
+
+def test_the_ring_reaches_back_to_before_the_slowest_confirmed_fault() -> None:
+    ring, second = black_box._Ring(), 10**9
+    for k in range(100):
+        ring.add(compressed(Entry("/detector/preview", pb.Preview(jpeg=b"x")), k * second))
+    kept_s = (99 * second - ring.content()[0].log_time_ns) / second
+    assert black_box.BEFORE_S + DOWN_S == kept_s == 30
 
 
 # --- files -------------------------------------------------------------------------------------
