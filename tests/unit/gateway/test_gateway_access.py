@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -90,6 +91,40 @@ def test_each_address_needs_its_scope(
         answer = gateway.client(keys[scope.name.lower()]).request(verb, path, json=body)
         assert (answer.status_code == 403) == (scope < Scope[least.upper()]), answer.text
         assert answer.status_code in (200, 202, 403)
+
+
+OPEN = ("/healthz", "/readyz", "/v1/session")  # no key is needed
+LEAST = {  # every other address needs `read`
+    "post /v1/tasks": "task", "post /v1/tasks/{id}/cancel": "task",
+    "post /v1/tasks/{id}/pause": "task", "post /v1/tasks/{id}/resume": "task",
+    "post /v1/fleet/tasks": "task", "post /v1/fleet/tasks/{id}/cancel": "task",
+    "post /v1/faults/{fault}/clear": "task", "post /v1/robot/explore": "task",
+    "post /v1/robot/go": "task", "post /v1/robot/home": "task",
+    "post /v1/robot/checks": "robot", "post /v1/robot/clear-stop": "robot",
+    "post /v1/robot/drive": "robot", "post /v1/frames": "robot",
+    "put /v1/map.zip": "admin", "post /v1/map/reset": "admin",
+    "get /v1/services/{name}/settings": "admin",
+}  # fmt: skip
+
+
+def test_every_address_refuses_every_lower_scope_and_no_other(
+    gateway: GatewayApp, keys: dict[str, str]
+) -> None:
+    found = {}
+    for path, operations in gateway.app.openapi()["paths"].items():
+        if path in OPEN or path == "/v1/events":  # a stream that does not end
+            continue
+        for verb in operations:
+            answers = [
+                gateway.client(key).request(verb.upper(), re.sub(r"\{\w+\}", "x", path)).status_code
+                for key in ("", *(keys[scope.name.lower()] for scope in Scope))
+            ]
+            assert answers[0] == 401, path
+            found[f"{verb} {path}"] = [scope.name.lower() for scope in Scope][answers.count(403)]
+            refused = answers.count(403)
+            assert answers[1 : 1 + refused] == [403] * refused, path
+    assert {name: least for name, least in found.items() if least != "read"} == LEAST
+    assert len(found) > 50
 
 
 def test_health_checks_and_pages_need_no_key(gateway: GatewayApp) -> None:
