@@ -1,10 +1,12 @@
 """A ROS 2 program as a user would write it: listens to HELIOS' topics, calls its services.
 
-python -m tests.ros2_probe listen SECONDS TOPIC=TYPE …     newest message of each, as JSON
+python -m tests.ros2_probe listen SECONDS TOPIC=TYPE …     newest message of each, as JSON;
+                                                            TOPIC=TYPE=volatile: not a retained one
 python -m tests.ros2_probe call SERVICE                     a std_srvs/Trigger
 python -m tests.ros2_probe do_task INSTRUCTION              the action DoTask, to its end
 python -m tests.ros2_probe cancel_task INSTRUCTION          the same, cancelled at its start
-python -m tests.ros2_probe say TOPIC TEXT                   one std_msgs/String
+python -m tests.ros2_probe say TOPIC TEXT [ANSWERS]         one std_msgs/String, and its answer
+python -m tests.ros2_probe stop_drive                       stops the robot as soon as it drives
 python -m tests.ros2_probe record FOLDER SECONDS TOPIC=TYPE …   a rosbag2 with MCAP
 """
 
@@ -14,6 +16,7 @@ import importlib
 import json
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +37,11 @@ def listen(node: Node, seconds: str, *topics: str) -> dict[str, Any]:
     """Newest message of each topic; ends as soon as each has one."""
     got: dict[str, Any] = {}
     for topic in topics:
-        name, kind = topic.split("=")
+        name, kind, *volatile = topic.split("=")
         node.create_subscription(
-            kind_of(kind), name, lambda m, name=name: got.__setitem__(name, summary(m)), KEPT
-        )
+            kind_of(kind), name, lambda m, name=name: got.__setitem__(name, summary(m)),
+            10 if volatile else KEPT,
+        )  # fmt: skip
     end_s = time.monotonic() + float(seconds)
     while len(got) < len(topics) and time.monotonic() < end_s:
         rclpy.spin_once(node, timeout_sec=0.1)
@@ -105,15 +109,52 @@ def cancel_task(node: Node, instruction: str) -> dict[str, Any]:
     return do_task(node, instruction, cancel=True)
 
 
-def say(node: Node, topic: str, text: str) -> dict[str, Any]:
+def stop_drive(node: Node) -> dict[str, Any]:
+    """Call /helios/stop while velocities come; the time until the first that is zero."""
+    trigger = kind_of("std_srvs/srv/Trigger")
+    client = node.create_client(trigger, "/helios/stop")
+    assert client.wait_for_service(timeout_sec=WITHIN_S)
+    speeds: list[float] = []
+    node.create_subscription(
+        kind_of("geometry_msgs/msg/Twist"), "/cmd_vel",
+        lambda m: speeds.append(abs(m.linear.x) + abs(m.angular.z)), 50,
+    )  # fmt: skip
+    _spin_until(node, lambda: bool(speeds) and speeds[-1] > 0)
+    asked_s = time.monotonic()
+    answer = client.call_async(trigger.Request())
+    _spin_until(node, lambda: speeds[-1] == 0)
+    stood_s = time.monotonic() - asked_s
+    _spin_until(node, answer.done)
+    count = len(speeds)
+    _spin_until(node, lambda: time.monotonic() > asked_s + 1.0)
+    return {
+        "success": answer.result().success, "seconds": round(stood_s, 4),
+        "drove_on": any(speed > 0 for speed in speeds[count:]),
+    }  # fmt: skip
+
+
+def _spin_until(node: Node, is_true: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + WITHIN_S
+    while not is_true():
+        assert time.monotonic() < end_s, "it never came true"
+        rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def say(node: Node, topic: str, text: str, answers: str = "") -> dict[str, Any]:
     kind = kind_of("std_msgs/msg/String")
+    heard: list[str] = []
+    if answers:
+        node.create_subscription(kind, answers, lambda m: heard.append(m.data), 10)
+        _spin_until(node, lambda: node.count_publishers(answers) > 0)
     publisher = node.create_publisher(kind, topic, 10)
     end_s = time.monotonic() + WITHIN_S
     while publisher.get_subscription_count() == 0 and time.monotonic() < end_s:
         time.sleep(0.05)
     publisher.publish(kind(data=text))
     publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=5))
-    return {"listeners": publisher.get_subscription_count()}
+    if answers:
+        _spin_until(node, lambda: bool(heard))
+    return {"listeners": publisher.get_subscription_count(), "answer": heard[-1] if heard else ""}
 
 
 def record(node: Node, folder: str, seconds: str, *topics: str) -> dict[str, Any]:
@@ -148,7 +189,18 @@ def main() -> int:
     rclpy.init(args=[])
     node = rclpy.create_node("probe")
     what, *args = sys.argv[1:]
-    commands = {f.__name__: f for f in (listen, call, do_task, cancel_task, say, record)}
+    commands = {
+        f.__name__: f
+        for f in (
+            listen,
+            call,
+            do_task,
+            cancel_task,
+            say,
+            stop_drive,
+            record,
+        )
+    }
     answer = commands[what](node, *args)
     print(json.dumps(answer))
     node.destroy_node()

@@ -52,8 +52,9 @@ async def watch(port: int, counts: Counts, read: bool) -> None:
 
 async def _be_deaf(port: int) -> None:
     """Ask for events and read none; the gateway soon cannot send more."""
-    with socket.create_connection(("127.0.0.1", port)) as connection:
+    with socket.socket() as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect(("127.0.0.1", port))
         connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         await asyncio.Event().wait()
 

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -36,6 +37,7 @@ from helios_planner.tasks.store import Store
 
 log = logging.getLogger(__name__)
 
+MOST_LATE = 500
 UNPROVEN = (
     "ended at a time when it could not write down how its tasks went, so it is not known how far "
     "this one came; the robot goes on with nothing by itself: see what it holds, and submit the "
@@ -62,6 +64,7 @@ class TaskRegistry:
         self._cancelled: set[str] = set()  # running tasks that are to end, but have not yet
         self._ends: dict[str, Task] = {}  # ended tasks whose end is not stored yet
         self._unkept: set[str] = set()  # tasks whose stored state is out of date
+        self._late: deque[pb.Decision] = deque(maxlen=MOST_LATE)  # decisions that are not stored
         self.closing = threading.Event()
 
     def restore(self) -> list[str]:
@@ -111,16 +114,21 @@ class TaskRegistry:
             with self._lock:
                 ends = dict(self._ends)
                 asked = frozenset(self._unkept)
+                decisions = [d for d in self._late if d.task_id in self._tasks]
                 rest = [t for id in asked - ends.keys() if (t := self._to_keep(id))]
             rest = [t.with_(message=t.message.removesuffix(f"; {NOT_KEPT}")) for t in rest]
             kept = self._store.mend(
                 [task_to_proto(t) for t in rest if not t.state.ended],
                 [task_to_proto(t) for t in (*ends.values(), *rest) if t.state.ended],
+                decisions,
             )
             late: dict[str, Task] = {}
             if kept:
                 with self._lock:
                     self._unkept -= asked
+                    stored = set(map(id, decisions))
+                    rows = [d for d in self._late if id(d) not in stored]
+                    self._late = deque(rows, MOST_LATE)
                     known = self._tasks
                     late = {t.id: t for t in rest if t.id in known and known[t.id].state.ended}
                     self._tasks |= late
@@ -279,8 +287,10 @@ class TaskRegistry:
         return task
 
     def keep(self, decision: pb.Decision) -> None:
-        """Store a decision and publish it."""
-        self._store.add(decision)
+        """Store a decision and publish it. One that cannot be stored now is stored later."""
+        if not self._store.add(decision):
+            with self._lock:
+                self._late.append(decision)
         self.publish(DECISION, decision)
 
     def publish(self, topic: Topic[M], message: M) -> None:

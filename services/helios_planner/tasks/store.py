@@ -89,9 +89,12 @@ class Store:
 
     def add(self, decision: pb.Decision) -> bool:
         """Store a decision under its task and number, and delete the oldest beyond the limit."""
+        return self._write(*self._additions(decision))
+
+    def _additions(self, decision: pb.Decision) -> tuple[Statement, Statement]:
         row = (decision.task_id, decision.index, decision.SerializeToString())
         over = (decision.task_id, decision.index - self._most_decisions)
-        return self._write(
+        return (
             ("INSERT OR REPLACE INTO decisions VALUES (?, ?, ?)", row),
             ("DELETE FROM decisions WHERE task_id = ? AND number <= ?", over),
         )
@@ -169,14 +172,21 @@ class Store:
             row = self._db.execute("SELECT at_s FROM pulse").fetchone()
         return float(row[0]) if row else 0.0
 
-    def mend(self, open_tasks: Iterable[pb.Task], ended: Iterable[pb.Task]) -> bool:
+    def mend(
+        self,
+        open_tasks: Iterable[pb.Task],
+        ended: Iterable[pb.Task],
+        decisions: Iterable[pb.Decision] = (),
+    ) -> bool:
         """Write everything missing, after a fault and at the start; True if all is stored now.
-        open_tasks, ended: present states of tasks whose stored ones may be out of date."""
+        open_tasks, ended: present states of tasks whose stored ones may be out of date. decisions:
+        those that could not be stored."""
         if not self._has_room():
             return False
         written = self._write(
             *[(_PUT, _row(task)) for task in (*open_tasks, *ended)],
             *[(_SETTLE, (task.id,)) for task in ended],
+            *[one for decision in decisions for one in self._additions(decision)],
             ("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (time.time(),)),
             safe=True,
         )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
-from helios_core.topics import CANCEL, PAUSE, RESUME, TASK
+from helios_core.topics import CANCEL, DECISION, DECISIONS, PAUSE, RESUME, TASK
 from helios_planner import service
 from helios_planner.task import State
 from helios_planner.tasks.registry import NOT_KEPT
@@ -63,6 +63,30 @@ def test_a_task_whose_submission_cannot_be_stored_is_not_listed(group: PlannerGr
     with refusing(group.planners[-1]), pytest.raises(Unavailable, match="no task is taken"):
         submit(bus, GO)
     assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks
+
+
+def test_decisions_of_a_full_disk_are_kept_once_there_is_room(
+    group: PlannerGroup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
+    store, told = group.planners[-1]._store, list[int]()
+    add = store.add
+
+    def add_or_be_full(decision: pb.Decision) -> bool:
+        if decision.index == 2:
+            refuse(store)
+        return add(decision)
+
+    monkeypatch.setattr(store, "add", add_or_be_full)
+    bus.subscribe(DECISION, lambda decision: told.append(decision.index))
+    id = submit(bus).id
+    wait_until(lambda: 2 in told, 60, "it decides, and stands as nothing can be written")
+    refuse(store, refuses=False)
+    assert ended(bus, id).state == "succeeded"
+    numbers = [d.index for d in bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions]
+    assert numbers == list(range(len(numbers)))
+    assert set(told) <= set(numbers)
 
 
 def test_no_action_starts_before_its_journal_entry_is_written(

@@ -118,6 +118,19 @@ def test_the_store_is_not_proven_from_a_failed_write_until_all_is_written(
     assert [t.state for t in again.tasks()] == ["succeeded"]
 
 
+def test_decisions_that_could_not_be_stored_are_stored_with_the_rest(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    made = [pb.Decision(task_id="a", index=k, why=str(k)) for k in range(3)]
+    assert store.add(made[0])
+    refuse(store)
+    assert not store.add(made[1])
+    refuse(store, refuses=False)
+    assert store.add(made[2])
+    assert store.mend((), (), made[1:2])
+    assert store.decisions("a") == made
+    store.close()
+
+
 def test_a_store_without_room_to_spare_stays_at_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
