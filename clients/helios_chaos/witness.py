@@ -18,6 +18,7 @@ from helios_core.topics import GET_STATE, LIST_TASKS, TRUTH_TRACE, WORLD_STATE, 
 from numpy.typing import NDArray
 
 POLL_S, CALL_S = 0.05, 2.0
+SOON_S = 0.3  # for a call that a lost link may swallow
 PAUSE_S = 0.15  # a robot without a physics step of a drive for this long stands
 
 
@@ -141,7 +142,7 @@ class ControlChain:
     def _answers(self, method: Method[pb.Empty, Any], until_s: float) -> float:
         while (asked_s := time.monotonic()) < until_s:
             try:
-                self._bus.call(method, pb.Empty(), CALL_S)
+                self._bus.call(method, pb.Empty(), SOON_S)
             except HeliosError:
                 time.sleep(max(0.0, asked_s + POLL_S - time.monotonic()))
             else:
