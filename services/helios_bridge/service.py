@@ -27,9 +27,9 @@ from helios_core.codec import (
     state_to_proto,
     transform_to_proto,
 )
-from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
-from helios_core.heartbeat import HeartbeatMonitor
+from helios_core.heartbeat import HALTED, HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
 from helios_core.robot import (
     Action,
@@ -79,6 +79,7 @@ END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
 MOST_REASONS = 200  # length of all stop reasons together, characters
 STOP_AGAIN_S = 0.5  # period at which the stop of a robot that has not confirmed it is repeated
+RETRY_S = 0.5  # between two questions to a robot that does not answer
 CANNOT_SHOW = "this robot cannot show a held object: its description has no show_base_m"
 LOOK_WITHIN_S = 2.0  # wait of a check for the robot
 NOT_CHECKED = (
@@ -175,6 +176,8 @@ class BridgeService:
         if self._stopped_why:
             log.warning("stopped since before the start: %s", self._stopped_why)
             self._stop_again()
+        else:
+            self._executor.begin("clear an old halt", self._clear_old_halt)
         self._publish_state()
         self._health.ready("waits for frames: POST /v1/frames" if self._push_queue else "")
 
@@ -369,21 +372,45 @@ class BridgeService:
                 self._halt_call = self._executor.begin("halt", lambda: self._driver.stop(why))
 
     def _end_halt(self) -> None:
-        """Allow actions again after a halt, unless a stop has come meanwhile. A driver that does
-        not come back from it keeps the robot stopped."""
-        call, self._halt_call = self._halt_call, None
-        if call is None:
+        """Allow actions again after a halt, at the latest once the driver has come back from it."""
+        if (call := self._halt_call) is None:
             return
         futures.wait((call,), self._settings.stop_timeout_s)
-        try:
-            if not call.done():
-                raise DeadlineExceeded("the driver has not come back from ending an action")
-            call.result()
-            with self._stop_lock:
+        if not call.done():
+            log.warning("the driver has not come back from ending an action yet")
+        call.add_done_callback(self._clear_halt)  # at once if it has come back
+
+    def _clear_halt(self, call: Future[None]) -> None:
+        """Clear the driver's stop, unless a stop has come meanwhile or ending the action failed."""
+        with self._stop_lock:
+            self._halt_call = None
+            try:
+                call.result()
                 if not self._stopped_why:
                     self._driver.clear_stop()
-        except HeliosError as error:
-            log.error("the robot stays stopped: %s", error.message)
+            except HeliosError as error:
+                log.error("the robot stays stopped: %s", error.message)
+        self._publish_state()
+
+    def _clear_old_halt(self) -> None:
+        """Clear the halt of a bridge that died before it could do so itself."""
+        while True:
+            try:
+                state = self._driver.state()
+                break
+            except HeliosError:
+                if self._ending.wait(RETRY_S):
+                    return
+        with self._stop_lock:
+            ours = bool(self._stopped_why) or self._halt_call is not None
+            if ours or not (state.stopped and state.message.startswith(HALTED)):
+                return
+            try:
+                self._driver.clear_stop()
+                log.warning("an earlier bridge ended a drive; that is cleared: %s", state.message)
+            except HeliosError as error:
+                log.error("the robot stays stopped: %s", error.message)
+        self._publish_state()
 
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:
@@ -461,6 +488,8 @@ class BridgeService:
         self._lease.check(request.lease_token)
         if self._stopped_why:
             raise Conflict(f"the robot is stopped ({self._stopped_why}); clear the stop first")
+        if self._halt_call is not None:
+            raise Unavailable("the driver has not come back from ending an action; try again soon")
 
     # --- threads ------------------------------------------------------------------------------
     def _stream(self) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import Conflict
+from helios_core.errors import Conflict, Unavailable
+from helios_core.heartbeat import HALTED
 from helios_core.topics import ACT, LEASE, STOP
+from helios_core.types import RobotState
 
 from tests.support import wait_until
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -33,6 +36,60 @@ def test_the_action_of_a_silent_sender_ends_and_the_next_one_starts() -> None:
     assert act(stage, "b", beats=False).succeeded
 
 
+class Slow(LineRobot):
+    """Its stop for a silent sender takes until the test goes on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked, self.go_on = threading.Event(), threading.Event()
+
+    def stop(self, reason: str) -> None:
+        if "silent" in reason:
+            self.asked.set()
+            self.hold.set()  # the action ends at once, the call of stop does not
+            self.go_on.wait(10)
+        super().stop(reason)
+
+
+def test_a_driver_that_comes_back_late_from_a_halt_may_act_again() -> None:
+    robot = Slow()
+    stage = Stage(robot, heartbeat_s=0.1, stop_timeout_s=0.1)
+    robot.hold.clear()
+    act(stage, "a", beats=True)
+    with pytest.raises(Unavailable, match="has not come back from ending an action"):
+        act(stage, "b", beats=False)
+    robot.go_on.set()
+    wait_until(lambda: stage.bridge._halt_call is None, 5, "it has come back")
+    assert not robot.stopped
+    assert act(stage, "c", beats=False).succeeded
+
+
+@pytest.mark.parametrize(
+    ("message", "stays"), [(f"{HALTED} for 3.9 s", False), ("a person pressed the button", True)]
+)
+def test_a_bridge_clears_the_halt_of_one_that_died_and_no_other_stop(
+    message: str, stays: bool
+) -> None:
+    class Stopped(LineRobot):
+        asked = 0
+
+        def state(self) -> RobotState:
+            self.asked += 1
+            if self.asked < 4:
+                raise Unavailable("nobody serves world/state")
+            return replace(super().state(), message=self.stopped)
+
+    robot = Stopped()
+    robot.asked = 10
+    robot.stopped = message
+    stage = Stage(robot)
+    robot.asked = 0  # the robot is silent at first
+    stage.bridge.start()
+    wait_until(lambda: robot.asked >= 4, 20, "the robot answers")
+    stage.bridge.close()
+    assert bool(robot.stopped) is stays
+
+
 def test_the_action_of_a_sender_without_heartbeats_runs_on() -> None:
     stage = Stage(heartbeat_s=0.05)
     stage.robot.hold.clear()
@@ -41,19 +98,6 @@ def test_the_action_of_a_sender_without_heartbeats_runs_on() -> None:
 
 
 def test_a_stop_during_the_halt_stays_latched() -> None:
-    class Slow(LineRobot):
-        """Its stop for a silent sender takes until a person has stopped it, too."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.asked, self.go_on = threading.Event(), threading.Event()
-
-        def stop(self, reason: str) -> None:
-            if "silent" in reason:
-                self.asked.set()
-                self.go_on.wait(10)
-            super().stop(reason)
-
     robot = Slow()
     stage = Stage(robot, heartbeat_s=0.1)
     robot.hold.clear()
