@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from helios_client.sdk import Helios
@@ -74,7 +75,11 @@ def run_chaos(plan: ChaosPlan, able: Abilities, say: Say) -> ChaosResult:
 
 def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> ChaosResult:
     bus, tap = open_bus(stack.router), opened(stack.router, plan.seed)
-    witness, chain, helios = Witness(bus), ControlChain(bus), stack.client()
+    witness, chain, helios = (
+        Witness(bus),
+        ControlChain(partial(open_bus, stack.router)),
+        stack.client(),
+    )
     try:
         player = TaskPlayer(helios, bus, plan.seed)
         player.start()

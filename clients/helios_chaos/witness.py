@@ -121,13 +121,14 @@ def length_m(drive: NDArray[np.float64]) -> float:
 
 
 class ControlChain:
-    """Watches whether the robot can be driven: planner, bridge and world answer at the router."""
+    """Tells when the robot can be driven again: planner, bridge and world answer at the router."""
 
     METHODS: tuple[Method[pb.Empty, Any], ...] = (WORLD_STATE, GET_STATE, LIST_TASKS)
 
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
-        self._threads = ThreadPoolExecutor(len(self.METHODS), "chain")
+    def __init__(self, opened: Callable[[float], Bus]) -> None:
+        """opened: a new bus, within some seconds. One that lost its router would answer late."""
+        self._opened = opened
+        self._threads = ThreadPoolExecutor(1 + len(self.METHODS), "chain")
 
     def close(self) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)
@@ -135,14 +136,23 @@ class ControlChain:
     def whole_after(self, lost_s: float, within_s: float) -> Callable[[], float]:
         """Begin to watch. The result waits, and is the time at which all have answered a call
         that was made after `lost_s`; infinite if one did not in time."""
-        until_s = lost_s + within_s
-        parts = [self._threads.submit(self._answers, m, until_s) for m in self.METHODS]
-        return lambda: max(part.result() for part in parts)
+        return self._threads.submit(self._watch, lost_s + within_s).result
 
-    def _answers(self, method: Method[pb.Empty, Any], until_s: float) -> float:
+    def _watch(self, until_s: float) -> float:
+        try:
+            bus = self._opened(max(0.0, until_s - time.monotonic()))
+        except HeliosError:
+            return math.inf
+        try:
+            parts = [self._threads.submit(self._answers, bus, m, until_s) for m in self.METHODS]
+            return max(part.result() for part in parts)
+        finally:
+            bus.close()
+
+    def _answers(self, bus: Bus, method: Method[pb.Empty, Any], until_s: float) -> float:
         while (asked_s := time.monotonic()) < until_s:
             try:
-                self._bus.call(method, pb.Empty(), SOON_S)
+                bus.call(method, pb.Empty(), SOON_S)
             except HeliosError:
                 time.sleep(max(0.0, asked_s + POLL_S - time.monotonic()))
             else:

@@ -28,7 +28,7 @@ def test_the_chain_is_whole_once_the_last_of_planner_bridge_and_world_answers() 
     hub = MemoryHub()
     lost_s = time.monotonic()
     serve(hub, lost_s + 0.4)
-    chain = ControlChain(MemoryBus(hub))
+    chain = ControlChain(lambda _: MemoryBus(hub))
     whole_s = chain.whole_after(lost_s, WITHIN_S)()
     chain.close()
     assert lost_s + 0.4 <= whole_s < math.inf
@@ -37,6 +37,6 @@ def test_the_chain_is_whole_once_the_last_of_planner_bridge_and_world_answers() 
 def test_a_chain_without_a_planner_never_becomes_whole() -> None:
     hub = MemoryHub()
     serve(hub, None)
-    chain = ControlChain(MemoryBus(hub))
+    chain = ControlChain(lambda _: MemoryBus(hub))
     assert chain.whole_after(time.monotonic(), 0.3)() == math.inf
     chain.close()
