@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 import zenoh
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 from zenoh import ext
 
 from helios_core import tracing
@@ -119,8 +119,13 @@ class ZenohBus(Bus):
                 if latest and not unseen.take(_attached(sample)):
                     continue
                 try:
+                    message = parse(sample.payload.to_bytes())
+                except DecodeError as error:
+                    log.warning("a damaged message of %s is left out: %s", topic.name, error)
+                    continue
+                try:
                     with tracing.received(_attached(sample)):
-                        handler(parse(sample.payload.to_bytes()))
+                        handler(message)
                 except Exception:
                     log.exception("the handler of %s failed; the message is lost to it", topic.name)
 

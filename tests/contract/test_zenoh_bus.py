@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
@@ -37,6 +38,24 @@ def test_an_undecodable_request_is_invalid_input(
     error = error_from_proto(pb.Error.FromString(reply.err.payload.to_bytes()))
     assert isinstance(error, InvalidInput)
     assert "50 bytes" in error.message
+
+
+def test_a_damaged_message_is_left_out_in_one_line_and_the_next_one_comes(
+    zenoh_bus: ZenohBus, session: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    heard: list[str] = []
+    zenoh_bus.subscribe(CONTEXT, lambda context: heard.append(context.id))
+    key = CONTEXT.key("r")
+    sender: Any = session.declare_publisher(key)
+    wait_until(lambda: sender.matching_status.matching, 20, "the bus listens")
+    with caplog.at_level(logging.WARNING):
+        sender.put(b"\xff" * 50)
+        sender.put(pb.SearchContext(id="whole").SerializeToString())
+        wait_until(lambda: heard, 20, "the next message comes")
+    assert heard == ["whole"]
+    [record] = [r for r in caplog.records if "planner/context" in r.getMessage()]
+    assert "is left out" in record.getMessage()
+    assert record.exc_info is None
 
 
 def test_a_new_session_waits_longer_for_a_server(
