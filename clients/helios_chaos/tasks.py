@@ -17,6 +17,7 @@ from helios_core.bus import Bus
 from helios_core.codec import state_from_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import TRUTH_OBJECTS, WORLD_STATE
+from helios_core.types import RobotState
 
 T = TypeVar("T")
 
@@ -107,9 +108,13 @@ class TaskPlayer:
         self.played.append(PlayedTask(id, instruction, task.state, task.message, untrue))
 
     def _move(self, home: Home) -> str:
-        """Instruction for an object that is not yet where it shall go."""
+        """Instruction for what the robot holds after a task that failed; else for an object that is
+        not yet where it shall go."""
         under = {thing: home.class_under(thing) for thing in sorted(home.places)}
         on = [thing for thing, where in under.items() if where]
+        if held := self._robot().held:
+            goal = self._random.choice(sorted({where for where in under.values() if where}))
+            return f"Put the {held} on the {goal}"
         thing = self._random.choice(on)
         class_name = home.places[thing][0]
         goals = {where for where in under.values() if where and where != under[thing]}
@@ -128,7 +133,7 @@ class TaskPlayer:
             away_m = float(np.hypot(*(self._robot_xy() - self._start_xy)))
             is_there = away_m <= AT_HOME_M
             found = f"the robot is {away_m:.2f} m from its start"
-        elif instruction.startswith("Move the "):
+        elif instruction.startswith(("Move the ", "Put the ")):
             is_there, found = moved_as_told(instruction, before, self._home())
         else:
             return ""
@@ -164,8 +169,11 @@ class TaskPlayer:
         return Home({o.name: (o.class_name, o.on) for o in truth.instances if o.graspable}, names)
 
     def _robot_xy(self) -> np.ndarray:
+        return self._robot().T_world_base[:2, 3]
+
+    def _robot(self) -> RobotState:
         state = self._patiently(lambda: self._bus.call(WORLD_STATE, pb.Empty(), CALL_S))
-        return state_from_proto(state).T_world_base[:2, 3]
+        return state_from_proto(state)
 
     def _patiently(self, call: Callable[[], T]) -> T:
         """Result of a call that is repeated while a service is away."""
@@ -181,10 +189,18 @@ class TaskPlayer:
                 time.sleep(RETRY_S)
 
 
+def _thing_and_goal(instruction: str) -> tuple[str, str]:
+    """Of "Move the cup from the desk to the bed", or "Put the cup on the bed"."""
+    thing, _, goal = instruction.removeprefix("Put the ").partition(" on the ")
+    if instruction.startswith("Move the "):
+        thing, _, way = instruction.removeprefix("Move the ").partition(" from the ")
+        goal = way.partition(" to the ")[2]
+    return thing, goal
+
+
 def moved_as_told(instruction: str, before: Home, after: Home) -> tuple[bool, str]:
     """Whether an object of the class is on its goal and was not before, and what was moved."""
-    class_name, _, way = instruction.removeprefix("Move the ").partition(" from the ")
-    goal = way.partition(" to the ")[2]
+    class_name, goal = _thing_and_goal(instruction)
     moved = [t for t in after.places if after.places[t] != before.places.get(t)]
     is_there = any(after.places[t][0] == class_name and after.class_under(t) == goal for t in moved)
     found = ", ".join(f"{t} on {after.class_under(t) or 'nothing'}" for t in moved) or "nothing"

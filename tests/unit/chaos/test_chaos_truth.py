@@ -35,6 +35,12 @@ def test_a_move_is_done_if_a_thing_of_the_class_went_to_the_goal(
     assert moved_as_told(MOVE, home("desk_0"), after)[0] is is_there
 
 
+def test_what_the_robot_held_counts_once_it_is_on_the_goal() -> None:
+    put = "Put the mug on the bed"
+    assert moved_as_told(put, home(""), home("bed_0"))[0]
+    assert not moved_as_told(put, home(""), home("desk_0"))[0]
+
+
 def test_what_lay_on_the_goal_before_does_not_count() -> None:
     assert not moved_as_told(MOVE, home("bed_0"), home("bed_0"))[0]
 
