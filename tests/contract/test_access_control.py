@@ -120,6 +120,7 @@ def is_used(declared: zenoh.Querier | zenoh.Publisher) -> bool:
 def test_nobody_learns_whether_a_forbidden_key_is_in_use(
     witness: zenoh.Session, router: Certified
 ) -> None:
+    """eclipse-zenoh/zenoh 1562: declarations were seen past an access control list."""
     keys = STOP.key("r"), EMBED_TEXT.key("r")
     hear = zenoh.handlers.Callback(lambda _: None)
     serving = [witness.declare_queryable(key, hear) for key in keys]
