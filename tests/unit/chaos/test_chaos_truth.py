@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -74,3 +75,5 @@ def test_a_wrong_success_a_wrong_failure_and_a_strange_cancellation_are_untrue(
     task = Task(id="a", state=state)
     found = player._untrue(MOVE, task, home("desk_0"))
     assert (untrue in found) if untrue else not found
+    unknown = replace(task, state="failed", cause="system error")
+    assert not player._untrue(MOVE, unknown, home("desk_0"))
