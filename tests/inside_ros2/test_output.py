@@ -77,6 +77,17 @@ def wait_until(condition: Callable[[], object]) -> None:
         time.sleep(0.02)
 
 
+def accepted(client: Any, goal: Any, on_feedback: Callable[[Any], None]) -> Any:
+    """Future of an accepted goal. The answer to a goal can be lost while DDS still connects."""
+    for _ in range(6):
+        sent, again_s = client.send_goal_async(goal, on_feedback), time.monotonic() + WITHIN_S / 6
+        while time.monotonic() < again_s:
+            if sent.done():
+                return sent
+            time.sleep(0.02)
+    raise AssertionError("no goal was accepted")
+
+
 def heard(user: RosNode, topic: str, kind: str, retained: bool) -> list[Any]:
     out: list[Any] = []
     qos = qos_profile(Qos(retained=retained), 10)
@@ -163,10 +174,8 @@ def test_a_cancelled_goal_cancels_the_task() -> None:
         client = rclpy_module("action").ActionClient(user.node, kind, "/helios/do_task")
         assert client.wait_for_server(WITHIN_S)
         phases: list[str] = []
-        sent = client.send_goal_async(
-            kind.Goal(instruction="find the cup"), lambda m: phases.append(m.feedback.phase)
-        )
-        wait_until(sent.done)
+        goal = kind.Goal(instruction="find the cup")
+        sent = accepted(client, goal, lambda m: phases.append(m.feedback.phase))
         ended = sent.result().get_result_async()
 
         def told() -> bool:
