@@ -59,7 +59,7 @@ browser: ## Chromium for the tests of the dashboard, where apt can be used; with
 
 sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX), in sbom.cdx.json
 	rm -rf .sbom && $(PYTHON) -m venv .sbom
-	.sbom/bin/python -m pip install --quiet --constraint constraints.txt '.[all]'
+	.sbom/bin/python -m pip install --quiet --constraint constraints.txt '.[all,tracing]'
 	$(BIN)/cyclonedx-py environment .sbom --pyproject pyproject.toml --output-file sbom.cdx.json
 	rm -rf .sbom
 
