@@ -75,11 +75,8 @@ def run_chaos(plan: ChaosPlan, able: Abilities, say: Say) -> ChaosResult:
 
 def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> ChaosResult:
     bus, tap = open_bus(stack.router), opened(stack.router, plan.seed)
-    witness, chain, helios = (
-        Witness(bus),
-        ControlChain(partial(open_bus, stack.router)),
-        stack.client(),
-    )
+    witness, helios = Witness(bus), stack.client()
+    chain = ControlChain(partial(open_bus, stack.router))
     try:
         player = TaskPlayer(helios, bus, plan.seed)
         player.start()
@@ -129,14 +126,17 @@ def _play_fault(
     finally:
         undo()
     ended_s = time.monotonic()
-    whole_s = chain.whole_after(ended_s, ACTS_WITHIN_S) if must_stand(fault) else None
+    must = must_stand(fault)
+    if must and not fault.lasts_s:  # one that is over at once: its target is being started again
+        may_drive_s = chain.whole_after(ended_s, ACTS_WITHIN_S)
+    else:
+        may_drive_s = partial(float, ended_s)
     acted_s = witness.wait_action(ended_s, ACTS_WITHIN_S)
     still_s = None
-    if whole_s is not None:
+    if must:
         drive = witness.drive_after(began_s)
         last_s = float(drive[-1, 0]) if len(drive) else began_s
-        may_drive_s = ended_s if fault.lasts_s else whole_s()
-        still_s = round(min(last_s, may_drive_s) - began_s, 3)
+        still_s = round(min(last_s, may_drive_s()) - began_s, 3)
     return PlayedFault(
         round(began_s - run_began_s, 2), fault.kind, fault.target, round(ended_s - began_s, 2),
         fault.size, None if acted_s is None else round(acted_s - ended_s, 3), still_s,

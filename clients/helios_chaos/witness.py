@@ -135,7 +135,7 @@ class ControlChain:
 
     def whole_after(self, lost_s: float, within_s: float) -> Callable[[], float]:
         """Begin to watch. The result waits, and is the time at which all have answered a call
-        that was made after `lost_s`; infinite if one did not in time."""
+        that was made after `lost_s`; infinite if one did not in time. One watch at a time."""
         return self._threads.submit(self._watch, lost_s + within_s).result
 
     def _watch(self, until_s: float) -> float:

@@ -83,6 +83,7 @@ class PlannerService:
         self._registry = TaskRegistry(bus, settings, health, self._store)
         self._store.watch(self._tell_health)
         self._queue = deque(self._registry.restore())
+        self._tell_waiting()
         self._cancels = {id: threading.Event() for id in self._queue}
         self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
         self._reservation = Reservation()  # guarded by _lock
