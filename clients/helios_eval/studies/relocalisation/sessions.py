@@ -29,7 +29,7 @@ from helios_eval.episodes.episode_player import LONGEST_S
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
 from helios_eval.episodes.in_process_stack import CALL_S, InProcessStack
 
-VISIT_STEPS = 600  # actions of a first visit; enough to see every room
+VISIT_STEPS = 1000  # most actions of a first visit
 LATER_STEPS = 40  # actions of a later session until it must be relocalised
 AGENT = "helios"
 _ORIGIN = (0.0, 0.0, 0.0)  # pose that a robot of unknown origin reports at its start
