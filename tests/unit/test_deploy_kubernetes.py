@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parents[2] / "deploy/kubernetes"
 IMAGE = (FOLDER.parent / "Dockerfile").read_text()
 KUSTOMIZATION: dict[str, Any] = yaml.safe_load((FOLDER / "kustomization.yaml").read_text())
 SETTINGS = tomllib.loads((FOLDER / "helios.toml").read_text())
-SERVICES = ("bridge", "detector", "objectmap", "map2d", "planner", "gateway")
+SERVICES = ("bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder")
 
 
 def manifests(file: str) -> list[dict[str, Any]]:
@@ -103,6 +103,11 @@ def test_what_a_service_keeps_is_on_a_volume_that_outlives_the_pod(name: str, pa
     [volume] = [v for v in spec["volumes"] if v["name"] == mount["name"]]
     claim = volume["persistentVolumeClaim"]["claimName"]
     assert claim in [c["metadata"]["name"] for c in claims]
+
+
+def test_the_recorder_is_off_until_somebody_wants_a_recording() -> None:
+    off = [name for name in SERVICES if manifests(f"{name}.yaml")[0]["spec"]["replicas"] == 0]
+    assert off == ["recorder"]
 
 
 def test_the_gateway_is_reached_while_the_robot_is_stopped() -> None:
