@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 
 import cv2
 import numpy as np
@@ -71,6 +72,7 @@ class Backend(MadeUpTasks):
         self.pose = (3.1, 2.2, 2.5)
         self.battery: float | None = None
         self.stopped, self.stop_reason = False, ""
+        self.state_late_s = 0.0  # delay of the state after a stop, behind the answer
         self.map_version = 41
         self.rendered: pb.RenderRequest | None = None
         self.stored = pb.StoredObjectsReply()  # objects of a stored map
@@ -203,7 +205,12 @@ class Backend(MadeUpTasks):
     def _latch(self, stopped: bool, reason: str) -> pb.Empty:
         self.stopped, self.stop_reason = stopped, reason
         self.driving.stopped_why = reason or "stop-now" if stopped else ""
-        self.publish_robot()
+        if self.state_late_s:
+            late = threading.Timer(self.state_late_s, self.publish_robot)
+            late.daemon = True
+            late.start()
+        else:
+            self.publish_robot()
         return pb.Empty()
 
     def _objects(self, _: pb.ObjectsRequest) -> pb.ObjectsReply:

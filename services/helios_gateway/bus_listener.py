@@ -60,7 +60,7 @@ class RobotMonitor:
         self.events = EventHub(BACKLOG, settings.max_viewers, settings.keepalive_s)
         folder = settings.faults and settings.faults / bus.robot
         self.faults = FaultMonitor(folder, settings.faults_mb * MB, self._on_fault)
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()  # notified when the robot's state arrives
         self._ticking = threading.Lock()
         self._robot: api_models.RobotState | None = None
         self._description: api_models.RobotDescription | None = None
@@ -103,6 +103,17 @@ class RobotMonitor:
         return api_models.Robot(
             connected=self.services.is_alive("bridge"), state=state, description=description
         )
+
+    def robot_when(self, stopped: bool, within_s: float) -> api_models.Robot:
+        """Robot as soon as its last known state is stopped or not; as it is after `within_s`.
+
+        The bridge publishes its state before it answers a call, but the answer may arrive first.
+        """
+        with self._lock:
+            self._lock.wait_for(
+                lambda: self._robot is not None and self._robot.stopped == stopped, within_s
+            )
+        return self.robot()
 
     def status(self) -> api_models.Status:
         return api_models.Status(
@@ -223,6 +234,7 @@ class RobotMonitor:
         state = message_conversion.robot_state(message)
         with self._lock:
             before, self._robot = self._robot, state
+            self._lock.notify_all()
         if before is None or _immediate_fields(before) != _immediate_fields(state):
             self.tick()
 

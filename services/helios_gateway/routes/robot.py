@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
 
 import anyio.to_thread
 from fastapi import APIRouter, Request
@@ -22,6 +21,7 @@ from helios_gateway.error_responses import problems
 BODY_S = 0.2  # longest wait of stop-now for its body
 BODY_BYTES = 65536
 REASON_CHARACTERS = 500
+STATE_WITHIN_S = 0.5  # longest wait for the state that the bridge published before its answer
 STOP_BODY = {
     "required": False,
     "content": {"application/json": {"schema": api_models.StopRequest.model_json_schema()}},
@@ -50,11 +50,12 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
     does not prevent the stop; only its reason is lost.
     """
     message = pb.StopRequest(reason=stop_reason(await _begun(request)))
-    await anyio.to_thread.run_sync(
-        functools.partial(robot.bus.call, STOP, message, state.settings.stop_timeout_s),
-        limiter=state.stop_threads,
-    )
-    return robot.monitor.robot()
+
+    def stop_and_hear() -> api_models.Robot:
+        robot.bus.call(STOP, message, state.settings.stop_timeout_s)
+        return robot.monitor.robot_when(stopped=True, within_s=STATE_WITHIN_S)
+
+    return await anyio.to_thread.run_sync(stop_and_hear, limiter=state.stop_threads)
 
 
 @router.post(
@@ -70,7 +71,7 @@ def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robo
     the holder.
     """
     robot.bus.call(CLEAR_STOP, pb.Empty(), timeout_s)
-    return robot.monitor.robot()
+    return robot.monitor.robot_when(stopped=False, within_s=STATE_WITHIN_S)
 
 
 def stop_reason(body: bytes) -> str:

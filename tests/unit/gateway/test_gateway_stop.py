@@ -52,6 +52,23 @@ def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
             answer.set()
 
 
+def test_the_answer_tells_the_state_after_the_stop_even_if_that_arrives_late(
+    client: TestClient, backend: Backend
+) -> None:
+    backend.state_late_s = 0.1
+    assert client.post("/v1/robot/stop").json()["state"]["stopped"]
+    assert not client.post("/v1/robot/clear-stop").json()["state"]["stopped"]
+
+
+def test_a_state_that_never_arrives_does_not_hold_the_answer_back(
+    client: TestClient, backend: Backend
+) -> None:
+    backend.state_late_s = 3600
+    answer = client.post("/v1/robot/stop")
+    assert answer.status_code == 200
+    assert not answer.json()["state"]["stopped"]
+
+
 @pytest.mark.parametrize(
     ("body", "content_type", "reason"),
     [
