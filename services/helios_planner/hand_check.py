@@ -23,6 +23,8 @@ from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
+# Probability from which an object that was put back is brought after all if nothing better is found.
+RECONSIDERED_FROM = 0.1
 
 
 @dataclass
@@ -58,8 +60,11 @@ class HandCheck:
     # --- the check -----------------------------------------------------------------------------
     def refutes(self, search: Search, found: ObjectInstance, picks: int) -> bool:
         """True if the picked object looked wrong from its sides and was put back. picks: so far;
-        after the last one the object is kept unseen. Raises Dropped."""
+        after the last one the object is kept unseen, as is one that was set aside before. Raises
+        Dropped."""
         s = self.settings
+        if search.in_hand(found) < 1:
+            return False
         can = self.robot.description.show_base_m is not None and not self.cannot_show
         if not s.hand_sides or not can or (s.max_picks and picks >= s.max_picks):
             return False
@@ -70,7 +75,10 @@ class HandCheck:
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
         if decision.do is Do.ACT:
             return False
-        search.refused.add(found)
+        if held.probability < RECONSIDERED_FROM:
+            search.refused.add(found)
+        else:
+            search.set_aside(found, held.probability)
         x, y, z = (float(v) for v in found.center_m)
         self.returning_m = np.array([x, y, z - float(found.size_m[2]) / 2])
         if not self._put_back():

@@ -15,8 +15,8 @@ from helios_client.answer_types import Decision
 INDENT = 15  # indent of the details below a sentence
 _ORDER = (  # a term follows those that it is computed from
     "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "size_m",
-    "distance_m", "way_m", "unknown_m", "views", "in_place", "place", "score", "score_after_view",
-    "total",
+    "distance_m", "way_m", "unknown_m", "views", "in_place", "place", "in_hand", "score",
+    "score_after_view", "total",
 )  # fmt: skip
 _ALL_OF_TOTAL = ("score", "score_after_view")  # a total equal to one of these is not shown
 _LAYOUTS = ((False, INDENT), (True, INDENT), (True, 2))  # one word per line in the heading?, indent

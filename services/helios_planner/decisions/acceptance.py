@@ -141,6 +141,7 @@ def act_or_look(
                 "total": t.total,
             }
             | ({} if t.place == 1 else {"place": t.place})
+            | ({} if t.in_hand == 1 else {"in_hand": t.in_hand})
             | _image_text(t.instance)
             | ({} if t.best_score is None else {"score_after_view": t.best_score}),
             t.instance.id,
@@ -158,8 +159,8 @@ def act_or_look(
     worth: list[tuple[float, int]] = []
     for k, t in enumerate(things):
         after = t.best_score if anywhere or t.in_place else None
-        if after is not None and after * t.place >= min(threshold, t.total + tau_inc):  # eq. 11
-            worth.append((after * t.place, k))
+        if after is not None and after * t.factor >= min(threshold, t.total + tau_inc):  # eq. 11
+            worth.append((after * t.factor, k))
     if worth:
         _, k = max(worth, key=lambda pair: (pair[0], -pair[1]))
         why = explanations.look(candidates[k], threshold, tau_inc)

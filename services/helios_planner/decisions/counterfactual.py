@@ -190,6 +190,7 @@ def _act_or_look(
         ViewOption(
             _instance(c), c.terms["score"], c.terms.get("score_after_view"),
             c.terms["distance_m"], bool(c.terms["in_place"]), c.terms.get("place", 1.0),
+            c.terms.get("in_hand", 1.0),
         )
         for c in candidates
     ]  # fmt: skip

@@ -81,8 +81,9 @@ class ViewOption:
 
     best_score: None if no new gaze point is left. in_place: False if it does not lie where the
     instruction says, for example not on a start receptacle. place: relative probability, in (0, 1],
-    that it lies there, 1 for the most likely receptacle and where it does not count; scores are
-    multiplied by it.
+    that it lies there, 1 for the most likely receptacle and where it does not count. in_hand:
+    probability of its class by an earlier look at it in the hand, 1 without one. Scores are
+    multiplied by both.
     """
 
     instance: ObjectInstance
@@ -91,11 +92,17 @@ class ViewOption:
     distance_m: float
     in_place: bool = True
     place: float = 1.0
+    in_hand: float = 1.0
+
+    @property
+    def factor(self) -> float:
+        """Factor of all scores of the candidate."""
+        return self.place * self.in_hand
 
     @property
     def total(self) -> float:
         """Score that decides about the candidate."""
-        return self.score * self.place
+        return self.score * self.factor
 
 
 class Do(StrEnum):

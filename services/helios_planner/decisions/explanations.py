@@ -252,16 +252,17 @@ def _image_text(terms: Mapping[str, float]) -> str:
 
 def _value(terms: Mapping[str, float], name: str, rounded: Rounding) -> float:
     """Number that `_scored` prints last."""
-    return rounded(terms[name] * terms.get("place", 1.0))
+    return rounded(terms[name] * terms.get("place", 1.0) * terms.get("in_hand", 1.0))
 
 
 def _scored(terms: Mapping[str, float], name: str, digits: int = 2) -> str:
     """Text of a score, "0.42" or "0.84 × place 0.50 = 0.42"."""
-    score = f"{terms[name]:.{digits}f}"
-    if "place" not in terms:
-        return score
-    place = terms["place"]
-    return f"{score} × place {place:.{digits}f} = {terms[name] * place:.{digits}f}"
+    said, total = f"{terms[name]:.{digits}f}", terms[name]
+    for factor, of in (("place", "place"), ("in_hand", "hand")):
+        if factor in terms:
+            said += f" × {of} {terms[factor]:.{digits}f}"
+            total *= terms[factor]
+    return said if said.count("×") == 0 else f"{said} = {total:.{digits}f}"
 
 
 def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:

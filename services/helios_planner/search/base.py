@@ -233,6 +233,14 @@ class Search(ABC):
         if self._doubts[candidate.id] >= MOST_DOUBTS:
             self.refused.add(candidate)
 
+    def set_aside(self, candidate: ObjectInstance, probability: float) -> None:
+        """Leave a candidate that looked wrong in the hand. probability: that it is right."""
+        self.refused.add(candidate)
+
+    def in_hand(self, candidate: ObjectInstance) -> float:
+        """Probability of its class by an earlier look at it in the hand; 1 without one."""
+        return 1.0
+
     def end_waiting(self) -> bool:
         """Allow candidates that were out of reach again; True if the map has changed since."""
         waited = bool(self.unreachable.points)

@@ -6,7 +6,7 @@ import heapq
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,6 +33,7 @@ from helios_planner.search.view_selection import BestView
 from helios_planner.task import Phase
 
 MOST_WRITTEN = 16
+LEAST_IN_HAND = 1e-6
 
 
 class ScoredSearch(Search):
@@ -58,6 +59,7 @@ class ScoredSearch(Search):
         self._known_home = False  # a candidate of a stored map is good enough
         self._views: dict[int, BestView | None] = {}
         self._checks: list[tuple[float, float]] = []  # centres of candidates at each check, m
+        self._set_aside: list[SetAside] = []
         self._past_candidates = CandidateMemory()
         self._from_memory = False  # True if its candidate is no longer in the object map
 
@@ -157,8 +159,38 @@ class ScoredSearch(Search):
     @property
     def accepted_any_candidate(self) -> bool:
         """True if the newest decision used the threshold that accepts any candidate."""
+        return self._accepts_any(self._decision_step)
+
+    def _accepts_any(self, step: int) -> bool:
         last = len(self._thresholds.steps) - 1
-        return self._thresholds.at_last is not None and self._decision_step == last
+        return self._thresholds.at_last is not None and step == last
+
+    def set_aside(self, candidate: ObjectInstance, probability: float) -> None:
+        """Leave a candidate until any is accepted; its score then counts with that probability."""
+        x, y, z = (float(v) for v in candidate.center_m)
+        self._set_aside.append(SetAside(candidate.id, (x, y, z), probability))
+
+    def in_hand(self, candidate: ObjectInstance) -> float:
+        near = (one.probability for one in self._set_aside if self._is_at(candidate, one))
+        return min(near, default=1.0)
+
+    def _is_at(self, candidate: ObjectInstance, one: SetAside) -> bool:
+        return math.dist(one.center_m, candidate.center_m) < self.refused.same_m
+
+    def _not_in_map(self, things: Sequence[ObjectInstance]) -> list[ObjectInstance]:
+        """Candidates that the object map no longer holds but that may be accepted now."""
+        if not self._accepts_any(self._present_step()):
+            return []
+        gone = (one.id for one in self._set_aside if not any(self._is_at(t, one) for t in things))
+        known = [thing for id in gone if (thing := self._past_candidates.get(id)) is not None]
+        if things or known:
+            return known
+        best = self._past_candidates.best(self.open)
+        return [best] if best is not None else []
+
+    def open(self, candidate: ObjectInstance) -> bool:
+        left = self._set_aside and not self._accepts_any(self._present_step())
+        return super().open(candidate) and not (left and self.in_hand(candidate) < 1)
 
     def _meets(self, thing: ObjectInstance, standard: AcceptanceThreshold) -> bool:
         sure = thing.score * self._place(thing) >= standard.score
@@ -188,6 +220,7 @@ class ScoredSearch(Search):
         return super().checkpoint() | {
             "standard": self._step, "since": self._since, "rated": self._rated,
             "remembered": self._past_candidates.checkpoint(), "checks": list(self._checks),
+            "set_aside": [[s.id, *s.center_m, s.probability] for s in self._set_aside],
         }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
@@ -196,6 +229,9 @@ class ScoredSearch(Search):
         self._decision_step, self._rated = self._step, bool(checkpoint.get("rated", True))
         self._past_candidates.restore(checkpoint.get("remembered", []))
         self._checks = [(x, y) for x, y in checkpoint.get("checks", [])]
+        self._set_aside = [
+            SetAside(int(id), (x, y, z), p) for id, x, y, z, p in checkpoint.get("set_aside", [])
+        ]
 
     def decide(self) -> Decision:
         """Decision to act on a candidate, to look at one again, or to search on."""
@@ -210,23 +246,21 @@ class ScoredSearch(Search):
             self._rated = any(thing.image_text_nats is not None for thing in things)
         self._known_home = self._remembered(things)
         self._decision_step = self._present_step()
-        known_once = (
-            None
-            if things or not self.accepted_any_candidate
-            else self._past_candidates.best(self.open)
-        )
-        self._from_memory = known_once is not None
-        for thing in [known_once] if known_once else things:
+        remembered = self._not_in_map(things)
+        for thing in [*things, *remembered]:
             in_place = self.in_place(thing)
             worth = self.extra_views and (in_place or self.anywhere)
-            place = self._place(thing)
+            place, in_hand = self._place(thing), self.in_hand(thing)
+            needed = self.threshold / (place * max(in_hand, LEAST_IN_HAND))
             option, self._views[thing.id] = self.looking.option(
-                thing, self.name, self.threshold / place, in_place=in_place, ask=worth
+                thing, self.name, needed, in_place=in_place, ask=worth
             )
-            options.append(replace(option, place=place))
-        return act_or_look(
+            options.append(replace(option, place=place, in_hand=in_hand))
+        decision = act_or_look(
             options, self.threshold, self.settings.tau_inc, self.kind, self.action, self.anywhere
         )
+        self._from_memory = decision.winner is not None and decision.winner >= len(things)
+        return decision
 
     def chosen(self, decision: Decision) -> ObjectInstance:
         known_once = self._past_candidates.get(decision.chosen.id) if self._from_memory else None
@@ -267,6 +301,16 @@ class ScoredSearch(Search):
 
         purpose = f"another view of the {self.name}"
         self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
+
+
+@dataclass(frozen=True)
+class SetAside:
+    """A candidate that looked wrong in the hand. center_m: where it was picked, world;
+    probability: that it is right."""
+
+    id: int
+    center_m: tuple[float, float, float]
+    probability: float
 
 
 class ReceptacleSearch(ScoredSearch):

@@ -19,6 +19,7 @@ from planner_things import Thing
 from planner_world import FakeWorld
 
 WRONG = HeldObject(0.01, 6, (("glass", 5 / 6), ("mug", 1 / 6)))
+DOUBTFUL = HeldObject(0.4, 6, (("mug", 4 / 6), ("glass", 5 / 6)))
 RIGHT = HeldObject(0.99, 6, (("mug", 5 / 6), ("glass", 1 / 6)))
 SHOWING = replace(ROBOT, show_base_m=(0.5, 0.0, 1.1))
 
@@ -65,6 +66,39 @@ def test_a_wrong_object_that_was_put_back_is_not_picked_again() -> None:
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
     assert picked(world) == [3]
     assert world.held() == ""
+
+
+@pytest.mark.parametrize("forgotten", [False, True])
+def test_a_doubtful_object_is_brought_after_all_if_nothing_better_is_found(forgotten: bool) -> None:
+    world = world_of(looks(mug(3), DOUBTFUL))
+    placing = world._place
+
+    def place(point):
+        done = placing(point)
+        if forgotten:  # the object map does not find it again
+            world.things[3].score = 0.0
+        return done
+
+    world._place = place
+    assert "put the mug on the counter" in mission(world).run()
+    assert picked(world) == [3, 3]
+    assert in_hand(world) == [Do.SEARCH_ON]  # it is not looked at again
+    assert any("hand 0.40" in d.why for d in world.decisions)
+
+
+def test_a_doubtful_object_waits_until_all_else_was_tried() -> None:
+    world = world_of(looks(mug(3), DOUBTFUL), looks(mug(4, 6.7, 5.6), RIGHT))
+    mission(world).run()
+    assert picked(world) == [3, 4]
+    assert world.released is world.things[4]
+
+
+def test_a_restart_remembers_a_doubtful_object() -> None:
+    world = world_of(looks(mug(3), DOUBTFUL))
+    again = restarted(world, before=Place)
+    again.run()
+    assert picked(world) == [3, 3]
+    assert in_hand(world) == [Do.SEARCH_ON]
 
 
 def test_the_right_object_is_shown_from_all_sides_and_kept() -> None:
