@@ -215,7 +215,12 @@ class ObjectMap:
 
     def shown_names(self, class_name: str) -> ShownNames:
         """Names of the object that the robot shows, or showed last, against those of a class."""
-        return self._shown.names(class_name, self._name_errors)
+        seen = self._shown.names(class_name, self._name_errors)
+        if self._settings.image_text == "ignored":
+            return seen
+        scores = self._shown.image_text_scores(class_name)
+        nats = self._image_text.shown_log_likelihood_ratio(class_name, scores)
+        return seen.with_image_text(nats)
 
     def class_of(self, instance_id: int) -> str:
         """Class of an instance; "" if the id is unknown."""

@@ -33,7 +33,10 @@ def content_in_words(objects: int, gaussians: int, newest: FrameId | None) -> st
 def held_message(seen: ShownNames) -> pb.HeldObjectReply:
     """Message of the names of the shown object."""
     names = [pb.NameShare(name=name, share=share) for name, share in seen.names]
-    return pb.HeldObjectReply(probability=seen.probability, sides=seen.sides, names=names)
+    return pb.HeldObjectReply(
+        probability=seen.probability, sides=seen.sides, names=names,
+        image_text_nats=seen.image_text_nats,
+    )  # fmt: skip
 
 
 def detail_message(

@@ -8,7 +8,7 @@ such frames out; what they show counts for the held object alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from helios_core.geometry import Matrix, lift_pixels
@@ -16,6 +16,7 @@ from helios_core.types import Detection, Observation
 from numpy.typing import NDArray
 
 from helios_objectmap.instances.furniture import is_furniture
+from helios_objectmap.instances.image_text import in_odds
 from helios_objectmap.instances.name_sightings import NameErrors, NameRates
 
 AROUND_M = 0.25  # a detection with its middle this near the shown point is of the object
@@ -30,6 +31,15 @@ class ShownNames:
     probability: float  # that the asked class is right; 1 without any detection
     sides: int  # with a detection of the object
     names: tuple[tuple[str, float], ...]
+    image_text_nats: float | None = None  # in the probability; None if the class is not rated
+
+    def with_image_text(self, nats: float | None) -> ShownNames:
+        """The same with the log-likelihood ratio of the class by image-text scores. Without any
+        detection, right and wrong were as likely before."""
+        if nats is None:
+            return self
+        before = self.probability if self.sides else 0.5
+        return replace(self, probability=in_odds(before, nats), image_text_nats=nats)
 
 
 @dataclass
@@ -37,6 +47,7 @@ class ShownObject:
     """Detections of the object shown now, or last."""
 
     _views: dict[int, list[set[str]]] = field(default_factory=dict)  # side -> names of each view
+    _scores: dict[str, list[float]] = field(default_factory=dict)  # class -> image-text scores
     _over: bool = False
 
     def note(self, observation: Observation) -> None:
@@ -46,7 +57,9 @@ class ShownObject:
             self._over = True
             return
         if self._over:
-            self._views, self._over = {}, False
+            self._views, self._scores, self._over = {}, {}, False
+        for name, score in observation.class_scores.items():
+            self._scores.setdefault(name, []).append(score)
         frame = observation.frame
         points_m = lift_pixels(frame.depth_m, frame.camera, frame.T_world_cam)
         named = {
@@ -56,6 +69,10 @@ class ShownObject:
         if named:
             side = round(shown.turn_rad / SIDE_RAD) % round(math.tau / SIDE_RAD)
             self._views.setdefault(side, []).append(named)
+
+    def image_text_scores(self, class_name: str) -> list[float]:
+        """Image-text scores of the class in the frames that show the object."""
+        return self._scores.get(class_name, [])
 
     def names(self, class_name: str, errors: NameErrors) -> ShownNames:
         """Names of the object, and the probability that it is of a class.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,20 @@ from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.navigation.base_controller import BaseController
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import Search
+from helios_planner.search.unnamed_things import is_unnamed
 from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
-# Probability from which an object that was put back is brought after all if nothing better is found.
+# Probability from which an object that was put back is brought after all, without a better one.
 RECONSIDERED_FROM = 0.1
+UNNAMED_ODDS = 0.25  # prior odds of a thing that nothing was called, against one that was
+
+
+def in_odds(probability: float, factor: float) -> float:
+    """Probability with the odds multiplied by a factor."""
+    odds = factor * probability / max(1 - probability, 1e-6)
+    return odds / (1 + odds)
 
 
 @dataclass
@@ -58,6 +66,12 @@ class HandCheck:
         return True
 
     # --- the check -----------------------------------------------------------------------------
+    @property
+    def can_look(self) -> bool:
+        """True if the robot can show what it holds, and the settings ask for it."""
+        can = self.robot.description.show_base_m is not None and not self.cannot_show
+        return can and self.settings.hand_sides > 0
+
     def refutes(self, search: Search, found: ObjectInstance, picks: int) -> bool:
         """True if the picked object looked wrong from its sides and was put back. picks: so far;
         after the last one the object is kept unseen, as is one that was set aside before. Raises
@@ -65,13 +79,14 @@ class HandCheck:
         s = self.settings
         if search.in_hand(found) < 1:
             return False
-        can = self.robot.description.show_base_m is not None and not self.cannot_show
-        if not s.hand_sides or not can or (s.max_picks and picks >= s.max_picks):
+        if not self.can_look or (s.max_picks and picks >= s.max_picks):
             return False
         self._tell(search, f"looking at the picked {search.name} from {s.hand_sides} sides")
         held = self._look(search.name)
         if held is None:
             return False
+        if is_unnamed(found):
+            held = replace(held, probability=in_odds(held.probability, UNNAMED_ODDS))
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
         if decision.do is Do.ACT:
             return False

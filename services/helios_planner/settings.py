@@ -175,6 +175,12 @@ class Settings(ServiceSettings):
         description="sides from which the robot looks at a picked object before it carries it "
         "away, if it can show it to its camera; 0: none",
     )
+    unnamed_picks: int = Field(
+        default=0,
+        ge=0,
+        description="most things on a believed start receptacle that are picked and looked at "
+        "though nothing was called the object, if the search was in vain; 0: none",
+    )
     hand_from: float = Field(
         default=0.5,
         ge=0,

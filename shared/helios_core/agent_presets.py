@@ -63,6 +63,7 @@ _HELIOS: dict[str, Value] = {
     "planner.tau_b": 0.35,
     "planner.ask_also": "household",
     "planner.hand_sides": 6,
+    "planner.unnamed_picks": 8,
     "objectmap.evidence": "hindsight",
     "objectmap.named_from": 0.15,
     "objectmap.core_from": 0.3,

@@ -7,6 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 from helios_core.types import ObjectInstance
+from helios_core.usual_sizes import (
+    Extents,
+    agreement,
+    extents_of,
+    usual_extents,
+)
 from numpy.typing import NDArray
 
 from helios_objectmap.fusion.semantics import Score
@@ -14,12 +20,6 @@ from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.image_text import ImageTextScores, SectorScores, with_evidence
 from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
 from helios_objectmap.instances.registry import InstanceRegistry
-from helios_objectmap.instances.size_prior import (
-    Extents,
-    agreement,
-    extents_of,
-    usual_extents,
-)
 from helios_objectmap.instances.summary import (
     Belief,
     Shape,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_objectmap.instances.size_prior import usual_extents
+from helios_core.usual_sizes import usual_extents
 
 # Large classes that `sizes.toml` lists as not standing on the floor, or does not list.
 _ALSO = frozenset({

@@ -28,7 +28,7 @@ small.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,7 @@ VOXEL_M = 0.2
 WIDTH_PX = 80  # largest width of the image from which voxels are filled
 FULL_SHARE = 0.1  # of an image, summed over the views of a sector
 USUAL_RISE, USUAL_WEIGHT = 1.5, 0.5  # standard deviations; sectors of a sure instance
+SHOWN_RISE = 2.0  # the same of a thing that the robot holds before the camera
 ROUNDS = 3  # of expectation maximisation
 SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
@@ -210,6 +211,17 @@ class ImageTextScores:
         """L (nats) of the class for an instance that these views show; 0 if all views of the search
         score alike."""
         return self._nats(*self._standard(seen, class_name), class_name, rise)
+
+    def shown_log_likelihood_ratio(self, class_name: str, scores: Sequence[float]) -> float | None:
+        """L (nats) of the class for a thing before the camera, from the scores of these images;
+        None if the scorer does not rate the class. All images together count as one sector."""
+        if not scores or not self.rates(class_name):
+            return None
+        all_scores = self._scores[class_name]
+        if all_scores.deviation < LEAST_DEVIATION:
+            return 0.0
+        z = (float(np.mean(scores)) - all_scores.mean) / all_scores.deviation
+        return self._nats(1.0, z, class_name, SHOWN_RISE)
 
     def _nats(self, sides: float, z: float, class_name: str, rise: float) -> float:
         """L for the sum of w and the sum of w z."""

@@ -191,6 +191,22 @@ def check_first(decision: Decision, what: Act, score_after_view: float) -> Decis
     return Decision(DecisionRule.CHECK_VIEW, Do.LOOK, (candidate,), 0, why)
 
 
+def try_unnamed(
+    name: str, start: str, things: Sequence[ObjectInstance], distances_m: Sequence[float]
+) -> Decision:
+    """Decision to pick the likeliest of the things on the start receptacle that nothing was called,
+    and to look at it in the hand. things: likeliest first, at least one."""
+    candidates = tuple(
+        Candidate(
+            "object", name, position_of(thing),
+            {"score": thing.score, "distance_m": distance_m, "total": thing.score}, thing.id,
+        )
+        for thing, distance_m in zip(things, distances_m, strict=True)
+    )  # fmt: skip
+    why = explanations.try_unnamed(name, start, candidates)
+    return Decision(DecisionRule.UNNAMED, Do.ACT, candidates, 0, why)
+
+
 def check_in_hand(
     thing: ObjectInstance, held: HeldObject, hand_from: float, kept_why: str = ""
 ) -> Decision:
@@ -200,6 +216,8 @@ def check_in_hand(
         "probability": held.probability, "sides": float(held.sides),
         "own_share": held.share(thing.class_name), "total": held.probability,
     }  # fmt: skip
+    if held.image_text_nats is not None:
+        terms["image_text_nats"] = held.image_text_nats
     candidate = Candidate("object", thing.class_name, position_of(thing), terms, thing.id)
     keeps = held.probability >= hand_from or bool(kept_why)
     why = explanations.in_hand(thing.class_name, held, hand_from, kept_why)

@@ -27,6 +27,7 @@ class DecisionRule(StrEnum):
     BEST_VIEW = "best view (eq. 11)"
     CHECK_VIEW = "check from a new side"
     IN_HAND = "look at what is held"
+    UNNAMED = "unnamed things"
     GAZE_POINTS_FIRST = "gaze points first"
     GIVEN_UP = "given up"
     ABSENT = "not here"

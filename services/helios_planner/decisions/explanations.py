@@ -162,13 +162,25 @@ def check_first(what: Act, c: Candidate) -> str:
     )
 
 
+def try_unnamed(name: str, start: str, candidates: Sequence[Candidate]) -> str:
+    """Sentence for a pick of something that lies where the object should be."""
+    first = candidates[0]
+    which = "the only thing" if len(candidates) == 1 else f"the likeliest of {len(candidates)}"
+    return (
+        f"pick what lies on the {start}{_away(first)}, and look at it: no {name} was found, and it "
+        f"is {which} there of the right size (probability {first.terms['score']:.2f})"
+    )
+
+
 def in_hand(name: str, held: HeldObject, hand_from: float, kept_why: str) -> str:
     """Sentence for a picked object that was looked at from several sides."""
-    if not held.sides:
-        return f"keep the {name}: the detector gave it no name from any side"
-    called = [f"{n} on {share:.0%}" for n, share in held.names if n != name][:1]
-    seen = " and ".join([f"{name} on {held.share(name):.0%}", *called])
-    sure = f"{counted(held.sides, 'side')} in the hand show {seen}"
+    if held.sides:
+        called = [f"{n} on {share:.0%}" for n, share in held.names if n != name][:1]
+        seen = " and ".join([f"{name} on {held.share(name):.0%}", *called])
+        sure = f"{counted(held.sides, 'side')} in the hand show {seen}"
+    else:
+        sure = "the detector gave it no name from any side"
+    sure += _image_text({"image_text_nats": held.image_text_nats or 0.0})
     if held.probability >= hand_from:
         return f"keep the {name}: {sure}; probability {held.probability:.2f}"
     wrong = f"{sure}; probability {less(held.probability, hand_from)}"

@@ -294,7 +294,9 @@ class RobotClient(RobotInterface):
     def held_object(self, class_name: str) -> HeldObject:
         reply = self._line.call(HELD_OBJECT, pb.HeldObjectRequest(class_name=class_name))
         names = tuple((n.name, n.share) for n in reply.names)
-        return HeldObject(reply.probability, reply.sides, names)
+        rated = reply.HasField("image_text_nats")
+        nats = reply.image_text_nats if rated else None
+        return HeldObject(reply.probability, reply.sides, names, nats)
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         request = pb.RetireRequest(

@@ -129,6 +129,11 @@ class Search(ABC):
         steps; never if it is 1 or more. A search without a threshold always accepts it."""
         return
 
+    def pick_unnamed(self, most: int) -> None:
+        """Let the search choose things that nothing was called, for a look in the hand, if it was
+        in vain. most: number of such things."""
+        return
+
     def accepted_as_likeliest(self, thing: ObjectInstance) -> bool:
         """True if the candidate was chosen only as the most likely one."""
         return False

@@ -9,7 +9,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.absence import absent
-from helios_planner.decisions.acceptance import Rule
+from helios_planner.decisions.acceptance import Rule, try_unnamed
 from helios_planner.decisions.decision import (
     Act,
     Decision,
@@ -29,6 +29,7 @@ from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.motion_planning.unknown_borders import floor_m2
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
+from helios_planner.search.unnamed_things import unnamed_things
 from helios_planner.search.view_selection import PlaceSet
 from helios_planner.task import Cause, Phase, TaskFailed
 
@@ -71,17 +72,25 @@ class ObjectSearch(ScoredSearch):
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
         self.visited = PlaceSet(SAME_PLACE_M)
+        self._most_unnamed = 0
+        self._searched = False  # True once everything was searched in vain
+        self._tried = PlaceSet(SAME_INSTANCE_M)  # unnamed things
+        self._unnamed: dict[int, ObjectInstance] = {}  # of the newest decision
         self._last_seen: tuple = ()
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
             "visited": self.visited.checkpoint(), "objective": self.seen.as_json(),
+            "searched": self._searched, "tried": self._tried.checkpoint(),
         }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
         self.visited.restore(checkpoint["visited"])
         self.seen = SearchMemory.of_json(checkpoint["objective"])
+        self._searched = bool(checkpoint.get("searched", False))
+        if "tried" in checkpoint:
+            self._tried.restore(checkpoint["tried"])
 
     def end_waiting(self) -> bool:
         self._last_seen = ()
@@ -112,7 +121,47 @@ class ObjectSearch(ScoredSearch):
 
     def relax(self) -> bool:
         self._last_seen = ()
-        return super().relax()
+        if super().relax():
+            return True
+        first, self._searched = not self._searched, True
+        return first and bool(self._untried())
+
+    # --- things that nothing was called --------------------------------------------------------
+    def pick_unnamed(self, most: int) -> None:
+        self._most_unnamed = most
+
+    def decide(self) -> Decision:
+        """Decision about the candidates; in vain, to try what lies on a start receptacle."""
+        decision = super().decide()
+        self._unnamed = {}
+        if not (self._searched or self.accepted_any_candidate):
+            return decision
+        if decision.do is Do.LOOK or (decision.do is Do.ACT and not self.accepted_any_candidate):
+            return decision
+        things = self._untried()
+        if not things or (
+            decision.do is Do.ACT and decision.chosen.terms["total"] >= things[0].score
+        ):
+            return decision
+        self._unnamed, self._from_memory = {thing.id: thing for thing in things}, True
+        pose = self.robot.pose()
+        away_m = [pose.distance_m(thing.center_m[:2]) for thing in things]
+        return try_unnamed(self.name, self.start or "", things, away_m)
+
+    def _untried(self) -> list[ObjectInstance]:
+        """Unnamed things that may still be tried, likeliest first."""
+        if self.start is None or len(self._tried.points) >= self._most_unnamed:
+            return []
+        things = unnamed_things(self.name, self.robot.objects(self.start), self.robot.ground())
+        return [t for t in things if t not in self._tried and self.open(t)]
+
+    def chosen(self, decision: Decision) -> ObjectInstance:
+        thing = self._unnamed.get(decision.chosen.id)
+        if thing is None:
+            return super().chosen(decision)
+        self._tried.add(thing)
+        self._past_candidates.note([thing])
+        return thing
 
     def end_if_absent(self) -> None:
         if self.settings.absent_from >= 1:

@@ -187,6 +187,8 @@ class Mission:
         """Search and pick until an object is held; returns where it was."""
         search = self.agent.seek_object(self.tools, name, start)
         search.accept_any_after_share(self.settings.pick_at_last)
+        if self.hand.can_look:
+            search.pick_unnamed(self.settings.unnamed_picks)
         self._begun(search)
         while True:
             try:

@@ -9,8 +9,7 @@ from importlib import resources
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_objectmap.camera import View
-from helios_objectmap.instances.size_prior import (
+from helios_core.usual_sizes import (
     BOX_ERROR_M,
     EDGE_SIGMA,
     HALF_WHOLE_VIEWS,
@@ -19,6 +18,7 @@ from helios_objectmap.instances.size_prior import (
     extents_of,
     usual_extents,
 )
+from helios_objectmap.camera import View
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -51,7 +51,7 @@ def test_synonyms_of_the_detector_have_the_same_usual_size():
 
 
 def test_size_ranges_are_valid_and_the_longer_side_comes_first():
-    text = resources.files("helios_objectmap").joinpath("sizes.toml").read_text()
+    text = resources.files("helios_core").joinpath("sizes.toml").read_text()
     names = [n for rows in tomllib.loads(text).values() for key in rows for n in key.split(", ")]
     assert len(names) == len(set(names)), "a name stands twice"
     for name in names:

@@ -152,14 +152,16 @@ class NameShare(_message.Message):
     def __init__(self, name: _Optional[str] = ..., share: _Optional[float] = ...) -> None: ...
 
 class HeldObjectReply(_message.Message):
-    __slots__ = ("probability", "sides", "names")
+    __slots__ = ("probability", "sides", "names", "image_text_nats")
     PROBABILITY_FIELD_NUMBER: _ClassVar[int]
     SIDES_FIELD_NUMBER: _ClassVar[int]
     NAMES_FIELD_NUMBER: _ClassVar[int]
+    IMAGE_TEXT_NATS_FIELD_NUMBER: _ClassVar[int]
     probability: float
     sides: int
     names: _containers.RepeatedCompositeFieldContainer[NameShare]
-    def __init__(self, probability: _Optional[float] = ..., sides: _Optional[int] = ..., names: _Optional[_Iterable[_Union[NameShare, _Mapping]]] = ...) -> None: ...
+    image_text_nats: float
+    def __init__(self, probability: _Optional[float] = ..., sides: _Optional[int] = ..., names: _Optional[_Iterable[_Union[NameShare, _Mapping]]] = ..., image_text_nats: _Optional[float] = ...) -> None: ...
 
 class RetireRequest(_message.Message):
     __slots__ = ("object_id", "point_m", "radius_m", "reason")

@@ -114,7 +114,7 @@ def _likelihood(usual: UsualSize, measured_m: Extents, views: float, too_low: fl
 
 @cache
 def _table() -> Mapping[str, UsualSize]:
-    text = resources.files("helios_objectmap").joinpath("sizes.toml").read_text()
+    text = resources.files("helios_core").joinpath("sizes.toml").read_text()
     out = {}
     for kind, rows in tomllib.loads(text).items():
         for names, ranges in rows.items():

@@ -1,0 +1,64 @@
+"""Things on a believed start receptacle that nothing was called (not in the paper).
+
+The task says where the object lies. If no candidate looks like it, it may be one of the things
+there that the detector misses or calls otherwise. Their size tells which to try first, and a look
+at it in the hand whether it is the object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from helios_core.types import ObjectInstance
+from helios_core.usual_sizes import agreement
+from numpy.typing import NDArray
+
+from helios_planner.motion_planning.costmap import GroundMap
+from helios_planner.motion_planning.things_on_top import RaisedSpot, raised_spots
+
+BELIEVED_FROM = 0.5  # Ψ of a receptacle whose things are tried
+LEAST_AGREEMENT = 0.2  # of the size with the class
+SHARE = 0.3  # probability that a thing of the right size on the right receptacle is the object
+SEEN_WHOLE = 100.0  # views after which a small size counts
+FIRST_ID = 10**9  # the object map gives no such ids
+
+
+def unnamed_things(
+    class_name: str, starts: Sequence[ObjectInstance], ground: GroundMap
+) -> list[ObjectInstance]:
+    """Things on the believed start receptacles, likeliest first. Their score is the probability
+    that they are of the class, before a closer look."""
+    found = [
+        _instance(class_name, spot, start.score * SHARE * fits)
+        for start in starts
+        if start.score >= BELIEVED_FROM
+        for spot, fits in _that_fit(class_name, raised_spots(start, ground))
+    ]
+    return sorted(found, key=lambda thing: -thing.score)
+
+
+def is_unnamed(thing: ObjectInstance) -> bool:
+    """True for a thing that `unnamed_things` found."""
+    return thing.id >= FIRST_ID
+
+
+def _that_fit(class_name: str, spots: Sequence[RaisedSpot]) -> Iterator[tuple[RaisedSpot, float]]:
+    for spot in spots:
+        long_m, short_m = sorted(spot.size_m[:2].tolist(), reverse=True)
+        extents_m = np.array([long_m, short_m, float(spot.size_m[2])])
+        fits = agreement(class_name, extents_m, SEEN_WHOLE)
+        if fits >= LEAST_AGREEMENT:
+            yield spot, fits
+
+
+def _instance(class_name: str, spot: RaisedSpot, score: float) -> ObjectInstance:
+    half = spot.size_m[:2] / 2
+    corners: NDArray[np.float64] = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    x_cm, y_cm = (round(100 * float(v)) % 10_000 for v in spot.center_m[:2])
+    return ObjectInstance(
+        id=FIRST_ID + 10_000 * x_cm + y_cm, class_name=class_name, center_m=spot.center_m, size_m=spot.size_m, score=score,
+        class_score=score, uncertainty=0.0, views=0, gaussians=0, probabilities={},
+        top_m=float(spot.center_m[2] + spot.size_m[2] / 2),
+        outline_m=spot.center_m[:2] + corners * half,
+    )  # fmt: skip
