@@ -57,8 +57,8 @@ def _instance(class_name: str, spot: RaisedSpot, score: float) -> ObjectInstance
     corners: NDArray[np.float64] = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
     x_cm, y_cm = (round(100 * float(v)) % 10_000 for v in spot.center_m[:2])
     return ObjectInstance(
-        id=FIRST_ID + 10_000 * x_cm + y_cm, class_name=class_name, center_m=spot.center_m, size_m=spot.size_m, score=score,
-        class_score=score, uncertainty=0.0, views=0, gaussians=0, probabilities={},
-        top_m=float(spot.center_m[2] + spot.size_m[2] / 2),
+        id=FIRST_ID + 10_000 * x_cm + y_cm, class_name=class_name, center_m=spot.center_m,
+        size_m=spot.size_m, score=score, class_score=score, uncertainty=0.0, views=0, gaussians=0,
+        probabilities={}, top_m=float(spot.center_m[2] + spot.size_m[2] / 2),
         outline_m=spot.center_m[:2] + corners * half,
     )  # fmt: skip

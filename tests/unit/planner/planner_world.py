@@ -246,7 +246,8 @@ class FakeWorld(RobotInterface):
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         self.retired.append(id)
-        self.things[id].views.clear()
+        if id in self.things:
+            self.things[id].views.clear()
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
         self.said.append((self.steps, message))

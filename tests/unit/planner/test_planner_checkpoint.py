@@ -37,7 +37,10 @@ KEPT_AND_LOST = {
     "HandCheck": ("put_back returning_m", "cannot_show"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
-    "ObjectSearch": (f"{SCORED_KEPT} seen visited", f"{SCORED_LOST} start _rule _last_seen"),
+    "ObjectSearch": (
+        f"{SCORED_KEPT} seen visited _searched _tried",
+        f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed",
+    ),
     "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
     "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),
     "MoveMission": ("looked_around exploration point_goal", "_restored"),

@@ -15,7 +15,7 @@ from helios_planner.tasks.mission import Mission
 from helios_planner.tasks.run_control import LastAction
 from planner_eye import ROBOT
 from planner_flat import MOVE, coffee_table, counter, flat, mug
-from planner_things import Thing
+from planner_things import Box, Thing
 from planner_world import FakeWorld
 
 WRONG = HeldObject(0.01, 6, (("glass", 5 / 6), ("mug", 1 / 6)))
@@ -201,3 +201,56 @@ def test_a_restart_while_the_object_is_shown_keeps_it() -> None:
     restarted(world, before=Show).run()
     assert world.released is world.things[3]
     assert sum(isinstance(action, Pick) for action in world.log) == 1
+
+
+# --- things that nothing was called ---------------------------------------------------------------
+def unseen_mug(held: HeldObject, id: int = 3, x: float = 7.2) -> Thing:
+    """A mug that the detector never reports."""
+    return looks(mug(id, x, rate=0.0), held)
+
+
+def bumps(world: FakeWorld, *mugs: Thing) -> FakeWorld:
+    """The same world; the height map shows the mugs."""
+    for one in mugs:
+        x, y = one.center_m[:2].tolist()
+        world.add_box(Box(x - 0.05, y - 0.05, x + 0.05, y + 0.05, 0.55))
+    return world
+
+
+def unnamed(world: FakeWorld) -> list[str]:
+    return [d.why for d in world.decisions if d.rule == DecisionRule.UNNAMED]
+
+
+def test_in_vain_the_robot_picks_what_lies_on_the_start_receptacle() -> None:
+    thing = unseen_mug(RIGHT)
+    world = bumps(world_of(thing), thing)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is thing
+    (why,) = unnamed(world)
+    assert "no mug was found, and it is the only thing there of the right size" in why
+
+
+def test_a_thing_that_looks_wrong_is_put_back_and_the_next_one_tried() -> None:
+    wrong, right = unseen_mug(WRONG, 3, 6.7), unseen_mug(RIGHT, 4, 7.2)
+    world = bumps(world_of(wrong, right), wrong, right)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is right
+    assert len(unnamed(world)) <= 2
+
+
+@pytest.mark.parametrize("settings", [{"unnamed_picks": 0}, {"hand_sides": 0, "unnamed_picks": 4}])
+def test_without_a_look_in_the_hand_nothing_unnamed_is_picked(settings: dict[str, float]) -> None:
+    thing = unseen_mug(RIGHT)
+    world = bumps(world_of(thing), thing)
+    with pytest.raises(TaskFailed) as failure:
+        mission(world, **settings).run()
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+    assert unnamed(world) == []
+
+
+def test_each_thing_is_tried_once_and_no_more_than_asked_for() -> None:
+    things = [unseen_mug(WRONG, 3, 6.7), unseen_mug(WRONG, 4, 7.0), unseen_mug(WRONG, 5, 7.3)]
+    world = bumps(world_of(*things), *things)
+    with pytest.raises(TaskFailed):
+        mission(world, unnamed_picks=2).run()
+    assert len(unnamed(world)) == 2
