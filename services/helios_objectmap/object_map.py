@@ -35,6 +35,7 @@ from helios_objectmap.instances.information_gain import (
     Expected,
     InstanceEvidence,
 )
+from helios_objectmap.instances.name_sightings import AlignedBox
 from helios_objectmap.instances.registry import InstanceRegistry, Moment
 from helios_objectmap.instances.summary import (
     Grasp,
@@ -215,12 +216,13 @@ class ObjectMap:
 
     def shown_names(self, class_name: str) -> ShownNames:
         """Names of the object that the robot shows, or showed last, against those of a class."""
-        seen = self._shown.names(class_name, self._name_errors)
-        if self._settings.image_text == "ignored":
-            return seen
-        scores = self._shown.image_text_scores(class_name)
-        nats = self._image_text.shown_log_likelihood_ratio(class_name, scores)
-        return seen.with_image_text(nats)
+        rated = None if self._settings.image_text == "ignored" else self._image_text
+        return self._shown.names(class_name, self._name_errors, rated)
+
+    def probability_in(self, class_name: str, box: AlignedBox) -> float:
+        """Probability that the thing in a box is of a class (`NameSightings.probability_in`)."""
+        side_views = self._settings.side_views
+        return self._sightings.probability_in(class_name, box, side_views, self._name_errors)
 
     def class_of(self, instance_id: int) -> str:
         """Class of an instance; "" if the id is unknown."""
@@ -258,31 +260,20 @@ class ObjectMap:
             other_share = HALF if s.assumption == "50-50" else 0.0
         by_sides = s.by_sides
         member = InstanceEvidence(
-            store.means[rows],
-            store.radius_m[rows],
-            store.opacity[rows],
-            store.class_evidence[rows][:, columns],
-            store.total_evidence[rows, column],
+            store.means[rows], store.radius_m[rows], store.opacity[rows],
+            store.class_evidence[rows][:, columns], store.total_evidence[rows, column],
             store.votes[rows, column, :, 1] if by_sides else None,
-        )
+        )  # fmt: skip
+        parameters = EvidenceParameters(
+            s.prior_concentration, s.alpha_side if by_sides else s.alpha_cpa, s.alpha_cs,
+            other_share, s.prior_classes, belief.trust if belief is not None else 1.0,
+            s.side_views, self._beliefs.image_text_nats(instance_id) or 0.0,
+        )  # fmt: skip
         return information_gain.what_if(
-            self._back_end,
-            member,
-            columns.index(column),
-            [view.strided(s.stride_px) for view in views],
-            EvidenceParameters(
-                s.prior_concentration,
-                s.alpha_side if by_sides else s.alpha_cpa,
-                s.alpha_cs,
-                other_share,
-                s.prior_classes,
-                belief.trust if belief is not None else 1.0,
-                s.side_views,
-                self._beliefs.image_text_nats(instance_id) or 0.0,
-            ),
-            s.max_depth_m,
+            self._back_end, member, columns.index(column),
+            [view.strided(s.stride_px) for view in views], parameters, s.max_depth_m,
             s.expected_label == "rendered",
-        )
+        )  # fmt: skip
 
     def seen_area_m2(self, instance_id: int) -> float:
         """Surface of an instance seen so far; 0 if there is no such instance."""

@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from helios_core import proto as pb
-from helios_core.codec import object_to_proto, vector_to_proto
+from helios_core.codec import object_to_proto, vector_from_proto, vector_to_proto
+from helios_core.errors import InvalidInput
 from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import MapPart
 from helios_core.printable_text import counted
 from helios_core.types import FrameId, ObjectInstance, Observation
+from numpy.typing import NDArray
 
 from helios_objectmap.instances.registry import Moment
 from helios_objectmap.instances.summary import Grasp
 from helios_objectmap.shown_object import ShownNames
+
+MOST_BOXES = 1000
+MOST_SIDE_M, MOST_AWAY_M = 3.0, 10_000.0
 
 
 def object_message(thing: ObjectInstance, relocalised: bool) -> pb.ObjectInstance:
@@ -37,6 +43,28 @@ def held_message(seen: ShownNames) -> pb.HeldObjectReply:
         probability=seen.probability, sides=seen.sides, names=names,
         image_text_nats=seen.image_text_nats,
     )  # fmt: skip
+
+
+def boxes_of(request: pb.NamesAtRequest) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Centre [3] and size [3] of each box; world, m. Raises InvalidInput."""
+    if len(request.center_m) != len(request.size_m) or len(request.size_m) > MOST_BOXES:
+        raise InvalidInput(
+            f"{len(request.center_m)} centres and {len(request.size_m)} sizes of boxes came; "
+            f"wanted as many of both, {MOST_BOXES} at most"
+        )
+    pairs = zip(request.center_m, request.size_m, strict=True)
+    boxes = [(vector_from_proto(center), vector_from_proto(size)) for center, size in pairs]
+    for box in boxes:
+        center_m, size_m = box
+        if (
+            not (np.abs(center_m) < MOST_AWAY_M).all()
+            or not ((size_m >= 0) & (size_m <= MOST_SIDE_M)).all()
+        ):
+            raise InvalidInput(
+                f"a box has the centre {center_m} m and the size {size_m} m; wanted sides of 0 to "
+                f"{MOST_SIDE_M:g} m, and a centre within {MOST_AWAY_M:g} m of the origin"
+            )
+    return boxes
 
 
 def detail_message(

@@ -32,6 +32,7 @@ from helios_core.topics import (
     GAUSSIANS,
     HELD_OBJECT,
     LOAD_OBJECTS,
+    NAMES_AT,
     OBJECT_DETAIL,
     OBJECTMAP_ACK,
     OBJECTS,
@@ -54,6 +55,7 @@ from helios_objectmap.error_model import ErrorModelInUse
 from helios_objectmap.object_map import UpdateReport
 from helios_objectmap.object_messages import (
     ack_message,
+    boxes_of,
     detail_message,
     held_message,
     object_message,
@@ -105,6 +107,7 @@ class ObjectMapService:
         bus.serve(WHAT_IF, self.what_if)
         bus.serve(RETIRE, self.retire)
         bus.serve(HELD_OBJECT, self.held_object)
+        bus.serve(NAMES_AT, self.names_at)
         bus.serve(RESET_OBJECTS, self.reset)
         bus.serve(GAUSSIANS, self.gaussians)
         bus.serve(SAVE_OBJECTS, self.save)
@@ -321,6 +324,13 @@ class ObjectMapService:
         with self._lock:
             seen = self._maps.current.shown_names(request.class_name)
         return held_message(seen)
+
+    def names_at(self, request: pb.NamesAtRequest) -> pb.NamesAtReply:
+        """What the detections in some boxes say about a class. Raises InvalidInput."""
+        boxes = boxes_of(request)
+        with self._lock:
+            inside = self._maps.current.probability_in
+            return pb.NamesAtReply(probability=[inside(request.class_name, box) for box in boxes])
 
     def reset(self, _: pb.Empty) -> pb.Empty:
         """Delete every map, the parked and saved ones included; the current search continues."""

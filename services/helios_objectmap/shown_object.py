@@ -16,7 +16,7 @@ from helios_core.types import Detection, Observation
 from numpy.typing import NDArray
 
 from helios_objectmap.instances.furniture import is_furniture
-from helios_objectmap.instances.image_text import in_odds
+from helios_objectmap.instances.image_text import ImageTextScores, in_odds
 from helios_objectmap.instances.name_sightings import NameErrors, NameRates
 
 AROUND_M = 0.25  # a detection with its middle this near the shown point is of the object
@@ -70,14 +70,13 @@ class ShownObject:
             side = round(shown.turn_rad / SIDE_RAD) % round(math.tau / SIDE_RAD)
             self._views.setdefault(side, []).append(named)
 
-    def image_text_scores(self, class_name: str) -> list[float]:
-        """Image-text scores of the class in the frames that show the object."""
-        return self._scores.get(class_name, [])
-
-    def names(self, class_name: str, errors: NameErrors) -> ShownNames:
+    def names(
+        self, class_name: str, errors: NameErrors, rated: ImageTextScores | None = None
+    ) -> ShownNames:
         """Names of the object, and the probability that it is of a class.
 
-        Furniture is compared with furniture only, and other things with other things.
+        Furniture is compared with furniture only, and other things with other things. rated:
+        image-text scores of the map's views, with which those of the object are compared.
         """
         kind = is_furniture(class_name)
         views = {
@@ -94,7 +93,11 @@ class ShownObject:
         rates = NameRates(tuple(names), rate, np.ones(len(sides)))
         share = rate.mean(axis=0).tolist() if sides else []
         ordered = sorted(zip(names, share, strict=True), key=lambda pair: (-pair[1], pair[0]))
-        return ShownNames(rates.probability(class_name, errors), len(sides), tuple(ordered))
+        seen = ShownNames(rates.probability(class_name, errors), len(sides), tuple(ordered))
+        if rated is None:
+            return seen
+        scores = self._scores.get(class_name, [])
+        return seen.with_image_text(rated.shown_log_likelihood_ratio(class_name, scores))
 
 
 def _is_at(detection: Detection, points_m: Matrix, middle_m: NDArray[np.float64]) -> bool:

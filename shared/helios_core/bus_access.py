@@ -99,7 +99,7 @@ ACCESS: dict[str, Access] = {
         publishes=(t.OBJECTMAP_ACK, t.RETIRED),
         subscribes=(t.CONTEXT, t.ROBOT_STATE, t.OBSERVATION, t.RELOCALISATION),
         serves=(
-            t.OBJECTS, t.WHAT_IF, t.RETIRE, t.HELD_OBJECT, t.RESET_OBJECTS, t.GAUSSIANS,
+            t.OBJECTS, t.WHAT_IF, t.RETIRE, t.HELD_OBJECT, t.NAMES_AT, t.RESET_OBJECTS, t.GAUSSIANS,
             t.SAVE_OBJECTS,
             t.LOAD_OBJECTS, t.EXPORT_OBJECTS, t.RENDER_OBJECTS, t.OBJECT_DETAIL, t.STORED_OBJECTS,
         ),
@@ -127,7 +127,7 @@ ACCESS: dict[str, Access] = {
         ),
         calls=(
             t.ACT, t.LEASE, t.STOP, t.GET_STATE, t.VOCABULARY, t.OBJECTS, t.WHAT_IF, t.RETIRE,
-            t.HELD_OBJECT, t.SNAPSHOT, t.settings_method("objectmap"),
+            t.HELD_OBJECT, t.NAMES_AT, t.SNAPSHOT, t.settings_method("objectmap"),
         ),
         watches=True,  # a map that was away has lost keyframes
     ),

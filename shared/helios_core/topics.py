@@ -89,6 +89,7 @@ OBJECTS = Method("objectmap/objects", pb.ObjectsRequest, pb.ObjectsReply)
 WHAT_IF = Method("objectmap/what_if", pb.WhatIfRequest, pb.WhatIfReply)
 RETIRE = Method("objectmap/retire", pb.RetireRequest, pb.RetireReply)
 HELD_OBJECT = Method("objectmap/held", pb.HeldObjectRequest, pb.HeldObjectReply)
+NAMES_AT = Method("objectmap/names_at", pb.NamesAtRequest, pb.NamesAtReply)
 RETIRED = Topic("objectmap/retired", pb.Retired, QoS.NEVER_DROP)
 GAUSSIANS = Method("objectmap/gaussians", pb.GaussiansRequest, pb.GaussiansReply)
 RESET_OBJECTS = Method("objectmap/reset", pb.Empty, pb.Empty)
@@ -171,8 +172,8 @@ TOPICS: tuple[Topic, ...] = (
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, ROBOT_CHECKS, VOCABULARY, EMBED_TEXT,
-    ESTIMATE_DEPTH, OBJECTS, WHAT_IF, RETIRE, HELD_OBJECT, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS,
-    LOAD_OBJECTS, EXPORT_OBJECTS,
+    ESTIMATE_DEPTH, OBJECTS, WHAT_IF, RETIRE, HELD_OBJECT, NAMES_AT, GAUSSIANS, RESET_OBJECTS,
+    SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS,
     RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
     SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT, CHECK, STORED_OBJECTS,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,

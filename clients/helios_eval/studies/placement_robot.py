@@ -102,5 +102,10 @@ class SimulatedRobot(RobotInterface):
     def held_object(self, class_name: str) -> HeldObject:
         return HeldObject(1.0, 0, ())
 
+    def probability_at(
+        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    ) -> Sequence[float]:
+        return [0.5 for _ in boxes]
+
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         return

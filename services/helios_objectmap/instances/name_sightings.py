@@ -19,13 +19,14 @@ from functools import lru_cache
 import numpy as np
 from helios_core.geometry import Matrix
 from helios_core.types import Detection
+from helios_core.usual_sizes import agreement
 from numba import njit
 from numpy.typing import NDArray
 
 from helios_objectmap.camera import offset
 from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.fusion.viewing_sectors import sector_of
-from helios_objectmap.instances.clustering import BITS
+from helios_objectmap.instances.clustering import BITS, voxel_keys
 from helios_objectmap.instances.furniture import is_furniture
 from helios_objectmap.instances.voxel_entries import (
     NONE,
@@ -36,6 +37,7 @@ from helios_objectmap.instances.voxel_entries import (
 )
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 
+AlignedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # centre, size [3]; world, m
 VOXEL_M = 0.1
 WIDTH_PX = 160  # largest width of the image from which voxels are filled
 OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance
@@ -239,6 +241,24 @@ class NameSightings:
         named = self.named(keys, class_name)
         return None if named is None else named.rates(center_m, side_views)
 
+    def probability_in(
+        self,
+        class_name: str,
+        box: AlignedBox,
+        side_views: float,
+        errors: NameErrors,
+    ) -> float:
+        """Probability that the thing in a box is of a class, against the other names that it was
+        called by and that fit its size; 0.5 if nothing was detected there."""
+        center_m, size_m = box
+        named = self.named(keys_in_box(center_m, size_m), class_name)
+        if named is None:
+            return 0.5
+        extents_m = np.array([max(size_m[:2]), min(size_m[:2]), size_m[2]])
+        return named.rates(center_m, side_views).probability(
+            class_name, errors, lambda other: agreement(other, extents_m, 0.0)
+        )
+
     def named(self, keys: NDArray[np.integer], class_name: str) -> NamedViews | None:
         """Views that named the instance with these voxels [n] (keys, which may repeat); None
         without one."""
@@ -281,6 +301,13 @@ class NameSightings:
             entries.columns["detection"].values[kept][order],
             entries.voxels.keys[filled],
         )
+
+
+def keys_in_box(center_m: NDArray[np.float64], size_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Keys [n] of the voxels that a box along the axes touches; center_m, size_m: [3]."""
+    low, high = (np.floor((center_m + s * size_m / 2) / VOXEL_M).astype(int) for s in (-1, 1))
+    cells = np.stack(np.meshgrid(*map(np.arange, low, high + 1), indexing="ij"), -1).reshape(-1, 3)
+    return voxel_keys(((cells + 0.5) * VOXEL_M).astype(np.float32), VOXEL_M)
 
 
 def voxels_and_mean(

@@ -168,7 +168,7 @@ def try_unnamed(name: str, start: str, candidates: Sequence[Candidate]) -> str:
     which = "the only thing" if len(candidates) == 1 else f"the likeliest of {len(candidates)}"
     return (
         f"pick what lies on the {start}{_away(first)}, and look at it: no {name} was found, and it "
-        f"is {which} there of the right size (probability {first.terms['score']:.2f})"
+        f"is {which} there of the right size (score {first.terms['score']:.2f})"
     )
 
 

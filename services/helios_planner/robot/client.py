@@ -32,6 +32,7 @@ from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
 from helios_core.topics import (
     HELD_OBJECT,
+    NAMES_AT,
     OBJECTS,
     PLANNER_HEARTBEAT,
     RETIRE,
@@ -297,6 +298,16 @@ class RobotClient(RobotInterface):
         rated = reply.HasField("image_text_nats")
         nats = reply.image_text_nats if rated else None
         return HeldObject(reply.probability, reply.sides, names, nats)
+
+    def probability_at(
+        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    ) -> Sequence[float]:
+        request = pb.NamesAtRequest(
+            class_name=class_name,
+            center_m=[vector_to_proto(center) for center, _ in boxes],
+            size_m=[vector_to_proto(size) for _, size in boxes],
+        )
+        return tuple(self._line.call(NAMES_AT, request).probability)
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         request = pb.RetireRequest(

@@ -129,5 +129,12 @@ class RobotInterface(ABC):
         """Names of the object that the robot shows, as the object map has seen it."""
 
     @abstractmethod
+    def probability_at(
+        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    ) -> Sequence[float]:
+        """Probability that the thing in each box (centre [3] and size [3], world, m) is of a class,
+        by the names of detections there; 0.5 without any."""
+
+    @abstractmethod
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         """Report to the object map that an object is no longer where it was."""

@@ -152,7 +152,10 @@ class ObjectSearch(ScoredSearch):
         """Unnamed things that may still be tried, likeliest first."""
         if self.start is None or len(self._tried.points) >= self._most_unnamed:
             return []
-        things = unnamed_things(self.name, self.robot.objects(self.start), self.robot.ground())
+        things = unnamed_things(
+            self.name, self.robot.objects(self.start), self.robot.ground(),
+            self.robot.probability_at,
+        )  # fmt: skip
         return [t for t in things if t not in self._tried and self.open(t)]
 
     def chosen(self, decision: Decision) -> ObjectInstance:

@@ -7,7 +7,7 @@ at it in the hand whether it is the object.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from helios_core.types import ObjectInstance
@@ -17,25 +17,42 @@ from numpy.typing import NDArray
 from helios_planner.motion_planning.costmap import GroundMap
 from helios_planner.motion_planning.things_on_top import RaisedSpot, raised_spots
 
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # centre and size [3], world, m
 BELIEVED_FROM = 0.5  # Ψ of a receptacle whose things are tried
 LEAST_AGREEMENT = 0.2  # of the size with the class
-SHARE = 0.3  # probability that a thing of the right size on the right receptacle is the object
+LEAST_PROBABILITY = 0.01  # by other names
 SEEN_WHOLE = 100.0  # views after which a small size counts
 FIRST_ID = 10**9  # the object map gives no such ids
 
 
 def unnamed_things(
-    class_name: str, starts: Sequence[ObjectInstance], ground: GroundMap
+    class_name: str,
+    starts: Sequence[ObjectInstance],
+    ground: GroundMap,
+    probability_at: Callable[[str, Sequence[Box]], Sequence[float]],
 ) -> list[ObjectInstance]:
-    """Things on the believed start receptacles, likeliest first. Their score is the probability
-    that they are of the class, before a closer look."""
+    """Things on the believed start receptacles, likeliest first. Their score is the product of the
+    receptacle's Ψ, the agreement of their size with the class, and the probability of the class by
+    the names of detections there.
+
+    probability_at: that probability for each box, 0.5 without a detection
+    (`RobotInterface.probability_at`).
+    """
     found = [
-        _instance(class_name, spot, start.score * SHARE * fits)
+        (spot, start.score * fits)
         for start in starts
         if start.score >= BELIEVED_FROM
         for spot, fits in _that_fit(class_name, raised_spots(start, ground))
     ]
-    return sorted(found, key=lambda thing: -thing.score)
+    if not found:
+        return []
+    by_name = probability_at(class_name, [(spot.center_m, spot.size_m) for spot, _ in found])
+    things = [
+        _instance(class_name, spot, score * probability)
+        for (spot, score), probability in zip(found, by_name, strict=True)
+        if probability >= LEAST_PROBABILITY
+    ]
+    return sorted(things, key=lambda thing: -thing.score)
 
 
 def is_unnamed(thing: ObjectInstance) -> bool:

@@ -29,6 +29,7 @@ from helios_core.topics import (
 )
 from helios_core.types import RobotState, SearchContext
 from helios_objectmap.service import MOST_WAITING, ObjectMapService
+from helios_objectmap.settings import ObjectMapSettings
 from objectmap_scene import (
     CAMERA,
     MUG,
@@ -49,13 +50,13 @@ MUG_CENTER = (1.2, 0.0, 0.8)
 class Rig:
     """A service on a bus, and a stand-in for all its clients."""
 
-    def __init__(self) -> None:
+    def __init__(self, settings: ObjectMapSettings = SETTINGS) -> None:
         hub = MemoryHub()
         self.bus = MemoryBus(hub)
         self.health = Health()
         self.acks: list[pb.Ack] = []
         self.bus.subscribe(OBJECTMAP_ACK, self.acks.append)
-        self.service = ObjectMapService(MemoryBus(hub), SETTINGS, self.health)
+        self.service = ObjectMapService(MemoryBus(hub), settings, self.health)
 
     def ask_for(self, context: SearchContext = SOUGHT) -> None:
         self.bus.publish(CONTEXT, context_to_proto(context))

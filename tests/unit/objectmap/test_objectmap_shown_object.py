@@ -8,12 +8,15 @@ from dataclasses import replace
 
 import pytest
 from helios_core import proto as pb
-from helios_core.codec import observation_to_proto
-from helios_core.topics import HELD_OBJECT, OBSERVATION
+from helios_core.codec import observation_to_proto, vector_to_proto
+from helios_core.errors import InvalidInput
+from helios_core.topics import HELD_OBJECT, NAMES_AT, OBSERVATION
 from helios_core.types import Detection, Observation, Shown
+from helios_objectmap.fusion.label_image import read
+from helios_objectmap.instances.image_text import ImageTextScores
 from helios_objectmap.instances.name_sightings import BROAD_PRIOR
-from helios_objectmap.shown_object import ShownObject
-from objectmap_scene import ROOM, looking_at, mug_at, observe
+from helios_objectmap.shown_object import ShownNames, ShownObject
+from objectmap_scene import CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe
 from test_objectmap_service import Rig
 
 HAND_M = (0.5, 0.0, 1.0)
@@ -96,3 +99,62 @@ def test_the_service_answers_and_its_map_stays_as_it_is() -> None:
     assert reply.sides == 1
     assert {n.name: n.share for n in reply.names} == {"mug": 1.0, "glass": 1.0}
     assert reply.probability == pytest.approx(1 / (1 + BROAD_PRIOR.rival))  # both as often
+
+
+def test_image_text_scores_of_the_shown_object_count_against_those_of_all_views() -> None:
+    rated = ImageTextScores()
+    for k, score in enumerate([0.2, 0.3] * 20):
+        rated.note(read(observe(ROOM, EYE, seq=k), CONTEXT, 1, 0.25, 8.0), {"mug": score})
+
+    def judged_at(score: float) -> ShownNames:
+        shown = ShownObject()
+        shown.note(replace(seen(0, ["mug", "glass"]), class_scores={"mug": score}))
+        return shown.names("mug", BROAD_PRIOR, rated)
+
+    high, low = judged_at(0.45), judged_at(0.2)
+    assert high.image_text_nats is not None
+    assert low.image_text_nats is not None
+    assert high.image_text_nats > 0 > low.image_text_nats
+    assert high.probability > 1 / (1 + BROAD_PRIOR.rival) > low.probability
+
+
+def test_without_a_detection_image_text_scores_decide() -> None:
+    nothing = ShownNames(1.0, 0, ())
+    assert nothing.with_image_text(None).probability == 1.0
+    assert nothing.with_image_text(0.0).probability == 0.5
+    assert nothing.with_image_text(3.0).probability > 0.9
+
+
+def test_the_service_says_what_a_box_was_called() -> None:
+    rig = Rig(SETTINGS.model_copy(update={"look_alikes": "compared"}))
+    rig.ask_for()
+    rig.see(seq=1)
+    (mug,) = [o for o in rig.objects() if o.class_name == "mug"]
+    empty = pb.Vector3(x=50.0, y=50.0, z=50.0)
+    request = pb.NamesAtRequest(
+        class_name="mug",
+        center_m=[vector_to_proto(mug.center_m), empty],
+        size_m=[vector_to_proto(mug.size_m)] * 2,
+    )
+    called, unknown = rig.bus.call(NAMES_AT, request, 1.0).probability
+    assert called == pytest.approx(1.0)
+    assert unknown == 0.5
+    request.class_name = "glass"
+    assert rig.bus.call(NAMES_AT, request, 1.0).probability[0] < called
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        pb.NamesAtRequest(class_name="mug", center_m=[pb.Vector3()]),
+        pb.NamesAtRequest(
+            class_name="mug", center_m=[pb.Vector3(x=math.nan)], size_m=[pb.Vector3()]
+        ),
+        pb.NamesAtRequest(class_name="mug", center_m=[pb.Vector3()], size_m=[pb.Vector3(x=-1)]),
+        pb.NamesAtRequest(class_name="mug", center_m=[pb.Vector3()], size_m=[pb.Vector3(x=1e6)]),
+        pb.NamesAtRequest(class_name="mug", center_m=[pb.Vector3(x=1e300)], size_m=[pb.Vector3()]),
+    ],
+)
+def test_boxes_that_make_no_sense_are_refused(request_: pb.NamesAtRequest) -> None:
+    with pytest.raises(InvalidInput, match=r"box|centre"):
+        Rig().bus.call(NAMES_AT, request_, 1.0)

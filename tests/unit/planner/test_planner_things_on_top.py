@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
 from helios_planner.motion_planning.costmap import GroundMap
 from helios_planner.motion_planning.things_on_top import MOST_M, raised_spots
-from helios_planner.search.unnamed_things import is_unnamed, unnamed_things
+from helios_planner.search.unnamed_things import Box, is_unnamed, unnamed_things
 from hypothesis import given
 from hypothesis import strategies as st
 
 CELL_M = 0.025
 TABLE = (1.0, 1.0, 2.0, 1.6)  # x0, y0, x1, y1
 SURFACE_M = 0.45
+
+
+def even(_: str, boxes: Sequence[Box]) -> list[float]:
+    return [0.5 for _ in boxes]
 
 
 def instance(class_name: str = "coffee table", score: float = 0.9) -> ObjectInstance:
@@ -84,9 +90,19 @@ def test_without_a_seen_surface_there_is_nothing() -> None:
 def test_only_things_of_the_right_size_on_a_believed_receptacle_are_tried() -> None:
     laptop, mug = (1.1, 1.1, 1.45, 1.35, 0.03), (1.7, 1.3, 1.8, 1.4, 0.1)
     seen = ground(laptop, mug)
-    (only,) = unnamed_things("mug", [instance()], seen)
+    (only,) = unnamed_things("mug", [instance()], seen, even)
     assert only.center_m[:2] == pytest.approx([1.75, 1.35], abs=0.01)
-    assert 0 < only.score < 0.3
+    assert only.score == pytest.approx(0.45, abs=0.02)
     assert is_unnamed(only)
     assert not is_unnamed(instance())
-    assert unnamed_things("mug", [instance(score=0.4)], seen) == []
+    assert unnamed_things("mug", [instance(score=0.4)], seen, even) == []
+
+
+def test_what_was_called_otherwise_comes_last_or_is_left_out() -> None:
+    seen = ground((1.2, 1.2, 1.3, 1.3, 0.1), (1.5, 1.2, 1.6, 1.3, 0.1), (1.8, 1.2, 1.9, 1.3, 0.1))
+
+    def by_place(_: str, boxes: Sequence[Box]) -> list[float]:
+        return [{1.2: 0.2, 1.5: 0.9, 1.8: 0.001}[round(float(c[0]) - 0.05, 1)] for c, _ in boxes]
+
+    found = unnamed_things("mug", [instance()], seen, by_place)
+    assert [round(float(t.center_m[0]), 2) for t in found] == [1.55, 1.25]

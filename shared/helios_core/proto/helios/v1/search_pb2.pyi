@@ -163,6 +163,22 @@ class HeldObjectReply(_message.Message):
     image_text_nats: float
     def __init__(self, probability: _Optional[float] = ..., sides: _Optional[int] = ..., names: _Optional[_Iterable[_Union[NameShare, _Mapping]]] = ..., image_text_nats: _Optional[float] = ...) -> None: ...
 
+class NamesAtRequest(_message.Message):
+    __slots__ = ("class_name", "center_m", "size_m")
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    CENTER_M_FIELD_NUMBER: _ClassVar[int]
+    SIZE_M_FIELD_NUMBER: _ClassVar[int]
+    class_name: str
+    center_m: _containers.RepeatedCompositeFieldContainer[_common_pb2.Vector3]
+    size_m: _containers.RepeatedCompositeFieldContainer[_common_pb2.Vector3]
+    def __init__(self, class_name: _Optional[str] = ..., center_m: _Optional[_Iterable[_Union[_common_pb2.Vector3, _Mapping]]] = ..., size_m: _Optional[_Iterable[_Union[_common_pb2.Vector3, _Mapping]]] = ...) -> None: ...
+
+class NamesAtReply(_message.Message):
+    __slots__ = ("probability",)
+    PROBABILITY_FIELD_NUMBER: _ClassVar[int]
+    probability: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, probability: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class RetireRequest(_message.Message):
     __slots__ = ("object_id", "point_m", "radius_m", "reason")
     OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
