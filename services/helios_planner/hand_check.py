@@ -90,10 +90,10 @@ class HandCheck:
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
         if decision.do is Do.ACT:
             return False
-        if held.probability < RECONSIDERED_FROM:
-            search.refused.add(found)
-        else:
+        if held.probability >= RECONSIDERED_FROM:
             search.set_aside(found, held.probability)
+        elif not is_unnamed(found):  # what lies beside an unnamed thing is tried, too
+            search.refused.add(found)
         x, y, z = (float(v) for v in found.center_m)
         self.returning_m = np.array([x, y, z - float(found.size_m[2]) / 2])
         if not self._put_back():

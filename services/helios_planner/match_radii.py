@@ -15,6 +15,7 @@ from __future__ import annotations
 # --- two known positions ------------------------------------------------------------------------
 SAME_INSTANCE_M = 0.15  # two estimates of the object map at different times
 SAME_POINT_M = 0.15  # a point that was tried, and one to try
+SAME_SPOT_M = 0.07  # two raised spots of a surface, which may lie side by side
 ON_OUTLINE_M = 0.15  # an object within this distance of a receptacle's outline lies on it
 PICKED_PLACE_M = 0.2  # from a receptacle's outline to the point where an object was picked from it
 

@@ -251,7 +251,9 @@ class NameSightings:
         """Probability that the thing in a box is of a class, against the other names that it was
         called by and that fit its size; 0.5 if nothing was detected there."""
         center_m, size_m = box
-        named = self.named(keys_in_box(center_m, size_m), class_name)
+        keys = keys_in_box(center_m, size_m)
+        keys = keys[self._entries.voxels.known(keys) != NO_VOXEL]
+        named = self.named(keys, class_name) if len(keys) else None
         if named is None:
             return 0.5
         extents_m = np.array([max(size_m[:2]), min(size_m[:2]), size_m[2]])

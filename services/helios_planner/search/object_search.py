@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,7 +25,12 @@ from helios_planner.decisions.global_search import (
     SearchMemory,
     SearchRule,
 )
-from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M, SAME_PLACE_M
+from helios_planner.match_radii import (
+    ON_OUTLINE_M,
+    SAME_INSTANCE_M,
+    SAME_PLACE_M,
+    SAME_SPOT_M,
+)
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.motion_planning.unknown_borders import floor_m2
 from helios_planner.search.base import PICK_LAYER, SearchTools
@@ -74,7 +80,7 @@ class ObjectSearch(ScoredSearch):
         self.visited = PlaceSet(SAME_PLACE_M)
         self._most_unnamed = 0
         self._searched = False  # True once everything was searched in vain
-        self._tried = PlaceSet(SAME_INSTANCE_M)  # unnamed things
+        self._tried = PlaceSet(SAME_SPOT_M)  # unnamed things
         self._unnamed: dict[int, ObjectInstance] = {}  # of the newest decision
         self._last_seen: tuple = ()
 
@@ -156,7 +162,11 @@ class ObjectSearch(ScoredSearch):
             self.name, self.robot.objects(self.start), self.robot.ground(),
             self.robot.probability_at,
         )  # fmt: skip
-        return [t for t in things if t not in self._tried and self.open(t)]
+        left = (*self._tried.points, *self.refused.points)
+        return [
+            t for t in things
+            if all(math.dist(p, t.center_m[:2]) > SAME_SPOT_M for p in left)
+        ]  # fmt: skip
 
     def chosen(self, decision: Decision) -> ObjectInstance:
         thing = self._unnamed.get(decision.chosen.id)
