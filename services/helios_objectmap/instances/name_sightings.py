@@ -252,7 +252,7 @@ class NameSightings:
         called by and that fit its size; 0.5 if nothing was detected there."""
         center_m, size_m = box
         keys = keys_in_box(center_m, size_m)
-        keys = keys[self._entries.voxels.known(keys) != NO_VOXEL]
+        keys = keys[self._entries.filled(keys)]
         named = self.named(keys, class_name) if len(keys) else None
         if named is None:
             return 0.5

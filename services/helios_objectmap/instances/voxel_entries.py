@@ -71,6 +71,14 @@ class VoxelEntries:
         self.before.append(np.empty(len(voxels), np.int32))
         link_kernel(voxels, start, self.newest.values, self.before.values)
 
+    def filled(self, keys: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """True [n] for the voxels with these keys [n] that have an entry."""
+        numbers = self.voxels.known(keys)
+        self.newest.resize(len(self.voxels), NONE)
+        out = numbers != NO_VOXEL
+        out[out] = self.newest.values[numbers[out]] != NONE
+        return out
+
     def forget_at(self, points: NDArray[np.float32]) -> None:
         """Drop the entries in the voxels of points [n, 3]."""
         voxels = np.unique(self.numbers(points))
