@@ -1,8 +1,7 @@
 """Sessions of the study: a first visit that makes the saved map, and later ones that start
 elsewhere.
 
-The task of a home is "Find the <object>". A session does that task, and may then search for
-something that the home does not have, which makes the robot explore.
+The task of a home is "Find the <object>". A session does that task, and may then explore the home.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from helios_sim.start_poses import with_random_start
 from helios_sim.world import World
 
 from helios_eval.episodes import home_presets
-from helios_eval.episodes.absent_targets import absent_episode_of
 from helios_eval.episodes.episode_player import LONGEST_S
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
 from helios_eval.episodes.in_process_stack import CALL_S, InProcessStack
@@ -55,11 +53,6 @@ class Place:
     def sought(self) -> str:
         """Class of the object to find."""
         return episode_of(self._own, self.seed).object_class
-
-    @property
-    def absent(self) -> str:
-        """Class of an object that is not in the home."""
-        return absent_episode_of(self._own, self.seed).object_class
 
     @property
     def _own(self) -> Home:
@@ -103,7 +96,7 @@ def play(
     """Play a session of at most `most_steps` actions. Raises HeliosError.
 
     on_step: called after each action. stored: map to load at the start, as `helios map load` does.
-    explores: go on to search for an absent object after the task.
+    explores: go on to explore the home after the task.
     """
     with _running(place, on_step) as (thread, stack):
         if stored is not None:
@@ -112,7 +105,7 @@ def play(
         steps, arrived = thread.run(lambda world: (world.progress.steps, world.arrived()))
         found = steps if task.state == "succeeded" and arrived else 0
         if explores and steps < most_steps - 1:
-            stack.run(f"Find the {place.absent}", most_steps - steps, LONGEST_S)
+            stack.run("explore the home", most_steps - steps, LONGEST_S)
             steps = thread.run(lambda world: world.progress.steps)
         return Session(found, steps, saved_map(stack))
 
