@@ -39,6 +39,9 @@ from helios_planner.search.unnamed_things import unnamed_things
 from helios_planner.search.view_selection import PlaceSet
 from helios_planner.task import Cause, Phase, TaskFailed
 
+# Ψ of a start receptacle whose unnamed things are tried as soon as it was searched in vain, and
+# the least score of such a thing.
+SURE_FROM, LIKELY_FROM = 0.9, 0.25
 UNSEEN_PLACE_SCORE = 0.05  # score of an unseen start receptacle, which may be anywhere
 # Score of a start receptacle still to be found, unless a known one has more.
 EXPECTED_RECEPTACLE_SCORE = 0.4
@@ -140,8 +143,6 @@ class ObjectSearch(ScoredSearch):
         """Decision about the candidates; in vain, to try what lies on a start receptacle."""
         decision = super().decide()
         self._unnamed = {}
-        if not (self._searched or self.accepted_any_candidate):
-            return decision
         if decision.do is Do.LOOK or (decision.do is Do.ACT and not self.accepted_any_candidate):
             return decision
         things = self._untried()
@@ -155,17 +156,20 @@ class ObjectSearch(ScoredSearch):
         return try_unnamed(self.name, self.start or "", things, away_m)
 
     def _untried(self) -> list[ObjectInstance]:
-        """Unnamed things that may still be tried, likeliest first."""
+        """Unnamed things that may be tried now, likeliest first: likely ones on a sure receptacle
+        once it was looked at from all sides; all of them once everything was searched."""
         if self.start is None or len(self._tried.points) >= self._most_unnamed:
             return []
-        things = unnamed_things(
-            self.name, self.robot.objects(self.start), self.robot.ground(),
-            self.robot.probability_at,
-        )  # fmt: skip
+        starts, least = self.robot.objects(self.start), 0.0
+        if not (self._searched or self.accepted_any_candidate):
+            starts = [s for s in starts if s.score >= SURE_FROM and s in self.visited]
+            least = LIKELY_FROM
+        things = unnamed_things(self.name, starts, self.robot.ground(), self.robot.probability_at)
         left = (*self._tried.points, *self.refused.points)
         return [
             t for t in things
-            if all(math.dist(p, t.center_m[:2]) > SAME_SPOT_M for p in left)
+            if t.score >= least
+            and all(math.dist(p, t.center_m[:2]) > SAME_SPOT_M for p in left)
         ]  # fmt: skip
 
     def chosen(self, decision: Decision) -> ObjectInstance:

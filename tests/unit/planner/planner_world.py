@@ -63,6 +63,7 @@ class FakeWorld(RobotInterface):
         self.truth_top = np.zeros((rows, columns), np.float32)
         self.seen_top = np.zeros((rows, columns), np.float32)
         self.boxes = list(boxes)
+        self.named_at = 0.5  # probability of a class by the names of detections, anywhere
         self._known = np.zeros((rows, columns), bool)
         self._version = 0
         self._paint()
@@ -247,7 +248,7 @@ class FakeWorld(RobotInterface):
     def probability_at(
         self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
     ) -> Sequence[float]:
-        return [0.5 for _ in boxes]
+        return [self.named_at for _ in boxes]
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         self.retired.append(id)

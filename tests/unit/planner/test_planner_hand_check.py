@@ -248,6 +248,18 @@ def test_without_a_look_in_the_hand_nothing_unnamed_is_picked(settings: dict[str
     assert unnamed(world) == []
 
 
+def test_on_a_sure_receptacle_it_is_tried_before_the_rest_of_the_home_is_searched() -> None:
+    def decisions_before(named_at: float) -> int:
+        thing = unseen_mug(RIGHT)
+        world = bumps(world_of(thing), thing)
+        world.named_at = named_at
+        mission(world, unnamed_picks=4).run()
+        return [d.rule for d in world.decisions].index(DecisionRule.UNNAMED)
+
+    unlikely = 0.1  # it was called otherwise
+    assert decisions_before(0.5) < decisions_before(unlikely)
+
+
 def test_each_thing_is_tried_once_and_no_more_than_asked_for() -> None:
     things = [unseen_mug(WRONG, 3, 6.7), unseen_mug(WRONG, 4, 7.0), unseen_mug(WRONG, 5, 7.3)]
     world = bumps(world_of(*things), *things)
