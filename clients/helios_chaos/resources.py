@@ -36,6 +36,7 @@ class Sample:
     cpu_s: float
     latency_ms: float | None
     state_mb: float  # of the whole state folder
+    at_rest: bool = True  # no task runs
 
 
 class ResourceLog:
@@ -44,6 +45,7 @@ class ResourceLog:
     def __init__(self, stack: Stack, path: Path, period_s: float) -> None:
         self._stack, self._path, self._period_s = stack, path, period_s
         self._samples: list[Sample] = []
+        self.at_rest = True  # no task runs now; the owner sets it
         self._ending = threading.Event()
         self._began_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="resources", daemon=True)
@@ -82,6 +84,7 @@ class ResourceLog:
                         at_s, service, process.pid, round(process.memory_info().rss / MB, 2),
                         process.num_fds(), process.num_threads(), round(used.user + used.system, 2),
                         _latency_ms(asks[service]) if service in asks else None, state_mb,
+                        self.at_rest,
                     ))  # fmt: skip
         return out
 

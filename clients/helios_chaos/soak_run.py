@@ -82,7 +82,7 @@ def run_soak(hours: float, seed: int, out: Path, say: Say) -> SoakResult:
         stack.wait_ready()
         log = ResourceLog(stack, out / "soak.csv", PERIOD_S)
         began_s = time.monotonic()
-        tasks = _play(stack, seed, hours * 3600.0, say)
+        tasks = _play(stack, seed, hours * 3600.0, log, say)
         samples = log.close()
     result = SoakResult(
         (time.monotonic() - began_s) / 3600, growths(samples),
@@ -96,7 +96,8 @@ def run_soak(hours: float, seed: int, out: Path, say: Say) -> SoakResult:
 
 
 def growths(samples: Sequence[Sample]) -> dict[str, ServiceGrowth]:
-    """Growth of each service after the warm-up."""
+    """Growth of each service after the warm-up: latency from all samples, the rest from those at
+    rest."""
     last_s = max((s.at_s for s in samples), default=0.0)
     warm_s = min(WARM_UP_S, WARM_UP_SHARE * last_s)
     by_service: dict[str, list[Sample]] = defaultdict(list)
@@ -105,30 +106,34 @@ def growths(samples: Sequence[Sample]) -> dict[str, ServiceGrowth]:
             by_service[sample.service].append(sample)
     out = {}
     for name, found in by_service.items():
-        rss = [s.rss_mb for s in found]
+        at_rest = [s for s in found if s.at_rest]
+        rss = [s.rss_mb for s in at_rest]
         waits = [s.latency_ms for s in found if s.latency_ms is not None]
         out[name] = ServiceGrowth(
-            sorted(rss)[len(rss) // 2],
-            round(slope_per_h([s.at_s for s in found], rss), 3),
-            growth([s.handles for s in found]),
-            growth([s.threads for s in found]),
+            sorted(rss)[len(rss) // 2] if rss else 0.0,
+            round(slope_per_h([s.at_s for s in at_rest], rss), 3),
+            growth([s.handles for s in at_rest]),
+            growth([s.threads for s in at_rest]),
             percentiles(waits, 50, 99, digits=2),
             len({s.pid for s in found}),
         )
     return out
 
 
-def _play(stack: Stack, seed: int, seconds: float, say: Say) -> list[PlayedTask]:
+def _play(stack: Stack, seed: int, seconds: float, log: ResourceLog, say: Say) -> list[PlayedTask]:
     """Tasks for `TURN_S`, then as long without; until the time is over."""
-    bus, tasks = open_bus(stack.router), list[PlayedTask]()
+    bus, tasks, start_xy = open_bus(stack.router), list[PlayedTask](), None
     ends_s, turn = time.monotonic() + seconds, 0
     try:
         with stack.client() as helios:
             while (left_s := ends_s - time.monotonic()) > 0:
-                player = TaskPlayer(helios, bus, seed + turn)
+                player = TaskPlayer(helios, bus, seed + turn, start_xy)
+                start_xy = player.start_xy
+                log.at_rest = False
                 player.start()
                 time.sleep(min(TURN_S, left_s))
                 player.finish(LAST_TASK_S)
+                log.at_rest = True
                 tasks += player.played
                 say(f"{left_s / 60:6.0f} min left; {len(tasks)} tasks played")
                 time.sleep(max(0.0, min(TURN_S, ends_s - time.monotonic())))

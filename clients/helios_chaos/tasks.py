@@ -54,17 +54,26 @@ class Home:
     names: dict[str, str] = field(default_factory=dict)  # name of a body -> its class
 
     def class_under(self, thing: str) -> str:
-        """Class of what an object stands on; empty for the floor and the gripper."""
-        return self.names.get(self.places[thing][1], "")
+        """Class of the furniture under an object, also of what lies on another one; empty for the
+        floor and the gripper."""
+        under = thing
+        for _ in self.places:
+            under = self.places[under][1]
+            if under not in self.places:
+                break
+        return self.names.get(under, "")
 
 
 class TaskPlayer:
     """Thread that always has one task running, until `finish`."""
 
-    def __init__(self, helios: Helios, bus: Bus, seed: int) -> None:
+    def __init__(
+        self, helios: Helios, bus: Bus, seed: int, start_xy: np.ndarray | None = None
+    ) -> None:
+        """start_xy: where the robot's map began, world, m; None: where it stands now."""
         self._helios, self._bus, self._random = helios, bus, random.Random(seed)
         self._ending, self._given_up = threading.Event(), threading.Event()
-        self._start_xy = self._robot_xy()
+        self.start_xy = self._robot_xy() if start_xy is None else start_xy
         self._cancelled: set[str] = set()  # ids of the tasks that the player cancelled
         self.played: list[PlayedTask] = []
         self.running = threading.Event()  # a task runs at this moment
@@ -134,7 +143,7 @@ class TaskPlayer:
         if task.state == "failed" and task.cause == SYSTEM_ERROR:
             return ""
         if instruction == "go home":
-            away_m = float(np.hypot(*(self._robot_xy() - self._start_xy)))
+            away_m = float(np.hypot(*(self._robot_xy() - self.start_xy)))
             is_there = away_m <= AT_HOME_M
             found = f"the robot is {away_m:.2f} m from its start"
         elif instruction.startswith(("Move the ", "Put the ")):

@@ -16,6 +16,7 @@ from helios_core.atomic_file import remove_temporaries, write_file
 
 log = logging.getLogger(__name__)
 
+PAUSE_PER_WRITE = 20.0  # least pause after a write, in shares of the time that it took
 CLOSE_WITHIN_S = 1.0  # longest wait at `close` for a write in progress
 
 # Version on the disk -> (present version, file content), or None if there is nothing newer.
@@ -40,7 +41,8 @@ class SavedMap:
 
 
 class AutosavedFile:
-    """Map file that a thread rewrites every `period_s` between `start` and `close`.
+    """Map file that a thread rewrites every `period_s` between `start` and `close`, and less often
+    if a write takes long.
 
     `newer` supplies the content. After a disk error the next period retries.
     """
@@ -122,5 +124,8 @@ class AutosavedFile:
         write_file(self._path, data)
 
     def _run(self) -> None:
-        while not self._stopped.wait(self._period_s):
+        wait_s = self._period_s
+        while not self._stopped.wait(wait_s):
+            began_s = time.monotonic()
             self.write()
+            wait_s = max(self._period_s, PAUSE_PER_WRITE * (time.monotonic() - began_s))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,15 @@ def test_the_warm_up_of_a_soak_is_left_out() -> None:
 def test_a_soak_misses_a_limit(samples: list[Sample], miss: str) -> None:
     [said] = soak(samples)
     assert miss in said
+
+
+def test_only_samples_at_rest_count_for_the_growth() -> None:
+    busy = [
+        replace(sample(t, 100 + 50 * (t > 3600), 20 + 9 * (t > 3600)), at_rest=t <= 3600)
+        for t in range(0, 7200, 10)
+    ]
+    assert soak(busy) == []
+    assert soak([replace(s, at_rest=True) for s in busy]) != []
 
 
 def test_samples_become_lines_of_csv() -> None:

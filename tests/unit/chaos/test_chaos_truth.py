@@ -77,3 +77,25 @@ def test_a_wrong_success_a_wrong_failure_and_a_strange_cancellation_are_untrue(
     assert (untrue in found) if untrue else not found
     unknown = replace(task, state="failed", cause="system error")
     assert not player._untrue(MOVE, unknown, home("desk_0"))
+
+
+def test_what_lies_on_a_thing_is_on_the_furniture_under_it() -> None:
+    names = {"bench_0": "bench", "book_0": "book", "vase_0": "vase"}
+    stacked = Home({"vase_0": ("vase", "book_0"), "book_0": ("book", "bench_0")}, names)
+    assert stacked.class_under("vase_0") == "bench"
+    assert stacked.class_under("book_0") == "bench"
+    fallen = Home({"vase_0": ("vase", "book_0"), "book_0": ("book", "")}, names)
+    assert fallen.class_under("vase_0") == ""
+
+
+def test_home_is_where_the_map_began_not_where_the_player_was_made() -> None:
+    hub = MemoryHub()
+    world = MemoryBus(hub)
+    world.serve(TRUTH_OBJECTS, lambda _: truth("desk_0"))
+    world.serve(WORLD_STATE, lambda _: state_to_proto(RobotState(np.eye(4))))
+    no_client: Any = None
+    done, before = Task(id="a", state="succeeded"), home("desk_0")
+    here = TaskPlayer(no_client, MemoryBus(hub), 0)
+    assert not here._untrue("go home", done, before)
+    elsewhere = TaskPlayer(no_client, MemoryBus(hub), 0, np.array([4.0, 0.0]))
+    assert "4.00 m from its start" in elsewhere._untrue("go home", done, before)

@@ -128,3 +128,18 @@ def test_a_half_written_file_of_a_killed_process_is_removed(tmp_path: Path) -> N
     (tmp_path / ".m.0a1b2c3d.new.map").write_bytes(b"half")
     assert Map(tmp_path / "m.map").kept.found() is None
     assert not list(tmp_path.iterdir())
+
+
+def test_a_map_that_takes_long_to_write_is_written_less_often(tmp_path: Path) -> None:
+    writes: list[float] = []
+
+    def slow(version: int) -> tuple[int, bytes]:
+        writes.append(time.monotonic())
+        time.sleep(0.05)
+        return version + 1, b"map"
+
+    kept = AutosavedFile(tmp_path / "map", 0.01, slow, lambda _: None)
+    kept.start()
+    wait_until(lambda: len(writes) > 1, 30, "the map is written again")
+    kept.close()
+    assert writes[1] - writes[0] >= 20 * 0.05
