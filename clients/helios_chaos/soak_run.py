@@ -20,6 +20,7 @@ from helios_chaos.tasks import PlayedTask, TaskPlayer
 
 TURN_S = 300.0  # of tasks, and of idling
 LAST_TASK_S = 120.0
+MOST_THINGS = 4  # a household asks for the same things again; the maps know them after the warm-up
 PERIOD_S = 10.0
 WARM_UP_S, WARM_UP_SHARE = 1200.0, 0.25  # the shorter one is left out of the slopes
 MOST_RSS_MB_H, MOST_HANDLES, MOST_THREADS, MOST_STATE_MB = 1.0, 1.0, 1.0, 200.0
@@ -127,7 +128,7 @@ def _play(stack: Stack, seed: int, seconds: float, log: ResourceLog, say: Say) -
     try:
         with stack.client() as helios:
             while (left_s := ends_s - time.monotonic()) > 0:
-                player = TaskPlayer(helios, bus, seed + turn, start_xy)
+                player = TaskPlayer(helios, bus, seed + turn, start_xy, MOST_THINGS)
                 start_xy = player.start_xy
                 log.at_rest = False
                 player.start()

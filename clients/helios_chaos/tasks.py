@@ -68,9 +68,16 @@ class TaskPlayer:
     """Thread that always has one task running, until `finish`."""
 
     def __init__(
-        self, helios: Helios, bus: Bus, seed: int, start_xy: np.ndarray | None = None
+        self,
+        helios: Helios,
+        bus: Bus,
+        seed: int,
+        start_xy: np.ndarray | None = None,
+        most_things: int | None = None,
     ) -> None:
-        """start_xy: where the robot's map began, world, m; None: where it stands now."""
+        """start_xy: where the robot's map began, world, m; None: where it stands now. most_things:
+        objects that the tasks ask for; None: all of the home."""
+        self._most_things = most_things
         self._helios, self._bus, self._random = helios, bus, random.Random(seed)
         self._ending, self._given_up = threading.Event(), threading.Event()
         self.start_xy = self._robot_xy() if start_xy is None else start_xy
@@ -121,7 +128,7 @@ class TaskPlayer:
         """Instruction for what the robot holds after a task that failed; else for an object that is
         not yet where it shall go."""
         under = {thing: home.class_under(thing) for thing in sorted(home.places)}
-        on = [thing for thing, where in under.items() if where]
+        on = [thing for thing, where in under.items() if where][: self._most_things]
         if held := self._robot().held:
             goal = self._random.choice(sorted({where for where in under.values() if where}))
             return f"Put the {held} on the {goal}"
