@@ -1,6 +1,6 @@
 """Study: does a robot that starts at an unknown pose find its place in a saved map?
 
-    python -m helios_eval.studies.relocalisation play --seeds 500-549 --out runs/relocalisation
+    python -m helios_eval.studies.relocalisation play --seeds 650-699 --out runs/relocalisation
     python -m helios_eval.studies.relocalisation report runs/relocalisation
 
 For each home `play` plays a first visit, which makes the saved map, and a later session that starts
