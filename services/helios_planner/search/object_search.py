@@ -177,7 +177,6 @@ class ObjectSearch(ScoredSearch):
         if thing is None:
             return super().chosen(decision)
         self._tried.add(thing)
-        self._past_candidates.note([thing])
         return thing
 
     def end_if_absent(self) -> None:

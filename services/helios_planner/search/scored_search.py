@@ -33,7 +33,7 @@ from helios_planner.search.view_selection import BestView
 from helios_planner.task import Phase
 
 MOST_WRITTEN = 16
-LEAST_IN_HAND = 1e-6
+LEAST_IN_HAND = 1e-6  # keeps the score that a candidate needs finite
 
 
 class ScoredSearch(Search):
@@ -167,6 +167,7 @@ class ScoredSearch(Search):
 
     def set_aside(self, candidate: ObjectInstance, probability: float) -> None:
         """Leave a candidate until any is accepted; its score then counts with that probability."""
+        self._past_candidates.note([candidate])
         x, y, z = (float(v) for v in candidate.center_m)
         self._set_aside.append(SetAside(candidate.id, (x, y, z), probability))
 

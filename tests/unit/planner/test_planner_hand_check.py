@@ -260,6 +260,14 @@ def test_on_a_sure_receptacle_it_is_tried_before_the_rest_of_the_home_is_searche
     assert decisions_before(0.5) < decisions_before(unlikely)
 
 
+def test_a_doubtful_unnamed_thing_is_brought_after_all() -> None:
+    thing = unseen_mug(HeldObject(0.7, 6, (("mug", 4 / 6), ("glass", 5 / 6))))
+    world = bumps(world_of(thing), thing)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is thing
+    assert in_hand(world) == [Do.SEARCH_ON]
+
+
 def test_each_thing_is_tried_once_and_no_more_than_asked_for() -> None:
     things = [unseen_mug(WRONG, 3, 6.7), unseen_mug(WRONG, 4, 7.0), unseen_mug(WRONG, 5, 7.3)]
     world = bumps(world_of(*things), *things)
