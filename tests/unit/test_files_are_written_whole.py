@@ -30,7 +30,7 @@ ELSEWHERE = {
     ("services/helios_gateway/fleet/queue.py", "connect"): (1, "SQLite has a journal"),
     ("shared/helios_core/orphaned_memory.py", "os.open"): (2, LOCK),
     ("shared/helios_core/orphaned_memory.py", "open"): (1, "shared memory, no file on a disk"),
-    ("services/helios_objectmap/persistence.py", "savez"): (1, MEMORY),
+    ("services/helios_objectmap/persistence.py", "ZipFile"): (1, MEMORY),
     ("services/helios_objectmap/export.py", "savez_compressed"): (1, MEMORY),
     ("services/helios_map2d/snapshots/snapshot.py", "savez_compressed"): (1, MEMORY),
     ("services/helios_gateway/map_arrays.py", "savez_compressed"): (1, MEMORY),
