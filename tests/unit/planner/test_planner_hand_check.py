@@ -76,7 +76,7 @@ def test_a_doubtful_object_is_brought_after_all_if_nothing_better_is_found(forgo
     def place(point):
         done = placing(point)
         if forgotten:  # the object map does not find it again
-            world.things[3].score = 0.0
+            world.things[3].rate = 0.0
         return done
 
     world._place = place
