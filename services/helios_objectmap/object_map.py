@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
-from helios_core.types import Detection, ObjectInstance, Observation, SearchContext
+from helios_core.types import AlignedBox, Detection, ObjectInstance, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_objectmap import export, placed
@@ -35,7 +35,6 @@ from helios_objectmap.instances.information_gain import (
     Expected,
     InstanceEvidence,
 )
-from helios_objectmap.instances.name_sightings import AlignedBox
 from helios_objectmap.instances.registry import InstanceRegistry, Moment
 from helios_objectmap.instances.summary import (
     Grasp,

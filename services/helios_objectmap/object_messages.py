@@ -12,8 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import MapPart
 from helios_core.printable_text import counted
-from helios_core.types import FrameId, ObjectInstance, Observation
-from numpy.typing import NDArray
+from helios_core.types import AlignedBox, FrameId, ObjectInstance, Observation
 
 from helios_objectmap.instances.registry import Moment
 from helios_objectmap.instances.summary import Grasp
@@ -45,7 +44,7 @@ def held_message(seen: ShownNames) -> pb.HeldObjectReply:
     )  # fmt: skip
 
 
-def boxes_of(request: pb.NamesAtRequest) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def boxes_of(request: pb.NamesAtRequest) -> list[AlignedBox]:
     """Centre [3] and size [3] of each box; world, m. Raises InvalidInput."""
     if len(request.center_m) != len(request.size_m) or len(request.size_m) > MOST_BOXES:
         raise InvalidInput(

@@ -86,7 +86,9 @@ class HandCheck:
         if held is None:
             return False
         if is_unnamed(found):
-            held = replace(held, probability=in_odds(held.probability, UNNAMED_ODDS))
+            known = held.sides > 0 or held.image_text_nats is not None
+            before = held.probability if known else 0.5
+            held = replace(held, probability=in_odds(before, UNNAMED_ODDS))
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
         if decision.do is Do.ACT:
             return False

@@ -221,6 +221,9 @@ class RobotState:
     battery: float | None = None  # charge, 0 to 1; None: not known
 
 
+AlignedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # centre, size [3]; world, m
+
+
 @dataclass(frozen=True)
 class ObjectInstance:
     """One instance of the object map (paper section 3.1.3)."""

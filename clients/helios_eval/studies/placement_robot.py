@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from helios_core.geometry import Matrix
 from helios_core.robot import Action, ActionResult
-from helios_core.types import Frame, FrameId, ObjectInstance
+from helios_core.types import AlignedBox, Frame, FrameId, ObjectInstance
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_planner.decisions.decision import Decision
@@ -102,9 +102,7 @@ class SimulatedRobot(RobotInterface):
     def held_object(self, class_name: str) -> HeldObject:
         return HeldObject(1.0, 0, ())
 
-    def probability_at(
-        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
-    ) -> Sequence[float]:
+    def probability_at(self, class_name: str, boxes: Sequence[AlignedBox]) -> Sequence[float]:
         return [0.5 for _ in boxes]
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:

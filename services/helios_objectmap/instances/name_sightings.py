@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 from helios_core.geometry import Matrix
-from helios_core.types import Detection
+from helios_core.types import AlignedBox, Detection
 from helios_core.usual_sizes import agreement
 from numba import njit
 from numpy.typing import NDArray
@@ -37,7 +37,6 @@ from helios_objectmap.instances.voxel_entries import (
 )
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 
-AlignedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # centre, size [3]; world, m
 VOXEL_M = 0.1
 WIDTH_PX = 160  # largest width of the image from which voxels are filled
 OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance

@@ -39,7 +39,7 @@ from helios_core.topics import (
     SNAPSHOT,
     WHAT_IF,
 )
-from helios_core.types import FrameId, ObjectInstance, RobotState
+from helios_core.types import AlignedBox, FrameId, ObjectInstance, RobotState
 from numpy.typing import NDArray
 
 from helios_planner.decisions.held_object import HeldObject
@@ -299,9 +299,7 @@ class RobotClient(RobotInterface):
         nats = reply.image_text_nats if rated else None
         return HeldObject(reply.probability, reply.sides, names, nats)
 
-    def probability_at(
-        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
-    ) -> Sequence[float]:
+    def probability_at(self, class_name: str, boxes: Sequence[AlignedBox]) -> Sequence[float]:
         request = pb.NamesAtRequest(
             class_name=class_name,
             center_m=[vector_to_proto(center) for center, _ in boxes],

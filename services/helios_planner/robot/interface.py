@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from helios_core.geometry import Matrix
 from helios_core.robot import Action, ActionResult
-from helios_core.types import ObjectInstance, RobotDescription
+from helios_core.types import AlignedBox, ObjectInstance, RobotDescription
 from numpy.typing import NDArray
 
 from helios_planner.decisions.decision import Decision
@@ -129,9 +129,7 @@ class RobotInterface(ABC):
         """Names of the object that the robot shows, as the object map has seen it."""
 
     @abstractmethod
-    def probability_at(
-        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
-    ) -> Sequence[float]:
+    def probability_at(self, class_name: str, boxes: Sequence[AlignedBox]) -> Sequence[float]:
         """Probability that the thing in each box (centre [3] and size [3], world, m) is of a class,
         by the names of detections there; 0.5 without any."""
 

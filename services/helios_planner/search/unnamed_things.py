@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from helios_core.types import ObjectInstance
+from helios_core.types import AlignedBox, ObjectInstance
 from helios_core.usual_sizes import agreement
 from numpy.typing import NDArray
 
 from helios_planner.motion_planning.costmap import GroundMap
 from helios_planner.motion_planning.things_on_top import RaisedSpot, raised_spots
 
-Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # centre and size [3], world, m
 BELIEVED_FROM = 0.5  # Ψ of a receptacle whose things are tried
 LEAST_AGREEMENT = 0.2  # of the size with the class
 LEAST_PROBABILITY = 0.01  # by other names
@@ -29,7 +28,7 @@ def unnamed_things(
     class_name: str,
     starts: Sequence[ObjectInstance],
     ground: GroundMap,
-    probability_at: Callable[[str, Sequence[Box]], Sequence[float]],
+    probability_at: Callable[[str, Sequence[AlignedBox]], Sequence[float]],
 ) -> list[ObjectInstance]:
     """Things on the believed start receptacles, likeliest first. Their score is the product of the
     receptacle's Ψ, the agreement of their size with the class, and the probability of the class by

@@ -19,7 +19,7 @@ from helios_core.robot import (
     Tilt,
     Turn,
 )
-from helios_core.types import ObjectInstance, RobotDescription
+from helios_core.types import AlignedBox, ObjectInstance, RobotDescription
 from helios_planner.decisions.decision import Decision
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
@@ -245,9 +245,7 @@ class FakeWorld(RobotInterface):
     def held_object(self, class_name: str) -> HeldObject:
         return self._held.in_hand if self._held else HeldObject(1.0, 0, ())
 
-    def probability_at(
-        self, class_name: str, boxes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
-    ) -> Sequence[float]:
+    def probability_at(self, class_name: str, boxes: Sequence[AlignedBox]) -> Sequence[float]:
         return [self.named_at for _ in boxes]
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:

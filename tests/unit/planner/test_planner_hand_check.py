@@ -268,6 +268,13 @@ def test_a_doubtful_unnamed_thing_is_brought_after_all() -> None:
     assert in_hand(world) == [Do.SEARCH_ON]
 
 
+def test_an_unnamed_thing_without_a_name_in_the_hand_waits_until_all_else_was_tried() -> None:
+    nameless, right = unseen_mug(HeldObject(1.0, 0, ()), 3, 6.7), unseen_mug(RIGHT, 4, 7.2)
+    world = bumps(world_of(nameless, right), nameless, right)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is right
+
+
 def test_each_thing_is_tried_once_and_no_more_than_asked_for() -> None:
     things = [unseen_mug(WRONG, 3, 6.7), unseen_mug(WRONG, 4, 7.0), unseen_mug(WRONG, 5, 7.3)]
     world = bumps(world_of(*things), *things)

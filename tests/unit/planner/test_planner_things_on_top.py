@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from helios_core.types import ObjectInstance
+from helios_core.types import AlignedBox, ObjectInstance
 from helios_planner.motion_planning.costmap import GroundMap
 from helios_planner.motion_planning.things_on_top import MOST_M, raised_spots
-from helios_planner.search.unnamed_things import Box, is_unnamed, unnamed_things
+from helios_planner.search.unnamed_things import is_unnamed, unnamed_things
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,7 +18,7 @@ TABLE = (1.0, 1.0, 2.0, 1.6)  # x0, y0, x1, y1
 SURFACE_M = 0.45
 
 
-def even(_: str, boxes: Sequence[Box]) -> list[float]:
+def even(_: str, boxes: Sequence[AlignedBox]) -> list[float]:
     return [0.5 for _ in boxes]
 
 
@@ -101,7 +101,7 @@ def test_only_things_of_the_right_size_on_a_believed_receptacle_are_tried() -> N
 def test_what_was_called_otherwise_comes_last_or_is_left_out() -> None:
     seen = ground((1.2, 1.2, 1.3, 1.3, 0.1), (1.5, 1.2, 1.6, 1.3, 0.1), (1.8, 1.2, 1.9, 1.3, 0.1))
 
-    def by_place(_: str, boxes: Sequence[Box]) -> list[float]:
+    def by_place(_: str, boxes: Sequence[AlignedBox]) -> list[float]:
         return [{1.2: 0.2, 1.5: 0.9, 1.8: 0.001}[round(float(c[0]) - 0.05, 1)] for c, _ in boxes]
 
     found = unnamed_things("mug", [instance()], seen, by_place)
