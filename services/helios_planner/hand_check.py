@@ -26,7 +26,7 @@ from helios_planner.task import Phase
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
 # Probability from which an object that was put back is brought after all, without a better one.
 RECONSIDERED_FROM = 0.1
-UNNAMED_ODDS = 0.25  # prior odds of a thing that nothing was called, against one that was
+UNNAMED_ODDS = 0.25  # prior odds of a thing without the name, against one with it
 
 
 def in_odds(probability: float, factor: float) -> float:

@@ -178,8 +178,8 @@ class Settings(ServiceSettings):
     unnamed_picks: int = Field(
         default=0,
         ge=0,
-        description="most things on a believed start receptacle that are picked and looked at "
-        "though nothing was called the object, if the search was in vain; 0: none",
+        description="most things on a believed start receptacle that are picked and looked at, "
+        "although no detection gave them the object's name; 0: none",
     )
     hand_from: float = Field(
         default=0.5,

@@ -194,8 +194,8 @@ def check_first(decision: Decision, what: Act, score_after_view: float) -> Decis
 def try_unnamed(
     name: str, start: str, things: Sequence[ObjectInstance], distances_m: Sequence[float]
 ) -> Decision:
-    """Decision to pick the likeliest of the things on the start receptacle that nothing was called,
-    and to look at it in the hand. things: likeliest first, at least one."""
+    """Decision to pick the likeliest unnamed thing on the start receptacle, and to look at it in
+    the hand. things: likeliest first, at least one."""
     candidates = tuple(
         Candidate(
             "object", name, position_of(thing),

@@ -130,7 +130,7 @@ class Search(ABC):
         return
 
     def pick_unnamed(self, most: int) -> None:
-        """Let the search choose things that nothing was called, for a look in the hand, if it was
+        """Let the search choose things without the sought name, for a look in the hand, if it was
         in vain. most: number of such things."""
         return
 

@@ -135,7 +135,7 @@ class ObjectSearch(ScoredSearch):
         first, self._searched = not self._searched, True
         return first and bool(self._untried())
 
-    # --- things that nothing was called --------------------------------------------------------
+    # --- things without the sought name --------------------------------------------------------
     def pick_unnamed(self, most: int) -> None:
         self._most_unnamed = most
 

@@ -1,8 +1,8 @@
-"""Things on a believed start receptacle that nothing was called (not in the paper).
+"""Things on a believed start receptacle to which no detection gave the sought name (not in the
+paper).
 
-The task says where the object lies. If no candidate looks like it, it may be one of the things
-there that the detector misses or calls otherwise. Their size tells which to try first, and a look
-at it in the hand whether it is the object.
+The task says where the object lies. The detector may miss it, or give it another name. Size and
+names tell which thing to pick first; a look at it in the hand decides whether it is the object.
 """
 
 from __future__ import annotations

@@ -203,7 +203,7 @@ def test_a_restart_while_the_object_is_shown_keeps_it() -> None:
     assert sum(isinstance(action, Pick) for action in world.log) == 1
 
 
-# --- things that nothing was called ---------------------------------------------------------------
+# --- things without the sought name ---------------------------------------------------------------
 def unseen_mug(held: HeldObject, id: int = 3, x: float = 7.2) -> Thing:
     """A mug that the detector never reports."""
     return looks(mug(id, x, rate=0.0), held)
@@ -256,7 +256,7 @@ def test_on_a_sure_receptacle_it_is_tried_before_the_rest_of_the_home_is_searche
         mission(world, unnamed_picks=4).run()
         return [d.rule for d in world.decisions].index(DecisionRule.UNNAMED)
 
-    unlikely = 0.1  # it was called otherwise
+    unlikely = 0.1  # it has another name
     assert decisions_before(0.5) < decisions_before(unlikely)
 
 
