@@ -1,0 +1,197 @@
+"""Write the figures of the runs in docs/results into its pages; `--check` exits 1 if stale.
+
+A run whose episodes were not all played gets no figures, only the number of episodes so far.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from helios_eval.episodes import episode_record
+from helios_eval.report import number_format, paper_comparison, research_questions
+from helios_eval.report.agent_groups import Arm, arms_of
+from helios_eval.report.interval_statistics import wilson
+from helios_eval.report.record_metrics import METRICS, NAMES, values
+from helios_eval.report.report_model import Table
+from helios_eval.report.requested_episodes import seeds_asked
+from helios_eval.report.run_description import run_of
+
+from scripts.markdown_tables import DOCS, Block, code, table
+
+SCRIPT = "scripts/page_of_results.py"
+RESULTS = DOCS / "results"
+BRACKETS = str.maketrans("[]", "()")
+NONE_COMPLETE = "No run is complete.\n"
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run in a folder of docs/results, under the title of its table."""
+
+    folder: str
+    title: str
+
+
+RUNS = (
+    Run("table-1", "Table 1: components and baselines"),
+    Run("table-2", "Table 2: object navigation"),
+    Run("table-4", "Table 4: ground-truth semantics"),
+    Run("table-5", "Table 5: assumption of the information gain"),
+    Run("tables-6-8", "Tables 6 to 8: sensitivity"),
+    Run("realistic-sensor", "Errors of the camera and drift of the pose"),
+    Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick"),
+    Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick"),
+)
+
+
+@functools.cache
+def arms(folder: str) -> tuple[Arm, ...]:
+    """Arms of a run; none before its first episode."""
+    path = RESULTS / folder
+    if not path.is_dir():
+        return ()
+    return tuple(arms_of(episode_record.read(path), seeds_asked(run_of(path))))
+
+
+def is_complete(found: Sequence[Arm]) -> bool:
+    """True if all episodes that the commands of a run requested were played."""
+    return bool(found) and all(arm.is_complete for arm in found)
+
+
+def tables() -> str:
+    """A table of means for each run."""
+    return "\n".join(f"#### {run.title}\n\n{_of_run(run)}" for run in RUNS)
+
+
+def _of_run(run: Run) -> str:
+    found = arms(run.folder)
+    if not found:
+        return "Not played yet.\n"
+    if not is_complete(found):
+        played = sum(len(arm.records) for arm in found)
+        return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
+    return means(found)
+
+
+def means(found: Sequence[Arm]) -> str:
+    """Table with a row for each arm: shares in percent, the whole task with its interval."""
+    shares = [name for name in NAMES[found[0].benchmark] if METRICS[name].binary and name != "SR"]
+    rest = ["SPL"] if found[0].benchmark == "objectnav" else []
+    head = ["agent", "homes", *shares, "SR", *rest, "steps"]
+    rows: list[list[str]] = []
+    for arm in found:
+        success = values(arm.records, "SR")
+        w = wilson(int(success.sum()), len(success))
+        rows.append([
+            _named(arm),
+            str(len(arm.records)),
+            *(_mean(arm, name) for name in shares),
+            f"**{_mean(arm, 'SR')}** ({100 * w.low:.1f} to {100 * w.high:.1f})",
+            *(_mean(arm, name) for name in rest),
+            _mean(arm, "steps", 0),
+        ])  # fmt: skip
+    return table(head, rows)
+
+
+def pick_and_place() -> str:
+    """Table of means of Tables 1 and 4."""
+    found = [arms(folder) for folder in ("table-1", "table-4")]
+    return means([arm for run in found if is_complete(run) for arm in run])
+
+
+def differences() -> str:
+    """Table of the answers to the questions of the runs."""
+    answers = research_questions.section(_complete())
+    blocks = answers.blocks if answers else ()
+    compared = next((block for block in blocks if isinstance(block, Table)), None)
+    if compared is None:
+        return NONE_COMPLETE
+    rows: list[list[str]] = []
+    group = ""
+    for row in compared.rows:
+        metric, first, second, difference, bounds, ratio, homes, verdict = (
+            cell.text for cell in row.cells
+        )
+        if row.group != group:
+            group = row.group
+            rows.append([f"*{group}*", *[""] * 6])
+        rows.append([
+            metric, first, second, f"{difference} {_plain(bounds)}", _plain(ratio), homes,
+            verdict.partition(":")[0],
+        ])  # fmt: skip
+    return table(["", "first, %", "second, %", "difference", "ratio", "homes", "so"], rows)
+
+
+def relations() -> str:
+    """Table of the ratios that the paper claims, with ours over the same homes."""
+    compared = paper_comparison.relations(_complete())
+    if compared is None:
+        return NONE_COMPLETE
+    rows: list[list[str]] = []
+    for row in compared.rows:
+        claim, paper, ours, homes, verdict = row.cells
+        rows.append([
+            claim.text, f"{paper.text} ({paper.note})", f"{ours.text} {_plain(ours.note)}",
+            homes.text, verdict.text,
+        ])  # fmt: skip
+    return table(["ratio of", "paper", "ours", "homes", "so"], rows)
+
+
+def _complete() -> list[Arm]:
+    """Arms of all runs that are complete."""
+    found = [arms(run.folder) for run in RUNS]
+    return [arm for run in found if is_complete(run) for arm in run]
+
+
+def _named(arm: Arm) -> str:
+    """Agent as code, and what differs from the plain run."""
+    semantics = "" if arm.semantics == "noisy" else f", {arm.semantics}"
+    rest = arm.label.removeprefix(arm.agent)
+    return code(arm.agent) + (rest.replace(" · ", ", ") or semantics)
+
+
+def _mean(arm: Arm, name: str, digits: int | None = None) -> str:
+    found = values(arm.records, name)
+    mean = float(found.mean()) if len(found) else math.nan
+    return number_format.number(
+        mean * number_format.scale(name), METRICS[name].digits if digits is None else digits
+    )
+
+
+def _plain(bounds: str) -> str:
+    """Bounds "[low, high]" as "(low to high)"."""
+    return "" if bounds == number_format.NONE else bounds.translate(BRACKETS).replace(", ", " to ")
+
+
+def _blocks() -> list[Block]:
+    def block(page: Path, name: str, made: Callable[[], str]) -> Block:
+        return Block(page, name, SCRIPT, made)
+
+    return [
+        block(RESULTS / "README.md", "tables of the paper", tables),
+        block(RESULTS / "README.md", "paired differences", differences),
+        block(RESULTS / "README.md", "relations", relations),
+        block(RESULTS / "beside-the-field.md", "pick and place", pick_and_place),
+        block(RESULTS / "beside-the-field.md", "relations", relations),
+    ]
+
+
+BLOCKS = _blocks()
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Write the figures of the committed runs")
+    parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
+    check = parser.parse_args().check
+    for each in BLOCKS:
+        text = each.page.read_text()
+        fresh = each.fresh(text)
+        if check and fresh != text:
+            sys.exit(f"the {each.name} of {each.page.name} are stale; run {SCRIPT}")
+        if not check:
+            each.page.write_text(fresh)
