@@ -14,6 +14,7 @@ from helios_core.errors import InvalidInput
 
 DEVIATIONS = 3.0  # standard deviations of the difference that count as noise
 SIGMA = 1.4826  # standard deviation of normal noise with a median absolute deviation of 1
+OF_MEDIAN = 1.2533  # standard error of a median over that of a mean, for normal noise
 LEAST = 0.1  # smaller relative changes never count: two runs on one machine differ this much
 UNKNOWN = 0.2  # the same for a row without spreads, as older files have
 
@@ -62,6 +63,7 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
             if not (isinstance(row["name"], str) and float(row["ratio"]) > 0):
                 raise ValueError(f"a row has the ratio {row['ratio']!r}")
             float(row.get("ratio_spread", 0))
+            int(row.get("repeats", 1))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InvalidInput(
             f"{path} is no result of helios bench ({type(error).__name__}: {error}); give a file "
@@ -82,6 +84,13 @@ def _by_place(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, int], Mappin
 def _change(old: Mapping[str, Any], new: Mapping[str, Any]) -> Change:
     before, now = float(old["ratio"]), float(new["ratio"])
     known = "ratio_spread" in old and "ratio_spread" in new
-    spread = math.hypot(old["ratio_spread"], new["ratio_spread"]) if known else 0.0
-    noise = max(DEVIATIONS * SIGMA * spread, (LEAST if known else UNKNOWN) * before)
+    error = math.hypot(_error(old), _error(new)) if known else 0.0
+    noise = max(DEVIATIONS * error, (LEAST if known else UNKNOWN) * before)
     return Change(new["name"], new.get("size", ""), before, now, noise)
+
+
+def _error(row: Mapping[str, Any]) -> float:
+    """Standard error of the ratio of a row, the median of its repeats."""
+    repeats = max(int(row.get("repeats", 1)), 1)
+    single = SIGMA * float(row["ratio_spread"])
+    return single if repeats == 1 else OF_MEDIAN * single / math.sqrt(repeats)

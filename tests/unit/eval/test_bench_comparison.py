@@ -37,6 +37,15 @@ def test_only_a_fall_beyond_the_noise_is_slower(now: float, spread: float, slowe
     assert found.slower is slower
 
 
+def test_more_repeats_leave_less_noise() -> None:
+    def slower(repeats: int) -> bool:
+        old = _row(ratio_spread=0.2, repeats=repeats)
+        (found,), _ = changes([old], [old | {"ratio": 1.5}])
+        return found.slower
+
+    assert [slower(n) for n in (1, 3, 16, 60)] == [False, False, True, True]
+
+
 def test_an_old_file_without_spreads_allows_a_fifth() -> None:
     (small,), _ = changes([_row()], [_row(ratio=1.65, ratio_spread=0.01)])
     (large,), _ = changes([_row()], [_row(ratio=1.55, ratio_spread=0.01)])
