@@ -132,21 +132,27 @@ def kind_of(row: str) -> str:
     return service if service in (*SHARED, WORLD) else "services"
 
 
-def limits(of: Cost, steps_per_s: float, cores: int, memory_mb: float) -> dict[str, float]:
+def limits(
+    of: Cost, smallest: Cost, steps_per_s: float, cores: int, memory_mb: float
+) -> dict[str, float]:
     """Number of robots at which each resource ends, if every robot makes so many steps per second.
 
-    simulated: with the world of each robot on this machine. The gateway is one Python process, so
-    one core is its end.
+    smallest: cost of the smallest fleet; from there to `of`, the memory of the shared processes
+    grows with the robots. simulated: with the world of each robot on this machine. The gateway is
+    one Python process, so one core is its end.
     """
+    more = of.robots - smallest.robots
+    shared_per_robot_mb = (of.shared_pss_mb - smallest.shared_pss_mb) / more if more else 0.0
+    free_mb = memory_mb - of.shared_pss_mb + shared_per_robot_mb * of.robots
+    own_mb = of.services_pss_mb + shared_per_robot_mb
     per_s = steps_per_s / 1e3
     shared_ms = of.gateway_ms_per_step + of.router_ms_per_step
     own_cores = of.services_ms_per_step * per_s
     return {
         "processor": cores / (own_cores + shared_ms * per_s),
         "processor, simulated": cores / (own_cores + (shared_ms + of.world_ms_per_step) * per_s),
-        "memory": (memory_mb - of.shared_pss_mb) / of.services_pss_mb,
-        "memory, simulated": (memory_mb - of.shared_pss_mb)
-        / (of.services_pss_mb + of.world_pss_mb),
+        "memory": free_mb / own_mb,
+        "memory, simulated": free_mb / (own_mb + of.world_pss_mb),
         "gateway": 1.0 / max(of.gateway_ms_per_step * per_s, 1e-9),
         "router on all cores": cores / max(of.router_ms_per_step * per_s, 1e-9),
         "network of 1 Gbit/s": NETWORK_MB_S
@@ -242,6 +248,11 @@ def _published_kb_per_step(helios: Helios, folder: Path, seconds: float) -> floa
         return count / 1e3 / max(1, _steps(helios) - steps)
 
 
+def read(path: Path) -> list[Cost]:
+    """Costs in a fleet.json that this study wrote."""
+    return [Cost(**row) for row in json.loads(path.read_text())["costs"]]
+
+
 def report(costs: Sequence[Cost]) -> str:
     """Markdown: the measured cost by number of robots, and the calculation beyond, from the largest
     fleet without congestion."""
@@ -252,7 +263,7 @@ def report(costs: Sequence[Cost]) -> str:
     pace = max(c.steps_per_s for c in costs)
     cores, memory_mb = os.cpu_count() or 1, psutil.virtual_memory().total / 1e6
     basis = [c for c in costs if c.steps_per_s >= KEPT * pace][-1]
-    ends = limits(basis, pace, cores, memory_mb)
+    ends = limits(basis, costs[0], pace, cores, memory_mb)
     out += ["", f"Calculated for {pace:.2f} steps per second and robot, {cores} cores and "
             f"{memory_mb / 1e3:.0f} GB, from the column of {basis.robots} robots:", "",
             "| resource | ends at, robots |", "|---|--:|"]  # fmt: skip
@@ -267,8 +278,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     )  # fmt: skip
     parser.add_argument("--robots", default="1,2,4", help="numbers of robots; default 1,2,4")
     parser.add_argument("--seconds", type=float, default=60.0, help="time of work; default 60")
-    parser.add_argument("--out", type=Path, required=True, help="folder for figures and logs")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--out", type=Path, help="folder for figures and logs")
+    where.add_argument(
+        "--report", type=Path, help="a fleet.json: print its tables, measure nothing"
+    )
     args = parser.parse_args(argv)
+    if args.report is not None:
+        print(report(read(args.report)))
+        return 0
     try:
         numbers = sorted({int(part) for part in args.robots.split(",")})
         if numbers[0] < 1 or args.seconds <= 0:

@@ -18,7 +18,11 @@ from numpy.typing import NDArray
 from helios_objectmap.fusion.semantics import Score
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.image_text import ImageTextScores, SectorScores, with_evidence
-from helios_objectmap.instances.name_sightings import NameErrors, NameSightings
+from helios_objectmap.instances.name_sightings import (
+    NameErrors,
+    NameSightings,
+    evidence_share,
+)
 from helios_objectmap.instances.registry import InstanceRegistry
 from helios_objectmap.instances.summary import (
     Belief,
@@ -161,11 +165,11 @@ class InstanceBeliefs:
             names.append(class_name)
         trust = self._trust(label)
         if s.look_alikes == "compared":
-            trust *= self._name_probability(label, rows)
+            trust *= self._name_share(label, rows)
         belief = self._believed(rows, class_name, names, trust)
         sized = trust
         if s.look_alikes == "sized":
-            sized *= self._name_probability(label, rows, self._shape(label, belief))
+            sized *= self._name_share(label, rows, self._shape(label, belief))
         if s.size_agreement != "off":
             sized *= self._size_agreement(label, belief)
         if sized == trust:
@@ -194,20 +198,24 @@ class InstanceBeliefs:
             else self._registry.true_detection_share(label, trust == "class-distance")
         )
 
-    def _name_probability(
+    def _name_share(
         self, label: int, rows: NDArray[np.integer], shape: Shape | None = None
     ) -> float:
-        """Probability of an instance's own name against the other names that it was called by.
+        """Share of an instance's evidence that counts, by the other names that it was called by.
         shape: with it, other names that it does not fit count less."""
         name = self._registry.records[label].class_name
         rates = self._sightings.rates(self._store.means, rows, name, self._settings.side_views)
         if rates is None:
             return 1.0
         if shape is None:
-            return rates.probability(name, self._name_errors)
+            return evidence_share(rates.probability(name, self._name_errors))
         measured = self._measured(shape)
-        return rates.probability(
-            name, self._name_errors, lambda other: agreement(other, measured[0], 0.0, measured[1])
+        return evidence_share(
+            rates.probability(
+                name,
+                self._name_errors,
+                lambda other: agreement(other, measured[0], 0.0, measured[1]),
+            )
         )
 
     def _size_agreement(self, label: int, belief: Belief) -> float:

@@ -42,6 +42,7 @@ WIDTH_PX = 160  # largest width of the image from which voxels are filled
 OWN_OVERLAP = 0.5  # shared voxels, of the smaller, from which a detection is of an instance
 LEAST_OF_LARGEST = 0.3  # overlap of a detection, as a share of the largest one in its view
 MOST_VIEWS = 2048  # about 6 kB each
+SURE_NAME = 0.9  # probability of a name from which all evidence counts
 _is_furniture = lru_cache(maxsize=4096)(is_furniture)
 
 
@@ -90,6 +91,16 @@ class NameRates:
         others = [(n, s) for n, s in zip(self.names, support, strict=True) if n != own]
         odds = sum(errors.rival * prior(n) * math.exp(min(s - mine, 50.0)) for n, s in others)
         return 1 / (1 + odds)
+
+
+def evidence_share(own_name: float) -> float:
+    """Share in [0, 1] of the evidence for a class that counts where its name has the probability
+    own_name in [0, 1] against all others.
+
+    All counts from SURE_NAME on. Below, the share is in proportion to the odds of the name.
+    """
+    odds, sure = own_name / max(1 - own_name, 1e-9), SURE_NAME / (1 - SURE_NAME)
+    return min(1.0, odds / sure)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from helios_core.types import Detection
 from helios_objectmap.fusion.label_image import read
-from helios_objectmap.instances.name_sightings import NameRates, NameSightings
+from helios_objectmap.instances.name_sightings import (
+    SURE_NAME,
+    NameRates,
+    NameSightings,
+    evidence_share,
+)
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given
 from hypothesis import strategies as st
@@ -77,6 +82,18 @@ def test_the_probability_falls_as_the_other_name_gets_more_frequent(sides) -> No
 def test_a_name_that_was_never_given_is_less_likely_than_any_given_one() -> None:
     seen = NameRates(("glass",), np.array([[0.8]]), np.ones(1))
     assert seen.probability("mug") < rates([0.5], [0.8]).probability("mug")
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_the_share_of_the_evidence_rises_with_the_probability_of_the_name(one, other) -> None:
+    less, more = (evidence_share(name) for name in sorted((one, other)))
+    assert 0 <= less <= more <= 1
+
+
+def test_all_evidence_counts_for_a_sure_name_and_a_ninth_for_an_even_one() -> None:
+    assert evidence_share(1.0) == evidence_share(SURE_NAME) == 1.0
+    assert evidence_share(0.5) == pytest.approx(1 / 9)
+    assert evidence_share(0.0) == 0.0
 
 
 def views_of_mug(
