@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from helios_eval.provenance import commit, machine
+
 from helios_chaos.figures import percentiles
 from helios_chaos.schedule import Kind
 from helios_chaos.tasks import PlayedTask
 
 MOST_P95_S, MOST_STILL_S = 5.0, 1.0
+LEAST_MOVES = 5  # tasks to move a thing from which one at least has to succeed
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,7 @@ class PlayedFault:
     size: float  # delay in s, rate in Mbit/s or jump in s
     acting_again_s: float | None  # from its end to the end of the next action begun after it
     still_after_s: float | None  # from its start until the robot stood or might drive again
+    driving: bool | None = None  # whether the robot drove at its start; None: not looked at
 
 
 @dataclass
@@ -47,6 +51,8 @@ class ChaosResult:
         out += self.journal_faults + self.map_faults
         if self.orphans:
             out.append(f"{self.orphans} processes were left behind")
+        if figures["moves"] >= LEAST_MOVES and not figures["moves_succeeded"]:
+            out.append(f"none of {figures['moves']} tasks to move a thing succeeded")
         if never := figures["never_acted_again"]:
             out.append(f"the robot did not act again after {never} faults")
         if again is not None and again > MOST_P95_S:
@@ -59,10 +65,14 @@ class ChaosResult:
         again = [f.acting_again_s for f in self.faults if f.acting_again_s is not None]
         still = [f.still_after_s for f in self.faults if f.still_after_s is not None]
         ends = [task.state for task in self.tasks]
+        moves = [task.state for task in self.tasks if task.moves_a_thing]
         return {
-            "minutes": round(self.minutes, 2), "seed": self.seed, "tasks": len(self.tasks),
+            "machine": machine(), "commit": commit(), "minutes": round(self.minutes, 2), "seed": self.seed, "tasks": len(self.tasks),
             "succeeded": ends.count("succeeded"), "failed": ends.count("failed"),
             "cancelled": ends.count("cancelled"), "lost": sum(t.lost for t in self.tasks),
+            "unjudged": sum(t.unjudged for t in self.tasks),
+            "moves": len(moves), "moves_succeeded": moves.count("succeeded"),
+            "hit_while_driving": sum(bool(f.driving) for f in self.faults),
             "faults": [asdict(fault) for fault in self.faults],
             "acting_again_s": percentiles(again, 50, 95),
             "never_acted_again": len(self.faults) - len(again),

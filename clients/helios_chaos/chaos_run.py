@@ -132,14 +132,15 @@ def _play_fault(
     else:
         may_drive_s = partial(float, ended_s)
     acted_s = witness.wait_action(ended_s, ACTS_WITHIN_S)
-    still_s = None
+    still_s = driving = None
     if must:
         drive = witness.drive_after(began_s)
-        last_s = float(drive[-1, 0]) if len(drive) else began_s
-        still_s = round(min(last_s, may_drive_s()) - began_s, 3)
+        driving = len(drive) > 0
+        if driving:
+            still_s = round(min(float(drive[-1, 0]), may_drive_s()) - began_s, 3)
     return PlayedFault(
         round(began_s - run_began_s, 2), fault.kind, fault.target, round(ended_s - began_s, 2),
-        fault.size, None if acted_s is None else round(acted_s - ended_s, 3), still_s,
+        fault.size, None if acted_s is None else round(acted_s - ended_s, 3), still_s, driving,
     )  # fmt: skip
 
 

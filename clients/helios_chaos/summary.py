@@ -18,14 +18,17 @@ def totals(runs: Sequence[dict[str, Any]]) -> str:
     """One sentence on tasks, losses and what was left behind."""
 
     def added(key: str) -> int:
-        return sum(run[key] for run in runs)
+        return sum(run.get(key, 0) for run in runs)  # older files lack some
 
     sound = all(run["journal_ok"] and run["map_ok"] for run in runs)
     return (
         f"{sum(len(run['faults']) for run in runs)} faults in {added('minutes'):.0f} minutes; "
         f"{added('tasks')} tasks: {added('succeeded')} succeeded, {added('failed')} failed, "
-        f"{added('cancelled')} cancelled, {added('lost')} lost; {added('orphans')} processes left "
-        f"behind; journal and maps {'sound' if sound else 'not sound'}."
+        f"{added('cancelled')} cancelled, {added('lost')} lost, {added('unjudged')} ended with the "
+        f"message that it is not known how far they came; {added('moves_succeeded')} of "
+        f"{added('moves')} tasks to move a thing succeeded; {added('hit_while_driving')} faults hit "
+        f"a robot that drove and had to stand; {added('orphans')} processes left behind; journal "
+        f"and maps {'sound' if sound else 'not sound'}."
     )
 
 

@@ -27,23 +27,33 @@ AT_HOME_M = 0.6
 ANSWERS_WITHIN_S = 120.0  # of a service that a fault has hit
 TASK_WITHIN_S = 900.0
 SYSTEM_ERROR = "system error"  # cause of a failure that is not the task's
+MOVES = ("Move the ", "Put the ")  # how an instruction to move a thing begins
 
 Places = dict[str, tuple[str, str]]  # name of an object -> its class, name of what it stands on
 
 
 @dataclass(frozen=True)
 class PlayedTask:
-    """A task that was played. untrue: why its end contradicts the truth; empty if it does not."""
+    """A task that was played.
+
+    untrue: why its end contradicts the truth; empty if it does not. unjudged: it failed with the
+    message that it is not known how far it came, which no truth contradicts.
+    """
 
     id: str
     instruction: str
     state: str
     message: str
     untrue: str = ""
+    unjudged: bool = False
 
     @property
     def lost(self) -> bool:
         return bool(self.untrue) or self.state not in ("succeeded", "failed", "cancelled")
+
+    @property
+    def moves_a_thing(self) -> bool:
+        return self.instruction.startswith(MOVES)
 
 
 @dataclass
@@ -122,7 +132,8 @@ class TaskPlayer:
         finally:
             self.running.clear()
         untrue = self._untrue(instruction, task, home)
-        self.played.append(PlayedTask(id, instruction, task.state, task.message, untrue))
+        unjudged = task.state == "failed" and task.cause == SYSTEM_ERROR
+        self.played.append(PlayedTask(id, instruction, task.state, task.message, untrue, unjudged))
 
     def _move(self, home: Home) -> str:
         """Instruction for what the robot holds after a task that failed; else for an object that is
@@ -153,7 +164,7 @@ class TaskPlayer:
             away_m = float(np.hypot(*(self._robot_xy() - self.start_xy)))
             is_there = away_m <= AT_HOME_M
             found = f"the robot is {away_m:.2f} m from its start"
-        elif instruction.startswith(("Move the ", "Put the ")):
+        elif instruction.startswith(MOVES):
             is_there, found = moved_as_told(instruction, before, self._home())
         else:
             return ""

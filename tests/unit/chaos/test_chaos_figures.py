@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 FINE_QUEUES = {QUEUE: 2000.0}
 FINE = PlayedTask("a", "go home", "succeeded", "")
+STUCK = PlayedTask("c", "Move the mug from the desk to the bed", "failed", "holds a can")
 
 
 def fault(again_s: float | None = 1.0, still_s: float | None = None) -> PlayedFault:
@@ -74,11 +75,23 @@ def test_a_run_within_the_limits_passes() -> None:
         (result(fault(still_s=1.2)), "stood after 1.2 s"),
         (result(tasks=(PlayedTask("b", "", "running", ""),)), "task b is lost: running"),
         (result(tasks=(PlayedTask("b", "", "succeeded", "", "no mug moved"),)), "no mug moved"),
+        (result(tasks=(STUCK,) * 5), "none of 5 tasks to move a thing succeeded"),
     ],
 )
 def test_each_limit_is_checked(run: ChaosResult, miss: str) -> None:
     [said] = run.misses()
     assert miss in said
+
+
+def test_what_could_not_be_judged_and_what_was_driving_are_counted() -> None:
+    unjudged = PlayedTask("d", "Put the mug on the bed", "failed", "not known", unjudged=True)
+    moved = PlayedTask("e", "Put the mug on the bed", "succeeded", "")
+    drove = PlayedFault(1.0, "kill", "planner", 0.0, 0.0, 1.0, 0.6, driving=True)
+    figures = result(fault(), drove, tasks=(FINE, STUCK, unjudged, moved)).as_json()
+    assert (figures["unjudged"], figures["lost"]) == (1, 0)
+    assert (figures["moves"], figures["moves_succeeded"]) == (3, 1)
+    assert figures["hit_while_driving"] == 1
+    assert figures["commit"] and figures["machine"]
 
 
 def test_a_failed_task_is_not_lost() -> None:
