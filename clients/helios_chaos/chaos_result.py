@@ -67,7 +67,8 @@ class ChaosResult:
         ends = [task.state for task in self.tasks]
         moves = [task.state for task in self.tasks if task.moves_a_thing]
         return {
-            "machine": machine(), "commit": commit(), "minutes": round(self.minutes, 2), "seed": self.seed, "tasks": len(self.tasks),
+            "machine": machine(), "commit": commit(),
+            "minutes": round(self.minutes, 2), "seed": self.seed, "tasks": len(self.tasks),
             "succeeded": ends.count("succeeded"), "failed": ends.count("failed"),
             "cancelled": ends.count("cancelled"), "lost": sum(t.lost for t in self.tasks),
             "unjudged": sum(t.unjudged for t in self.tasks),

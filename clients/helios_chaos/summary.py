@@ -26,9 +26,9 @@ def totals(runs: Sequence[dict[str, Any]]) -> str:
         f"{added('tasks')} tasks: {added('succeeded')} succeeded, {added('failed')} failed, "
         f"{added('cancelled')} cancelled, {added('lost')} lost, {added('unjudged')} ended with the "
         f"message that it is not known how far they came; {added('moves_succeeded')} of "
-        f"{added('moves')} tasks to move a thing succeeded; {added('hit_while_driving')} faults hit "
-        f"a robot that drove and had to stand; {added('orphans')} processes left behind; journal "
-        f"and maps {'sound' if sound else 'not sound'}."
+        f"{added('moves')} tasks to move a thing succeeded; {added('hit_while_driving')} faults "
+        f"hit a robot that drove and had to stand; {added('orphans')} processes left behind; "
+        f"journal and maps {'sound' if sound else 'not sound'}."
     )
 
 

@@ -91,7 +91,8 @@ def test_what_could_not_be_judged_and_what_was_driving_are_counted() -> None:
     assert (figures["unjudged"], figures["lost"]) == (1, 0)
     assert (figures["moves"], figures["moves_succeeded"]) == (3, 1)
     assert figures["hit_while_driving"] == 1
-    assert figures["commit"] and figures["machine"]
+    assert figures["commit"]
+    assert figures["machine"]
 
 
 def test_a_failed_task_is_not_lost() -> None:
