@@ -25,8 +25,8 @@ SIDE_RAD = math.radians(30)  # turns that differ by less show one side
 
 @dataclass(frozen=True)
 class ShownNames:
-    """How often the shown object was called by each name. names: with the share of the sides shown,
-    largest first."""
+    """How often the shown object was called by each name. names: with the share of the sides that
+    have a detection, largest first."""
 
     probability: float  # that the asked class is right; 1 without any detection
     sides: int  # with a detection of the object

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from helios_core.robot import Place, Show
+from helios_core.robot import Action, Pick, Place, Show
 from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
 from helios_planner.decisions.acceptance import check_in_hand
-from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.navigation.base_controller import BaseController
@@ -27,6 +27,12 @@ RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is 
 # Probability from which an object that was put back is brought after all, without a better one.
 RECONSIDERED_FROM = 0.1
 UNNAMED_ODDS = 0.25  # prior odds of a thing without the name, against one with it
+
+
+def bottom_of(thing: ObjectInstance) -> NDArray[np.float64]:
+    """Middle [3] of the lower side of its box, world."""
+    x, y, z = (float(v) for v in thing.center_m)
+    return np.array([x, y, z - float(thing.size_m[2]) / 2])
 
 
 def in_odds(probability: float, factor: float) -> float:
@@ -45,17 +51,28 @@ class HandCheck:
     put_back: int = 0  # wrong objects so far
     cannot_show: bool = False  # True once the robot failed to show what it holds
     returning_m: NDArray[np.float64] | None = None  # place [3] of a wrong object still in the hand
+    unseen_m: NDArray[np.float64] | None = None  # place [3] of an unnamed thing, until it is seen
 
     # --- restart -------------------------------------------------------------------------------
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a crash of the planner, as JSON, for `restore`."""
-        returning = None if self.returning_m is None else self.returning_m.tolist()
-        return {"put_back": self.put_back, "returning_m": returning}
+        places = {"returning_m": self.returning_m, "unseen_m": self.unseen_m}
+        listed = {name: None if at is None else at.tolist() for name, at in places.items()}
+        return {"put_back": self.put_back} | listed
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self.put_back = int(checkpoint.get("put_back", 0))
-        returning = checkpoint.get("returning_m")
-        self.returning_m = None if returning is None else np.array(returning, float)
+        for name in ("returning_m", "unseen_m"):
+            at = checkpoint.get(name)
+            setattr(self, name, None if at is None else np.array(at, float))
+
+    def returns_unseen(self, last: Action | None) -> bool:
+        """True if a restart interrupted the look at an unnamed thing. It goes back to its place,
+        where it is tried again. last: newest action."""
+        if self.unseen_m is None or not isinstance(last, Pick | Show):
+            return False
+        self.returning_m, self.unseen_m = self.unseen_m, None
+        return True
 
     def resume(self) -> bool:
         """Go on with a return that a restart interrupted. False if the object cannot be put back:
@@ -74,18 +91,19 @@ class HandCheck:
 
     def refutes(self, search: Search, found: ObjectInstance, picks: int) -> bool:
         """True if the picked object looked wrong from its sides and was put back. picks: so far;
-        after the last one the object is kept unseen, as is one that was set aside before. Raises
-        Dropped."""
-        s = self.settings
-        if search.in_hand(found) < 1:
-            return False
-        if not self.can_look or (s.max_picks and picks >= s.max_picks):
+        after the last one an object is kept unseen, but no unnamed thing. One that was set aside
+        before is kept. Raises Dropped."""
+        s, unnamed = self.settings, is_unnamed(found)
+        last = s.max_picks and picks >= s.max_picks
+        if search.was_set_aside(found) or not self.can_look or (last and not unnamed):
             return False
         self._tell(search, f"looking at the picked {search.name} from {s.hand_sides} sides")
         held = self._look(search.name)
+        self.unseen_m = None
+        search.note_seen(found)
         if held is None:
-            return False
-        if is_unnamed(found):
+            return unnamed and self._returns_unshown(search, found)
+        if unnamed:
             known = held.sides > 0 or held.image_text_nats is not None
             before = held.probability if known else 0.5
             held = replace(held, probability=in_odds(before, UNNAMED_ODDS))
@@ -94,16 +112,23 @@ class HandCheck:
             return False
         if held.probability >= RECONSIDERED_FROM:
             search.set_aside(found, held.probability)
-        elif not is_unnamed(found):  # what lies beside an unnamed thing is tried, too
+        elif not unnamed:  # what lies beside an unnamed thing is tried, too
             search.refused.add(found)
-        x, y, z = (float(v) for v in found.center_m)
-        self.returning_m = np.array([x, y, z - float(found.size_m[2]) / 2])
+        self.returning_m = bottom_of(found)
         if not self._put_back():
             why = "which cannot be put back where it was"
             self._publish(search, check_in_hand(found, held, s.hand_from, why))
             return False
         search.set_message_prefix(decision.why)
         return True
+
+    def _returns_unshown(self, search: Search, found: ObjectInstance) -> bool:
+        """Put an unnamed thing back that could not be shown; no other is picked then. False if the
+        robot still holds it."""
+        search.pick_unnamed(0)
+        search.give_up(Act.PICK, found, "the robot cannot show what it holds")
+        self.returning_m = bottom_of(found)
+        return self._put_back()
 
     def _publish(self, search: Search, decision: Decision) -> Decision:
         self.robot.listener.on_decision(decision)

@@ -43,6 +43,7 @@ from helios_planner.navigation.base_controller import BaseController, Outcome
 from helios_planner.navigation.motion_monitor import Dropped
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.candidate_beliefs import Belief
+from helios_planner.search.unnamed_things import is_unnamed
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 
@@ -121,7 +122,12 @@ class Manipulation:
             if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
                 return SkillOutcome.FAILED if attempts else SkillOutcome.OUT_OF_REACH
             tried.append(self.robot.pose().xy)
-            near = self.near = self.belief.from_near(thing, class_name, SAME_THING_M)
+            near = (
+                None
+                if is_unnamed(thing)
+                else self.belief.from_near(thing, class_name, SAME_THING_M)
+            )
+            self.near = near
             if not confirmed(near):
                 return SkillOutcome.DOUBTED
             thing = near or thing

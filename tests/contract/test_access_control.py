@@ -72,8 +72,8 @@ def test_the_attempts_cover_what_the_table_allows_and_far_more() -> None:
     assert len(ALL - ALLOWED) > 20_000
     page = " ".join((ROOT / "docs/explanation/security.md").read_text().split())
     said = (
-        f"Of {len(ALL):,} pairs of certificate and operation the table allows {len(ALLOWED):,}, and exactly these come "
-        f"through. All {len(ALL - ALLOWED):,} others are refused."
+        f"Of {len(ALL):,} pairs of certificate and operation the table allows {len(ALLOWED):,}, "
+        f"and exactly these come through. All {len(ALL - ALLOWED):,} others are refused."
     )
     assert said in page, f"docs/explanation/security.md should say: {said}"
 

@@ -167,16 +167,16 @@ class InstanceBeliefs:
         if s.look_alikes == "compared":
             trust *= self._name_share(label, rows)
         belief = self._believed(rows, class_name, names, trust)
-        sized = trust
+        counted = trust
         if s.look_alikes == "sized":
-            sized *= self._name_share(label, rows, self._shape(label, belief))
+            counted *= self._name_share(label, rows, self._shape(label, belief))
         if s.size_agreement != "off":
-            sized *= self._size_agreement(label, belief)
-        if sized == trust:
+            counted *= self._size_agreement(label, belief)
+        if counted == trust:
             return belief
         return with_trust(
             belief, self._store, class_name, s.prior_concentration, self._classes.prior_classes,
-            s.alpha_cs, sized,
+            s.alpha_cs, counted,
         )  # fmt: skip
 
     def _believed(

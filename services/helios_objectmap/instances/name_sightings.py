@@ -54,7 +54,7 @@ class NameErrors:
     """
 
     hit: float = 0.95  # chance of the right name in a view that names the thing
-    mistaken: float = 0.1  # the same of a wrong name; only its odds against those of `hit` count
+    mistaken: float = 0.1  # chance that such a view gives the name of another thing
     sides_correlate: float = 0.2  # correlation of the errors of two sides of a thing
     rival: float = 0.02  # prior odds of one other name against the own one
 

@@ -246,6 +246,14 @@ class Search(ABC):
         """Probability of its class by an earlier look at it in the hand; 1 without one."""
         return 1.0
 
+    def was_set_aside(self, candidate: ObjectInstance) -> bool:
+        """True if the candidate looked wrong in the hand before."""
+        return self.in_hand(candidate) < 1
+
+    def note_seen(self, candidate: ObjectInstance) -> None:
+        """Record that a candidate was looked at in the hand."""
+        return
+
     def end_waiting(self) -> bool:
         """Allow candidates that were out of reach again; True if the map has changed since."""
         waited = bool(self.unreachable.points)

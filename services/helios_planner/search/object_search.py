@@ -35,7 +35,7 @@ from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.motion_planning.unknown_borders import floor_m2
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
-from helios_planner.search.unnamed_things import unnamed_things
+from helios_planner.search.unnamed_things import FIRST_ID, is_unnamed, unnamed_things
 from helios_planner.search.view_selection import PlaceSet
 from helios_planner.task import Cause, Phase, TaskFailed
 
@@ -83,7 +83,7 @@ class ObjectSearch(ScoredSearch):
         self.visited = PlaceSet(SAME_PLACE_M)
         self._most_unnamed = 0
         self._searched = False  # True once everything was searched in vain
-        self._tried = PlaceSet(SAME_SPOT_M)  # unnamed things
+        self._tried = PlaceSet(SAME_SPOT_M)  # unnamed things that were looked at in the hand
         self._unnamed: dict[int, ObjectInstance] = {}  # of the newest decision
         self._last_seen: tuple = ()
 
@@ -166,21 +166,30 @@ class ObjectSearch(ScoredSearch):
             least = LIKELY_FROM
         things = unnamed_things(self.name, starts, self.robot.ground(), self.robot.probability_at)
         left = (*self._tried.points, *self.refused.points)
+        named = [one.center_m[:2] for one in self._set_aside if one.id < FIRST_ID]
         return [
             t for t in things
             if t.score >= least
+            and t not in self.unreachable
             and all(math.dist(p, t.center_m[:2]) > SAME_SPOT_M for p in left)
+            and all(math.dist(p, t.center_m[:2]) > SAME_INSTANCE_M for p in named)
         ]  # fmt: skip
 
     def chosen(self, decision: Decision) -> ObjectInstance:
-        thing = self._unnamed.get(decision.chosen.id)
-        if thing is None:
-            return super().chosen(decision)
-        self._tried.add(thing)
-        return thing
+        return self._unnamed.get(decision.chosen.id) or super().chosen(decision)
+
+    def note_seen(self, candidate: ObjectInstance) -> None:
+        if is_unnamed(candidate):
+            self._tried.add(candidate)
+
+    def was_set_aside(self, candidate: ObjectInstance) -> bool:
+        if is_unnamed(candidate):  # another one may lie beside it
+            return any(one.id == candidate.id for one in self._set_aside)
+        return super().was_set_aside(candidate)
 
     def end_if_absent(self) -> None:
-        if self.settings.absent_from >= 1:
+        untried = self._most_unnamed > 0 and not self._searched
+        if self.settings.absent_from >= 1 or untried:
             return
         candidates = self.decide().candidates
         area_m2 = floor_m2(self.robot.ground())

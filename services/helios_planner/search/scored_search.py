@@ -183,7 +183,8 @@ class ScoredSearch(Search):
         if not self._accepts_any(self._present_step()):
             return []
         gone = (one.id for one in self._set_aside if not any(self._is_at(t, one) for t in things))
-        known = [thing for id in gone if (thing := self._past_candidates.get(id)) is not None]
+        past = (self._past_candidates.get(id) for id in gone)
+        known = [thing for thing in past if thing is not None and self.open(thing)]
         if things or known:
             return known
         best = self._past_candidates.best(self.open)

@@ -1,5 +1,4 @@
-"""Things on a believed start receptacle to which no detection gave the sought name (not in the
-paper).
+"""Things on a believed start receptacle that are no accepted candidate (not in the paper).
 
 The task says where the object lies. The detector may miss it, or give it another name. Size and
 names tell which thing to pick first; a look at it in the hand decides whether it is the object.
@@ -51,7 +50,9 @@ def unnamed_things(
         for (spot, score), probability in zip(found, by_name, strict=True)
         if probability >= LEAST_PROBABILITY
     ]
-    return sorted(things, key=lambda thing: -thing.score)
+    rising = sorted(things, key=lambda thing: thing.score)
+    best = {thing.id: thing for thing in rising}  # one receptacle may be two instances of the map
+    return sorted(best.values(), key=lambda thing: -thing.score)
 
 
 def is_unnamed(thing: ObjectInstance) -> bool:

@@ -248,5 +248,5 @@ class ViewPlanner:
         while points := self.remaining_gaze_points(candidate):
             outcome = self.go_and_look(candidate, points[0], purpose, stop)
             if outcome is Outcome.INTERRUPTED or stop():
-                return False
+                return not self.remaining_gaze_points(candidate)
         return True

@@ -12,7 +12,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.agents import agent_named
 from helios_planner.decisions.decision import Act
 from helios_planner.decisions.explanations import less
-from helios_planner.hand_check import HandCheck
+from helios_planner.hand_check import HandCheck, bottom_of
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.manipulation import Manipulation, PlacementCheck, SkillOutcome, look_after
 from helios_planner.match_radii import SAME_THING_M
@@ -23,6 +23,7 @@ from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import FRONTIER_REACH_M, Search, SearchTools
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.scored_search import ScoredSearch
+from helios_planner.search.unnamed_things import is_unnamed
 from helios_planner.search.view_selection import STOP_RULES, ViewPlanner
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
@@ -159,6 +160,8 @@ class Mission:
         self.tools.restore(checkpoint)
         self._restored = checkpoint["search"]
         name = self.instruction.object or ""
+        if self.picked_at_m is None and last.held and self.hand.returns_unseen(last.action):
+            return  # `run` puts it back and searches on
         if isinstance(last.action, Show) and self.picked_at_m is None and last.held:
             if self.hand.returning_m is None:
                 self.picked_at_m, self._restored = self.target_m, None
@@ -205,6 +208,7 @@ class Mission:
             self.robot.listener.on_phase(
                 Phase.PICK, search.name, f"going to pick the {search.name}"
             )
+            self.hand.unseen_m = bottom_of(found) if is_unnamed(found) else None
             done = self.skills.pick(found, search.name, search.confirmed)
             if done is not SkillOutcome.SUCCEEDED:
                 self._give_up(search, Act.PICK, found, done)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helios_core.types import Detection
 from helios_objectmap.fusion.label_image import read
+from helios_objectmap.instances import beliefs
 from helios_objectmap.instances.name_sightings import (
     SURE_NAME,
     NameRates,
@@ -45,7 +46,22 @@ def test_a_thing_called_glass_more_often_than_mug_loses_its_score() -> None:
 
 def test_different_other_names_count_less_than_one_that_repeats() -> None:
     scattered = {"glass": 2, "candle": 2, "vase": 2}
-    assert mug_score(COMPARED, scattered) > mug_score(COMPARED, {"glass": 6})
+    assert mug_score(COMPARED, scattered, 3) > mug_score(COMPARED, {"glass": 6}, 3)
+
+
+def test_a_name_that_no_other_contests_keeps_all_evidence() -> None:
+    assert mug_score(COMPARED, {}) == mug_score(SETTINGS, {})
+
+
+def test_another_name_that_the_size_does_not_fit_counts_less(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sized = COMPARED.model_copy(update={"look_alikes": "sized"})
+    fitting = mug_score(sized, {"glass": 6}, 3)
+    assert fitting == mug_score(COMPARED, {"glass": 6}, 3)
+    fits = {"glass": 0.05}
+    monkeypatch.setattr(beliefs, "agreement", lambda name, *_: fits.get(name, 1.0))
+    assert mug_score(sized, {"glass": 6}, 3) > fitting
 
 
 @pytest.mark.parametrize("name", ["bookcase", "cabinet"])

@@ -34,7 +34,7 @@ KEPT_AND_LOST = {
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
     "Manipulation": ("picks falls last_reason", "near surface_m placed_on"),
-    "HandCheck": ("put_back returning_m", "cannot_show"),
+    "HandCheck": ("put_back returning_m unseen_m", "cannot_show"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (

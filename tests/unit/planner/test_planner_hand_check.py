@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from helios_core.robot import Pick, Place, Show
 from helios_planner.decisions.decision import DecisionRule, Do
@@ -151,9 +152,9 @@ def test_an_object_that_cannot_be_put_back_is_brought() -> None:
     assert "which cannot be put back where it was" in kept
 
 
-def restarted(world: FakeWorld, before: type[Place] | type[Show]) -> Mission:
+def restarted(world: FakeWorld, before: type[Place] | type[Show], **settings: float) -> Mission:
     """Mission after a death of the planner before its first action of that kind."""
-    first = mission(world)
+    first = mission(world, **settings)
     stored: dict = {}
 
     class Died(Exception):
@@ -171,7 +172,7 @@ def restarted(world: FakeWorld, before: type[Place] | type[Show]) -> Mission:
     with pytest.raises(Died):
         first.run()
     assert world.held() == "mug"
-    again = mission(world)
+    again = mission(world, **settings)
     again.restore(stored, LastAction(Show(0.0), True, "", "mug"))
     return again
 
@@ -210,10 +211,12 @@ def unseen_mug(held: HeldObject, id: int = 3, x: float = 7.2) -> Thing:
 
 
 def bumps(world: FakeWorld, *mugs: Thing) -> FakeWorld:
-    """The same world; the height map shows the mugs."""
+    """The same world; the height map shows the mugs, which lie on the table."""
+    table = world.truth_top.copy()
     for one in mugs:
         x, y = one.center_m[:2].tolist()
         world.add_box(Box(x - 0.05, y - 0.05, x + 0.05, y + 0.05, 0.55))
+    world.truth_top[:] = table
     return world
 
 
@@ -266,6 +269,92 @@ def test_a_doubtful_unnamed_thing_is_brought_after_all() -> None:
     mission(world, unnamed_picks=4).run()
     assert world.released is thing
     assert in_hand(world) == [Do.SEARCH_ON]
+
+
+def test_a_doubtful_thing_that_cannot_be_picked_again_is_left() -> None:
+    thing = unseen_mug(DOUBTFUL)
+    world = bumps(world_of(thing), thing)
+    placing = world._place
+
+    def place(point):
+        done = placing(point)
+        thing.center_m = np.array([1.0, 1.0, 0.05])  # it rolls away
+        return done
+
+    world._place = place
+    with pytest.raises(TaskFailed) as failure:
+        mission(world, unnamed_picks=4).run()
+    assert failure.value.cause in (Cause.OBJECT_NOT_FOUND, Cause.PICK_FAILED)
+
+
+def test_a_named_thing_that_was_put_back_is_no_unnamed_one() -> None:
+    """Else it would be picked for a second look."""
+    doubtful, right = looks(mug(3, 6.7), DOUBTFUL), unseen_mug(RIGHT, 4, 7.2)
+    world = bumps(world_of(doubtful, right), doubtful, right)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is right
+    assert sum(isinstance(action, Pick) for action in world.log) == 2
+
+
+def test_a_thing_beside_one_that_was_put_back_is_looked_at_too() -> None:
+    nameless, wrong = unseen_mug(HeldObject(1.0, 0, ()), 3, 6.7), unseen_mug(WRONG, 4, 6.83)
+    world = bumps(world_of(nameless, wrong), nameless, wrong)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is nameless  # at last
+    assert len(in_hand(world)) == 2
+
+
+def test_an_unnamed_thing_that_cannot_be_shown_goes_back() -> None:
+    things = [unseen_mug(WRONG, 3, 6.7), unseen_mug(WRONG, 4, 7.2)]
+    world = bumps(world_of(*things), *things)
+    done = world._do
+    world._do = lambda action: replace(done(action), succeeded=not isinstance(action, Show))
+    with pytest.raises(TaskFailed):
+        mission(world, unnamed_picks=4).run()
+    assert world.held() == ""
+    assert len(unnamed(world)) == 1
+    assert any("cannot show what it holds" in d.why for d in world.decisions)
+
+
+def test_an_unnamed_thing_is_looked_at_after_the_last_pick_too() -> None:
+    thing = unseen_mug(WRONG)
+    world = bumps(world_of(thing), thing)
+    with pytest.raises(TaskFailed):
+        mission(world, unnamed_picks=4, max_picks=1).run()
+    assert world.held() == ""
+
+
+def test_a_named_thing_beside_an_unnamed_one_does_not_take_its_place() -> None:
+    named, right = looks(mug(3, 6.9), WRONG), unseen_mug(RIGHT, 4, 7.1)
+    world = bumps(world_of(named, right), named, right)
+    mission(world, unnamed_picks=4).run()
+    assert world.released is right
+
+
+@pytest.mark.parametrize(("held", "is_brought"), [(WRONG, False), (RIGHT, True)])
+def test_a_restart_in_the_look_at_an_unnamed_thing_repeats_it(
+    held: HeldObject, is_brought: bool
+) -> None:
+    thing = unseen_mug(held)
+    world = bumps(world_of(thing), thing)
+    again = restarted(world, before=Show, unnamed_picks=4)
+    if is_brought:
+        again.run()
+        assert world.released is thing
+    else:
+        with pytest.raises(TaskFailed):
+            again.run()
+    assert sum(isinstance(action, Pick) for action in world.log) == 2
+    assert world.held() == ""
+
+
+def test_a_spot_that_two_instances_of_the_table_have_is_one_thing() -> None:
+    thing = unseen_mug(RIGHT)
+    twin = replace(coffee_table(), id=coffee_table().id + 50)
+    world = flat([coffee_table(), twin, counter(), thing])
+    world.description = SHOWING
+    mission(bumps(world, thing), unnamed_picks=4).run()
+    assert all("the only thing there" in why for why in unnamed(world))
 
 
 def test_an_unnamed_thing_without_a_name_in_the_hand_waits_until_all_else_was_tried() -> None:
