@@ -95,13 +95,19 @@ def _opened(endpoint: str) -> ZenohBus:
 
 
 @pytest.mark.parametrize("whose", ["server", "caller"])
-def test_every_call_right_after_a_reconnect_is_answered(net: Net, whose: str) -> None:
-    """2767, 2454. The link is back at once, so our wait for a service must bridge the gap."""
+def test_every_call_right_after_a_reconnect_is_answered(
+    net: Net, whose: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2767, 2454. As soon as the session has its router again, the first call is answered: our wait
+    for a service bridges the gap."""
+    monkeypatch.setattr("helios_core.zenoh_bus.DISCOVERY_S", 5.0)  # the machine may be busy
+    bus = {"server": net.server, "caller": net.caller}[whose]
     for _ in range(CUTS):
         net.links[whose].cut()
+        wait_until(lambda: not bus._router_ids(), 20, "the session has lost its router")
         net.links[whose].restore()
-        wait_until(lambda: _answers(net), 5, "a call is answered")
-        assert net.call() == "a"  # and no call after the first that was answered fails
+        wait_until(bus._router_ids, 20, "the session has a router again")
+        assert [net.call(10.0) for _ in range(3)] == ["a"] * 3
 
 
 def test_a_call_that_meets_a_new_router_waits_for_its_services(
@@ -121,8 +127,9 @@ def test_a_call_that_meets_a_new_router_waits_for_its_services(
     assert net.call(30.0) == "a"
 
 
-def test_a_frozen_link_ends_in_a_typed_error_within_the_time_limit(net: Net) -> None:
-    """2454: a query that waits for a lost peer must not outlive its time."""
+def test_a_frozen_link_ends_in_a_typed_error(net: Net) -> None:
+    """2454: a query that waits for a lost peer must not outlive its time by far (on a busy machine
+    1 s may become some more)."""
     net.links["caller"].hold()
     began_s = time.monotonic()
     with pytest.raises(HeliosError):
