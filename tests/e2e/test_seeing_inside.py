@@ -87,7 +87,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 @pytest.fixture(scope="module")
 def failed(running: Running) -> dict[str, Any]:
     """A task that failed, because it had too few steps."""
-    return running.task("find the can", max_steps=9)
+    return running.task("find the can", max_steps=45)
 
 
 def test_a_trace_leads_from_the_request_to_the_maps(
@@ -109,6 +109,11 @@ def test_a_trace_leads_from_the_request_to_the_maps(
     assert spans[task["parent_id"]]["name"] == "planner/submit"
     tree = TraceTree(map(Span.from_json, trace["spans"]))
     assert len(tree.steps) == failed["steps"]
+    decisions = [s for s in spans.values() if s["name"] == "decision"]
+    assert decisions
+    for span in decisions:
+        assert spans[span["parent_id"]]["name"] == "task"
+        assert span["attributes"].keys() >= {"helios.decision", "rule", "do"}
     keyframes = {s["attributes"].get("helios.keyframe") for s in spans.values()} - {None}
     assert len(keyframes) >= failed["steps"]
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import pytest
+from helios_chaos import load_run
 
 pytestmark = [pytest.mark.timeout(900), pytest.mark.long]
 
@@ -56,6 +57,21 @@ def test_a_soak_notes_every_service_and_loses_no_task(tmp_path: Path) -> None:
     picture = cv2.imread(str(out / "soak.png"))
     assert picture is not None
     assert min(picture.shape[:2]) > 200
+
+
+def test_a_run_under_load_answers_every_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(load_run, "TASKS", 4)
+    monkeypatch.setattr(load_run, "TASK_S", 8.0)
+    monkeypatch.setattr(load_run, "EXPLORE_S", 4.0)
+    load_run.run_load(1, tmp_path, lambda _: None)
+    told = json.loads((tmp_path / "load.json").read_text())
+    assert (told["without"]["ended"], told["loaded"]["ended"]) == (4, 4)
+    assert told["loaded"]["clients"]["requests"] > 100
+    assert told["loaded"]["clients"]["failed"] == 0
+    assert told["ratios"].keys() >= {"objectmap/update", "map2d/occupancy", "bridge/act"}
+    assert told["loaded"]["queues"][load_run.QUEUE] <= load_run.MOST_EVENTS
 
 
 @pytest.mark.parametrize(
