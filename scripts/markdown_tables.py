@@ -78,10 +78,18 @@ class Block:
 
     def main(self) -> None:
         """Write the block; with `--check` exit 1 if the page is stale."""
-        parser = argparse.ArgumentParser(description=f"Write the {self.name} into {self.page.name}")
-        parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
-        page = self.page.read_text()
-        if not parser.parse_args().check:
-            self.page.write_text(self.fresh(page))
-        elif self.fresh(page) != page:
-            sys.exit(f"the {self.name} of {self.page.name} are stale; run {self.script}")
+        write_or_check([self])
+
+
+def write_or_check(blocks: Sequence[Block]) -> None:
+    """Write the blocks; with `--check` exit 1 at the first stale one."""
+    names = " and ".join(f"the {block.name} of {block.page.name}" for block in blocks)
+    parser = argparse.ArgumentParser(description=f"Write {names}")
+    parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
+    check = parser.parse_args().check
+    for block in blocks:
+        page = block.page.read_text()
+        if not check:
+            block.page.write_text(block.fresh(page))
+        elif block.fresh(page) != page:
+            sys.exit(f"the {block.name} of {block.page.name} are stale; run {block.script}")

@@ -5,10 +5,8 @@ A run whose episodes were not all played gets no figures, only the number of epi
 
 from __future__ import annotations
 
-import argparse
 import functools
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +20,7 @@ from helios_eval.report.report_model import Table
 from helios_eval.report.requested_episodes import seeds_asked
 from helios_eval.report.run_description import run_of
 
-from scripts.markdown_tables import DOCS, Block, code, table
+from scripts.markdown_tables import DOCS, Block, code, table, write_or_check
 
 SCRIPT = "scripts/page_of_results.py"
 RESULTS = DOCS / "results"
@@ -185,13 +183,4 @@ def _blocks() -> list[Block]:
 BLOCKS = _blocks()
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Write the figures of the committed runs")
-    parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
-    check = parser.parse_args().check
-    for each in BLOCKS:
-        text = each.page.read_text()
-        fresh = each.fresh(text)
-        if check and fresh != text:
-            sys.exit(f"the {each.name} of {each.page.name} are stale; run {SCRIPT}")
-        if not check:
-            each.page.write_text(fresh)
+    write_or_check(BLOCKS)

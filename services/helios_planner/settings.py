@@ -17,8 +17,8 @@ GainNorm = Literal["per_gaussian", "per_area", "per_pixel", "sum"]
 OWN = (
     "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
-    "check_views", "check_gain", "absent_from", "rounds", "rounds_held", "pick_at_last",
-    "place_at_last", "agent_seed", "place_rule", "vlfm_confidence", "start_receptacle_first",
+    "hand_sides", "hand_from", "unnamed_picks", "absent_from", "rounds", "rounds_held",
+    "pick_at_last", "place_at_last", "agent_seed", "place_rule", "vlfm_confidence", "start_receptacle_first",
     "confirm_from_near", "gaze_aim", "view_contours", "goal_seen_before_pick", "ask_also",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
@@ -159,14 +159,6 @@ class Settings(ServiceSettings):
         default=8,
         ge=1,
         description="most extra views of one candidate before the planner rejects it",
-    )
-    check_views: int = Field(
-        default=0,
-        ge=0,
-        description="most views of an accepted candidate from new sides before the action",
-    )
-    check_gain: float = Field(
-        default=0.05, ge=0, description="least expected gain in score that is worth such a view"
     )
     hand_sides: int = Field(
         default=0,

@@ -183,14 +183,6 @@ def best_view(
     return Decision(DecisionRule.BEST_VIEW, Do.LOOK, candidates, k, why)
 
 
-def check_first(decision: Decision, what: Act, score_after_view: float) -> Decision:
-    """Decision to look at an accepted candidate from a new side before the action."""
-    chosen = decision.chosen
-    candidate = replace(chosen, terms=chosen.terms | {"score_after_view": score_after_view})
-    why = explanations.check_first(what, candidate)
-    return Decision(DecisionRule.CHECK_VIEW, Do.LOOK, (candidate,), 0, why)
-
-
 def try_unnamed(
     name: str, start: str, things: Sequence[ObjectInstance], distances_m: Sequence[float]
 ) -> Decision:

@@ -25,7 +25,6 @@ class DecisionRule(StrEnum):
     BY_OBJECTIVE = "global search (eq. 8-10)"
     RECEPTACLES_FIRST = "receptacles first"
     BEST_VIEW = "best view (eq. 11)"
-    CHECK_VIEW = "check from a new side"
     IN_HAND = "look at what is held"
     UNNAMED = "unnamed things"
     GAZE_POINTS_FIRST = "gaze points first"

@@ -153,15 +153,6 @@ def look(c: Candidate, threshold: float, tau_inc: float) -> str:
     )
 
 
-def check_first(what: Act, c: Candidate) -> str:
-    """Sentence for a view of an accepted candidate from a new side."""
-    return (
-        f"look at the {c.name}{_away(c)} from a new side before the {what}: its score is "
-        f"{_scored(c.terms, 'score')}, and that view could bring it to "
-        f"{_scored(c.terms, 'score_after_view')}"
-    )
-
-
 def try_unnamed(name: str, start: str, candidates: Sequence[Candidate]) -> str:
     """Sentence for a pick of something that lies where the object should be."""
     first = candidates[0]

@@ -19,10 +19,9 @@ from helios_planner.decisions.acceptance import (
     AcceptanceThresholds,
     Rule,
     act_or_look,
-    check_first,
     with_final_fallback,
 )
-from helios_planner.decisions.decision import Act, Decision, DecisionRule, Do
+from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.explanations import less
 from helios_planner.decisions.global_search import highest_value
 from helios_planner.match_radii import PICKED_PLACE_M, SAME_PLACE_M
@@ -58,7 +57,6 @@ class ScoredSearch(Search):
         self._rated = True  # the image-text scorer rates the class, as far as is known
         self._known_home = False  # a candidate of a stored map is good enough
         self._views: dict[int, BestView | None] = {}
-        self._checks: list[tuple[float, float]] = []  # centres of candidates at each check, m
         self._set_aside: list[SetAside] = []
         self._past_candidates = CandidateMemory()
         self._from_memory = False  # True if its candidate is no longer in the object map
@@ -221,7 +219,7 @@ class ScoredSearch(Search):
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
             "standard": self._step, "since": self._since, "rated": self._rated,
-            "remembered": self._past_candidates.checkpoint(), "checks": list(self._checks),
+            "remembered": self._past_candidates.checkpoint(),
             "set_aside": [[s.id, *s.center_m, s.probability] for s in self._set_aside],
         }  # fmt: skip
 
@@ -230,7 +228,6 @@ class ScoredSearch(Search):
         self._step, self._since = int(checkpoint["standard"]), float(checkpoint["since"])
         self._decision_step, self._rated = self._step, bool(checkpoint.get("rated", True))
         self._past_candidates.restore(checkpoint.get("remembered", []))
-        self._checks = [(x, y) for x, y in checkpoint.get("checks", [])]
         self._set_aside = [
             SetAside(int(id), (x, y, z), p) for id, x, y, z, p in checkpoint.get("set_aside", [])
         ]
@@ -270,36 +267,17 @@ class ScoredSearch(Search):
 
     def decide_and_publish(self) -> Decision:
         """Look at candidates again as long as the decision orders it; returns the other one."""
-        while (decision := self.publish(self._checked(self.decide()))).do is Do.LOOK:
+        while (decision := self.publish(self.decide())).do is Do.LOOK:
             self._look_again(decision)
         return decision
-
-    def _checked(self, decision: Decision) -> Decision:
-        """The decision; if it accepts a candidate that a view from a new side should confirm first,
-        the decision to take that view."""
-        if decision.do is not Do.ACT or not self.settings.check_views or self._from_memory:
-            return decision
-        thing = self.chosen(decision)
-        middle = (float(thing.center_m[0]), float(thing.center_m[1]))
-        taken = sum(math.dist(middle, m) < SAME_PLACE_M for m in self._checks)
-        if self.accepted_any_candidate or taken >= self.settings.check_views:
-            return decision
-        view = self.looking.view_from_new_side(thing, self.name)
-        if view is None:
-            return decision
-        self._checks.append(middle)
-        self._views[thing.id] = view
-        return check_first(decision, self.action, view.score)
 
     def _look_again(self, decision: Decision) -> None:
         """Go to the best view of the chosen candidate, unless one is accepted on the way."""
         view = self._views[decision.chosen.id]
         assert view is not None
 
-        check = decision.rule == DecisionRule.CHECK_VIEW
-
         def sure() -> bool:
-            return not check and any(self._meets(o, self._standard) for o in self.candidates())
+            return any(self._meets(o, self._standard) for o in self.candidates())
 
         purpose = f"another view of the {self.name}"
         self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)

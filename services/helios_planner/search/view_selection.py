@@ -26,7 +26,6 @@ from helios_planner.settings import Settings
 RECEPTACLE_RULES = GazeRules(distances_m=(0.6, 0.9), spacing_m=0.8)  # local search of a receptacle
 VIEW_RULES = GazeRules(distances_m=(0.6, 0.9, 1.3, 1.8), spacing_m=0.5)  # extra views of an object
 STOP_RULES = GazeRules(distances_m=(0.5, 0.7, 0.85), spacing_m=0.5)  # object navigation: within 1 m
-SIDES = 12  # sectors around a candidate, of which a view from a new side is chosen
 MOST_GAZE_POINTS = 10  # of one candidate in one request to the object map
 
 
@@ -66,15 +65,6 @@ class BestView:
 
     gaze: GazePoint
     score: float
-
-
-def one_per_side(points: Sequence[GazePoint], middle: NDArray[np.float64]) -> list[GazePoint]:
-    """The first of the gaze points in each of `SIDES` equal sectors around a point [2]."""
-    first: dict[int, GazePoint] = {}
-    for gaze in points:
-        x, y = np.asarray(gaze.pose.xy) - middle
-        first.setdefault(int(math.atan2(y, x) * SIDES / math.tau // 1) % SIDES, gaze)
-    return list(first.values())
 
 
 class ViewPlanner:
@@ -188,20 +178,6 @@ class ViewPlanner:
                     best_view(thing, scores, [g.pose.xy for g in points])
                 )
         return self._views[key]
-
-    def view_from_new_side(self, thing: ObjectInstance, class_name: str) -> BestView | None:
-        """Nearest extra view that could raise Psi by the setting `check_gain`, given an object map
-        in which views of one side add little; None if there is none."""
-        points = one_per_side(self.views_of(thing), np.asarray(thing.center_m[:2], float))
-        if not points:
-            return None
-        poses = [g.T_world_cam(self.robot.description) for g in points]
-        scores = self.robot.what_if(thing.id, class_name, poses, joint=False).scores
-        least = thing.score + self.settings.check_gain
-        for gaze, score in zip(points, scores, strict=False):
-            if score >= least:
-                return BestView(gaze, float(score))
-        return None
 
     def option(
         self,
