@@ -18,8 +18,8 @@ OWN = (
     "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
     "hand_sides", "hand_from", "unnamed_picks", "absent_from", "rounds", "rounds_held",
-    "pick_at_last", "place_at_last", "agent_seed", "place_rule", "vlfm_confidence", "start_receptacle_first",
-    "confirm_from_near", "gaze_aim", "view_contours", "goal_seen_before_pick", "ask_also",
+    "pick_at_last", "place_at_last", "agent_seed", "place_rule", "vlfm_confidence",
+    "start_receptacle_first", "confirm_from_near", "gaze_aim", "view_contours", "goal_seen_before_pick", "ask_also",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
 
