@@ -24,7 +24,7 @@ budget only if the target had been found.
 
 A task whose object is absent from the home (`absent_cause`) has other rows:
 
-1. an object was grasped                                       wrong object believed
+1. an object was grasped and does not lie where it was         wrong object believed
 2. the agent reports that it found no object                   no cause: this is the success
 3. the agent reports it, or did not end with steps left        system error
 4. the agent reports success or a failed pick, or the          wrong object believed
@@ -110,13 +110,15 @@ def absent_cause(
     events: Iterable[Event],
     said: AgentReport,
     max_steps: int,
+    all_put_back: bool = False,
 ) -> str:
     """Failure cause of a move task whose object is absent, one of CAUSES; empty on success.
 
-    The success is the report "object not found" without any grasp. See the module.
+    The success is the report "object not found". all_put_back: every object that was grasped lies
+    where it was. See the module.
     """
     picks = [event for event in events if isinstance(event, PickTried)]
-    if any(pick.name for pick in picks):
+    if any(pick.name for pick in picks) and not all_put_back:
         return WRONG_OBJECT
     if said.state == "failed" and said.cause == OBJECT_NOT_FOUND:
         return ""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from helios_sim.episode_events import PickTried
 from helios_sim.episode_tracker import episode_of, objectnav_episode_of
 from helios_sim.failure_causes import AgentReport, absent_cause, failure_cause, objectnav_cause
 from helios_sim.home import Episode, Home
@@ -16,6 +18,7 @@ from helios_eval.episodes.absent_targets import absent_episode_of
 from helios_eval.episodes.episode_record import Benchmark
 from helios_eval.episodes.task_classes import TaskClasses
 
+PUT_BACK_M = 0.15  # from its first place, of an object that counts as put back
 _AMONG = 0x7A5D  # stream of the draw of a task among given classes
 
 
@@ -55,6 +58,15 @@ def episode_for(
     return objectnav_episode_of(home, seed, description().footprint_radius_m)
 
 
+def all_put_back(world: World) -> bool:
+    """True if each object that the robot grasped lies where it was at the start of the episode."""
+    first_m = {thing.name: thing.position_m for thing in world.home.objects}
+    grasped = {e.name for e in world.events if isinstance(e, PickTried) and e.name}
+    return not world.held_name and all(
+        math.dist(world.position_m(name), first_m[name]) <= PUT_BACK_M for name in grasped
+    )
+
+
 def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: int) -> Verdict:
     """Verdict after the agent has ended; call it on the world's thread."""
     done = world.progress
@@ -64,7 +76,7 @@ def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: in
         shortest_m = world.tracker.shortest_path_m()
         return Verdict(done.find_object, False, False, False, success, cause, shortest_m)
     if world.episode.absent:
-        cause = absent_cause(done, world.events, said, max_steps)
+        cause = absent_cause(done, world.events, said, max_steps, all_put_back(world))
         return Verdict(False, False, False, False, not cause, cause)
     cause = failure_cause(done, world.events, said, max_steps)
     return Verdict(

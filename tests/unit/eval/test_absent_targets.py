@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from eval_constructed_records import record
 from helios_client.usage_errors import UsageError
@@ -130,10 +131,17 @@ def test_the_ordinary_task_of_a_home_does_not_change(demo_home: Home) -> None:
 WRONG = PickTried(40, 10.0, "mug", at_candidate=False, name="vase_0", candidate=False)
 
 
-def judged(said: AgentReport, steps: int = 80, picked: bool = False) -> Verdict:
+def judged(
+    said: AgentReport, steps: int = 80, picked: bool = False, away_m: float = 1.0, held: str = ""
+) -> Verdict:
+    """away_m: from its first place, of the vase that was picked."""
+    vase = SimpleNamespace(name="vase_0", position_m=(2.0, 1.0, 0.8))
     world: Any = SimpleNamespace(
         progress=Progress(steps=steps, path_m=20.0),
         events=[WRONG] if picked else [],
+        home=SimpleNamespace(objects=(vase,)),
+        held_name=held,
+        position_m=lambda name: np.array([2.0 + away_m, 1.0, 0.8]),
         episode=Episode("mug", "desk", "bed", "Move the mug from the desk to the bed", True),
     )
     return verdict("ovmm", world, said, 1250)
@@ -144,6 +152,8 @@ def test_an_absent_task_succeeds_by_the_report_not_found_alone() -> None:
     assert judged(gave_up) == Verdict(False, False, False, False, True, "")
     moved = judged(gave_up, picked=True)
     assert (moved.success, moved.cause) == (False, "wrong object believed")
+    assert judged(gave_up, picked=True, away_m=0.1).success  # it was looked at and put back
+    assert judged(gave_up, picked=True, away_m=0.1, held="vase_0").cause == "wrong object believed"
     spent = judged(AgentReport("failed", "step budget", "1250 steps are used up"), 1250)
     assert (spent.success, spent.cause) == (False, "step budget")
     placed = judged(AgentReport("succeeded"), picked=True)

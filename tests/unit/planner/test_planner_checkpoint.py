@@ -23,9 +23,7 @@ GIVEN = "robot settings instruction agent tools base belief looking rng attempts
 # The lost fields are computed again, or hold only between two actions.
 SEARCH_KEPT = "refused unreachable _waited_at _doubts _round _first_round _patrol"
 SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
-SCORED_KEPT = (
-    f"{SEARCH_KEPT} _step _since _decision_step _past_candidates _rated _set_aside"
-)
+SCORED_KEPT = f"{SEARCH_KEPT} _step _since _decision_step _past_candidates _rated _set_aside"
 SCORED_LOST = f"{SEARCH_LOST} _thresholds _views _from_memory _known_home"
 KEPT_AND_LOST = {
     "Mission": (

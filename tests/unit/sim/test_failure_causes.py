@@ -185,3 +185,9 @@ def test_with_an_absent_object_only_the_report_not_found_without_a_pick_is_no_fa
     progress: Progress, events: list[Event], said: AgentReport, cause: str
 ) -> None:
     assert absent_cause(progress, events, said, MAX) == cause
+
+
+def test_with_an_absent_object_a_pick_for_a_look_is_no_failure_once_it_is_undone() -> None:
+    assert absent_cause(NOTHING, [WRONG], GAVE_UP, MAX, all_put_back=True) == ""
+    spent = replace(NOTHING, steps=MAX)
+    assert absent_cause(spent, [WRONG], SPENT, MAX, all_put_back=True) == failure_causes.STEP_BUDGET
