@@ -57,6 +57,9 @@ docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 browser: ## Chromium for the tests of the dashboard, where apt can be used; without it they are skipped
 	scripts/install_browser.sh
 
+lock: ## newest allowed versions of all packages, in constraints.txt (some minutes)
+	$(PYTHON) scripts/lock_versions.py
+
 sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX), in sbom.cdx.json
 	rm -rf .sbom && $(PYTHON) -m venv .sbom
 	.sbom/bin/python -m pip install --quiet --constraint constraints.txt '.[all,tracing]'
@@ -66,4 +69,4 @@ sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX),
 proto: $(VENV)/.installed ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
-.PHONY: help install ros2-env ros2-interfaces demo docs lint test check browser sbom proto
+.PHONY: help install ros2-env ros2-interfaces demo docs lint test check browser lock sbom proto
