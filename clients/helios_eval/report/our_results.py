@@ -46,7 +46,11 @@ def overview(arms: Sequence[Arm]) -> list[Block]:
         for arm in mine:
             shares = [values(arm.records, n) for n in names]
             points.append([wilson(int(v.sum()), len(v)) for v in shares])
-        out.append(plots.dots([a.label for a in mine], names, points, TITLES[benchmark]))
+        labels = [a.label for a in mine]
+        out.append(plots.dots(labels, names, points, TITLES[benchmark]))
+        done = [[float(r.steps) for r in a.records if r.success] for a in mine]
+        if any(done):
+            out.append(plots.anytime(labels, done, [len(a.records) for a in mine]))
     return out
 
 

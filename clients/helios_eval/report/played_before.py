@@ -2,6 +2,7 @@
 
 A line of the ledger belongs to the run itself if it names a folder of the run and one of its
 requests. A line that was entered afterwards belongs to a run with episodes of the same commit.
+Lines with the same reason and commit are parts of one release: they are not before each other.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ FACT = "played before"
 NEVER = "never by the ledger"
 NO_LEDGER = "unknown: an installation outside a checkout has no ledger"
 MOST_FOLDERS = 6  # folders that a sentence names
+SHORT_COMMIT = 7  # digits that tell commits apart; a mark of uncommitted changes follows them
 
 Home = tuple[str, int]  # preset and seed
 
@@ -115,7 +117,8 @@ def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> s
         entries = _entries()
     except HeliosError as error:
         return f"Whether these homes have been played before is unknown: {error}"
-    before = _before([e for e in entries if not _is_own(e, run)], homes)
+    others = _of_other_releases(entries, run)
+    before = _before([e for e in others if not _is_own(e, run)], homes)
     if before is None:
         return ""
     return (
@@ -146,7 +149,8 @@ def _before_run(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Bef
     homes = _kept((r.preset, r.seed) for r in records)
     entries = _entries() if homes else []
     own = [e for e in entries if _is_own(e, run) or _is_of_a_commit(e, records)]
-    return _before([e for e in entries if e not in own and _is_earlier(e, own, run)], homes)
+    others = [e for e in _of_other_releases(entries, run) if e not in own]
+    return _before([e for e in others if _is_earlier(e, own, run)], homes)
 
 
 def _kept(homes: Iterable[Home]) -> set[Home]:
@@ -182,6 +186,13 @@ def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:
         and entry.last_seed < int(order["seed0"]) + int(order["episodes"])
         for order in requests_of(run)
     )
+
+
+def _of_other_releases(entries: Iterable[Entry], run: Mapping[str, Any]) -> list[Entry]:
+    """The entries without those of the release of a run: of its reason and its commit."""
+    of_run = str(run.get("why") or ""), str(run.get("commit") or "")[:SHORT_COMMIT]
+    releases = {(e.why, e.commit[:SHORT_COMMIT]) for e in entries if _is_own(e, run)} | {of_run}
+    return [e for e in entries if not e.why or (e.why, e.commit[:SHORT_COMMIT]) not in releases]
 
 
 def _is_of_a_commit(entry: Entry, records: Sequence[EpisodeRecord]) -> bool:

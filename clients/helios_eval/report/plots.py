@@ -82,6 +82,32 @@ def dots(
         )
 
 
+def anytime(
+    agents: Sequence[str], steps: Sequence[Sequence[float]], episodes: Sequence[int]
+) -> Graphic:
+    """Drawing of the share of the episodes that succeed within a number of steps, a line for each
+    agent. steps: of each successful episode; episodes: number of all."""
+    last = max((max(s) for s in steps if len(s)), default=1.0)
+    with _look():
+        figure, axes = _axes(3.4)
+        for k, (agent, done, n) in enumerate(zip(agents, steps, episodes, strict=True)):
+            x = np.concatenate([[0.0], np.sort(np.asarray(done, float)), [last]])
+            y = 100 * np.minimum(np.arange(len(x)), len(done)) / n
+            colour = colors.SERIES[k % len(colors.SERIES)].light
+            axes.step(x, y, where="post", color=colour, linewidth=2.2, label=agent)
+        axes.set_xlim(0, last)
+        axes.set_ylim(0, 100)
+        axes.set_xlabel("steps", fontsize=9.5)
+        axes.set_ylabel("whole task, % of the episodes", fontsize=9.5)
+        axes.grid()
+        figure.legend(loc="outside upper left", ncols=4, fontsize=9.5, handlelength=1.1)
+        return Graphic(
+            "Success by steps: percent of the episodes that succeeded in the whole task within so "
+            "many steps.",
+            _svg(figure),
+        )
+
+
 def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
     """Drawing of differences in percent points with their intervals: (metric, pair, interval)."""
     with _look():

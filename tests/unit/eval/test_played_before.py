@@ -117,6 +117,18 @@ def test_another_request_in_the_same_folder_is_another_run(
     assert fact(description("runs/b", None)).startswith("by 1 run, first 2026-07-01")
 
 
+def test_parts_of_one_release_are_not_before_each_other(own_ledger: Path) -> None:
+    release = {"why": "tables", "commit": "1234567-dirty"}
+    write_ledger(own_ledger, line("runs/a", SUMMER, **release), line("runs/b", AUTUMN, **release))
+    part = description("runs/b", why="tables", commit="12345678")
+    assert fact(part) == "never by the ledger"
+    assert fact(description("runs/b")) == "never by the ledger"  # by its own line
+    for changed in ({"commit": "7654321"}, {"why": "more tables"}, {"why": ""}):
+        other = line("runs/a", SUMMER, **release | changed)
+        write_ledger(own_ledger, other, line("runs/b", AUTUMN, **release))
+        assert fact(part).startswith("by 1 run, ")
+
+
 def test_later_runs_are_not_before(own_ledger: Path) -> None:
     write_ledger(own_ledger, line("runs/b", AUTUMN), line("runs/c", WINTER))
     assert fact(description("runs/b")) == "never by the ledger"
