@@ -48,6 +48,7 @@ SAYS = {  # what a setting decides, in a few words
     "objectmap.image_text": "image-text scores of the views that show an instance",
     "objectmap.equal_masks": "class of a pixel in several masks of one size",
     "planner.hand_sides": "sides from which a picked object is looked at in the hand",
+    "planner.absent_from": "probability from which the object is reported as not there",
     "planner.unnamed_picks": "unnamed things on the start receptacle that are picked for a look",
     "objectmap.joined_by": "touching Gaussians of furniture that form one instance",
     "planner.ask_also": "names that the detector is asked for beside the task's",

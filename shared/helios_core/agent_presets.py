@@ -64,6 +64,7 @@ _HELIOS: dict[str, Value] = {
     "planner.ask_also": "household",
     "planner.hand_sides": 6,
     "planner.unnamed_picks": 8,
+    "planner.absent_from": 0.5,
     "objectmap.evidence": "hindsight",
     "objectmap.named_from": 0.15,
     "objectmap.core_from": 0.3,

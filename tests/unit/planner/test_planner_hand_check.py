@@ -233,6 +233,17 @@ def test_in_vain_the_robot_picks_what_lies_on_the_start_receptacle() -> None:
     assert "no mug was found, and it is the only thing there of the right size" in why
 
 
+def test_unnamed_things_are_tried_before_the_object_counts_as_absent() -> None:
+    thing = unseen_mug(RIGHT)
+    world = bumps(world_of(thing), thing)
+    world.named_at = 0.1  # so it is no likely one
+    mission(world, unnamed_picks=4, absent_from=0.01).run()
+    assert world.released is thing
+    nothing = world_of()
+    with pytest.raises(TaskFailed, match="probably not here"):
+        mission(nothing, unnamed_picks=4, absent_from=0.01).run()
+
+
 def test_a_thing_that_looks_wrong_is_put_back_and_the_next_one_tried() -> None:
     wrong, right = unseen_mug(WRONG, 3, 6.7), unseen_mug(RIGHT, 4, 7.2)
     world = bumps(world_of(wrong, right), wrong, right)
