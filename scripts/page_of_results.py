@@ -46,6 +46,7 @@ RUNS = (
     Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick"),
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick"),
 )
+OURS = Run("our-agent", "helios and the paper's agents")
 
 
 @functools.cache
@@ -103,9 +104,20 @@ def pick_and_place() -> str:
     return means([arm for run in found if is_complete(run) for arm in run])
 
 
+def our_agent() -> str:
+    """Means of our own agent and of those beside it, and their differences."""
+    found = arms(OURS.folder)
+    text = _of_run(OURS)
+    return f"{text}\n{_answers(found)}" if is_complete(found) else text
+
+
 def differences() -> str:
     """Table of the answers to the questions of the runs."""
-    answers = research_questions.section(_complete())
+    return _answers(_complete())
+
+
+def _answers(found: Sequence[Arm]) -> str:
+    answers = research_questions.section(found)
     blocks = answers.blocks if answers else ()
     compared = next((block for block in blocks if isinstance(block, Table)), None)
     if compared is None:
@@ -172,6 +184,7 @@ def _blocks() -> list[Block]:
         return Block(page, name, SCRIPT, made)
 
     return [
+        block(RESULTS / "README.md", "our agent", our_agent),
         block(RESULTS / "README.md", "tables of the paper", tables),
         block(RESULTS / "README.md", "paired differences", differences),
         block(RESULTS / "README.md", "relations", relations),
