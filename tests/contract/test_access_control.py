@@ -15,7 +15,7 @@ from helios_client.certs.folder import credentials_of
 from helios_client.certs.names import Names
 from helios_core.bus_access import FLEET_BUS
 from helios_core.errors import Unavailable
-from helios_core.router_link import SESSIONS, RouterLink
+from helios_core.router_link import ROUTER_FILE, SESSIONS, RouterLink
 from helios_core.topics import EMBED_TEXT, GET_STATE, ROBOT_STATE, STOP, TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 from helios_core.zenoh_config import client_config, router_values
@@ -203,6 +203,37 @@ def test_a_wrong_certificate_opens_nothing(
     wait_until(lambda: came, 20, "the right certificate works")
     assert [sample.payload.to_string() for sample in came] == ["good"]
     hearing.undeclare()
+
+
+def test_a_renewed_name_keeps_its_old_certificate_until_that_expires(router: Certified) -> None:
+    """Zenoh has no revocation list; the security page says what to do."""
+    authority = authority_of(router.folder)
+    for name in ("stolen", "renewed"):
+        write_session(router.folder, name, authority, new_client(authority, "bridge.r", 9, NOW))
+    assert not refused(router.link("stolen"))
+    assert not refused(router.link("renewed"))
+
+
+def test_the_router_reads_the_access_list_at_its_start_alone(
+    router: Certified, witness: zenoh.Session
+) -> None:
+    file = router.folder / ROUTER_FILE
+    rules = file.read_text()
+    closed = json.loads(rules)
+    closed["access_control"]["rules"] = []
+    closed["access_control"]["policies"] = []
+    heard: list[zenoh.Sample] = []
+    hearing = witness.declare_subscriber(
+        ROBOT_STATE.key("r"), zenoh.handlers.Callback(heard.append)
+    )
+    file.write_text(json.dumps(closed))
+    try:
+        with router.session("bridge.r") as session:
+            session.put(ROBOT_STATE.key("r"), b"still allowed")
+            wait_until(lambda: heard, 20, "the bridge is heard")
+    finally:
+        file.write_text(rules)
+        hearing.undeclare()
 
 
 def test_a_name_without_rules_may_do_nothing(router: Certified, witness: zenoh.Session) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helios_core import health_probe
 from helios_core.router import arguments as router_arguments
 
 from tests.support import settings_of
@@ -20,6 +22,7 @@ FOLDER = Path(__file__).parents[2] / "deploy/kubernetes"
 IMAGE = (FOLDER.parent / "Dockerfile").read_text()
 KUSTOMIZATION: dict[str, Any] = yaml.safe_load((FOLDER / "kustomization.yaml").read_text())
 SETTINGS = tomllib.loads((FOLDER / "helios.toml").read_text())
+PAGE = (Path(__file__).parents[2] / "docs/how-to/containers.md").read_text()
 SERVICES = ("bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder")
 
 
@@ -87,6 +90,34 @@ def test_each_pod_runs_its_own_image_closed(name: str) -> None:
         assert closed["readOnlyRootFilesystem"]
         assert not closed["allowPrivilegeEscalation"]
         assert closed["capabilities"] == {"drop": ["ALL"]}
+
+
+@pytest.mark.parametrize("name", sorted({*SERVICES} - {"gateway"}))
+def test_each_service_is_probed_by_its_own_name_and_no_dead_router_restarts_it(name: str) -> None:
+    container = pod(name)["containers"][0]
+    probe = ["python", "-m", "helios_core.health_probe", name]
+    assert container["readinessProbe"]["exec"]["command"] == probe
+    assert container["startupProbe"]["exec"]["command"] == probe
+    assert container["livenessProbe"]["exec"]["command"] == [*probe, "--unless-cut-off"]
+    assert name in health_probe.SERVICES
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_each_service_has_a_secret_of_its_own_and_takes_its_session_from_it(name: str) -> None:
+    spec = pod(name)
+    [secret] = [v["secret"]["secretName"] for v in spec["volumes"] if "secret" in v]
+    assert secret == f"helios-{name}"
+    [copy] = spec["initContainers"]
+    mounted = {m["name"]: m["mountPath"] for m in copy["volumeMounts"]}
+    assert f"{mounted['secret']}/session.json5" in copy["command"]
+    assert copy["command"][-1].startswith(mounted["private"])
+    variables = {v["name"]: v.get("value") for v in spec["containers"][0]["env"]}
+    assert variables[f"HELIOS_{name.upper()}_CERTS"] == f"{mounted['private']}/session.json5"
+
+
+def test_the_page_makes_a_secret_for_each_service() -> None:
+    [services] = re.findall(r"for service in (.*?);", PAGE)
+    assert {*services.split(), "gateway"} == {*SERVICES}
 
 
 KEPT = [
