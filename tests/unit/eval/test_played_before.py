@@ -118,7 +118,7 @@ def test_another_request_in_the_same_folder_is_another_run(
 
 
 def test_parts_of_one_release_are_not_before_each_other(own_ledger: Path) -> None:
-    release = {"why": "tables", "commit": "1234567-dirty"}
+    release: dict[str, Any] = {"why": "tables", "commit": "1234567-dirty"}
     write_ledger(own_ledger, line("runs/a", SUMMER, **release), line("runs/b", AUTUMN, **release))
     part = description("runs/b", why="tables", commit="12345678")
     assert fact(part) == "never by the ledger"
