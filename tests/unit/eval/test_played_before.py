@@ -123,7 +123,8 @@ def test_parts_of_one_release_are_not_before_each_other(own_ledger: Path) -> Non
     part = description("runs/b", why="tables", commit="12345678")
     assert fact(part) == "never by the ledger"
     assert fact(description("runs/b")) == "never by the ledger"  # by its own line
-    for changed in ({"commit": "7654321"}, {"why": "more tables"}, {"why": ""}):
+    changes: list[dict[str, Any]] = [{"commit": "7654321"}, {"why": "more tables"}, {"why": ""}]
+    for changed in changes:
         other = line("runs/a", SUMMER, **release | changed)
         write_ledger(own_ledger, other, line("runs/b", AUTUMN, **release))
         assert fact(part).startswith("by 1 run, ")
