@@ -2,13 +2,13 @@
 
 A line of the ledger belongs to the run itself if it names a folder of the run and one of its
 requests. A line that was entered afterwards belongs to a run with episodes of the same commit.
-Lines with the same reason and commit are parts of one release: they are not before each other.
+Earlier lines with its own reason and commit are told apart: they are parts of one release.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,7 @@ class Before:
     entries: tuple[Entry, ...]
     seeds: tuple[int, ...]
     total: int
+    release: str = ""  # reason and commit that all entries share with this run; empty: they do not
 
     @property
     def folders(self) -> list[str]:
@@ -99,10 +100,11 @@ def notice(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
         return ""
     if before is None:
         return ""
-    return (
-        f"{_share(before)} had been played before this run, by "
-        f"{plural(len(before.folders), 'run')}. So these figures are not those of unseen homes."
-    )
+    said = f"{_share(before)} had been played before this run, by "
+    said += plural(len(before.folders), "run")
+    if before.release:
+        return f"{said} of the same release ({before.release}): {', '.join(before.folders)}."
+    return f"{said}. So these figures are not those of unseen homes."
 
 
 def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> str:
@@ -117,10 +119,14 @@ def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> s
         entries = _entries()
     except HeliosError as error:
         return f"Whether these homes have been played before is unknown: {error}"
-    others = _of_other_releases(entries, run)
-    before = _before([e for e in others if not _is_own(e, run)], homes)
+    before = _before([e for e in entries if not _is_own(e, run)], homes)
     if before is None:
         return ""
+    if release := _shared_release(before, run):
+        return (
+            f"{_share(before)} (seeds {ranges(list(before.seeds))}) have been played before, by "
+            f"{plural(len(before.folders), 'run')} of the same release ({release})."
+        )
     return (
         f"{_share(before)} (seeds {ranges(list(before.seeds))}) have been played before, by "
         f"{plural(len(before.folders), 'run')} since {before.first} ({ledger.LEDGER}): the figure "
@@ -149,8 +155,8 @@ def _before_run(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Bef
     homes = _kept((r.preset, r.seed) for r in records)
     entries = _entries() if homes else []
     own = [e for e in entries if _is_own(e, run) or _is_of_a_commit(e, records)]
-    others = [e for e in _of_other_releases(entries, run) if e not in own]
-    return _before([e for e in others if _is_earlier(e, own, run)], homes)
+    found = _before([e for e in entries if e not in own and _is_earlier(e, own, run)], homes)
+    return found and replace(found, release=_shared_release(found, run))
 
 
 def _kept(homes: Iterable[Home]) -> set[Home]:
@@ -188,11 +194,11 @@ def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:
     )
 
 
-def _of_other_releases(entries: Iterable[Entry], run: Mapping[str, Any]) -> list[Entry]:
-    """The entries without those of the release of a run: of its reason and its commit."""
-    of_run = str(run.get("why") or ""), str(run.get("commit") or "")[:SHORT_COMMIT]
-    releases = {(e.why, e.commit[:SHORT_COMMIT]) for e in entries if _is_own(e, run)} | {of_run}
-    return [e for e in entries if not e.why or (e.why, e.commit[:SHORT_COMMIT]) not in releases]
+def _shared_release(before: Before, run: Mapping[str, Any]) -> str:
+    """Reason and commit of a run, if all earlier runs have the same; else empty."""
+    why, commit = str(run.get("why") or ""), str(run.get("commit") or "")[:SHORT_COMMIT]
+    same = all((e.why, e.commit[:SHORT_COMMIT]) == (why, commit) for e in before.entries)
+    return f"{why}, commit {commit}" if same and why and commit else ""
 
 
 def _is_of_a_commit(entry: Entry, records: Sequence[EpisodeRecord]) -> bool:

@@ -117,17 +117,20 @@ def test_another_request_in_the_same_folder_is_another_run(
     assert fact(description("runs/b", None)).startswith("by 1 run, first 2026-07-01")
 
 
-def test_parts_of_one_release_are_not_before_each_other(own_ledger: Path) -> None:
+def test_parts_of_one_release_are_told_apart(own_ledger: Path) -> None:
     release: dict[str, Any] = {"why": "tables", "commit": "1234567-dirty"}
-    write_ledger(own_ledger, line("runs/a", SUMMER, **release), line("runs/b", AUTUMN, **release))
     part = description("runs/b", why="tables", commit="12345678")
-    assert fact(part) == "never by the ledger"
-    assert fact(description("runs/b")) == "never by the ledger"  # by its own line
+    first, own = line("runs/a", SUMMER, **release), line("runs/b", AUTUMN, **release)
+    write_ledger(own_ledger, first, own)
+    assert fact(part) == "by 1 run, first 2026-07-01, folders runs/a"
+    assert played_before.notice(RECORDS, part) == (
+        "All 10 homes from seed 1000 on had been played before this run, by 1 run of the same "
+        "release (tables, commit 1234567): runs/a."
+    )
     changes: list[dict[str, Any]] = [{"commit": "7654321"}, {"why": "more tables"}, {"why": ""}]
     for changed in changes:
-        other = line("runs/a", SUMMER, **release | changed)
-        write_ledger(own_ledger, other, line("runs/b", AUTUMN, **release))
-        assert fact(part).startswith("by 1 run, ")
+        write_ledger(own_ledger, first, line("runs/c", SUMMER, **release | changed), own)
+        assert "not those of unseen homes" in played_before.notice(RECORDS, part)
 
 
 def test_later_runs_are_not_before(own_ledger: Path) -> None:

@@ -25,7 +25,7 @@ from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 
 HISTORIES = Path(__file__).parent / "histories"
-MAY_MOVE = 0.03  # Ψ of an instance without new evidence, by other names of voxels at its border
+MAY_MOVE = 0.05  # Ψ of an instance without new evidence, by other names of voxels at its border
 
 
 def settings(*changed: str) -> ObjectMapSettings:
