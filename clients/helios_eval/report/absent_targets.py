@@ -16,8 +16,8 @@ from helios_eval.report.record_metrics import value
 from helios_eval.report.report_model import Cell, Rows, Table
 
 SUCCESS = (
-    "With an absent target, success is that the agent reports that it found no object, and picks "
-    "nothing."
+    "With an absent target, success is that the agent reports that it found no object, and what it "
+    "picked lies where it was."
 )
 WHICH_EPISODES = (
     f"SR is over all episodes. {SUCCESS} FindObj, Pick, FindRec, Place and partial are means over "
