@@ -13,8 +13,9 @@ from pathlib import Path
 
 from helios_eval.episodes import episode_record
 from helios_eval.report import number_format, paper_comparison, research_questions
-from helios_eval.report.agent_groups import Arm, arms_of
-from helios_eval.report.interval_statistics import wilson
+from helios_eval.report.agent_groups import Arm, arms_of, in_common
+from helios_eval.report.interval_statistics import paired_difference, wilson
+from helios_eval.report.number_format import scale, signed
 from helios_eval.report.record_metrics import METRICS, NAMES, values
 from helios_eval.report.report_model import Table
 from helios_eval.report.requested_episodes import seeds_asked
@@ -25,26 +26,29 @@ from scripts.markdown_tables import DOCS, Block, code, table, write_or_check
 SCRIPT = "scripts/page_of_results.py"
 RESULTS = DOCS / "results"
 BRACKETS = str.maketrans("[]", "()")
+PICK_LIMITS = {"SR, 5 picks": 5, "SR, 1 pick": 1}
 NONE_COMPLETE = "No run is complete.\n"
 
 
 @dataclass(frozen=True)
 class Run:
-    """Run in a folder of docs/results, under the title of its table."""
+    """Run in a folder of docs/results, under the title of its table. base: folder of a run of the
+    same homes whose agents it is compared with."""
 
     folder: str
     title: str
+    base: str = ""
 
 
 RUNS = (
     Run("table-1", "Table 1: components and baselines"),
     Run("table-2", "Table 2: object navigation"),
     Run("table-4", "Table 4: ground-truth semantics"),
-    Run("table-5", "Table 5: assumption of the information gain"),
-    Run("tables-6-8", "Tables 6 to 8: sensitivity"),
-    Run("realistic-sensor", "Errors of the camera and drift of the pose"),
-    Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick"),
-    Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick"),
+    Run("table-5", "Table 5: assumption of the information gain", "table-1"),
+    Run("tables-6-8", "Tables 6 to 8: sensitivity", "table-1"),
+    Run("realistic-sensor", "Errors of the camera and drift of the pose", "table-1"),
+    Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1"),
+    Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4"),
 )
 OURS = Run("our-agent", "helios and the paper's agents")
 
@@ -75,14 +79,36 @@ def _of_run(run: Run) -> str:
     if not is_complete(found):
         played = sum(len(arm.records) for arm in found)
         return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
-    return means(found)
+    base = arms(run.base) if run.base else ()
+    return means(found) + (f"\n{beside(found, base)}" if is_complete(base) else "")
+
+
+def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:
+    """Table of differences of each arm to the same agent of another run, over the homes of both; an
+    agent that the other run lacks is compared with `helios-paper`."""
+    others = {arm.agent: arm for arm in base}
+    rows: list[list[str]] = []
+    for arm in found:
+        other = others.get(arm.agent, others["helios-paper"])
+        mine, theirs = in_common(arm, other)
+        cells: list[str] = []
+        for name in ("FindObj", "Pick", "FindRec", "SR", "steps"):
+            d, k = paired_difference(values(mine, name), values(theirs, name)), scale(name)
+            digits = 0 if name == "steps" else 1
+            bounds = number_format.bounds(d.low * k, d.high * k, digits, plus=True)
+            cells.append(
+                signed(d.value * k, digits) + (f" {_plain(bounds)}" if d.has_bounds else "")
+            )
+        rows.append([f"{_named(arm)} − {code(other.agent)}", str(len(mine)), *cells])
+    return table(["difference", "homes", "FindObj", "Pick", "FindRec", "SR", "steps"], rows)
 
 
 def means(found: Sequence[Arm]) -> str:
     """Table with a row for each arm: shares in percent, the whole task with its interval."""
     shares = [name for name in NAMES[found[0].benchmark] if METRICS[name].binary and name != "SR"]
     rest = ["SPL"] if found[0].benchmark == "objectnav" else []
-    head = ["agent", "homes", *shares, "SR", *rest, "steps"]
+    limits = PICK_LIMITS if found[0].benchmark == "ovmm" else {}
+    head = ["agent", "homes", *shares, "SR", *limits, *rest, "collisions", "steps"]
     rows: list[list[str]] = []
     for arm in found:
         success = values(arm.records, "SR")
@@ -92,7 +118,9 @@ def means(found: Sequence[Arm]) -> str:
             str(len(arm.records)),
             *(_mean(arm, name) for name in shares),
             f"**{_mean(arm, 'SR')}** ({100 * w.low:.1f} to {100 * w.high:.1f})",
+            *(_mean(arm, "SR", picks=most) for most in limits.values()),
             *(_mean(arm, name) for name in rest),
+            _mean(arm, "collisions"),
             _mean(arm, "steps", 0),
         ])  # fmt: skip
     return table(head, rows)
@@ -166,8 +194,8 @@ def _named(arm: Arm) -> str:
     return code(arm.agent) + (rest.replace(" · ", ", ") or semantics)
 
 
-def _mean(arm: Arm, name: str, digits: int | None = None) -> str:
-    found = values(arm.records, name)
+def _mean(arm: Arm, name: str, digits: int | None = None, picks: int | None = None) -> str:
+    found = values(arm.records, name, picks)
     mean = float(found.mean()) if len(found) else math.nan
     return number_format.number(
         mean * number_format.scale(name), METRICS[name].digits if digits is None else digits
