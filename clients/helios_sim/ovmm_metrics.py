@@ -97,6 +97,8 @@ class Progress:
     left_navigable: int = 0  # number of steps
     steps: int = 0
     path_m: float = 0.0
+    find_object_steps: int = 0  # steps and path until FindObj; 0 before it
+    find_object_path_m: float = 0.0
 
     @property
     def success(self) -> bool:
@@ -117,6 +119,9 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
     rests = step.held not in targets.objects and (progress.placed or placed(step.released, targets))
     place = progress.place or (find_receptacle and rests)
     new = sorted(step.collided_with.difference(progress.collided_with))
+    steps, path_m = progress.steps + 1, progress.path_m + step.moved_m
+    if find_object and not progress.find_object:
+        progress = replace(progress, find_object_steps=steps, find_object_path_m=path_m)
     return replace(
         progress,
         find_object=find_object,
@@ -127,8 +132,8 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
         collisions=progress.collisions + bool(step.collided_with),
         collided_with=(*progress.collided_with, *new),
         left_navigable=progress.left_navigable + step.left_navigable,
-        steps=progress.steps + 1,
-        path_m=progress.path_m + step.moved_m,
+        steps=steps,
+        path_m=path_m,
     )
 
 

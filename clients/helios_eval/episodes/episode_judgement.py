@@ -79,6 +79,8 @@ def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: in
         cause = absent_cause(done, world.events, said, max_steps, all_put_back(world))
         return Verdict(False, False, False, False, not cause, cause)
     cause = failure_cause(done, world.events, said, max_steps)
+    shortest_m = world.tracker.shortest_path_m()
     return Verdict(
-        done.find_object, done.pick, done.find_receptacle, done.place, done.success, cause
-    )
+        done.find_object, done.pick, done.find_receptacle, done.place, done.success, cause,
+        shortest_m if math.isfinite(shortest_m) else None,
+    )  # fmt: skip

@@ -214,6 +214,8 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -
         goal_receptacle_class=episode.goal_receptacle_class, absent=episode.absent,
         **asdict(judged_as), collisions=done.collisions, collided_with=done.collided_with,
         steps=done.steps, path_m=done.path_m,
+        find_object_steps=done.find_object_steps or None,
+        find_object_path_m=done.find_object_path_m if done.find_object else None,
         picks=sum(isinstance(event, PickTried) for event in world.events),
         wrong_picks=sum(
             isinstance(event, PickTried) and bool(event.name) and not event.candidate

@@ -107,7 +107,15 @@ class EpisodeRecord(_Frozen):
     collided_with: tuple[str, ...] = ()
     steps: int
     path_m: float
-    shortest_path_m: float | None = Field(default=None, description="object navigation alone")
+    shortest_path_m: float | None = Field(
+        default=None,
+        description="from the start to the nearest viewpoint of a right object; None without one, "
+        "and in records of move tasks that lack it",
+    )
+    find_object_steps: int | None = Field(
+        default=None, description="steps until FindObj; None without it, or in records that lack it"
+    )
+    find_object_path_m: float | None = Field(default=None, description="the same, path")
     picks: int = Field(description="picks that were tried, right or wrong")
     wrong_picks: int | None = Field(
         default=None,
@@ -172,6 +180,16 @@ class EpisodeRecord(_Frozen):
         if self.shortest_path_m is None:
             return 0.0
         return spl(self.success, self.path_m, self.shortest_path_m)
+
+    @property
+    def find_object_spl(self) -> float | None:
+        """FindObj weighted by path length; None if the record lacks the paths."""
+        if self.shortest_path_m is None:
+            return None
+        if not self.find_object:
+            return 0.0
+        path_m = self.find_object_path_m
+        return None if path_m is None else spl(True, path_m, self.shortest_path_m)
 
 
 def append(folder: Path, record: EpisodeRecord) -> None:

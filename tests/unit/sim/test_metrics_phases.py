@@ -48,6 +48,14 @@ def test_a_task_with_all_phases_in_order_succeeds():
     assert done.steps == 4
 
 
+def test_steps_and_path_until_the_object_is_found_stay_as_they_were():
+    far = Step((9.0, 9.0), moved_m=2.0)
+    done = run(far, replace(AT_MUG, moved_m=1.5), far, replace(AT_MUG, moved_m=1.0))
+    assert (done.find_object_steps, done.find_object_path_m) == (2, 3.5)
+    assert (done.steps, done.path_m) == (4, 6.5)
+    assert run(far).find_object_steps == 0
+
+
 def test_find_object_stays_set_after_the_robot_leaves():
     assert run(AT_MUG, Step((9.0, 9.0))).find_object
 

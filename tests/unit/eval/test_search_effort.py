@@ -1,0 +1,57 @@
+"""The effort of the search for the object, by agent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from eval_constructed_records import record
+from helios_eval.episodes import episode_record
+from helios_eval.studies.search_effort import main
+
+
+def paths(spl: float, steps: int = 40) -> dict[str, Any]:
+    return {
+        "shortest_path_m": 5.0,
+        "find_object_path_m": 5.0 / spl,
+        "find_object_steps": steps,
+    }
+
+
+def write(folder: Path, *records: episode_record.EpisodeRecord) -> None:
+    folder.mkdir()
+    for one in records:
+        episode_record.append(folder, one)
+
+
+def test_steps_and_spl_are_of_the_way_to_the_object(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    never: dict[str, Any] = {"find_object": False, "success": False, "shortest_path_m": 5.0}
+    write(
+        tmp_path / "run",
+        *(record(s, agent="helios-paper", **paths(0.5, 40 + s)) for s in range(10)),
+        *(record(s, agent="trusting", **paths(0.25)) for s in range(9)),
+        record(9, agent="trusting", **never),
+    )
+    assert main([str(tmp_path / "run")]) == 0
+    paper, trusting = capsys.readouterr().out.splitlines()[2:]
+    assert paper.startswith("| helios-paper | 10 | 100.0 (72.2 to 100.0) | 44 ± 1 | 50.0 ± 0.0 |")
+    assert "| 90.0 (59.6 to 98.2) | 40 ± 0 | 22.5 ± 2.5 | −27.5 (−32.5 to −25.0) |" in trusting
+
+
+def test_records_without_paths_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "old", record(3))
+    assert main([str(tmp_path / "old")]) == 2
+    assert "lacks the path to the object" in capsys.readouterr().err
+
+
+def test_a_folder_without_episodes_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert main([str(tmp_path / "empty")]) == 2
+    assert "holds no episode" in capsys.readouterr().err
