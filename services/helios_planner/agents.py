@@ -6,6 +6,7 @@
 | helios-paper        | object map, by score | objective (eq. 8-10)        | highest value       |
 | helios-5050         | object map, by score | objective, other share 0.5  | highest value       |
 | no-global-objective | object map, by score | receptacles, then frontiers | highest value       |
+| nearest-frontier    | object map, by score | receptacles, then nearest   | nearest             |
 | trusting            | every detection      | highest value               | highest value       |
 | random-frontier     | every detection      | random                      | random              |
 | homerobot-heuristic | every detection      | start receptacles, nearest  | nearest             |
@@ -46,11 +47,15 @@ from helios_planner.task import Phase
 _loaded: dict[str, Agent] = {}  # agents of other packages; each is imported once per process
 
 
-def _scoring(rule: SearchRule, thresholds: Rule = paper) -> Agent:
+def _scoring(
+    rule: SearchRule,
+    thresholds: Rule = paper,
+    frontiers: FrontierRule = global_search.highest_value,
+) -> Agent:
     return Agent(
         MapBelief,
         lambda tools, name, start: ObjectSearch(tools, name, start, rule, thresholds),
-        lambda tools, name, not_at: ReceptacleSearch(tools, name, not_at, thresholds),
+        lambda tools, name, not_at: ReceptacleSearch(tools, name, not_at, thresholds, frontiers),
         retries=True,
     )
 
@@ -66,6 +71,7 @@ AGENTS: dict[str, Agent] = {
     "helios-paper": _PAPER,
     "helios-5050": replace(_PAPER, other_share=0.5),
     "no-global-objective": _scoring(global_search.receptacles_first),
+    "nearest-frontier": _scoring(global_search.by_distance, frontiers=global_search.nearest),
     "trusting": _by(global_search.highest_value),
     "random-frontier": _by(global_search.drawn),
     "homerobot-heuristic": Agent(

@@ -23,6 +23,7 @@ FIRST = (
     "helios-paper",
     "helios-5050",
     "no-global-objective",
+    "nearest-frontier",
     "trusting",
     "homerobot-heuristic",
     "vlfm-helios-stop",

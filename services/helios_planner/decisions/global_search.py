@@ -168,6 +168,10 @@ def highest_value(
 def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator) -> Decision:
     """Decision for the frontier with the shortest path, whatever its value. A frontier whose path
     is unknown counts by its distance."""
+    return _nearest(frontiers)
+
+
+def _nearest(frontiers: Sequence[FrontierOption]) -> Decision:
     ways = [f.distance_m if f.way_m is None else f.way_m for f in frontiers]
     candidates = tuple(
         replace(c, terms=c.terms | {"way_m": way_m, "total": -way_m})
@@ -275,6 +279,19 @@ def receptacles_first(
         DecisionRule.RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
         (*as_candidates(memory), *gains_as_candidates(receptacles)),
     )  # fmt: skip
+
+
+def by_distance(
+    receptacles: Sequence[ReceptacleOption],
+    frontiers: Sequence[FrontierOption],
+    memory: SearchMemory,
+    alpha_d: float,
+) -> Decision:
+    """Decision by distance alone: the nearest candidate receptacle before every frontier, then the
+    frontier with the shortest path."""
+    if not receptacles:
+        return _nearest(frontiers)
+    return receptacles_first(receptacles, frontiers, memory, alpha_d)
 
 
 # --- memory of eq. 8 and 9, as stored with a decision -------------------------------------------

@@ -23,7 +23,7 @@ from helios_planner.decisions.acceptance import (
 )
 from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.explanations import less
-from helios_planner.decisions.global_search import highest_value
+from helios_planner.decisions.global_search import FrontierRule, highest_value
 from helios_planner.match_radii import PICKED_PLACE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
@@ -300,14 +300,20 @@ class ReceptacleSearch(ScoredSearch):
     kind, action = "receptacle", Act.PLACE
 
     def __init__(
-        self, tools: SearchTools, name: str, not_at: np.ndarray | None, thresholds: Rule
+        self,
+        tools: SearchTools,
+        name: str,
+        not_at: np.ndarray | None,
+        thresholds: Rule,
+        frontiers: FrontierRule = highest_value,
     ) -> None:
-        """not_at: point where the object was picked, if start and goal are of one class."""
+        """not_at: point where the object was picked, if start and goal are of one class; frontiers:
+        rule for the next one."""
         s = tools.settings
         within = thresholds(s.tau_b, False)
         super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
         self._not_at = not_at
-        self._explorer: Explorer = RuleExplorer(self, PLACE_LAYER, highest_value)
+        self._explorer: Explorer = RuleExplorer(self, PLACE_LAYER, frontiers)
 
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)

@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
 from helios_core.robot import Observe, Pick
 from helios_planner.agents import AGENTS, agent_named
-from helios_planner.decisions.decision import Do
+from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.instruction.parser import parse
 from helios_planner.manipulation import SkillOutcome
 from helios_planner.motion_planning.costmap import Pose2
@@ -176,15 +176,29 @@ def test_random_walks_are_equal_for_one_seed_and_differ_between_seeds() -> None:
 
 
 # --- without the objective -----------------------------------------------------------------------
-def test_without_the_objective_no_frontier_is_chosen_while_a_receptacle_is_left() -> None:
+@pytest.mark.parametrize("agent", ["no-global-objective", "nearest-frontier"])
+def test_without_the_objective_no_frontier_is_chosen_while_a_receptacle_is_left(
+    agent: AgentName,
+) -> None:
     world = flat([coffee_table(), counter()])
     with pytest.raises(TaskFailed):
-        run(world, "no-global-objective", rounds=1)
+        run(world, agent, rounds=1)
     searched = [d for d in world.decisions if d.do is Do.SEARCH_RECEPTACLE]
     assert searched
     for d in world.decisions:
         if d.do is Do.GO_TO_FRONTIER:
             assert all(c.kind == "frontier" for c in d.candidates)
+
+
+def test_the_nearest_frontier_has_the_shortest_way_before_and_after_the_pick() -> None:
+    world = flat([coffee_table(), counter(), mug(3)])
+    with pytest.raises(TaskFailed) as failure:
+        run(world, "nearest-frontier", "Move the mug from the coffee table to the sofa", rounds=1)
+    assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
+    walks = [d for d in world.decisions if d.do is Do.GO_TO_FRONTIER]
+    assert {d.rule for d in walks} == {DecisionRule.NEAREST_FRONTIER}
+    for d in walks:
+        assert d.chosen.terms["way_m"] == min(c.terms["way_m"] for c in d.candidates)
 
 
 # --- the start receptacle ------------------------------------------------------------------------
