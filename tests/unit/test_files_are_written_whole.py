@@ -79,6 +79,7 @@ ELSEWHERE = {
     ("scripts/generate_proto.py", "write_bytes"): (2, SCRIPT),
     ("scripts/generate_proto.py", "write_text"): (1, SCRIPT),
     ("scripts/generate_sdk.py", "write_text"): (1, SCRIPT),
+    ("scripts/lock_versions.py", "write_text"): (2, SCRIPT),
     ("scripts/home_pictures.py", "save"): (1, SCRIPT),
 }
 
