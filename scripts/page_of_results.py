@@ -51,6 +51,12 @@ RUNS = (
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4"),
 )
 OURS = Run("our-agent", "helios and the paper's agents")
+JUDGE = (
+    Run("judge", "As on homes 2000–2199"),
+    Run("judge-absent", "One object in four is not in the home", "judge"),
+    Run("judge-real-detector", "With a real detector"),
+    Run("judge-large", "Larger homes"),
+)
 
 
 @functools.cache
@@ -70,6 +76,11 @@ def is_complete(found: Sequence[Arm]) -> bool:
 def tables() -> str:
     """A table of means for each run."""
     return "\n".join(f"#### {run.title}\n\n{_of_run(run)}" for run in RUNS)
+
+
+def judge() -> str:
+    """A table of means for each run of the judge."""
+    return "\n".join(f"### {run.title}\n\n{_of_run(run)}" for run in JUDGE)
 
 
 def _of_run(run: Run) -> str:
@@ -213,6 +224,7 @@ def _blocks() -> list[Block]:
 
     return [
         block(RESULTS / "README.md", "our agent", our_agent),
+        block(RESULTS / "README.md", "judge", judge),
         block(RESULTS / "README.md", "tables of the paper", tables),
         block(RESULTS / "README.md", "paired differences", differences),
         block(RESULTS / "README.md", "relations", relations),
