@@ -14,7 +14,11 @@ from pathlib import Path
 from helios_eval.episodes import episode_record
 from helios_eval.report import number_format, paper_comparison, research_questions
 from helios_eval.report.agent_groups import Arm, arms_of, in_common
-from helios_eval.report.interval_statistics import paired_difference, wilson
+from helios_eval.report.interval_statistics import (
+    paired_difference,
+    score_difference,
+    wilson,
+)
 from helios_eval.report.number_format import scale, signed
 from helios_eval.report.record_metrics import METRICS, NAMES, values
 from helios_eval.report.report_model import Table
@@ -96,7 +100,8 @@ def _of_run(run: Run) -> str:
 
 def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:
     """Table of differences of each arm to the same agent of another run, over the homes of both; an
-    agent that the other run lacks is compared with `helios-paper`."""
+    agent that the other run lacks is compared with `helios-paper`. Where fewer than six homes
+    differ, the interval is a score interval."""
     others = {arm.agent: arm for arm in base}
     rows: list[list[str]] = []
     for arm in found:
@@ -104,7 +109,10 @@ def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:
         mine, theirs = in_common(arm, other)
         cells: list[str] = []
         for name in ("FindObj", "Pick", "FindRec", "SR", "steps"):
-            d, k = paired_difference(values(mine, name), values(theirs, name)), scale(name)
+            x, y, k = values(mine, name), values(theirs, name), scale(name)
+            d = paired_difference(x, y)
+            if not d.has_bounds and METRICS[name].binary:
+                d = score_difference(x, y)
             digits = 0 if name == "steps" else 1
             bounds = number_format.bounds(d.low * k, d.high * k, digits, plus=True)
             cells.append(

@@ -103,6 +103,35 @@ def paired_difference(
     return Interval(float(difference.mean()), float(low), float(high))
 
 
+def score_difference(first: Values, second: Values) -> Interval:
+    """Mean of first - second of binary values over the same episodes [n], with the score interval
+    of Newcombe (1998, method 10).
+
+    It has bounds also where few or no episodes differ, and then tells how large a difference they
+    leave possible. Raises InvalidInput for other values than 0 and 1.
+    """
+    a, b = _pair(first, second)
+    if not np.isin(np.concatenate([a, b]), (0.0, 1.0)).all():
+        raise InvalidInput("a score interval came for values other than 0 and 1")
+    n = len(a)
+    both, only_a, only_b = ((a * b).sum(), (a * (1 - b)).sum(), ((1 - a) * b).sum())
+    neither = n - both - only_a - only_b
+    margins = (both + only_a) * (both + only_b) * (only_b + neither) * (only_a + neither)
+    product = both * neither - only_a * only_b
+    phi = 0.0
+    if margins > 0:
+        phi = (max(product - n / 2, 0.0) if product > 0 else product) / math.sqrt(margins)
+    x, y = wilson(int(a.sum()), n), wilson(int(b.sum()), n)
+
+    def reach(one: float, other: float) -> float:
+        return math.sqrt(max(one**2 - 2 * phi * one * other + other**2, 0.0))
+
+    d = x.value - y.value
+    low = d - reach(x.value - x.low, y.high - y.value)
+    high = d + reach(x.high - x.value, y.value - y.low)
+    return Interval(d, low, high)
+
+
 def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = SEED) -> Interval:
     """Mean of first over mean of second, the same episodes [n]; percentile bootstrap.
 
