@@ -18,17 +18,21 @@ def totals(runs: Sequence[dict[str, Any]]) -> str:
     """One sentence on tasks, losses and what was left behind."""
 
     def added(key: str) -> int:
-        return sum(run.get(key, 0) for run in runs)  # older files lack some
+        return sum(run[key] for run in runs)
 
+    counted = ""
+    if all("moves" in run for run in runs):  # files of earlier versions lack these counts
+        counted = (
+            f"{added('unjudged')} tasks ended with the message that it is not known how far they "
+            f"came; {added('moves_succeeded')} of {added('moves')} tasks to move a thing "
+            f"succeeded; {added('hit_while_driving')} faults hit a robot that drove; "
+        )
     sound = all(run["journal_ok"] and run["map_ok"] for run in runs)
     return (
         f"{sum(len(run['faults']) for run in runs)} faults in {added('minutes'):.0f} minutes; "
         f"{added('tasks')} tasks: {added('succeeded')} succeeded, {added('failed')} failed, "
-        f"{added('cancelled')} cancelled, {added('lost')} lost, {added('unjudged')} ended with the "
-        f"message that it is not known how far they came; {added('moves_succeeded')} of "
-        f"{added('moves')} tasks to move a thing succeeded; {added('hit_while_driving')} faults "
-        f"hit a robot that drove and had to stand; {added('orphans')} processes left behind; "
-        f"journal and maps {'sound' if sound else 'not sound'}."
+        f"{added('cancelled')} cancelled, {added('lost')} lost; {added('orphans')} processes left "
+        f"behind; {counted}journal and maps {'sound' if sound else 'not sound'}."
     )
 
 

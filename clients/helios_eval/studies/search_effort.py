@@ -4,8 +4,8 @@
 
 Prints, as Markdown: the share of homes with FindObj, the mean steps until it, SPL of FindObj (share
 times the shortest path over the path driven until then, 0 without FindObj), and the differences of
-both to the first agent over the same homes, with 95 % intervals. Records that lack the paths are
-older than they; such a run is refused.
+both to the first agent over the same homes, with 95 % intervals. A run whose records lack the paths
+is refused: they are older.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ def spl_of(arm: Arm) -> Values:
             continue
         if record.find_object_spl is None:
             raise InvalidInput(
-                f"episode {record.key} lacks the path to the object, as records before version 0.3 "
-                "do; play it again into another folder"
+                f"episode {record.key} lacks the path to the object, as older records do; "
+                "play it again into another folder"
             )
         found.append(record.find_object_spl)
     return np.array(found)
