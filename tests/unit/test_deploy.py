@@ -106,6 +106,13 @@ def test_each_image_runs_as_a_user_and_installs_extras_that_exist(target: str) -
     assert last_user == "1000"
 
 
+@pytest.mark.parametrize("target", sorted(set(TARGETS) - {"all"}))
+def test_each_image_of_a_service_checks_its_health(target: str) -> None:
+    stage = re.search(rf"^FROM \w+ AS {target}\n(.*?)^CMD", IMAGE, re.M | re.S)
+    assert stage is not None
+    assert "HEALTHCHECK" in stage[1]
+
+
 def test_no_image_of_a_single_service_brings_torch() -> None:
     for target in set(TARGETS) - {"all"}:
         [line] = re.findall(rf"^FROM source AS {target}-build\n(?:ARG .*\n)?RUN (.*)$", IMAGE, re.M)

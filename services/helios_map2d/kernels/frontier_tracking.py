@@ -25,12 +25,16 @@ def match_frontier_ids(cells, starts, former, former_starts, former_ids, reach, 
     """
     count, before = starts.size - 1, former_starts.size - 1
     ids, same, taken = np.zeros(count, np.int64), np.full(count, -1), np.zeros(before, np.bool_)
+    firsts = keys_of_first_cells(former, former_starts)
+    order = np.argsort(firsts, kind="mergesort")
+    sorted_firsts, own_firsts = firsts[order], keys_of_first_cells(cells, starts)
     for k in range(count):
-        for j in range(before):
-            if not taken[j] and equal(cells[starts[k] : starts[k + 1]],
-                                      former[former_starts[j] : former_starts[j + 1]]):  # fmt: skip
-                ids[k], same[k], taken[j] = former_ids[j], j, True
-                break
+        at = np.searchsorted(sorted_firsts, own_firsts[k])
+        if at == before or sorted_firsts[at] != own_firsts[k]:
+            continue
+        j = order[at]
+        if equal(cells[starts[k] : starts[k + 1]], former[former_starts[j] : former_starts[j + 1]]):
+            ids[k], same[k], taken[j] = former_ids[j], j, True
     pairs, shared = votes(cells, starts, same, former, former_starts, taken, reach)
     for i in np.argsort(-shared, kind="mergesort"):
         k, j = pairs[i, 0], pairs[i, 1]
@@ -41,6 +45,16 @@ def match_frontier_ids(cells, starts, former, former_starts, former_ids, reach, 
             ids[k] = next_id
             next_id += 1
     return ids, same, next_id
+
+
+@njit(cache=True, nogil=True)
+def keys_of_first_cells(cells, starts):
+    """One number per cluster, int64: its first cell. Clusters share no cell, so each differs."""
+    keys = np.empty(starts.size - 1, np.int64)
+    for k in range(keys.size):
+        row, column = np.int64(cells[starts[k], 0]), np.int64(cells[starts[k], 1])
+        keys[k] = row * (np.int64(1) << 32) + column
+    return keys
 
 
 @njit(cache=True, nogil=True)
