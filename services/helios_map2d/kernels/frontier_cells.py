@@ -44,9 +44,7 @@ def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, 
         if top < 0 or left < 0 or top + side > rows or left + side > columns:
             continue
         edge_cells(state, seen, top, left // side, near, wanted)
-        kept = before
-        while kept < old.shape[0] and tile_order(old, kept, side, row, column) < 0:
-            kept += 1
+        kept = first_of_tile(old, before, side, row, column)
         out[n : n + kept - before] = old[before:kept]
         n += kept - before
         before = kept
@@ -61,6 +59,19 @@ def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, 
     rest = old.shape[0] - before
     out[n : n + rest] = old[before:]
     return out[: n + rest], other
+
+
+@njit(cache=True, nogil=True)
+def first_of_tile(cells, low, side, row, column):
+    """Index from `low` on of the first cell that does not lie before a tile, by bisection."""
+    high = cells.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if tile_order(cells, middle, side, row, column) < 0:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -134,7 +145,7 @@ def edge_cells(state, seen, top, at, near, wanted):
 def describe(
     cells, starts,  # clusters: world cells int32 [m, 2], and start of each int64 [clusters + 1]
     corner,  # world cell of the grid's first cell
-    labels, offsets, reached, near, near_corner,  # a `ReachedCells` and its labels
+    labels, offsets, reached, near, near_corner, changed,  # a `ReachedCells` and its labels
     same,  # int64 [clusters]: index of the former frontier with equal cells, -1 for none
     former_centres, former_reachable,  # `centres` and `reachable` of the former frontiers
     stale,  # box of world cells with changed values: row_lo, row_hi, column_lo, column_hi
@@ -143,22 +154,31 @@ def describe(
     (uint8): VALUES if its values need an update, OTHER if it differs from its former frontier.
 
     The centre is the cell nearest to the mean of its reachable cells (of all cells if none is
-    reachable), the first of several at the same distance.
+    reachable), the first of several at the same distance. It is computed anew only if the cells or
+    their reachability may have changed.
     """
     n, count = cells.shape[0], starts.size - 1
     can, of_tile = np.empty(n, np.uint8), np.empty(n, np.uint16)
     centres, reachable = np.empty((count, 2), np.int32), np.empty(count, np.uint8)
     flags = np.zeros(count, np.uint8)
-    for i in range(n):  # scattered reads alone in one loop, so that many are in flight at once
-        r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
-        of_tile[i] = labels[np.uint64(r), np.uint64(c)]
-    for i in range(n):
-        r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
-        y, x = r - near_corner[0], c - near_corner[1]
-        beside = 0 <= y < near.shape[0] and 0 <= x < near.shape[1] and near[y, x] != 0
-        component = offsets[r // TILE, c // TILE] + of_tile[i] - 1
-        can[i] = beside or (of_tile[i] != 0 and reached[component] != 0)
     for k in range(count):
+        j = same[k]
+        own = cells[starts[k] : starts[k + 1]]
+        if j >= 0 and former_reachable[j] < 2 and not in_tiles(own, corner, changed):
+            centres[k], reachable[k] = former_centres[j], former_reachable[j]
+            row, column = centres[k]
+            if stale[0] <= row < stale[1] and stale[2] <= column < stale[3]:
+                flags[k] = VALUES
+            continue
+        for i in range(starts[k], starts[k + 1]):  # scattered reads alone in one loop, so that
+            r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]  # many are in flight at once
+            of_tile[i] = labels[np.uint64(r), np.uint64(c)]
+        for i in range(starts[k], starts[k + 1]):
+            r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
+            y, x = r - near_corner[0], c - near_corner[1]
+            beside = 0 <= y < near.shape[0] and 0 <= x < near.shape[1] and near[y, x] != 0
+            component = offsets[r // TILE, c // TILE] + of_tile[i] - 1
+            can[i] = beside or (of_tile[i] != 0 and reached[component] != 0)
         any_reached = np.any(can[starts[k] : starts[k + 1]])
         counted = 0
         total_r = total_c = 0.0
@@ -175,7 +195,6 @@ def describe(
             if off < best and (not any_reached or can[i] != 0):
                 best, row, column = off, cells[i, 0], cells[i, 1]
         centres[k, 0], centres[k, 1], reachable[k] = row, column, any_reached
-        j = same[k]
         if j < 0 or former_centres[j, 0] != row or former_centres[j, 1] != column:
             flags[k] = VALUES | OTHER
         elif stale[0] <= row < stale[1] and stale[2] <= column < stale[3]:
@@ -183,6 +202,15 @@ def describe(
         if j >= 0 and former_reachable[j] != reachable[k]:
             flags[k] |= OTHER
     return centres, reachable, flags
+
+
+@njit(cache=True, nogil=True)
+def in_tiles(cells, corner, tiles):
+    """True if a world cell lies in a tile of the mask `tiles`, which begins at `corner`."""
+    for i in range(cells.shape[0]):
+        if tiles[(cells[i, 0] - corner[0]) // TILE, (cells[i, 1] - corner[1]) // TILE] != 0:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -21,11 +21,15 @@ def update_open_ground(
     before, occupancy, row_lo, column_lo, half_widths,  # see `follow_obstacles`
     crowd, labels, counts, edges, offsets,  # see `ReachableFloor`
 ):  # fmt: skip
-    """Update the open ground after a change of occupancy and return the number of components."""
+    """Update the open ground after a change of occupancy.
+
+    Returns the number of components, and uint8 [tile rows, tile columns]: 1 for tiles with new
+    labels.
+    """
     stale = np.zeros(counts.shape, np.uint8)
     follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale)
     label_tiles(occupancy, crowd, stale, labels, counts, edges)
-    return number_components(counts, offsets)
+    return number_components(counts, offsets), stale
 
 
 @njit(cache=True, nogil=True)
@@ -269,6 +273,17 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
                 if reached[tile + here[r, c] - 1] != 0:
                     flood(near, r, c, got)
                     more = True
+
+
+@njit(cache=True, nogil=True)
+def mark_other_reach(offsets, counts, reached, former_offsets, former_reached, out):
+    """Set `out` uint8 [tile rows, tile columns] to 1 for tiles of which another component is
+    reached than before. Only for tiles whose labels are the same as before."""
+    at, before, size, marked = offsets.ravel(), former_offsets.ravel(), counts.ravel(), out.ravel()
+    for t in range(at.size):
+        for i in range(size[t]):
+            if marked[t] == 0 and reached[at[t] + i] != former_reached[before[t] + i]:
+                marked[t] = 1
 
 
 @njit(cache=True, nogil=True)

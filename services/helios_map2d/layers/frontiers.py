@@ -122,8 +122,8 @@ class FrontierFinder:
         reached = self._reached(occupancy, ground, robot_xy_m)
         centres, reachable, flags = frontier_kernels.describe(
             own, starts, self.grid.corner, ground.labels, reached.offsets, reached.reached,
-            reached.near, reached.near_corner, same, self._centres, self._reachable,
-            self._stale_for(values),
+            reached.near, reached.near_corner, reached.changed, same, self._centres,
+            self._reachable, self._stale_for(values),
         )  # fmt: skip
         if not self._same or flags.any():
             self._former = self._renewed(own, starts, ids, same, centres, reachable, flags, values)

@@ -23,13 +23,15 @@ class ReachedCells:
 
     Open ground by component: `offsets` int64 [tile rows, tile columns], and `reached` uint8 indexed
     by offset + label - 1. Ground next to the robot: `near` uint8 over a box whose corner is
-    `near_corner` (row, column of the grid).
+    `near_corner` (row, column of the grid). `changed` uint8 [tile rows, tile columns]: 1 for each
+    tile of which other ground may be reachable than in the former answer.
     """
 
     offsets: NDArray[np.int64]
     reached: NDArray[np.uint8]
     near: NDArray[np.uint8]
     near_corner: tuple[int, int]
+    changed: NDArray[np.uint8]
 
 
 class ReachableFloor:
@@ -57,6 +59,8 @@ class ReachableFloor:
         self.counts = np.zeros(tiles, np.int32)
         self.edges = np.zeros((*tiles, 4, TILE), np.uint16)
         self._offsets, self._components = np.zeros(tiles, np.int64), 0
+        self._relabelled = np.ones(tiles, np.uint8)  # since the last answer
+        self._former: ReachedCells | None = None  # last answer on this grid
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Continue on a larger grid; `known` (world cells) contains all open ground and
@@ -75,10 +79,11 @@ class ReachableFloor:
 
     def update(self, occupancy: NDArray[np.int8], before: NDArray[np.int8], box: Box) -> None:
         """Update after a change of `occupancy` (over the whole grid) from `before` within `box`."""
-        self._components = ground_kernels.update_open_ground(
+        self._components, relabelled = ground_kernels.update_open_ground(
             before, occupancy, box.row_lo, box.column_lo, self._half_widths,
             self.obstacle_count, self.labels, self.counts, self.edges, self._offsets,
         )  # fmt: skip
+        self._relabelled |= relabelled
 
     def reached_from(
         self, occupancy: NDArray[np.int8], cell: tuple[int, int], blind_cells: float
@@ -92,4 +97,16 @@ class ReachableFloor:
             occupancy, self.obstacle_count, self.labels, self.edges, self._offsets,
             self._components, cell, blind_cells, self.radius_cells,
         )  # fmt: skip
-        return ReachedCells(self._offsets, reached, near, corner)
+        now = ReachedCells(self._offsets.copy(), reached, near, corner, self._relabelled)
+        if self._former is not None:
+            ground_kernels.mark_other_reach(
+                now.offsets, self.counts, reached, self._former.offsets, self._former.reached,
+                now.changed,
+            )  # fmt: skip
+            for answer in (now, self._former):
+                (row, column), (rows, columns) = answer.near_corner, answer.near.shape
+                box = Box(row, row + rows, column, column + columns)
+                for tile in box.tiles:
+                    now.changed[tile] = 1
+        self._former, self._relabelled = now, np.zeros_like(self._relabelled)
+        return now

@@ -319,3 +319,23 @@ def test_updating_only_the_values_equals_finding_all_frontiers_again(
                 b.id, b.centre_m, b.size_m, b.reachable, b.values,
             )  # fmt: skip
             np.testing.assert_array_equal(a.cells, b.cells)
+
+
+@given(rng=st.integers(0, 2**32 - 1).map(np.random.default_rng))
+@settings(max_examples=30, deadline=None)
+def test_describing_only_changed_frontiers_equals_describing_all(rng: np.random.Generator) -> None:
+    quick, anew = World(), World()
+    for _ in range(6):
+        row, column = (int(v) for v in rng.integers(0, 150, 2))
+        height, width = (int(v) for v in rng.integers(2, 50, 2))
+        wall = rng.random() < 0.4
+        x_m, y_m = rng.uniform(-2, 2, 2)
+        for world in (quick, anew):
+            paint = world.wall if wall else world.free
+            paint(slice(row, row + height), slice(column, column + width))
+        one = quick.find(x_m, y_m)
+        two = anew.find(x_m, y_m)
+        anew.finder.remember(two)  # the next search knows no reachability
+        assert [(f.id, f.centre_m, f.reachable, f.size_m) for f in one] == [
+            (f.id, f.centre_m, f.reachable, f.size_m) for f in two
+        ]

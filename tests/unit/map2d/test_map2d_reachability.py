@@ -76,7 +76,7 @@ def test_reachable_floor_equals_brute_force_as_the_map_changes(
     rng: np.random.Generator, radius: float, blind: float
 ) -> None:
     ground = ReachableFloor(GRID, radius)
-    occupancy = np.full(GRID.shape, -1, np.int8)
+    occupancy, former = np.full(GRID.shape, -1, np.int8), np.zeros(GRID.shape, np.bool_)
     for change in range(4):
         before = occupancy.copy()
         if change == 0:
@@ -87,8 +87,12 @@ def test_reachable_floor_equals_brute_force_as_the_map_changes(
                 box = box.union(scribble(rng, occupancy))
         ground.update(occupancy, before[box.slices], box)
         cell = (int(rng.integers(0, GRID.rows)), int(rng.integers(0, GRID.columns)))
-        got = mask_of(ground, ground.reached_from(occupancy, cell, blind))
+        reached = ground.reached_from(occupancy, cell, blind)
+        got = mask_of(ground, reached)
         np.testing.assert_array_equal(got, brute_force_reachable(occupancy, cell, radius, blind))
+        changed = np.repeat(np.repeat(reached.changed, TILE, 0), TILE, 1) > 0
+        np.testing.assert_array_equal(got[~changed], former[~changed])
+        former = got
 
 
 def test_floor_near_the_robot_behind_a_narrow_gap_is_reached_by_a_detour() -> None:
