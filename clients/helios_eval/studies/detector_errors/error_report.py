@@ -11,7 +11,13 @@ import matplotlib as mpl
 import numpy as np
 from helios_core.atomic_file import replacing
 
-from helios_eval.studies.detector_errors.error_summary import PIXELS, QUANTILES, Rates, Summary
+from helios_eval.studies.detector_errors.error_summary import (
+    DISTANCES_M,
+    PIXELS,
+    QUANTILES,
+    Rates,
+    Summary,
+)
 from helios_eval.studies.detector_errors.persistence import RELATIONS, Correlation
 from helios_eval.studies.detector_errors.repeat_rates import ANGLES_DEG, RepeatRates
 
@@ -24,11 +30,13 @@ LEAST_REPEATS = 30  # a share of fewer pairs is not given
 def markdown(found: Mapping[str, Summary], repeats: Mapping[str, RepeatRates]) -> str:
     """All tables of the study."""
     parts = [
-        _section("Unobstructed objects: right name, only a wrong name, nothing (score ≥ 0.25)",
-                 found, [
+        _section("Unobstructed objects: right name (95 % interval over homes), only a wrong name, "
+                 "nothing; score ≥ 0.25", found, [
             ("all", lambda s: _three(s.all)),
             *((f"{low:,} to {high:,} px", lambda s, k=k: _three(s.by_pixels[k]))
               for k, (low, high) in enumerate(itertools.pairwise(PIXELS))),
+            *((f"{low:g} to {high:g} m", lambda s, k=k: _three(s.by_distance[k]))
+              for k, (low, high) in enumerate(itertools.pairwise(DISTANCES_M))),
             ("partly hidden objects", lambda s: _three(s.obstructed)),
             ("sightings", lambda s: f"{s.sightings:,}"),
         ]),
@@ -132,9 +140,8 @@ def _repeat_table(repeats: Mapping[str, RepeatRates]) -> str:
 def _three(rates: Rates) -> str:
     if not rates.n:
         return "–"
-    return (
-        ", ".join(f"{100 * value:.0f}" for value in (rates.right, rates.wrong, rates.none)) + " %"
-    )
+    right = f"{100 * rates.right:.0f} ({100 * rates.right_low:.0f}–{100 * rates.right_high:.0f})"
+    return f"{right}, {100 * rates.wrong:.0f}, {100 * rates.none:.0f} %"
 
 
 def _percent(value: float, digits: int = 0) -> str:

@@ -19,6 +19,8 @@ from helios_eval.studies.detector_errors.persistence import (
 from helios_eval.studies.detector_errors.sightings import COUNTED, FalseAlarms, Sightings
 
 PIXELS = (60, 150, 400, 1000, 3000, 10_000, 40_000, 400_000)  # borders of the bands
+DISTANCES_M = (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 12.0)  # borders of the bands
+RESAMPLES = 1000  # of the homes, for intervals
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 LEAST_SCORE = 0.1  # scores below are left out of the quantiles
 LEAST_PAIRS = 50  # a share or correlation of fewer is not given
@@ -27,12 +29,17 @@ LEAST_OF_CLASS = 30  # sightings of a class for its own rate
 
 @dataclass(frozen=True)
 class Rates:
-    """Shares of sightings of one band: a right name; only a wrong one; none. n of them."""
+    """Shares of sightings of one band: a right name; only a wrong one; none. n of them.
+
+    right_low, right_high: 95 % interval of `right` over homes.
+    """
 
     right: float
     wrong: float
     none: float
     n: int
+    right_low: float
+    right_high: float
 
 
 @dataclass(frozen=True)
@@ -43,6 +50,7 @@ class Summary:
     all: Rates
     obstructed: Rates
     by_pixels: tuple[Rates, ...]
+    by_distance: tuple[Rates, ...]
     wrong_per_name: float  # probability that one wrong name that is asked for is reported
     wrong_with_right: float  # share with a wrong name among sightings with a right one
     right_scores: tuple[float, ...]  # at QUANTILES
@@ -64,20 +72,17 @@ def summary(seen: Sightings, alarms: FalseAlarms) -> Summary:
     clear = seen.part(seen.unobstructed)
     right, wrong = clear.right >= COUNTED, clear.wrong >= COUNTED
     pairs = pairs_of(clear)
-    band = np.searchsorted(PIXELS, clear.pixels, "right") - 1
+    hidden = seen.part(~seen.unobstructed)
     counted = alarms.score >= COUNTED
     names, counts = np.unique(alarms.name[counted], return_counts=True)
     order = np.argsort(-counts, kind="stable")[:5]
     both = (clear.right >= LEAST_SCORE) & (clear.wrong >= LEAST_SCORE)
     return Summary(
         sightings=len(clear),
-        all=rates_of(right, wrong),
-        obstructed=rates_of(*(
-            s[~seen.unobstructed] >= COUNTED for s in (seen.right, seen.wrong)
-        )),
-        by_pixels=tuple(
-            rates_of(right[band == k], wrong[band == k]) for k in range(len(PIXELS) - 1)
-        ),
+        all=rates_of(right, wrong, clear.home),
+        obstructed=rates_of(hidden.right >= COUNTED, hidden.wrong >= COUNTED, hidden.home),
+        by_pixels=_by_band(clear, clear.pixels, PIXELS),
+        by_distance=_by_band(clear, clear.distance_m, DISTANCES_M),
         wrong_per_name=float(clear.wrong_names.sum() / max(1, len(clear) * (alarms.asked - 1))),
         wrong_with_right=_share(wrong[right]),
         right_scores=_quantiles(clear.right),
@@ -95,9 +100,35 @@ def summary(seen: Sightings, alarms: FalseAlarms) -> Summary:
     )  # fmt: skip
 
 
-def rates_of(right: NDArray[np.bool_], wrong: NDArray[np.bool_]) -> Rates:
-    """Shares of sightings [n] with a right name, and with a wrong one."""
-    return Rates(_share(right), _share(wrong & ~right), _share(~wrong & ~right), len(right))
+def rates_of(right: NDArray[np.bool_], wrong: NDArray[np.bool_], home: NDArray[np.int64]) -> Rates:
+    """Shares of sightings [n] with a right name, and with a wrong one.
+
+    home: [n] homes are drawn with replacement for the interval.
+    """
+    low, high = _interval_over_homes(right, home)
+    none = _share(~wrong & ~right)
+    return Rates(_share(right), _share(wrong & ~right), none, len(right), low, high)
+
+
+def _by_band(
+    seen: Sightings, values: NDArray[np.float64], borders: tuple[float, ...]
+) -> tuple[Rates, ...]:
+    """Rates of the sightings with a value [n] between two borders each."""
+    band = np.searchsorted(borders, values, "right") - 1
+    parts = (seen.part(band == k) for k in range(len(borders) - 1))
+    return tuple(rates_of(p.right >= COUNTED, p.wrong >= COUNTED, p.home) for p in parts)
+
+
+def _interval_over_homes(mask: NDArray[np.bool_], home: NDArray[np.int64]) -> tuple[float, float]:
+    if not len(mask):
+        return math.nan, math.nan
+    _, group = np.unique(home, return_inverse=True)
+    total = np.bincount(group)
+    rng = np.random.default_rng(0)
+    weights = rng.multinomial(len(total), np.full(len(total), 1 / len(total)), RESAMPLES)
+    shares = (weights @ np.bincount(group, mask)) / (weights @ total)
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _share(mask: NDArray[np.bool_]) -> float:
