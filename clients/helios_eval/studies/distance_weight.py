@@ -36,13 +36,13 @@ from helios_planner.tasks.messages import decision_from_proto
 from helios_eval.episodes.episode_player import LONGEST_S, running_stack
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.run_conditions import parse_condition
+from helios_eval.studies.development_homes import homes
 
 TABLES = (0.0001, 0.001, 0.01)  # α_d of Tables 6 to 8
 WEIGHTS = (*TABLES, 0.1)
 PRINTED = 0.001  # α_d of Table 3
 NORMS: tuple[GainNorm, ...] = ("sum", "per_gaussian", "per_area", "per_pixel")
 CALL_S = 60.0
-LAST_SEED = 999  # later seeds belong to published results
 
 
 @dataclass
@@ -197,12 +197,7 @@ def decisions_of(episode: Mapping[str, Any]) -> list[Decision]:
 
 def specs_of(given: argparse.Namespace) -> list[EpisodeSpec]:
     """Episodes that the flags name. Raises InvalidInput or UsageError."""
-    last = given.seed0 + given.episodes - 1
-    if given.episodes < 1 or given.seed0 < 0 or last > LAST_SEED:
-        raise InvalidInput(
-            f"--seed0 {given.seed0} --episodes {given.episodes}: wanted at least one home, none "
-            f"after {LAST_SEED}, since later homes belong to published results"
-        )
+    played = homes(given.seed0, given.episodes)
     under = parse_condition(
         [given.agent], "ovmm", semantics=given.semantics, preset=given.preset, table=None,
         level=1.0, correlation=None, sensor="none", scorer=None,
@@ -214,7 +209,7 @@ def specs_of(given: argparse.Namespace) -> list[EpisodeSpec]:
             under.benchmark, under.agents[0], under.semantics, under.preset, seed, under.noise,
             under.settings,
         )
-        for seed in range(given.seed0, last + 1)
+        for seed in played
     ]  # fmt: skip
 
 

@@ -40,6 +40,7 @@ from helios_eval.episodes import service_settings
 from helios_eval.episodes.belief_truth import Role as BeliefRole
 from helios_eval.episodes.belief_truth import is_at, judge_instances
 from helios_eval.episodes.episode_record import Belief
+from helios_eval.studies.development_homes import homes
 from helios_eval.studies.recorded_walk import Walk, believed, walk
 
 ROLES = ("object", "start", "goal")
@@ -181,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arms = [arm_of(text) for text in given.arms or ("helios-paper", "helios")]
         least = {role: min(arm.thresholds[role] for arm in arms) for role in arms[0].thresholds}
         found = {arm.name: Outcome() for arm in arms}
-        for seed in range(given.seed0, given.seed0 + given.homes):
+        for seed in homes(given.seed0, given.homes):
             tell(walk(given.preset, seed, given.max_steps, given.stride, least), arms, found)
             rows = {name: row(o, found[arms[0].name]) for name, o in found.items()}
             print(f"{seed - given.seed0 + 1}/{given.homes} home {seed}", file=sys.stderr)

@@ -51,7 +51,7 @@ from helios_eval.episodes.episode_player import LONGEST_S, running_stack
 from helios_eval.episodes.episode_record import Setting
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, EpisodeSpec, noise_of
 from helios_eval.episodes.service_settings import of_service, of_stack, parsed
-from helios_eval.studies.realism import seeds
+from helios_eval.studies.development_homes import seeds
 
 TRUTH_EVERY = 10  # observations
 BELIEVED_FROM = 0.15  # score from which a true object counts as believed

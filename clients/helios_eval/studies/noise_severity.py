@@ -31,6 +31,7 @@ from helios_eval.episodes.episode_record import EpisodeRecord, Noise
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.results import UNLIMITED
+from helios_eval.studies.development_homes import homes
 
 AGENT = "trusting"
 WANTED = {"find_object": 21.9 / 57.5, "pick": 19.3 / 56.5}
@@ -161,6 +162,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/severity"))
     asked, console = parser.parse_args(), Console()
     try:
+        homes(asked.seed0, asked.episodes)
         found = compare(asked, console)
     except HeliosError as error:
         print(f"helios-severity: {error.message}", file=sys.stderr)

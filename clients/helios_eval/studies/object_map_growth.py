@@ -28,6 +28,7 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 
 from helios_eval.run_folder import locked_folder
+from helios_eval.studies.development_homes import homes, seeds
 from helios_eval.studies.map_growth import (
     full_scene_comparison,
     long_run,
@@ -50,7 +51,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder for figures and pictures")
     parser.add_argument("--only", default=",".join(PARTS), help=f"some of these, or {EPISODES}")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
-    parser.add_argument("--seeds", default="0,1", help="homes that are walked through")
+    parser.add_argument("--seeds", type=seeds, default=(0, 1), help="homes that are walked through")
     parser.add_argument("--walk", type=int, default=100, help="frames of each home's walk")
     parser.add_argument("--stride", type=int, default=4, help="every n-th pixel, both ways")
     parser.add_argument("--frames", type=int, default=2000, help="of `cost`")
@@ -72,15 +73,12 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
         parser.error(f"--only {','.join(given.only)} is not known; give some of {','.join(known)}")
     if given.homes < 1 or given.max_steps < 1:
         parser.error("--homes and --max-steps want a number above 0")
-    try:
-        given.seeds = [int(seed) for seed in given.seeds.split(",")]
-    except ValueError:
-        parser.error(f"--seeds {given.seeds!r} are no numbers; give some like 0,1")
     return given
 
 
 def memory(given: argparse.Namespace) -> dict[str, object]:
     """Play the episodes that the folder lacks; values over all. Raises HeliosError."""
+    homes(given.seed0, given.homes)
     asked = memory_by_episode.Request(
         given.preset, given.seed0, given.homes, given.max_steps, given.stride
     )

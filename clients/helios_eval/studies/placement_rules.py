@@ -41,11 +41,12 @@ from helios_sim.world import World
 from numpy.typing import NDArray
 
 from helios_eval.episodes.home_presets import home_of
+from helios_eval.ledger import FIRST_SEED
 from helios_eval.report.interval_statistics import paired_difference, sign_test, wilson
+from helios_eval.studies.development_homes import homes
 from helios_eval.studies.placement_robot import SimulatedRobot
 
 RULES: tuple[PlaceRule, ...] = ("paper", "flat")
-LAST_SEED = 999  # later seeds belong to published results
 BEFORE_M = 0.5  # distance of the object ahead of the robot
 AWAY_M = (0.5, 1.2)  # distance of the start from the receptacle's outline
 
@@ -91,7 +92,7 @@ def as_instance(item: Receptacle) -> ObjectInstance:
 
 def trials(kind: str, seed0: int, per_home: int) -> Iterator[Trial]:
     """Trials of one home after the other, from `seed0` on."""
-    for seed in range(seed0, LAST_SEED + 1):
+    for seed in homes(seed0, max(1, FIRST_SEED - seed0)):
         home, rng = home_of(kind, seed), np.random.default_rng([seed, 0x91ACE])
         free, origin_m = reachable(home, 0.4)
         room_m = cv2.distanceTransform(home.free_space(0.0, 0.05)[0].astype(np.uint8),

@@ -34,6 +34,7 @@ from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 
 from helios_eval.episodes.real_detector import real_detector
+from helios_eval.studies.development_homes import seeds
 from helios_eval.studies.realism_judging import (
     PARAMETRIC,
     REALISTIC,
@@ -167,21 +168,6 @@ def _measure(given: argparse.Namespace) -> None:
             f"{looks}: {good} of {len(own)} recognised ({good / max(1, len(own)):.0%}) in {count} "
             f"views; {of_nothing[looks] / count:.2f} reports of nothing a view"
         )
-
-
-def seeds(text: str) -> tuple[int, ...]:
-    """Seeds of a text like "3", "0-9" or "3,5,8-10"."""
-    out: list[int] = []
-    for part in text.split(","):
-        first, _, last = part.partition("-")
-        try:
-            some = range(int(first), int(last or first) + 1)
-        except ValueError:
-            some = range(0)
-        if not some:
-            raise argparse.ArgumentTypeError(f"{text!r} names no seeds; write 3, 0-9 or 3,5,8-10")
-        out += some
-    return tuple(out)
 
 
 def _arguments() -> argparse.ArgumentParser:

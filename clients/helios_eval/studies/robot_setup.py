@@ -28,8 +28,9 @@ from helios_sim.injected_faults import Faults, FaultyRobot
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.world import World
 
+from helios_eval.studies.development_homes import homes
+
 HEALTHY = ""
-LAST_SEED = 499  # homes from 1000 on are kept for other evaluations
 CLOSE = 0.2  # share of a fault's size within which its report is right
 
 
@@ -190,10 +191,9 @@ def main() -> int:
     parser.add_argument("--preset", default="demo-v1", help="kind of homes")
     parser.add_argument("--out", type=Path, default=Path("runs/robot-setup"))
     asked = parser.parse_args()
-    last = asked.seed0 + asked.healthy - 1
     sensors = asked.sensors.split(",")
-    if asked.seed0 < 0 or last > LAST_SEED or asked.preset not in PRESETS:
-        parser.error(f"the homes are 0 to {LAST_SEED}, their kinds {', '.join(PRESETS)}")
+    if asked.preset not in PRESETS:
+        parser.error(f"no kind of homes {asked.preset}; wanted one of {', '.join(PRESETS)}")
     if unknown := set(sensors) - set(SENSORS):
         parser.error(f"no sensor noise {', '.join(unknown)}; wanted {', '.join(SENSORS)}")
     asked.out.mkdir(parents=True, exist_ok=True)
@@ -202,8 +202,7 @@ def main() -> int:
     known = {(r.seed, r.sensor, r.faults) for r in runs}
     try:
         with path.open("a") as file:
-            for k in range(asked.healthy):
-                seed = asked.seed0 + k
+            for k, seed in enumerate(homes(asked.seed0, asked.healthy)):
                 texts = [HEALTHY, *(kind.text(seed) for kind in KINDS if k < asked.faulty)]
                 for sensor in sensors:
                     for run in play_home(seed, sensor, asked.preset, texts, known):

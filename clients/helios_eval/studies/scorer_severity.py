@@ -37,6 +37,7 @@ from helios_eval.episodes.episode_spec import noise_of
 from helios_eval.episodes.home_presets import noise_of as noise_of_preset
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.results import UNLIMITED
+from helios_eval.studies.development_homes import homes
 
 random_frontiers = trusting(VlfmBelief, partial(RuleExplorer, rule=global_search.drawn))
 
@@ -146,6 +147,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/scorer-severity"))
     asked, console = parser.parse_args(), Console()
     try:
+        homes(asked.seed0, asked.episodes)
         found = compare(asked, console)
     except (HeliosError, ValueError) as error:
         print(f"helios-scorer-severity: {error}", file=sys.stderr)

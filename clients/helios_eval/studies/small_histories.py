@@ -26,8 +26,8 @@ from helios_core.errors import HeliosError
 from helios_core.geometry import Pinhole
 from helios_core.types import Detection, Observation
 
+from helios_eval.studies.development_homes import seeds
 from helios_eval.studies.map_histories import Event, Truth, events_of, packed
-from helios_eval.studies.realism import seeds
 
 _KINDS: dict[type[Message], bytes] = {
     pb.SearchContext: b"C", pb.Observation: b"O", pb.RobotState: b"S",

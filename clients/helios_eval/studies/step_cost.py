@@ -24,6 +24,7 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 
 from helios_eval.episodes.worker import prepare
+from helios_eval.studies.development_homes import seeds
 
 if TYPE_CHECKING:
     from helios_eval.episodes.episode_spec import EpisodeSpec
@@ -54,7 +55,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--agents", default="helios", help="some agents, such as helios,trusting")
-    parser.add_argument("--seeds", default="200", help="homes, such as 200,201")
+    parser.add_argument("--seeds", type=seeds, default=(200,), help="homes, such as 200,201")
     parser.add_argument("--steps", type=int, default=150, help="most steps of each episode")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--semantics", default="noisy", choices=("noisy", "ground-truth"))
@@ -62,10 +63,6 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--against", type=Path, help="figures of an earlier run")
     given = parser.parse_args(arguments)
-    try:
-        given.seeds = [int(seed) for seed in given.seeds.split(",")]
-    except ValueError:
-        parser.error(f"--seeds {given.seeds!r} are no numbers; give some like 200,201")
     if given.steps < LEAST_STEPS:
         parser.error(f"--steps wants {LEAST_STEPS} or more, not {given.steps}")
     return given

@@ -72,9 +72,11 @@ def video(
     from helios_client.usage_errors import UsageError
     from rich.console import Console
 
+    from helios_eval import ledger
     from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
     from helios_eval.episodes.run_conditions import parse_condition
     from helios_eval.episodes.service_settings import differing_settings
+    from helios_eval.provenance import commit
     from helios_eval.video.episode_recorder import film
     from helios_eval.video.progress import counted
 
@@ -94,6 +96,7 @@ def video(
         differing_settings(agent, under.settings), under.inputs,
     )  # fmt: skip
     console = Console()
+    ledger.enter([asked], path, commit(), "video")
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
         outcome = film(asked, path, fps, on_step)
     console.print(f"{outcome}; written to {path}", highlight=False)

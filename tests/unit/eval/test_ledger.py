@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,9 @@ from helios_eval.provenance import checkout
 from helios_eval.runs import evaluation_run
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.process_pool import Outcome
+from helios_eval.studies import development_homes
+from helios_eval.video import episode_recorder
+from helios_eval.video.video_command import video
 from rich.console import Console
 
 
@@ -90,3 +95,30 @@ def test_a_damaged_line_is_reported_with_its_number(own_ledger: Path, line: str)
 def test_an_installed_package_has_no_ledger(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ledger, "ledger_path", lambda: None)
     assert ledger.enter(specs(1000), Path("runs/a"), "abc", "") is None
+
+
+def test_a_video_of_such_a_home_stands_in_the_ledger(
+    tmp_path: Path, own_ledger: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(episode_recorder, "film", lambda *_: "filmed")
+    for seed in (999, 1000):
+        video(seed=seed, out=tmp_path / "film.mp4", agent="helios-paper")
+    (entry,) = ledger.read(own_ledger)
+    assert (entry.first_seed, entry.agents, entry.why) == (1000, ("helios-paper",), "video")
+
+
+def test_a_study_plays_development_homes_alone() -> None:
+    assert list(development_homes.homes(998, 2)) == [998, 999]
+    assert development_homes.seeds("3,998-999") == (3, 998, 999)
+    with pytest.raises(InvalidInput, match=r"homes 998 to 1000.*enters them in the ledger"):
+        development_homes.homes(998, 3)
+    with pytest.raises(argparse.ArgumentTypeError, match="0 to 999"):
+        development_homes.seeds("5,999-1000")
+
+
+def test_each_study_that_asks_for_homes_checks_them() -> None:
+    folder = Path(development_homes.__file__).parent
+    asking = [f for f in folder.rglob("*.py") if re.search(r'"--seeds?0?"', f.read_text())]
+    assert len(asking) >= 10
+    for file in asking:
+        assert "helios_eval.studies.development_homes import" in file.read_text(), file

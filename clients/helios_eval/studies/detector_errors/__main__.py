@@ -45,7 +45,7 @@ from helios_eval.studies.detector_errors.repeat_rates import (
 )
 from helios_eval.studies.detector_errors.sightings import SightingLog
 from helios_eval.studies.detector_errors.simulated_images import CurrentTruth, images_of
-from helios_eval.studies.realism import seeds
+from helios_eval.studies.development_homes import seeds
 from helios_eval.studies.realism_judging import PARAMETRIC, REALISTIC, names_for
 from helios_eval.studies.realism_views import RecordedFurnitureModels
 

@@ -28,7 +28,8 @@ from helios_sim.simulation_thread import WorldThread
 from rich.console import Console
 
 from helios_eval.episodes.in_process_stack import InProcessStack
-from helios_eval.studies.realism import seeds
+from helios_eval.ledger import FIRST_SEED
+from helios_eval.studies.development_homes import seeds
 from helios_eval.studies.relocalisation import recordings
 from helios_eval.studies.relocalisation.figures import table
 from helios_eval.studies.relocalisation.judging import (
@@ -144,7 +145,7 @@ def _play_all(given: argparse.Namespace, console: Console) -> None:
         path = given.out / f"{seed}-{given.sensor}.outcome.json"
         if path.exists():
             continue
-        other = given.seeds[i - 1] if len(given.seeds) > 1 else seed + 1
+        other = given.seeds[i - 1] if len(given.seeds) > 1 else (seed + 1) % FIRST_SEED
         done = played(given.out, given.preset, seed, other, given.sensor, given.second_visits)
         write_file(path, json.dumps(asdict(done)))
         console.print(_line(done))
