@@ -50,20 +50,19 @@ from helios_eval.error_models.named_things import NamedThing
 from helios_eval.error_models.recordings import RecordedSightings
 from helios_eval.error_models.simulated_homes import HomeSightings
 from helios_eval.studies.detector_errors.error_summary import (
+    DISTANCES_M,
     LEAST_SCORE,
     PIXELS,
     Rates,
-    rates_of,
     summary,
 )
 from helios_eval.studies.detector_errors.noise_fit import shares_of, widening
 from helios_eval.studies.detector_errors.repeat_rates import ANGLES_DEG, RepeatRates
-from helios_eval.studies.detector_errors.sightings import COUNTED, FalseAlarms, Sightings
+from helios_eval.studies.detector_errors.sightings import FalseAlarms, Sightings
 
 LEAST_SCENES = 5  # scenes from which whole scenes count as independent; below, single things
 LEAST_THINGS = 10  # things of a fit
 FOLDS = 5
-DISTANCES_M = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0)  # borders of the bands
 LEAST_BAND, LEAST_PAIRS = 10, 30  # of a band that is given
 FITTED = ("hit", "mistaken", "sides_correlate", "rival")
 
@@ -102,13 +101,12 @@ def of_homes(seen: HomeSightings, what: str, spec: str, with_truth: bool) -> Bui
     counts, fit, names, none = _names(things)
     sightings, alarms = seen.arm.log.sightings(), seen.arm.log.false_alarms()
     told = summary(sightings, alarms) if with_truth else None
-    clear = sightings.part(sightings.unobstructed)
     model = DetectorErrorModel(
         detector=seen.detector, digest=_digest(spec), names=names, none=none,
         source=_source(what, counts, seen.views),
         naming_by_distance=_naming(things, shares(counts, fit.model)),
         rates_by_pixels=_bands(PIXELS, told.by_pixels) if told else (),
-        rates_by_distance=_by_distance(clear) if told else (),
+        rates_by_distance=_bands(DISTANCES_M, told.by_distance) if told else (),
         false_alarms_per_image=told.alarms if told else None,
         false_alarms_per_name=told.alarms_per_name if told else None,
         variance=_variance(asdict(told)) if told else None,
@@ -249,13 +247,6 @@ def _bands(borders: Sequence[float], rates: Sequence[Rates]) -> tuple[RateBand, 
         for (low, high), r in zip(itertools.pairwise(borders), rates, strict=True)
         if r.n >= LEAST_BAND
     )
-
-
-def _by_distance(clear: Sightings) -> tuple[RateBand, ...]:
-    band = np.searchsorted(DISTANCES_M, clear.distance_m, "right") - 1
-    right, wrong = clear.right >= COUNTED, clear.wrong >= COUNTED
-    bands = range(len(DISTANCES_M) - 1)
-    return _bands(DISTANCES_M, [rates_of(right[band == k], wrong[band == k]) for k in bands])
 
 
 def _variance(figures: dict) -> VarianceShares | None:

@@ -19,7 +19,7 @@ from helios_eval.studies.detector_errors.persistence import (
 from helios_eval.studies.detector_errors.sightings import COUNTED, FalseAlarms, Sightings
 
 PIXELS = (60, 150, 400, 1000, 3000, 10_000, 40_000, 400_000)  # borders of the bands
-DISTANCES_M = (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 12.0)  # borders of the bands
+DISTANCES_M = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
 RESAMPLES = 1000  # of the homes, for intervals
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 LEAST_SCORE = 0.1  # scores below are left out of the quantiles
