@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import statistics
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
@@ -56,6 +57,11 @@ class Row:
     differs: int = 0  # of both, with another winner than with the gain_norm that was played
     changed: dict[float, int] | None = None  # α_d -> decisions with another winner than at Table 3
     changed_both: dict[float, int] | None = None  # the same, of both
+    scales: list[float] = field(default_factory=list)  # F₀ (eq. 9) of both at Table 3's α_d
+
+    def scale(self) -> str:
+        """Median of F₀, for the table."""
+        return f"{statistics.median(self.scales):.3g}" if self.scales else "–"
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -64,6 +70,7 @@ class Row:
             "other_winner_than_played": self.differs,
             "changed_by_alpha_d": {str(a): n for a, n in (self.changed or {}).items()},
             "changed_by_alpha_d_of_both": {str(a): n for a, n in (self.changed_both or {}).items()},
+            "frontier_scale": [round(value, 4) for value in self.scales],
         }  # fmt: skip
 
 
@@ -84,6 +91,7 @@ def _row(decisions: Sequence[Decision], norm: GainNorm, played: GainNorm) -> Row
         printed = _repeated(decision, norm, PRINTED)
         if both:
             row.both += 1
+            row.scales.append(printed.settings["frontier_scale"])
             row.receptacle += printed.chosen.kind == "receptacle"
             row.differs += flips(_repeated(decision, played, PRINTED), printed)
         for alpha_d in WEIGHTS:
@@ -111,8 +119,8 @@ def table(rows: Sequence[Row], played: GainNorm) -> str:
         f"Played with gain_norm={played}. Changed winners: against α_d = {PRINTED:g}, of all "
         "decisions (of those with both kinds).\n",
         f"| gain_norm | decisions | with both kinds | a receptacle wins | a frontier wins | "
-        f"other winner than played | α_d = {heads} |",
-        f"|---|--:|--:|--:|--:|--:|{marks}",
+        f"F₀, median | other winner than played | α_d = {heads} |",
+        f"|---|--:|--:|--:|--:|--:|--:|{marks}",
     ]
     for row in rows:
         assert row.changed is not None
@@ -125,7 +133,8 @@ def table(rows: Sequence[Row], played: GainNorm) -> str:
         frontier = row.both - row.receptacle
         lines.append(
             f"| {row.norm} | {row.decisions} | {row.both} | {_share(row.receptacle, row.both)} | "
-            f"{_share(frontier, row.both)} | {_share(row.differs, row.both)} | {changed} |"
+            f"{_share(frontier, row.both)} | {row.scale()} | "
+            f"{_share(row.differs, row.both)} | {changed} |"
         )
     return "\n".join(lines) + "\n"
 
