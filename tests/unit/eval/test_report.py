@@ -162,6 +162,14 @@ def test_failure_images_show_the_commands_to_replay_and_film_the_episode(both_re
     assert base64.b64decode(png[1]).startswith(b"\x89PNG")
 
 
+def test_the_report_names_the_image_text_scorers(tmp_path):
+    of = {"detector.scorer": "simulated:itc-v1"}
+    write(tmp_path, [episode(0), episode(1, "trusting", settings=of)])
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert re.search(r"image-text scorer.*lexical, simulated:itc-v1", markdown)
+
+
 def test_the_report_names_the_pick_rule_and_replays_it(tmp_path):
     failed = {"success": False, "cause": "object not found"}
     write(tmp_path, [episode(s, settings={"pick_rule": "ovmm"}, **failed) for s in range(2)])
