@@ -63,6 +63,13 @@ class ServiceTable:
             heard = self._statuses.get(name)
         return heard[1] if heard else None
 
+    def heard_s(self, process: ProcessInfo) -> float | None:
+        """Time of the newest report of this process, by the table's clock; None before the
+        first."""
+        with self._lock:
+            heard = self._statuses.get(process.name)
+        return heard[0] if heard is not None and heard[1].pid == process.pid else None
+
     def rows(
         self, table: Sequence[ProcessInfo], elsewhere: Sequence[str] = ()
     ) -> tuple[ServiceRow, ...]:

@@ -110,6 +110,19 @@ class Supervisor:
                     )
         return tuple(ended)
 
+    def replace(self, name: str, why: str) -> tuple[tuple[str, ProcessExit], ...]:
+        """Kill a process that runs but does not work; the next check starts it again.
+
+        why: reason for the table. Returns name and ending, as `check`; nothing if it does not run.
+        """
+        row = next(r for r in self._rows if r.spec.name == name)
+        if row.child is None:
+            return ()
+        row.child.kill()
+        ending = ProcessExit(None, why)
+        self._note_ending(row, ending, self._clock())
+        return ((name, ending),)
+
     def table(self) -> tuple[ProcessInfo, ...]:
         """All services, in the order of `specs`."""
         return tuple(

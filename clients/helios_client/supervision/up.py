@@ -15,10 +15,11 @@ from helios_core.errors import Conflict, InvalidInput
 from helios_core.signal_handling import ending_signals, on_signals
 from rich.markup import escape
 
-from helios_client.supervision import state_file
+from helios_client.supervision import router_watch, state_file
 from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import ProcessExit
 from helios_client.supervision.forked_process import ForkServer
+from helios_client.supervision.router_watch import RouterWatch
 from helios_client.supervision.service_specs import StackOptions, port_bind_error
 from helios_client.supervision.service_table import (
     WITHOUT_STATUS,
@@ -102,6 +103,7 @@ class _Run:
         specs = stack.processes()
         self._stack, self._screen = stack, screen
         self._board = ServiceTable()
+        self._router = RouterWatch(self._board)
         self._names = [name for spec in specs for name in spec.services]
         self._elsewhere = stack.elsewhere()
         for name in self._names:
@@ -133,6 +135,8 @@ class _Run:
         try:
             while not stopping.wait(CHECK_PERIOD_S):
                 ended = self._supervisor.check()
+                if self._router.is_stuck(self._supervisor.table()):
+                    ended += self._supervisor.replace(WITHOUT_STATUS, router_watch.REASON)
                 table = self._supervisor.table()
                 for link in links:
                     link.publish(table)

@@ -278,3 +278,20 @@ def test_a_process_ends_when_its_supervisor_is_killed_right_after_the_start(benc
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     wait_until(lambda: not is_alive(int(done.stdout)), 10, "the child has ended too")
+
+
+def test_a_process_that_is_replaced_starts_again_with_the_given_reason(bench: Bench) -> None:
+    supervisor = bench(STUBBORN, STAY)
+    supervisor.start()
+    first, other = supervisor.table()
+    ((name, ending),) = supervisor.replace("p0", "it did not work")
+    assert (name, ending.reason) == ("p0", "it did not work")
+    assert not Path(f"/proc/{first.pid}").exists()
+    assert supervisor.replace("p0", "again") == ()  # it does not run at this moment
+    assert supervisor.check() == ()
+    again, same = supervisor.table()
+    assert (again.state, again.restarts, again.reason) == (
+        ProcessState.RUNNING, 1, "it did not work"
+    )  # fmt: skip
+    assert again.pid != first.pid
+    assert same == other
