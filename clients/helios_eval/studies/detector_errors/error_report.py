@@ -30,6 +30,7 @@ LEAST_REPEATS = 30  # a share of fewer pairs is not given
 def markdown(found: Mapping[str, Summary], repeats: Mapping[str, RepeatRates]) -> str:
     """All tables of the study."""
     parts = [
+        "# Errors of detectors\n",
         _section("Unobstructed objects: right name (95 % interval over homes), only a wrong name, "
                  "nothing; score ≥ 0.25", found, [
             ("all", lambda s: _three(s.all)),
@@ -111,7 +112,7 @@ def _section(
     found: Mapping[str, Summary],
     rows: Iterable[tuple[str, Callable[[Summary], str]]],
 ) -> str:
-    lines = [f"### {title}", "", _head(found)]
+    lines = [f"## {title}", "", _head(found)]
     for name, cell in rows:
         cells = [cell(s) for s in found.values()]
         lines.append(f"| {name} | {' | '.join(cells)} |")
@@ -124,7 +125,7 @@ def _head(found: Mapping[str, object]) -> str:
 
 def _repeat_table(repeats: Mapping[str, RepeatRates]) -> str:
     lines = [
-        "### The same name again, another name only, of places seen in another image", "",
+        "## The same name again, another name only, of places seen in another image", "",
         _head(repeats),
     ]  # fmt: skip
     for k, (low, high) in enumerate(itertools.pairwise(ANGLES_DEG)):
