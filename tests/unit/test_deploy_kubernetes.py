@@ -84,6 +84,8 @@ def test_each_pod_runs_its_own_image_closed(name: str) -> None:
     spec = pod(name)
     assert f"\nFROM runtime AS {name}\n" in IMAGE
     assert spec["securityContext"]["runAsNonRoot"]
+    # Else every start gives the group access to private files, which HELIOS then refuses.
+    assert spec["securityContext"]["fsGroupChangePolicy"] == "OnRootMismatch"
     for container in [*spec["initContainers"], *spec["containers"]]:
         assert container["image"] == f"helios-{name}"
         closed = container["securityContext"]

@@ -51,6 +51,12 @@ def test_each_service_runs_in_a_sandbox(name: str) -> None:
     assert service["User"] == "helios"
 
 
+@pytest.mark.parametrize("name", ["helios@.service", "helios-router.service"])
+def test_each_service_starts_again_however_often_it_ends(name: str) -> None:
+    assert unit(name)["Unit"]["StartLimitIntervalSec"] == "0"
+    assert unit(name)["Service"]["Restart"] == "always"
+
+
 def test_the_target_starts_services_that_exist() -> None:
     wanted = unit("helios.target")["Unit"]["Wants"].split()
     assert wanted[0] == "helios-router.service"
