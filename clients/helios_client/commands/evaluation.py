@@ -28,11 +28,13 @@ def bench(
     compare: Annotated[
         Path | None, typer.Option(help="JSON file of an earlier run to compare the ratios with")
     ] = None,
+    runs: Annotated[int, typer.Option(help="times that all rows are measured", min=1)] = 3,
 ) -> None:
     """Time the services' inner loops against other implementations.
 
-    With --compare the command prints what got slower by more than noise (three standard deviations
-    of the repeats, at least 10 %), and exits with status 1 if anything did.
+    With --compare the command prints what got slower by more than noise, and exits with status 1 if
+    anything did. Noise is three standard errors of the difference of the two ratios, by the repeats
+    or by the runs, whichever is larger, and at least 10 %.
     """
     try:
         from helios_eval.bench import main as run_bench
@@ -47,7 +49,7 @@ def bench(
         from helios_client.usage_errors import UsageError
 
         raise UsageError(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
-    if run_bench(only, json_path, compare):
+    if run_bench(only, json_path, compare, runs):
         raise typer.Exit(1)
 
 

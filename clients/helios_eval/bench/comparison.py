@@ -12,8 +12,11 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
+from helios_eval.bench.timing import deviation
+
 DEVIATIONS = 3.0  # standard deviations of the difference that count as noise
 SIGMA = 1.4826  # standard deviation of normal noise with a median absolute deviation of 1
+LEAST_RUNS = 3  # of which the spread tells how much two runs of one version differ
 OF_MEDIAN = 1.2533  # standard error of a median over that of a mean, for normal noise
 LEAST = 0.1  # smaller relative changes never count: two runs on one machine differ this much
 UNKNOWN = 0.2  # the same for a row without spreads, as older files have
@@ -55,21 +58,23 @@ def changes(
     return both, sorted({name for name, _ in old.keys() ^ new.keys()})
 
 
-def read_rows(path: Path) -> list[dict[str, Any]]:
-    """Rows of a file of `helios bench --json`. Raises InvalidInput for any other file."""
+def read_run(path: Path) -> tuple[str, list[dict[str, Any]]]:
+    """Machine and rows of a file of `helios bench --json`. Raises InvalidInput for any other."""
     try:
-        rows = json.loads(path.read_text())["rows"]
+        document = json.loads(path.read_text())
+        rows, machine = document["rows"], str(document.get("machine", ""))
         for row in rows:
             if not (isinstance(row["name"], str) and float(row["ratio"]) > 0):
                 raise ValueError(f"a row has the ratio {row['ratio']!r}")
             float(row.get("ratio_spread", 0))
             int(row.get("repeats", 1))
+            [float(ratio) for ratio in row.get("ratios", ())]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InvalidInput(
             f"{path} is no result of helios bench ({type(error).__name__}: {error}); give a file "
             "that `helios bench --json FILE` wrote"
         ) from error
-    return rows
+    return machine, rows
 
 
 def _by_place(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, int], Mapping[str, Any]]:
@@ -90,7 +95,15 @@ def _change(old: Mapping[str, Any], new: Mapping[str, Any]) -> Change:
 
 
 def _error(row: Mapping[str, Any]) -> float:
-    """Standard error of the ratio of a row, the median of its repeats."""
-    repeats = max(int(row.get("repeats", 1)), 1)
-    single = SIGMA * float(row["ratio_spread"])
-    return single if repeats == 1 else OF_MEDIAN * single / math.sqrt(repeats)
+    """Standard error of the ratio of a row: by its repeats within a run, or by its runs, whichever
+    is larger."""
+    within = _of_median(float(row["ratio_spread"]), max(int(row.get("repeats", 1)), 1))
+    ratios = [float(ratio) for ratio in row.get("ratios", ())]
+    if len(ratios) < LEAST_RUNS:
+        return within
+    return max(within, _of_median(deviation(ratios), len(ratios)))
+
+
+def _of_median(spread: float, count: int) -> float:
+    """Standard error of the median of values with this median absolute deviation."""
+    return SIGMA * spread * (1.0 if count == 1 else OF_MEDIAN / math.sqrt(count))

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.bench import benchmark_run
-from helios_eval.bench.comparison import changes, read_rows
+from helios_eval.bench.comparison import changes, read_run
 from helios_eval.bench.timing import Row, compare, deviation
 from hypothesis import given
 from hypothesis import strategies as st
@@ -46,6 +46,18 @@ def test_more_repeats_leave_less_noise() -> None:
     assert [slower(n) for n in (1, 3, 16, 60)] == [False, False, True, True]
 
 
+def test_runs_that_differ_leave_more_noise_than_their_repeats_tell() -> None:
+    def slower(*ratios: float) -> bool:
+        old = _row(ratio_spread=0.01, repeats=60, ratios=ratios)
+        (found,), _ = changes([old], [old | {"ratio": 1.5}])
+        return found.slower
+
+    assert slower(2.0, 2.0, 2.0)
+    assert slower(0.5, 1.99, 2.0)  # one run was disturbed
+    assert not slower(1.7, 2.0, 2.3)
+    assert slower(1.7, 2.3)  # too few to tell
+
+
 def test_an_old_file_without_spreads_allows_a_fifth() -> None:
     (small,), _ = changes([_row()], [_row(ratio=1.65, ratio_spread=0.01)])
     (large,), _ = changes([_row()], [_row(ratio=1.55, ratio_spread=0.01)])
@@ -64,7 +76,7 @@ def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "old.json"
     path.write_text(text)
     with pytest.raises(InvalidInput, match=r"helios bench --json"):
-        read_rows(path)
+        read_run(path)
 
 
 def test_a_run_measures_its_spread_and_reports_a_slower_row(
@@ -77,8 +89,25 @@ def test_a_run_measures_its_spread_and_reports_a_slower_row(
     for ratio, slower in ((2.0, False), (4.0, True)):
         old.write_text(json.dumps({"rows": [row.as_dict() | {"ratio": ratio}]}))
         assert benchmark_run.main("view_scores", tmp_path / "new.json", old) is slower
-    assert "slower: view_scores (x): ratio 4.00 before, 2.00 now" in capsys.readouterr().out
-    assert read_rows(tmp_path / "new.json")[0]["ratio_spread"] == 0.02
+    said = capsys.readouterr().out
+    assert "another machine" in said
+    assert "slower: view_scores (x): ratio 4.00 before, 2.00 now" in said
+    assert read_run(tmp_path / "new.json")[1][0]["ratio_spread"] == 0.02
+
+
+def test_of_several_runs_the_median_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coming = iter([30.0, 10.0, 20.0])
+    module = type("Rows", (), {
+        "view_scores": staticmethod(
+            lambda: Row("view_scores", "x", 10.0, "peer", next(coming), 9, 0.1, 0.1, 0.02)
+        )
+    })  # fmt: skip
+    monkeypatch.setattr(benchmark_run.importlib, "import_module", lambda _: module)
+    assert not benchmark_run.main("view_scores", tmp_path / "new.json", runs=3)
+    (row,) = read_run(tmp_path / "new.json")[1]
+    assert (row["ratio"], row["ratios"]) == (2.0, [1.0, 2.0, 3.0])
 
 
 def test_every_row_has_its_module() -> None:
