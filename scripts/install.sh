@@ -21,7 +21,7 @@ if [ "$(uname)" = Linux ] && ! ldconfig -p | grep -q libEGL_mesa; then
   fi
 fi
 
-echo "installing into $venv: about three minutes and 2.6 GB (more with a CUDA build of torch) the first time"
+echo "installing into $venv: about three minutes and 3.4 GB (more with a CUDA build of torch) the first time"
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 # Of all that pip says: what it fetches, and that it then unpacks (the longest silence).
 "$venv/bin/python" -m pip install --progress-bar off --disable-pip-version-check \
