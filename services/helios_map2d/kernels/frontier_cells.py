@@ -25,14 +25,15 @@ def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, 
     examine; its first entry is tile `first_tile` of the world. Tiles outside the arrays are
     skipped. `old` int32 [n, 2] are the former frontier cells: world cells, tile after tile in row
     order, and in row order within a tile. Returns the present cells in that order, and True if any
-    has changed.
+    has changed. Without a change it returns `old` itself.
     """
     rows, columns = occupancy.shape
     shape = rows, columns // side, side
     state, seen = occupancy.reshape(shape), explored.reshape(shape)
     near = np.empty((side + 2, side + 2), np.uint8)
     wanted = np.empty((side, side), np.uint8)
-    out = np.empty((old.shape[0] + side * side, 2), np.int32)
+    found_here = np.empty((side * side, 2), np.int32)
+    out = old[:0]  # becomes an array of its own with the first change
     n = before = 0
     other = False
     for t in range(stale.size):
@@ -45,17 +46,22 @@ def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, 
             continue
         edge_cells(state, seen, top, left // side, near, wanted)
         kept = first_of_tile(old, before, side, row, column)
-        out[n : n + kept - before] = old[before:kept]
-        n += kept - before
-        before = kept
-        while before < old.shape[0] and tile_order(old, before, side, row, column) == 0:
-            before += 1
-        room = n + side * side + old.shape[0] - before
+        end = kept
+        while end < old.shape[0] and tile_order(old, end, side, row, column) == 0:
+            end += 1
+        found = list_cells(wanted, row, column, found_here)
+        if not other and equal(found_here[:found], old[kept:end]):
+            continue
+        other = True
+        room = n + kept - before + side * side + old.shape[0] - end
         if room > out.shape[0]:
             out = np.concatenate((out[:n], np.empty((2 * room - n, 2), np.int32)))
-        found = list_cells(wanted, row, column, out[n:])
-        other |= not equal(out[n : n + found], old[kept:before])
-        n += found
+        out[n : n + kept - before] = old[before:kept]
+        n += kept - before
+        out[n : n + found] = found_here[:found]
+        n, before = n + found, end
+    if not other:
+        return old, False
     rest = old.shape[0] - before
     out[n : n + rest] = old[before:]
     return out[: n + rest], other
@@ -207,8 +213,10 @@ def describe(
 @njit(cache=True, nogil=True)
 def in_tiles(cells, corner, tiles):
     """True if a world cell lies in a tile of the mask `tiles`, which begins at `corner`."""
+    side = np.uint32(TILE)
     for i in range(cells.shape[0]):
-        if tiles[(cells[i, 0] - corner[0]) // TILE, (cells[i, 1] - corner[1]) // TILE] != 0:
+        row, column = np.uint32(cells[i, 0] - corner[0]), np.uint32(cells[i, 1] - corner[1])
+        if tiles[row // side, column // side] != 0:
             return True
     return False
 
