@@ -33,7 +33,7 @@ def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, 
     near = np.empty((side + 2, side + 2), np.uint8)
     wanted = np.empty((side, side), np.uint8)
     found_here = np.empty((side * side, 2), np.int32)
-    out = old[:0]  # becomes an array of its own with the first change
+    out = old  # an array of its own from the first change on
     n = before = 0
     other = False
     for t in range(stale.size):
@@ -49,17 +49,19 @@ def update_frontier_cells(occupancy, explored, corner, stale, first_tile, side, 
         end = kept
         while end < old.shape[0] and tile_order(old, end, side, row, column) == 0:
             end += 1
-        found = list_cells(wanted, row, column, found_here)
-        if not other and equal(found_here[:found], old[kept:end]):
-            continue
-        other = True
+        if not other:
+            found = list_cells(wanted, row, column, found_here)
+            if equal(found_here[:found], old[kept:end]):
+                continue
+            other = True
+            out = np.empty((old.shape[0] + side * side, 2), np.int32)
         room = n + kept - before + side * side + old.shape[0] - end
         if room > out.shape[0]:
             out = np.concatenate((out[:n], np.empty((2 * room - n, 2), np.int32)))
         out[n : n + kept - before] = old[before:kept]
         n += kept - before
-        out[n : n + found] = found_here[:found]
-        n, before = n + found, end
+        n += list_cells(wanted, row, column, out[n:])
+        before = end
     if not other:
         return old, False
     rest = old.shape[0] - before
