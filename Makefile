@@ -64,6 +64,7 @@ sbom: $(VENV)/.installed ## bill of materials of what users install (CycloneDX),
 	rm -rf .sbom && $(PYTHON) -m venv .sbom
 	.sbom/bin/python -m pip install --quiet --constraint constraints.txt '.[all,tracing]'
 	$(BIN)/cyclonedx-py environment .sbom --pyproject pyproject.toml --output-file sbom.cdx.json
+	$(BIN)/python -m scripts.check_sbom sbom.cdx.json
 	rm -rf .sbom
 
 proto: $(VENV)/.installed ## generate the Python modules of the messages
