@@ -44,7 +44,8 @@ def run_of(folder: Path, like: str = "simulated:ovmm-v1-smooth") -> Path:
 
 def test_the_fitted_table_loads_and_has_the_measured_errors(tmp_path: Path) -> None:
     out = tmp_path / "own.toml"
-    assert main([str(run_of(tmp_path)), "--severity", "2", "--name", "own", "--out", str(out)]) == 0
+    flags = ["--severity", "2", "--false-severity", "3", "--name", "own", "--out", str(out)]
+    assert main([str(run_of(tmp_path)), *flags]) == 0
     table = load_noise(str(out))
     assert isinstance(table, ViewNoiseTable)
     assert table.name == "own"
@@ -54,7 +55,7 @@ def test_the_fitted_table_loads_and_has_the_measured_errors(tmp_path: Path) -> N
     assert table.name_shares.thing == pytest.approx(0.9, abs=0.06)
     base = load_noise("ovmm-v1-smooth")
     assert isinstance(base, ViewNoiseTable)
-    assert table.file.scale.false == pytest.approx(2 * base.file.scale.false, rel=0.01)
+    assert table.file.scale.false == pytest.approx(3 * base.file.scale.false, rel=0.01)
 
 
 def test_a_run_without_the_table_to_compare_with_is_refused(

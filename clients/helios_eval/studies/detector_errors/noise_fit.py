@@ -7,7 +7,7 @@ The folder holds a run of the study whose first detector is the real one, and wh
 `ovmm-v1-smooth` for comparison. Fitted are: misses by visible pixels, how often each class gets a
 wrong name, scores by pixels, persistence, and false alarms. Which names are taken for each other
 stays as in the base, since the real detector knows too few of them. `--severity` multiplies wrong
-names and false alarms; it is chosen on the trusting agent alone.
+names and `--false-severity` false alarms; both are chosen on the trusting agent alone.
 """
 
 from __future__ import annotations
@@ -44,8 +44,14 @@ LEAST_SHARE = 0.02
 LEAST_KEPT, MOST_PERSISTENT = 0.4, 0.97  # limits of the correction for several draws
 
 
-def fitted(seen: Sightings, figures: Mapping[str, Any], severity: float) -> dict[str, Any]:
-    """Entries of the table that differ from the base. figures: of `detector-errors.json`."""
+def fitted(
+    seen: Sightings, figures: Mapping[str, Any], severity: float, false_severity: float
+) -> dict[str, Any]:
+    """Entries of the table that differ from the base.
+
+    figures: of `detector-errors.json`; severity, false_severity: factors on the measured rates of
+    wrong names and of false alarms.
+    """
     real, base = (
         next(iter(figures["detectors"].values())),
         figures["detectors"][f"simulated:{LIKE}"],
@@ -60,7 +66,7 @@ def fitted(seen: Sightings, figures: Mapping[str, Any], severity: float) -> dict
         "persistence": persistence(real, base, table.shares),
         "scale": {
             "confuse": severity * wrong, "second": severity * wrong, "miss": 1.0,
-            "false": severity * false * table.file.scale.false,
+            "false": false_severity * false * table.file.scale.false,
         },
         "miss": {
             "pixels": list(PIXELS), "by_pixels": misses(clear.pixels, ~reported),
@@ -200,7 +206,8 @@ def main(argv: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("run", type=Path, help="folder of the error study")
-    parser.add_argument("--severity", type=float, default=1.0)
+    parser.add_argument("--severity", type=float, default=1.0, help="factor on wrong names")
+    parser.add_argument("--false-severity", type=float, default=1.0, help="factor on false alarms")
     parser.add_argument("--name", default="ovmm-v2")
     parser.add_argument("--out", type=Path, required=True, help="table to write")
     given = parser.parse_args(argv)
@@ -214,8 +221,12 @@ def main(argv: list[str] | None = None) -> int:
                 f"{given.run} has no detector simulated:{LIKE} to compare with; "
                 f"repeat the study with --detector simulated:{LIKE}"
             )
-        about = f"Fitted to {Path(detector).name} by noise_fit.py, severity {given.severity:g}."
-        write_file(given.out, toml(given.name, about, fitted(seen, figures, given.severity)))
+        factors = given.severity, given.false_severity
+        about = (
+            f"Fitted to {Path(detector).name} by noise_fit.py, severity {factors[0]:g}, of false "
+            f"alarms {factors[1]:g}."
+        )
+        write_file(given.out, toml(given.name, about, fitted(seen, figures, *factors)))
         load_noise(str(given.out))
     except (HeliosError, OSError, KeyError) as error:
         print(f"noise_fit: {error}", file=sys.stderr)
