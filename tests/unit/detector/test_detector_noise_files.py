@@ -23,7 +23,7 @@ def views(name_or_path: str) -> ViewNoiseTable:
 
 
 def test_every_shipped_table_loads_under_its_own_name():
-    assert shipped_tables() == ["demo-v1", "ovmm-v1", "ovmm-v1-smooth"]
+    assert shipped_tables() == ["demo-v1", "ovmm-v1", "ovmm-v1-smooth", "ovmm-v2"]
     assert [load_noise(name).name for name in shipped_tables()] == shipped_tables()
 
 

@@ -14,10 +14,15 @@ from helios_detector.simulation.view_noise_detector import ViewNoiseDetector
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from test_detector_view_simulated import NamedTruth
 
-DIGESTS = {"ovmm-v1": "f9dc2c4a9c5c2cf0", "ovmm-v1-smooth": "444107dadeea260a"}
+DIGESTS = {
+    "ovmm-v1": "f9dc2c4a9c5c2cf0",
+    "ovmm-v1-smooth": "444107dadeea260a",
+    "ovmm-v2": "7865013ce5e097f0",
+}
 SAID = {
     "ovmm-v1": {0.5: "4e493ba1093f6309", 1.0: "c54c019097d3c2fc", 2.0: "4408b067854155ba"},
     "ovmm-v1-smooth": {0.5: "a1b9a29b7b651855", 1.0: "f3e117073ed78fc4", 2.0: "05594fd96bf2a964"},
+    "ovmm-v2": {0.5: "2a9a9ea9ee33a7d5", 1.0: "b08ae311d0554673", 2.0: "a85cd9584e68858b"},
 }
 
 
