@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from helios_core.atomic_file import write_file
-from helios_core.errors import HeliosError
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import RobotDriver
 from helios_core.robot_checks.checks import SETTLED, RobotChecks
 from helios_core.robot_checks.direct_run import check_driver
@@ -192,6 +192,10 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/robot-setup"))
     asked = parser.parse_args()
     sensors = asked.sensors.split(",")
+    try:
+        played = homes(asked.seed0, asked.healthy)
+    except InvalidInput as error:
+        parser.error(error.message)
     if asked.preset not in PRESETS:
         parser.error(f"no kind of homes {asked.preset}; wanted one of {', '.join(PRESETS)}")
     if unknown := set(sensors) - set(SENSORS):
@@ -202,7 +206,7 @@ def main() -> int:
     known = {(r.seed, r.sensor, r.faults) for r in runs}
     try:
         with path.open("a") as file:
-            for k, seed in enumerate(homes(asked.seed0, asked.healthy)):
+            for k, seed in enumerate(played):
                 texts = [HEALTHY, *(kind.text(seed) for kind in KINDS if k < asked.faulty)]
                 for sensor in sensors:
                     for run in play_home(seed, sensor, asked.preset, texts, known):

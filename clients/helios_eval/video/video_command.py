@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from helios_eval.episodes.episode_spec import EpisodeSpec
 
 Scorer = Annotated[
     str | None,
@@ -70,15 +73,12 @@ def video(
 ) -> None:
     """Run one episode and film it. Shows camera, maps and decisions side by side."""
     from helios_client.usage_errors import UsageError
-    from rich.console import Console
 
     from helios_eval import ledger
     from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
     from helios_eval.episodes.run_conditions import parse_condition
     from helios_eval.episodes.service_settings import differing_settings
     from helios_eval.provenance import commit
-    from helios_eval.video.episode_recorder import film
-    from helios_eval.video.progress import counted
 
     under = parse_condition(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
@@ -95,10 +95,19 @@ def video(
         under.benchmark, agent, under.semantics, under.preset, seed, under.noise,
         differing_settings(agent, under.settings), under.inputs,
     )  # fmt: skip
-    console = Console()
     ledger.enter([asked], path, commit(), "video")
-    with counted(console, f"home {seed}", asked.max_steps) as on_step:
-        outcome = film(asked, path, fps, on_step)
+    _film(asked, path, fps)
+
+
+def _film(spec: EpisodeSpec, path: Path, fps: float) -> None:
+    from rich.console import Console
+
+    from helios_eval.video.episode_recorder import film
+    from helios_eval.video.progress import counted
+
+    console = Console()
+    with counted(console, f"home {spec.seed}", spec.max_steps) as on_step:
+        outcome = film(spec, path, fps, on_step)
     console.print(f"{outcome}; written to {path}", highlight=False)
 
 

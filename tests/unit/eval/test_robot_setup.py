@@ -46,4 +46,4 @@ def test_homes_that_are_kept_for_evaluations_are_refused(
     monkeypatch.setattr("sys.argv", ["robot_setup", "--seed0", "900"])
     with pytest.raises(SystemExit):
         main()
-    assert "0 to 499" in capsys.readouterr().err
+    assert "0 to 999" in capsys.readouterr().err
