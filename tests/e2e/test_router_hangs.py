@@ -12,7 +12,7 @@ import pytest
 from tests.stack import Stack
 from tests.support import wait_until
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(300)]
 
 
 def test_a_router_that_passes_nothing_on_is_replaced(tmp_path: Path) -> None:
