@@ -25,8 +25,6 @@ ROWS = {
     "view_scores": "object_map_benchmarks",
     "frame_transport": "transport_benchmark",
 }
-
-
 RUNS = 3
 
 
@@ -50,22 +48,22 @@ def main(
     found = [sorted(same, key=lambda row: row.ratio) for same in zip(*measured, strict=True)]
     rows = [same[len(same) // 2] for same in found]
     ratios = [[round(row.ratio, 3) for row in same] for same in found]
+    now = [row.as_dict() | {"ratios": of} for row, of in zip(rows, ratios, strict=True)]
     console.print(_table(rows, ratios))
     if json_path is not None:
         document = {
             "machine": machine(),
             "commit": commit(),
-            "rows": [row.as_dict() | {"ratios": of} for row, of in zip(rows, ratios, strict=True)],
+            "rows": now,
         }
         json_path.parent.mkdir(parents=True, exist_ok=True)
         write_file(json_path, json.dumps(document, indent=1) + "\n")
     if before is None:
         return False
     other, known = before
-    if other != machine():
+    if other and other != machine():
         print(f"the other run was on another machine ({other}), so ratios may differ as well")
     wanted = known if only is None else [row for row in known if row["name"] == only]
-    now = [row.as_dict() | {"ratios": of} for row, of in zip(rows, ratios, strict=True)]
     return _told(*changes(wanted, now))
 
 

@@ -87,7 +87,9 @@ def test_a_run_measures_its_spread_and_reports_a_slower_row(
     monkeypatch.setattr(benchmark_run.importlib, "import_module", lambda _: module)
     old = tmp_path / "old.json"
     for ratio, slower in ((2.0, False), (4.0, True)):
-        old.write_text(json.dumps({"rows": [row.as_dict() | {"ratio": ratio}]}))
+        old.write_text(json.dumps({
+            "machine": "another", "rows": [row.as_dict() | {"ratio": ratio}]
+        }))  # fmt: skip
         assert benchmark_run.main("view_scores", tmp_path / "new.json", old) is slower
     said = capsys.readouterr().out
     assert "another machine" in said
