@@ -10,9 +10,11 @@ from dataclasses import asdict, dataclass, replace
 
 import cv2
 import numpy as np
+from helios_core import proto as pb
 from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_detector.service import PREVIEW_QUALITY
+from helios_planner.decisions.decision import DecisionRule
 from helios_sim.episode_events import PickTried
 from helios_sim.failure_causes import OBJECT_NOT_FOUND, STEP_BUDGET, AgentReport
 from helios_sim.ground_truth_solver import GroundTruthSolver
@@ -25,7 +27,7 @@ from helios_eval import kernel_compilation
 from helios_eval.episodes import home_presets
 from helios_eval.episodes.belief_truth import Role, judge_instances
 from helios_eval.episodes.episode_judgement import episode_for, verdict
-from helios_eval.episodes.episode_record import Belief, EpisodeRecord
+from helios_eval.episodes.episode_record import AbsenceEstimate, Belief, EpisodeRecord
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
 from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 from helios_eval.episodes.in_process_stack import InProcessStack
@@ -66,6 +68,7 @@ class _Outcome:
     stage_ms: Mapping[str, float]
     beliefs: tuple[Belief, ...] = ()
     believed: tuple[ObjectInstance, ...] = ()
+    absence: tuple[AbsenceEstimate, ...] = ()
 
 
 def play(spec: EpisodeSpec, commit: str) -> PlayedEpisode:
@@ -156,6 +159,7 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     roles |= {episode.start_receptacle_class: "start", episode.object_class: "object"}
     roles.pop("", None)
     beliefs: list[Belief] = []
+    absence: list[AbsenceEstimate] = []
     classes = spec.inputs.task_classes
     class_of = classes.class_of if classes is not None else str
 
@@ -170,10 +174,15 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
         if stack is not None and world.progress.steps % BELIEFS_EVERY == 0:
             look(stack)
 
+    def on_decision(decision: pb.Decision) -> None:
+        if decision.rule == DecisionRule.ABSENT:
+            absence.append(_absence_estimate(decision, world.progress.steps))
+
     stack: InProcessStack | None = None
     stack = InProcessStack(
-        thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step, spec.inputs.detector
-    )
+        thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step, spec.inputs.detector,
+        on_decision,
+    )  # fmt: skip
     with stack:
         began = time.perf_counter()
         task = stack.run(episode.instruction, spec.max_steps, LONGEST_S)
@@ -189,7 +198,17 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
             _stages(world) | stack.stage_ms(),
             tuple(beliefs),
             tuple(o for o in objects if o.class_score >= SHOWN_CLASS_SCORE),
+            tuple(absence),
         )
+
+
+def _absence_estimate(decision: pb.Decision, step: int) -> AbsenceEstimate:
+    values = decision.settings
+    return AbsenceEstimate(
+        step=step, searches=int(values["searches"]), probability=values["absence_probability"],
+        start_score=values["start_score"], tried=int(values["tried"]),
+        best_score=max((c.terms["total"] for c in decision.candidates), default=0.0),
+    )  # fmt: skip
 
 
 def _stages(world: TimedWorld) -> dict[str, float]:
@@ -224,7 +243,7 @@ def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Outcome) -
         state=said.state, message=said.message, reported_cause=said.cause,
         wall_s=round(said.wall_s, 3),
         step_ms=round(statistics.median(world.step_ms), 2) if world.step_ms else 0.0,
-        stage_ms=dict(said.stage_ms), beliefs=said.beliefs,
+        stage_ms=dict(said.stage_ms), beliefs=said.beliefs, absence=said.absence,
         commit=commit, preset_hash=home_presets.digest_of(spec.preset, spec.inputs.plans),
         structure_hash=world.home.structure_hash(), home_file=spec.home_file,
     )  # fmt: skip

@@ -74,6 +74,21 @@ def key_of(
     return "|".join(map(str, (*parts, json.dumps(dict(settings), sort_keys=True))))
 
 
+class AbsenceEstimate(_Frozen):
+    """Probability that the sought object is absent, as the agent gave it after a complete search.
+
+    start_score: highest Psi of a start receptacle. tried: unnamed things that were looked at in
+    the hand. best_score: highest decisive score of a candidate, 0 without one.
+    """
+
+    step: int
+    searches: int
+    probability: float
+    start_score: float
+    tried: int
+    best_score: float
+
+
 class EpisodeRecord(_Frozen):
     """One episode. Metrics as in `helios_sim.ovmm_metrics`, from the simulator's ground truth."""
 
@@ -142,6 +157,9 @@ class EpisodeRecord(_Frozen):
         default_factory=dict, description="median per stage of the services"
     )
     beliefs: tuple[Belief, ...] = ()
+    absence: tuple[AbsenceEstimate, ...] = Field(
+        default=(), description="after each complete search, by agents that estimate it"
+    )
 
     # --- provenance ---
     commit: str

@@ -24,6 +24,7 @@ from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.task_states import ENDED
 from helios_core.topics import (
+    DECISION,
     GET_TASK,
     KEYFRAME,
     OBJECTS,
@@ -103,11 +104,13 @@ class InProcessStack:
         settings: Mapping[str, Setting],
         on_step: Callable[[], None] = lambda: None,
         detector: RealDetector | None = None,
+        on_decision: Callable[[pb.Decision], None] = lambda _: None,
     ) -> None:
         """seed: for the detector's errors, and for an agent that draws. noise: None for
         ground-truth semantics. settings: those that differ from the agent's own. on_step: called
         after each action, when every map holds the keyframe; it may query the stack. detector: the
-        model of the detections; None for the simulated one.
+        model of the detections; None for the simulated one. on_decision: called with each
+        decision of the planner.
         """
         settings = of_stack(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
@@ -146,6 +149,7 @@ class InProcessStack:
             self.healths["planner"],
         )  # fmt: skip
         self._bus.subscribe(TASK, self._on_task)
+        self._bus.subscribe(DECISION, on_decision)
         self._on_step, self._last_seq = on_step, 0
         self._bus.subscribe(ROBOT_STATE, self._on_state)
 

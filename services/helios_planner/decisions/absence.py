@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from helios_planner.decisions import explanations
-from helios_planner.decisions.decision import Candidate, Decision, DecisionRule, Do
+from helios_planner.decisions.decision import Candidate, CompleteSearch, Decision, DecisionRule, Do
 
 ABSENT = 0.2  # share of the tasks that ask for an object that is not there
 MISSED = (0.15, 0.08)  # chance to miss a present object, after one and after more searches
@@ -35,13 +35,20 @@ def absence_probability(scores: Iterable[float], searches: int) -> float:
     return none_right * ABSENT / (ABSENT + (1 - ABSENT) * missed)
 
 
-def absent(
-    name: str, candidates: Sequence[Candidate], searches: int, searched_m2: float
-) -> tuple[float, Decision]:
-    """Probability that an object is absent, and the decision to end the search for it."""
-    probability = absence_probability((c.terms["total"] for c in candidates), searches)
-    why = explanations.absent(name, candidates, probability, searches, searched_m2)
-    settings = {"absence_probability": probability, "searches": float(searches)}
-    return probability, Decision(
-        DecisionRule.ABSENT, Do.NOTHING_LEFT, tuple(candidates), None, why, settings
-    )
+def decide_absence(
+    name: str, candidates: Sequence[Candidate], search: CompleteSearch, absent_from: float
+) -> Decision:
+    """Decision after a complete search: to end it, if the object is absent with the probability
+    `absent_from` or more, or to search on."""
+    probability = absence_probability((c.terms["total"] for c in candidates), search.number)
+    ends = probability >= absent_from
+    why = explanations.absence(name, candidates, probability, search, absent_from)
+    settings = {
+        "absence_probability": probability,
+        "absent_from": absent_from,
+        "searches": float(search.number),
+        "start_score": search.start_score,
+        "tried": float(search.tried),
+    }
+    do = Do.NOTHING_LEFT if ends else Do.SEARCH_ON
+    return Decision(DecisionRule.ABSENT, do, tuple(candidates), None, why, settings)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from helios_core.printable_text import counted
 
-from helios_planner.decisions.decision import ANY_SCORE, Act, Candidate
+from helios_planner.decisions.decision import ANY_SCORE, Act, Candidate, CompleteSearch
 from helios_planner.decisions.held_object import HeldObject
 
 Rounding = Callable[[float], float]
@@ -217,18 +217,25 @@ def search_on(
     return f"search on: {which} has score {_scored(t, 'score', n)} < {threshold:.{n}f}, and {view}"
 
 
-def absent(
-    name: str, candidates: Sequence[Candidate], probability: float, searches: int, floor_m2: float
+def absence(
+    name: str,
+    candidates: Sequence[Candidate],
+    probability: float,
+    search: CompleteSearch,
+    absent_from: float,
 ) -> str:
-    """Sentence for a search that ends because the object is probably not there."""
-    times = "once" if searches == 1 else f"{searches} times"
+    """Sentence about the probability that the object is not there, after a complete search."""
+    times = "once" if search.number == 1 else f"{search.number} times"
     best = max((c.terms["total"] for c in candidates), default=None)
     of = "nothing looked like one" if best is None else (
         f"the best of {counted(len(candidates), 'candidate')} has score {best:.2f}"
     )  # fmt: skip
+    searched = f"the whole floor in reach, {search.floor_m2:.0f} m², was searched {times}, and {of}"
+    if probability >= absent_from:
+        return f"the {name} is probably not here ({probability:.0%}): {searched}"
     return (
-        f"the {name} is probably not here ({probability:.0%}): the whole floor in reach, "
-        f"{floor_m2:.0f} m², was searched {times}, and {of}"
+        f"search on: {searched}, but the {name} is absent only with probability "
+        f"{less(probability, absent_from)}"
     )
 
 

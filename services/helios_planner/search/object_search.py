@@ -9,10 +9,11 @@ from typing import Any
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
 
-from helios_planner.decisions.absence import absent
+from helios_planner.decisions.absence import decide_absence
 from helios_planner.decisions.acceptance import Rule, try_unnamed
 from helios_planner.decisions.decision import (
     Act,
+    CompleteSearch,
     Decision,
     Do,
     FrontierOption,
@@ -192,10 +193,16 @@ class ObjectSearch(ScoredSearch):
         if self.settings.absent_from >= 1 or untried:
             return
         candidates = self.decide().candidates
-        area_m2 = floor_m2(self.robot.ground())
-        probability, decision = absent(self.name, candidates, self._round + 1, area_m2)
-        if probability >= self.settings.absent_from:
-            self.robot.listener.on_decision(decision)
+        starts = self.robot.objects(self.start) if self.start else []
+        search = CompleteSearch(
+            self._round + 1,
+            floor_m2(self.robot.ground()),
+            max((start.score for start in starts), default=0.0),
+            len(self._tried.points),
+        )
+        decision = decide_absence(self.name, candidates, search, self.settings.absent_from)
+        self.robot.listener.on_decision(decision)
+        if decision.do is Do.NOTHING_LEFT:
             raise TaskFailed(Cause.OBJECT_NOT_FOUND, decision.why)
 
     def _something_to_do(self) -> bool:

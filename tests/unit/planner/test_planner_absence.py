@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_planner.decisions.absence import absence_probability, right_probability
-from helios_planner.decisions.decision import DecisionRule
+from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.task import Cause, TaskFailed
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,7 +51,8 @@ def test_the_search_ends_with_what_was_searched_when_the_object_is_probably_abse
     rig = searched_rig(0.02, 0.5)
     with pytest.raises(TaskFailed, match=r"mug is probably not here \(5\d%\).* m², .* once.*0\.02"):
         rig.search.find()
-    assert rig.world.decisions[-1].rule == DecisionRule.ABSENT
+    last = rig.world.decisions[-1]
+    assert (last.rule, last.do) == (DecisionRule.ABSENT, Do.NOTHING_LEFT)
 
 
 @pytest.mark.parametrize(("score", "absent_from"), [(0.4, 0.5), (0.02, 0.9), (0.02, 1.0)])
@@ -60,4 +61,12 @@ def test_it_goes_on_to_its_usual_end_otherwise(score: float, absent_from: float)
     with pytest.raises(TaskFailed, match="every frontier and every candidate place") as failure:
         rig.search.find()
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
-    assert all(d.rule != DecisionRule.ABSENT for d in rig.world.decisions)
+    estimates = [d for d in rig.world.decisions if d.rule == DecisionRule.ABSENT]
+    assert len(estimates) == (absent_from < 1)
+    for d in estimates:
+        assert d.do is Do.SEARCH_ON
+        assert (
+            f"absent only with probability 0.{d.settings['absence_probability'] * 100:02.0f}"
+            in d.why
+        )
+        assert d.settings["absence_probability"] < d.settings["absent_from"]
