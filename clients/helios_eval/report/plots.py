@@ -18,6 +18,7 @@ from helios_eval.report.report_model import Graphic
 
 WIDTH_IN = 9.6
 MOST_ARMS = len(colors.SERIES)  # per drawing; the tables have all
+LABEL_LETTERS = 38  # in a line of a label
 
 
 @contextmanager
@@ -33,6 +34,29 @@ def _look():
         "legend.frameon": False,
     }):  # fmt: skip
         yield
+
+
+def _in_lines(label: str) -> str:
+    """The label with its parts in lines of at most LABEL_LETTERS, as far as parts allow it."""
+    lines: list[str] = []
+    for part in re.split(r"(?= [·−] )", label):
+        if lines and len(lines[-1]) + len(part) <= LABEL_LETTERS:
+            lines[-1] += part
+        else:
+            lines.append(part.removeprefix(" · ").lstrip())
+    return "\n".join(lines)
+
+
+def _rows_in(labels: Sequence[str], row_in: float) -> float:
+    """Height of rows with these labels, in inches: rows of one height, for the tallest label."""
+    most = max((label.count("\n") + 1 for label in labels), default=1)
+    return len(labels) * max(row_in, 0.19 * most)
+
+
+def _columns(labels: Sequence[str]) -> int:
+    """Columns of a legend that the width of a drawing has room for."""
+    longest = max((len(line) for label in labels for line in label.split("\n")), default=1)
+    return max(1, min(4, 100 // (longest + 6)))
 
 
 def _axes(height_in: float) -> tuple[Figure, Axes]:
@@ -58,9 +82,10 @@ def dots(
     agents: Sequence[str], metrics: Sequence[str], points: Sequence[Sequence[Interval]], title: str
 ) -> Graphic:
     """Drawing of shares with intervals, `points[agent][metric]`, 0 to 1: one panel per metric."""
+    agents = [_in_lines(agent) for agent in agents]
     with _look():
         n = len(agents)
-        figure = Figure(figsize=(WIDTH_IN, 0.85 + 0.42 * n), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 0.85 + _rows_in(agents, 0.42)), layout="constrained")
         all_axes = np.atleast_1d(figure.subplots(1, len(metrics), sharex=True, sharey=True))
         for k, (axes, metric) in enumerate(zip(all_axes, metrics, strict=True)):
             axes.tick_params(length=0)
@@ -88,8 +113,10 @@ def anytime(
     """Drawing of the share of the episodes that succeed within a number of steps, a line for each
     agent. steps: of each successful episode; episodes: number of all."""
     last = max((max(s) for s in steps if len(s)), default=1.0)
+    agents = [_in_lines(agent) for agent in agents]
+    columns = _columns(agents)
     with _look():
-        figure, axes = _axes(3.4)
+        figure, axes = _axes(3.2 + _rows_in(agents, 0.2) / columns)
         for k, (agent, done, n) in enumerate(zip(agents, steps, episodes, strict=True)):
             x = np.concatenate([[0.0], np.sort(np.asarray(done, float)), [last]])
             y = 100 * np.minimum(np.arange(len(x)), len(done)) / n
@@ -100,7 +127,7 @@ def anytime(
         axes.set_xlabel("steps", fontsize=9.5)
         axes.set_ylabel("whole task, % of the episodes", fontsize=9.5)
         axes.grid()
-        figure.legend(loc="outside upper left", ncols=4, fontsize=9.5, handlelength=1.1)
+        figure.legend(loc="outside upper left", ncols=columns, fontsize=9.5, handlelength=1.1)
         return Graphic(
             "Success by steps: percent of the episodes that succeeded in the whole task within so "
             "many steps.",
@@ -110,8 +137,9 @@ def anytime(
 
 def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
     """Drawing of differences in percent points with their intervals: (metric, pair, interval)."""
+    labels = [_in_lines(f"{metric}: {who}") for metric, who, _ in rows]
     with _look():
-        figure, axes = _axes(0.7 + 0.34 * len(rows))
+        figure, axes = _axes(0.7 + _rows_in(labels, 0.34))
         for y, (_, _, d) in enumerate(rows):
             colour = colors.SERIES[0 if d.excludes_zero else 7].light
             axes.plot(100 * d.value, y, "o", color=colour, markersize=7.5)
@@ -122,7 +150,7 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
             axes.text(1.015, y, label, va="center", fontsize=9.5, color=colors.MUTED.light,
                       transform=axes.get_yaxis_transform())  # fmt: skip
         axes.axvline(0, color=colors.INK.light, linewidth=1)
-        axes.set_yticks(range(len(rows)), [f"{metric}: {who}" for metric, who, _ in rows])
+        axes.set_yticks(range(len(rows)), labels)
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.set_xlabel("percent points; right of 0: the first is better", fontsize=9.5)
         axes.grid(axis="x")
@@ -137,8 +165,9 @@ def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphi
     """Drawing of the outcomes of the episodes: one stacked bar per agent, success first."""
     order = ["", *colors.CAUSES]
     order += sorted({c for row in counts for c in row} - set(order))
+    agents = [_in_lines(agent) for agent in agents]
     with _look():
-        figure, axes = _axes(1.15 + 0.5 * len(agents))
+        figure, axes = _axes(1.15 + _rows_in(agents, 0.5))
         left = np.zeros(len(agents))
         totals = np.array([sum(row.values()) for row in counts], dtype=np.float64)
         for cause in order:
@@ -173,10 +202,10 @@ def effort(
     agents: Sequence[str], steps: Sequence[Sequence[float]], hits: Sequence[Interval]
 ) -> Graphic:
     """Drawing of the steps per episode and the share of episodes with a collision, by agent."""
-    n = len(agents)
+    n, agents = len(agents), [_in_lines(agent) for agent in agents]
     colours = [colors.SERIES[i % len(colors.SERIES)].light for i in range(n)]
     with _look():
-        figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.42 * n), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 0.9 + _rows_in(agents, 0.42)), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         line = {"color": colors.MUTED.light, "linewidth": 1.2}
         drawn = left.boxplot(

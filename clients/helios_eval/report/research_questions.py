@@ -17,6 +17,7 @@ from helios_eval.report.interval_statistics import (
     Interval,
     paired_difference,
     paired_ratio,
+    score_difference,
     why_unbounded,
 )
 from helios_eval.report.number_format import bounds, interval, number, scale, signed
@@ -95,7 +96,8 @@ def section(arms: Sequence[Arm]) -> Section | None:
             "Paired differences",
             ["of the same homes", "first", "second", "difference", "95 %", "ratio", "n", "so"],
             "First minus second and first over second, unlimited picks, each with the 95 % "
-            "interval of a paired bootstrap; below a ratio the paper's own. A difference is "
+            "interval of a paired bootstrap, and of a difference with Newcombe's score interval "
+            "where fewer than six homes differ; below a ratio the paper's own. A difference is "
             f"settled where its interval leaves 0 out. {number_format.RULE}",
             words=["so"],
         )
@@ -116,6 +118,7 @@ def _row(
     mine, theirs = in_common(top, bottom)
     x, y = values(mine, metric), values(theirs, metric)
     d, ratio, k = paired_difference(x, y), paired_ratio(x, y), scale(metric)
+    shown = d if d.has_bounds or not METRICS[metric].binary else score_difference(x, y)
     published = [
         r.published for r in paper_figures.RELATIONS
         if (r.metric, r.top, r.bottom) == (metric, question.first, question.second)
@@ -124,7 +127,8 @@ def _row(
     rows.add([
         Cell(metric, "", "strong"), number(x.mean() * k, 1), number(y.mean() * k, 1),
         Cell(signed(d.value * k, 1), "", tone_of(metric, d)),
-        bounds(d.low * k, d.high * k, 1, plus=True) if d.has_bounds else number_format.NONE,
+        bounds(shown.low * k, shown.high * k, 1, plus=True) if shown.has_bounds
+        else number_format.NONE,
         Cell(interval(ratio, 2) if ratio.has_bounds else number(ratio.value, 2),
              f"paper {number(published[0], 2)}" if published else ""),
         Cell(str(len(mine)), of),
