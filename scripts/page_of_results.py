@@ -12,9 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from helios_eval.episodes import episode_record
-from helios_eval.report import number_format, paper_comparison, research_questions
+from helios_eval.report import (
+    absent_targets,
+    number_format,
+    paper_comparison,
+    played_before,
+    research_questions,
+)
 from helios_eval.report.agent_groups import Arm, arms_of, in_common
 from helios_eval.report.interval_statistics import (
+    Values,
     paired_difference,
     score_difference,
     wilson,
@@ -24,6 +31,7 @@ from helios_eval.report.record_metrics import METRICS, NAMES, values
 from helios_eval.report.report_model import Table
 from helios_eval.report.requested_episodes import seeds_asked
 from helios_eval.report.run_description import run_of
+from helios_eval.studies import search_effort
 
 from scripts.markdown_tables import DOCS, Block, code, table, write_or_check
 
@@ -32,6 +40,7 @@ RESULTS = DOCS / "results"
 BRACKETS = str.maketrans("[]", "()")
 PICK_LIMITS = {"SR, 5 picks": 5, "SR, 1 pick": 1}
 NONE_COMPLETE = "No run is complete.\n"
+LARGE = ("ovmm-large-v1",)  # presets of large homes
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,10 @@ class Run:
     folder: str
     title: str
     base: str = ""
+
+    @property
+    def path(self) -> Path:
+        return RESULTS / self.folder
 
 
 RUNS = (
@@ -56,10 +69,12 @@ RUNS = (
 )
 OURS = Run("our-agent", "helios and the paper's agents")
 JUDGE = (
-    Run("judge", "As on homes 2000–2199"),
-    Run("judge-absent", "One object in four is not in the home", "judge"),
+    Run("judge", "One object in four is not in the home"),
+    Run("judge-ovmm-v2", "With the errors of a real detector, simulated"),
     Run("judge-real-detector", "With a real detector"),
+    Run("judge-real-furniture", "With a real detector and realistic furniture"),
     Run("judge-large", "Larger homes"),
+    Run("judge-large-exact", "Larger homes, with a scorer without errors", "judge-large"),
 )
 
 
@@ -94,8 +109,43 @@ def _of_run(run: Run) -> str:
     if not is_complete(found):
         played = sum(len(arm.records) for arm in found)
         return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
+    blocks = [means(found)]
+    if any(arm.preset in LARGE for arm in found):
+        blocks.append(table(search_effort.HEAD, search_effort.rows(found)))
+    if any(map(absent_targets.has_any, found)):
+        blocks.append(present_and_absent(found))
     base = arms(run.base) if run.base else ()
-    return means(found) + (f"\n{beside(found, base)}" if is_complete(base) else "")
+    if is_complete(base):
+        blocks.append(beside(found, base))
+    records = [record for arm in found for record in arm.records]
+    if said := played_before.sentence(records, run_of(run.path)):
+        blocks.append(f"{said}\n")
+    return "\n".join(blocks)
+
+
+def present_and_absent(found: Sequence[Arm]) -> str:
+    """Table of the answers with present and with absent objects."""
+    rows: list[list[str]] = []
+    for arm in found:
+        sample = absent_targets.rates(arm.records)
+        rows.append([
+            _named(arm),
+            *(_share(sample[name]) for name in ("SR_present", "false_not_found")),
+            str(len(sample["SR_present"])),
+            _share(sample["SR_absent"]),
+            str(len(sample["SR_absent"])),
+        ])  # fmt: skip
+    return table(
+        ["agent", "present: SR", "present: false not found", "homes", "absent: right not found",
+         "homes"],
+        rows,
+    )  # fmt: skip
+
+
+def _share(sample: Values) -> str:
+    """Share of the ones in percent, with Wilson's interval."""
+    w = wilson(int(sample.sum()), len(sample))
+    return f"{100 * w.value:.1f} ({100 * w.low:.1f} to {100 * w.high:.1f})"
 
 
 def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.models.model_folder import onnx_file
 
 DIGITS = 16  # hex digits of a digest in a record
 _SIMULATED = ("simulated", "ground-truth", "recorded")
@@ -35,16 +36,24 @@ class RealDetector:
 
 
 def real_detector(spec: str) -> RealDetector:
-    """The model that `--detector` names. Raises UsageError for a simulated or missing one."""
+    """The model that `--detector` names, a fetched ONNX file also by its bare name.
+
+    Raises UsageError for a simulated or missing one.
+    """
     kind, _, argument = spec.partition(":")
     if kind in _SIMULATED:
         raise UsageError(
             f"--detector is {spec!r}, which is no real detector; wanted onnx:FILE or "
             "transformers:ID, or --semantics noisy or ground-truth without --detector"
         )
+    if kind == "onnx":
+        spec = f"onnx:{onnx_file(argument)}"
     path = _path(spec)
     if kind == "onnx" and not path.is_file():
-        raise UsageError(f"--detector is {spec!r}, and {path} is no file; give onnx:FILE")
+        raise UsageError(
+            f"--detector is {spec!r}, and {path} is no file; give onnx:FILE, or fetch a model with "
+            "`helios models fetch`"
+        )
     if kind not in ("onnx", "transformers") or not argument:
         _check_opens(spec)
     if argument and path.exists():

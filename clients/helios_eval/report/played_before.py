@@ -92,6 +92,18 @@ def fact(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> list[tuple
     return [(FACT, text)]
 
 
+def sentence(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
+    """How many runs had played these homes before, as one sentence; empty without homes from seed
+    1000 on. Raises InvalidInput and Unavailable for a ledger that cannot be read."""
+    if not _kept((r.preset, r.seed) for r in records):
+        return ""
+    before = _before_run(records, run)
+    if before is None:
+        return "By the ledger nobody had played these homes before."
+    runs = plural(len(before.folders), "earlier run")
+    return f"The ledger has {runs} of these homes{', of the same release' * bool(before.release)}."
+
+
 def notice(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
     """Notice for the top of the report; empty if the ledger names no earlier run."""
     try:

@@ -1,11 +1,12 @@
 """Effort of the search for the object, by agent, from the episodes of `helios eval ovmm`.
 
-    python -m helios_eval.studies.search_effort runs/large
+    python -m helios_eval.studies.search_effort runs/large --against helios-paper
 
-Prints, as Markdown: the share of homes with FindObj, the mean steps until it, SPL of FindObj (share
-times the shortest path over the path driven until then, 0 without FindObj), and the differences of
-both to the first agent over the same homes, with 95 % intervals. A run whose records lack the paths
-is refused: they are older.
+Prints, as Markdown: the share of homes with FindObj, the mean steps until it, the steps until it or
+until the end of the episode, SPL of FindObj (share times the shortest path over the path driven
+until then, 0 without FindObj), and the differences to one agent over the same homes, with 95 %
+intervals. An episode that could not be played has SPL 0. A run whose records lack the paths is
+refused: they are older.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from helios_core.errors import HeliosError, InvalidInput
+from helios_sim.failure_causes import SYSTEM_ERROR
 
 from helios_eval.episodes import episode_record
 from helios_eval.report.agent_groups import Arm, arms_of, in_common
@@ -32,8 +34,15 @@ from helios_eval.report.interval_statistics import (
 )
 from helios_eval.report.number_format import number, signed
 
-HEAD = ("agent", "homes", "FindObj, %", "steps to FindObj", "SPL of FindObj, %", "SPL: difference",
-        "whole task: difference")  # fmt: skip
+HEAD = ("agent", "homes", "FindObj, %", "steps to FindObj", "to FindObj or the end",
+        "difference", "SPL of FindObj, %", "difference", "whole task: difference")  # fmt: skip
+AGAINST = "helios-paper"
+
+
+def steps_of(arm: Arm) -> Values:
+    """Steps [n] to FindObj, or to the end of an episode without it, where the object is there."""
+    present = [r for r in arm.records if not r.absent]
+    return np.array([r.find_object_steps or r.steps for r in present], float)
 
 
 def spl_of(arm: Arm) -> Values:
@@ -42,6 +51,9 @@ def spl_of(arm: Arm) -> Values:
     found: list[float] = []
     for record in arm.records:
         if record.absent:
+            continue
+        if record.cause == SYSTEM_ERROR:
+            found.append(0.0)
             continue
         if record.find_object_spl is None:
             raise InvalidInput(
@@ -52,12 +64,15 @@ def spl_of(arm: Arm) -> Values:
     return np.array(found)
 
 
-def rows(arms: Sequence[Arm]) -> list[tuple[str, ...]]:
-    """A row of `HEAD` for each arm; differences to the first."""
+def rows(arms: Sequence[Arm], against: str = AGAINST) -> list[tuple[str, ...]]:
+    """A row of `HEAD` for each arm; differences to the agent `against` with no settings of its own,
+    or else to the first. Raises InvalidInput for records without paths."""
+    first = next((arm for arm in arms if arm.label == against), arms[0])
     out: list[tuple[str, ...]] = []
     for arm in arms:
         spl = mean_sem(spl_of(arm))
         present = [r for r in arm.records if not r.absent]
+        by_steps, by_spl, by_success = _differences(arm, first)
         w = wilson(sum(r.find_object for r in present), len(present))
         steps = np.array([r.find_object_steps for r in present if r.find_object_steps], float)
         spent = mean_sem(steps) if len(steps) else Mean(math.nan, math.nan, 0)
@@ -65,29 +80,32 @@ def rows(arms: Sequence[Arm]) -> list[tuple[str, ...]]:
             arm.label, str(len(present)),
             f"{100 * w.value:.1f} ({100 * w.low:.1f} to {100 * w.high:.1f})",
             f"{number(spent.mean, 0)} ± {number(spent.sem, 0)}",
-            f"{100 * spl.mean:.1f} ± {100 * spl.sem:.1f}", *_differences(arm, arms[0]),
+            number(float(steps_of(arm).mean()), 0), by_steps,
+            f"{100 * spl.mean:.1f} ± {100 * spl.sem:.1f}", by_spl, by_success,
         ))  # fmt: skip
     return out
 
 
-def _differences(arm: Arm, first: Arm) -> tuple[str, str]:
+def _differences(arm: Arm, first: Arm) -> tuple[str, str, str]:
+    """Differences of an arm to the first in steps, SPL and the whole task, as text."""
     if arm is first:
-        return "", ""
+        return "", "", ""
     mine, theirs = in_common(arm, first)
     own, other = replace(arm, records=tuple(mine)), replace(first, records=tuple(theirs))
     success, success_of_other = (
         np.array([float(r.success) for r in records]) for records in (mine, theirs)
     )
     return (
-        _told(paired_difference(spl_of(own), spl_of(other))),
-        _told(paired_difference(success, success_of_other)),
+        _told(paired_difference(steps_of(own), steps_of(other)), 1, 0),
+        _told(paired_difference(spl_of(own), spl_of(other)), 100, 1),
+        _told(paired_difference(success, success_of_other), 100, 1),
     )
 
 
-def _told(d: Interval) -> str:
-    text = signed(100 * d.value, 1)
+def _told(d: Interval, scale: float, digits: int) -> str:
+    text = signed(scale * d.value, digits)
     if d.has_bounds:
-        text += f" ({signed(100 * d.low, 1)} to {signed(100 * d.high, 1)})"
+        text += f" ({signed(scale * d.low, digits)} to {signed(scale * d.high, digits)})"
     return text
 
 
@@ -97,12 +115,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("folder", type=Path, help="folder of `helios eval ovmm`")
-    folder: Path = parser.parse_args(argv).folder
+    parser.add_argument("--against", default=AGAINST, help="agent of the differences")
+    given = parser.parse_args(argv)
+    folder: Path = given.folder
     try:
         records = episode_record.read(folder)
         if not records:
             raise InvalidInput(f"{folder} holds no episode; give a folder of `helios eval ovmm`")
-        found = rows([arm for arm in arms_of(records) if arm.benchmark == "ovmm"])
+        arms = [arm for arm in arms_of(records) if arm.benchmark == "ovmm"]
+        if given.against not in {arm.label for arm in arms}:
+            names = ", ".join(arm.label for arm in arms)
+            raise InvalidInput(f"{folder} has no arm {given.against}; give one of {names}")
+        found = rows(arms, given.against)
     except HeliosError as error:
         print(f"search_effort: {error.message}", file=sys.stderr)
         return 2

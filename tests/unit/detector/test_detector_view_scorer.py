@@ -56,6 +56,13 @@ def test_the_published_table_and_its_scores_do_not_change() -> None:
     assert hashlib.sha256(json.dumps(rounded).encode()).hexdigest()[:16] == "96d65927135dbfaf"
 
 
+def test_the_exact_table_is_the_published_one_without_its_error() -> None:
+    published, exact = load_scorer_table("itc-v1")[0], load_scorer_table("itc-exact")[0]
+    assert exact.error.spread == 0.0 < published.error.spread
+    error = published.error.model_copy(update={"spread": 0.0})
+    assert exact == published.model_copy(update={"name": "itc-exact", "error": error})
+
+
 def test_without_error_the_sought_class_scores_above_its_kin_and_kin_above_a_stranger() -> None:
     free = scorer(0.0)
     share = 0.02

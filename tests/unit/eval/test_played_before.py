@@ -65,12 +65,14 @@ def test_a_run_of_development_homes_says_nothing(own_ledger: Path) -> None:
     write_ledger(own_ledger, line("runs/a", SUMMER, 0, 2000))
     assert played_before.fact([record(999)], description("runs/b")) == []
     assert played_before.notice([record(999)], description("runs/b")) == ""
+    assert played_before.sentence([record(999)], description("runs/b")) == ""
 
 
 def test_a_first_run_was_never_played_before_by_the_ledger(own_ledger: Path) -> None:
     write_ledger(own_ledger, line("runs/b", AUTUMN), line("runs/a", SUMMER, 1210, 1300))
     assert fact(description("runs/b")) == "never by the ledger"
     assert played_before.notice(RECORDS, description("runs/b")) == ""
+    assert "nobody had played" in played_before.sentence(RECORDS, description("runs/b"))
 
 
 def test_the_fact_names_the_number_the_first_day_and_the_folders(own_ledger: Path) -> None:
@@ -127,10 +129,13 @@ def test_parts_of_one_release_are_told_apart(own_ledger: Path) -> None:
         "All 10 homes from seed 1000 on had been played before this run, by 1 run of the same "
         "release (tables, commit 1234567): runs/a."
     )
+    told = "The ledger has 1 earlier run of these homes"
+    assert played_before.sentence(RECORDS, part) == f"{told}, of the same release."
     changes: list[dict[str, Any]] = [{"commit": "7654321"}, {"why": "more tables"}, {"why": ""}]
     for changed in changes:
         write_ledger(own_ledger, first, line("runs/c", SUMMER, **release | changed), own)
         assert "not those of unseen homes" in played_before.notice(RECORDS, part)
+        assert "the same release" not in played_before.sentence(RECORDS, part)
 
 
 def test_later_runs_are_not_before(own_ledger: Path) -> None:

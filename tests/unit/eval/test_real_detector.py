@@ -11,12 +11,14 @@ import pytest
 from eval_constructed_records import record
 from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.models.model_folder import LockedFile, LockedModel, write_lock
 from helios_detector.coco_classes import COCO_NAMES
 from helios_eval.episodes import episode_spec, task_classes
 from helios_eval.episodes.episode_judgement import episode_for
 from helios_eval.episodes.episode_player import PlayedEpisode, play
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.home_presets import home_of
+from helios_eval.episodes.real_detector import real_detector
 from helios_eval.episodes.run_conditions import Condition, parse_condition
 from helios_eval.episodes.task_classes import TaskClasses
 from helios_eval.episodes.worker import Skipped
@@ -61,6 +63,21 @@ def spec_of(under: Condition, seed: int = 0, steps: int = 3) -> EpisodeSpec:
 
 
 # --- options --------------------------------------------------------------------------------------
+def test_a_fetched_model_is_named_by_its_file_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stored = tmp_path / "models" / "onnx" / "yolox_nano.onnx"
+    stored.parent.mkdir(parents=True)
+    size = model(stored).stat().st_size
+    lock = LockedModel("", "", "", "", {stored.name: LockedFile(size, "", "first download")})
+    write_lock(tmp_path / "models", {stored.name: lock})
+    monkeypatch.setenv("HELIOS_MODELS", str(tmp_path / "models"))
+    monkeypatch.chdir(tmp_path)
+    fetched = real_detector(f"onnx:{stored.name}")
+    assert fetched == real_detector(f"onnx:{stored}")
+    fetched.check()
+
+
 @pytest.mark.parametrize(
     ("detector", "more", "said"),
     [

@@ -37,8 +37,29 @@ def test_steps_and_spl_are_of_the_way_to_the_object(
     )
     assert main([str(tmp_path / "run")]) == 0
     paper, trusting = capsys.readouterr().out.splitlines()[2:]
-    assert paper.startswith("| helios-paper | 10 | 100.0 (72.2 to 100.0) | 44 ± 1 | 50.0 ± 0.0 |")
-    assert "| 90.0 (59.6 to 98.2) | 40 ± 0 | 22.5 ± 2.5 | −27.5 (−32.5 to −25.0) |" in trusting
+    start = "| helios-paper | 10 | 100.0 (72.2 to 100.0) | 44 ± 1 | 44 |  | 50.0 ± 0.0 |  |  |"
+    assert paper == start
+    assert "| 90.0 (59.6 to 98.2) | 40 ± 0 | 46 | +2 (−5 to +13) |" in trusting
+    assert "| 22.5 ± 2.5 | −27.5 (−32.5 to −25.0) |" in trusting
+
+
+def test_differences_are_to_the_agent_that_is_asked_for_and_a_failed_episode_has_spl_0(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = record(9, agent="trusting", cause="system error", success=False, find_object=False)
+    write(
+        tmp_path / "run",
+        *(record(s, agent="helios", **paths(0.5)) for s in range(10)),
+        *(record(s, agent="trusting", **paths(0.25)) for s in range(9)),
+        broken,
+    )
+    run = str(tmp_path / "run")
+    assert main([run, "--against", "trusting"]) == 0
+    helios, trusting = capsys.readouterr().out.splitlines()[2:]
+    assert "| 50.0 ± 0.0 | +27.5 (+25.0 to +32.5) |" in helios
+    assert "| 22.5 ± 2.5 |  |" in trusting
+    assert main([run, "--against", "vlfm"]) == 2
+    assert "has no arm vlfm; give one of helios, trusting" in capsys.readouterr().err
 
 
 def test_records_without_paths_are_refused(
