@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.navigation.base_controller import BaseController
+from helios_planner.refuted_things import RefutedThing, RefutedThings
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import Search
 from helios_planner.search.unnamed_things import is_unnamed
@@ -52,6 +54,7 @@ class HandCheck:
     cannot_show: bool = False  # True once the robot failed to show what it holds
     returning_m: NDArray[np.float64] | None = None  # place [3] of a wrong object still in the hand
     unseen_m: NDArray[np.float64] | None = None  # place [3] of an unnamed thing, until it is seen
+    refuted: RefutedThings = field(default_factory=RefutedThings)  # of earlier tasks, too
 
     # --- restart -------------------------------------------------------------------------------
     def checkpoint(self) -> dict[str, Any]:
@@ -83,6 +86,12 @@ class HandCheck:
         return True
 
     # --- the check -----------------------------------------------------------------------------
+    def recall(self, search: Search) -> None:
+        """Leave things that looked wrong in earlier tasks until nothing better is found."""
+        if self.can_look:
+            for thing in self.refuted.of(search.name):
+                search.recall(thing)
+
     @property
     def can_look(self) -> bool:
         """True if the robot can show what it holds, and the settings ask for it."""
@@ -108,7 +117,9 @@ class HandCheck:
             before = held.probability if known else 0.5
             held = replace(held, probability=in_odds(before, UNNAMED_ODDS))
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
+        x, y, z = (float(v) for v in found.center_m)
         if decision.do is Do.ACT:
+            self.refuted.forget(search.name, (x, y, z))
             return False
         if held.probability >= RECONSIDERED_FROM:
             search.set_aside(found, held.probability)
@@ -119,6 +130,9 @@ class HandCheck:
             why = "which cannot be put back where it was"
             self._publish(search, check_in_hand(found, held, s.hand_from, why))
             return False
+        self.refuted.add(
+            RefutedThing(search.name, (x, y, z), held.probability, unnamed, time.time())
+        )
         search.set_message_prefix(decision.why)
         return True
 

@@ -138,6 +138,13 @@ class RobotClient(RobotInterface):
                 )
             self._line.rest(RETRY_S)
 
+    @property
+    def world(self) -> tuple[str, int]:
+        """Boot id and world epoch of the newest keyframe. Raises LookupError before the first."""
+        if self._frame is None:
+            raise LookupError("the robot has sent no keyframe yet")
+        return self._frame.epoch
+
     def end(self) -> None:
         """Close the subscriptions, and release the robot."""
         self._spans.end()

@@ -18,6 +18,7 @@ from helios_planner.motion_planning.base_placement import REACH_SPARE_M
 from helios_planner.motion_planning.costmap import Pose2, facing
 from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.navigation.base_controller import BaseController, Outcome
+from helios_planner.refuted_things import RefutedThing
 from helios_planner.robot.interface import Frontier, RobotInterface
 from helios_planner.search.candidate_beliefs import Belief
 from helios_planner.search.view_selection import PlaceSet, ViewPlanner
@@ -241,6 +242,10 @@ class Search(ABC):
     def set_aside(self, candidate: ObjectInstance, probability: float) -> None:
         """Leave a candidate that looked wrong in the hand. probability: that it is right."""
         self.refused.add(candidate)
+
+    def recall(self, thing: RefutedThing) -> None:
+        """Leave a thing that looked wrong in the hand in an earlier task until the end."""
+        return
 
     def in_hand(self, candidate: ObjectInstance) -> float:
         """Probability of its class by an earlier look at it in the hand; 1 without one."""

@@ -34,6 +34,7 @@ from helios_planner.match_radii import (
 )
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.motion_planning.unknown_borders import floor_m2
+from helios_planner.refuted_things import RefutedThing
 from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.unnamed_things import FIRST_ID, is_unnamed, unnamed_things
@@ -85,6 +86,7 @@ class ObjectSearch(ScoredSearch):
         self._most_unnamed = 0
         self._searched = False  # True once everything was searched in vain
         self._tried = PlaceSet(SAME_SPOT_M)  # unnamed things that were looked at in the hand
+        self._known_wrong: list[tuple[float, float]] = []  # unnamed things of earlier tasks
         self._unnamed: dict[int, ObjectInstance] = {}  # of the newest decision
         self._last_seen: tuple = ()
 
@@ -166,7 +168,7 @@ class ObjectSearch(ScoredSearch):
             starts = [s for s in starts if s.score >= SURE_FROM and s in self.visited]
             least = LIKELY_FROM
         things = unnamed_things(self.name, starts, self.robot.ground(), self.robot.probability_at)
-        left = (*self._tried.points, *self.refused.points)
+        left = (*self._tried.points, *self.refused.points, *self._known_wrong)
         named = [one.center_m[:2] for one in self._set_aside if one.id < FIRST_ID]
         return [
             t for t in things
@@ -178,6 +180,11 @@ class ObjectSearch(ScoredSearch):
 
     def chosen(self, decision: Decision) -> ObjectInstance:
         return self._unnamed.get(decision.chosen.id) or super().chosen(decision)
+
+    def recall(self, thing: RefutedThing) -> None:
+        super().recall(thing)
+        if thing.unnamed:
+            self._known_wrong.append(thing.center_m[:2])
 
     def note_seen(self, candidate: ObjectInstance) -> None:
         if is_unnamed(candidate):

@@ -26,6 +26,7 @@ from helios_planner.decisions.explanations import less
 from helios_planner.decisions.global_search import FrontierRule, highest_value
 from helios_planner.match_radii import PICKED_PLACE_M, SAME_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
+from helios_planner.refuted_things import RefutedThing
 from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
 from helios_planner.search.frontier_exploration import Explorer, RuleExplorer
 from helios_planner.search.view_selection import BestView
@@ -169,6 +170,13 @@ class ScoredSearch(Search):
         x, y, z = (float(v) for v in candidate.center_m)
         self._set_aside.append(SetAside(candidate.id, (x, y, z), probability))
 
+    def recall(self, thing: RefutedThing) -> None:
+        if not thing.unnamed:
+            self._set_aside.append(SetAside(EARLIER, thing.center_m, thing.probability))
+
+    def was_set_aside(self, candidate: ObjectInstance) -> bool:
+        return any(self._is_at(candidate, one) for one in self._set_aside if one.id != EARLIER)
+
     def in_hand(self, candidate: ObjectInstance) -> float:
         near = (one.probability for one in self._set_aside if self._is_at(candidate, one))
         return min(near, default=1.0)
@@ -281,6 +289,9 @@ class ScoredSearch(Search):
 
         purpose = f"another view of the {self.name}"
         self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
+
+
+EARLIER = -1  # id of what looked wrong in an earlier task; it is looked at again
 
 
 @dataclass(frozen=True)

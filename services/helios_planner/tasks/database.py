@@ -29,6 +29,10 @@ CREATE TABLE IF NOT EXISTS journal (
     task_id TEXT PRIMARY KEY, life INTEGER NOT NULL, request BLOB, result BLOB,
     memory TEXT NOT NULL, epoch TEXT NOT NULL, saved_s REAL NOT NULL
 );
+CREATE TABLE IF NOT EXISTS refuted (
+    world TEXT NOT NULL, class TEXT NOT NULL, x_m REAL NOT NULL, y_m REAL NOT NULL,
+    z_m REAL NOT NULL, probability REAL NOT NULL, unnamed INTEGER NOT NULL, at_s REAL NOT NULL
+);
 CREATE TABLE IF NOT EXISTS pulse (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
 """
 ROOM_BYTES = 256 * 1024  # free space that the disk must have before writes are tried again

@@ -15,6 +15,7 @@ from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.topics import CONTEXT, VOCABULARY
 
 from helios_planner.agents import agent_named
+from helios_planner.refuted_things import RefutedThings
 from helios_planner.robot.client import RobotClient
 from helios_planner.robot.rpc import RobotConnection
 from helios_planner.settings import Settings
@@ -40,6 +41,7 @@ class TaskExecutor:
     ) -> None:  # fmt: skip
         self._settings, self._robot, self._acks = settings, robot, acks
         self._registry, self._task, self._cancelled = registry, task, cancelled
+        self._store = store
         kept = store.entry(task.id)
         self._again = kept is not None
         entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
@@ -65,6 +67,8 @@ class TaskExecutor:
             self._journal.checkpoint = mission.checkpoint
             self._journal.note()
             robot.begin()
+            if isinstance(mission, Mission):
+                mission.hand.refuted = self._refuted(robot.world)
             message = mission.run() + _contacts(robot)
             self._end(mission, State.SUCCEEDED, message)
         except TaskCancelled:
@@ -138,6 +142,11 @@ class TaskExecutor:
         if self._task.instruction.kind.only_moves:
             return (MapPart.OCCUPANCY,)
         return agent_named(self._task.agent).belief.required_parts
+
+    def _refuted(self, world: tuple[str, int]) -> RefutedThings:
+        """Things that looked wrong in the hand in earlier tasks of this world."""
+        store = self._store
+        return RefutedThings(store.refuted(world), lambda things: store.keep_refuted(world, things))
 
     def _take_up(self, mission: Mission | MoveMission) -> None:
         """Settle the action in flight, and restore the mission's state."""

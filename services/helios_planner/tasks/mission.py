@@ -192,6 +192,7 @@ class Mission:
         search.accept_any_after_share(self.settings.pick_at_last)
         if self.hand.can_look:
             search.pick_unnamed(self.settings.unnamed_picks)
+            self.hand.recall(search)
         self._begun(search)
         while True:
             try:

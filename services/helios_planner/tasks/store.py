@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
 
+from helios_planner.refuted_things import RefutedThing
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
 from helios_planner.tasks.write_proof import WriteProof
 
@@ -160,6 +161,24 @@ class Store:
             )
         except DecodeError as error:
             raise ValueError(str(error)) from error
+
+    # --- things that looked wrong in the hand --------------------------------------------------
+    def refuted(self, world: tuple[str, int]) -> list[RefutedThing]:
+        """Refuted things of a world (boot id, world epoch), oldest first."""
+        with self._lock:
+            rows = self._db.execute(
+                "SELECT class, x_m, y_m, z_m, probability, unnamed, at_s FROM refuted "
+                "WHERE world = ? ORDER BY at_s",
+                (json.dumps(world),),
+            ).fetchall()
+        return [RefutedThing(c, (x, y, z), p, bool(u), at_s) for c, x, y, z, p, u, at_s in rows]
+
+    def keep_refuted(self, world: tuple[str, int], things: Iterable[RefutedThing]) -> bool:
+        """Store the refuted things of the present world, and delete those of all others."""
+        here = json.dumps(world)
+        rows = [(here, t.class_name, *t.center_m, t.probability, t.unnamed, t.at_s) for t in things]
+        put = "INSERT INTO refuted VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+        return self._write(("DELETE FROM refuted", ()), *[(put, row) for row in rows])
 
     # --- the planner itself --------------------------------------------------------------------
     def pulse(self, at_s: float) -> bool:

@@ -235,16 +235,19 @@ def test_a_home_without_an_allowed_task_says_so() -> None:
         episode_for("ovmm", home_of("demo-v1", 0), 0, False, TaskClasses("x@0", {"yak": "yak"}, {}))
 
 
-def test_a_committed_table_names_classes_of_the_catalog_and_its_model() -> None:
-    found = task_classes.task_classes_for("yolox_nano", "ovmm-v1", None)
+@pytest.mark.parametrize("preset", ["ovmm-v1", "ovmm-v1+sweethome3d"])
+def test_a_committed_table_names_classes_of_the_catalog_and_its_model(preset: str) -> None:
+    found = task_classes.task_classes_for("yolox_nano", preset, None)
     assert found is not None
     assert set(found.objects) <= CATALOGS["ovmm"].objects.keys()
     assert set(found.receptacles) <= CATALOGS["ovmm"].receptacles.keys()
 
 
-def test_a_table_without_these_looks_is_a_usage_error() -> None:
+def test_a_table_without_these_looks_is_a_usage_error(tmp_path: Path) -> None:
+    table = tmp_path / "mine.toml"
+    table.write_text(f"[parametric.objects]\n{OBJECTS}\n[parametric.receptacles]\n{HOSTS}\n")
     with pytest.raises(UsageError, match=r"no part \[realistic\]"):
-        task_classes.task_classes_for("yolox_nano", "ovmm-v1+sweethome3d", None)
+        task_classes.task_classes_for(str(table), "ovmm-v1+sweethome3d", None)
 
 
 def test_the_upper_half_begins_at_the_median() -> None:

@@ -96,3 +96,19 @@ def test_a_view_is_counted_for_the_instances_that_it_shows(seed):
         if abs(seen[1 + own] - 0.5 * seen.sum()) > 1e-4:
             assert (record.detected > 0) == (seen[1 + own] > 0.5 * seen.sum())
     assert registry.records[3].views == 0
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 200), st.floats(0.05, 0.95))
+def test_a_merge_or_a_split_weighs_beliefs_and_makes_none(seed, n, share):
+    """S and U of an instance are those of its parts, weighted by their Gaussians."""
+    store = scene(seed, n)
+    first = np.random.default_rng(seed).random(n) < share
+    if first.all() or not first.any():
+        return
+    parts = [np.flatnonzero(part).astype(np.int32) for part in (first, ~first)]
+    of_parts = [believed(store, rows, "mug", NAMES, 1.0, 4, alpha_cs=1.0).score for rows in parts]
+    whole = believed(store, np.arange(n, dtype=np.int32), "mug", NAMES, 1.0, 4, alpha_cs=1.0).score
+    weights = np.array([len(rows) for rows in parts]) / n
+    for name in ("class_score", "uncertainty", "psi"):
+        wanted = float(weights @ [getattr(part, name) for part in of_parts])
+        assert getattr(whole, name) == pytest.approx(wanted, abs=1e-6)

@@ -25,6 +25,7 @@ from helios_core.topics import (
     ACT,
     CONTEXT,
     GET_STATE,
+    HELD_OBJECT,
     LEASE,
     MAP2D_ACK,
     OBJECTMAP_ACK,
@@ -95,6 +96,7 @@ class Peers:
         bus.serve(OBJECTS, self._objects)
         bus.serve(WHAT_IF, self._what_if)
         bus.serve(RETIRE, self._retire)
+        bus.serve(HELD_OBJECT, self._held_object)
         bus.serve(VOCABULARY, lambda _: pb.VocabularyReply(
             open=not self.names, names=self.names, detector="fake"))  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description_to_proto(world.description))
@@ -183,6 +185,11 @@ class Peers:
             score=out.scores, information_gain=out.gains_nats, pixels=out.pixels,
             area_m2=out.area_m2,
         )  # fmt: skip
+
+    def _held_object(self, request: pb.HeldObjectRequest) -> pb.HeldObjectReply:
+        held = self.world.held_object(request.class_name)
+        names = [pb.NameShare(name=name, share=share) for name, share in held.names]
+        return pb.HeldObjectReply(probability=held.probability, sides=held.sides, names=names)
 
     def _retire(self, request: pb.RetireRequest) -> pb.RetireReply:
         self.world.retire(request.object_id, np.zeros(3), request.reason)
