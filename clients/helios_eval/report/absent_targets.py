@@ -84,8 +84,8 @@ def table(arms: Sequence[Arm]) -> Table | None:
         "class. False not found: the agent reported that it found no object, although the home "
         "has it. Right not found: the same report with an absent target, and what was picked lies "
         "where it was. Wrong object: the agent picked an object, or believed to the end in one "
-        "that it could not pick. The other episodes with an absent target ended otherwise, such as by "
-        "the step budget.",
+        "that it could not pick. The other episodes with an absent target ended otherwise, such "
+        "as by the step budget.",
     )  # fmt: skip
 
 
