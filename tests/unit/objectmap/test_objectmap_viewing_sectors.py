@@ -257,6 +257,28 @@ def test_a_view_from_a_seen_sector_promises_little_information(reported):
     assert together.psi == pytest.approx(new.psi, abs=0.02)
 
 
+def test_more_new_sides_promise_more(reported):
+    """As in measured looks: the same place is worth nothing, one new side something, three sides
+    more, and eleven the most."""
+    mug = mug_of(reported)
+    x, y, _ = MUG_CENTER
+
+    def rise(*turns_deg: float) -> float:
+        turns = [math.radians(turn) for turn in turns_deg]
+        views = [view_from(x + 1.2 * math.cos(t), y + 1.2 * math.sin(t)) for t in turns]
+        answer = reported.what_if(mug.id, "mug", views)
+        assert answer is not None
+        return answer[1].psi - mug.score
+
+    seen_deg = math.degrees(math.atan2(0.06 - y, 0.0 - x))
+    same = rise(seen_deg)
+    one, three, eleven = (
+        rise(*(seen_deg + 360 * k / (n + 1) for k in range(1, n + 1))) for n in (1, 3, 11)
+    )
+    assert same < 0.2 * one
+    assert one < three < eleven
+
+
 def test_a_what_if_predicts_a_real_view_from_a_new_sector(reported):
     objects = reloaded(reported, SIDES.model_copy(update={"side_views": 3.0}))
     built(SIDES, [(0.8, 0.9)], objects, start=20)  # creates Gaussians of the surface there
