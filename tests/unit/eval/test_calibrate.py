@@ -196,9 +196,17 @@ def test_score_points_rise_to_the_share_that_is_right() -> None:
         angle_rad=one, unobstructed=one > 0, right=score[right], wrong=0 * one, wrong_name=text,
         wrong_names=number,
     )  # fmt: skip
-    alarms = FalseAlarms(1, 1, score[~right], np.full(4000 - n, "cup"))
+    alarms = FalseAlarms(
+        1, 1, score[~right], np.full(4000 - n, "cup"), score[~right], score[~right]
+    )
     points = score_points(seen, alarms)
     assert len(points) > 5
     for point in points:
         assert point.right == pytest.approx(point.score**2, abs=0.1)
-    assert score_points(seen.part(np.zeros(n, bool)), FalseAlarms(0, 1, score[:0], text[:0])) == ()
+    assert (
+        score_points(
+            seen.part(np.zeros(n, bool)),
+            FalseAlarms(0, 1, score[:0], text[:0], score[:0], score[:0]),
+        )
+        == ()
+    )

@@ -27,7 +27,13 @@ from helios_eval.studies.detector_errors.repeat_rates import (
     SeenPlace,
     repeat_rates,
 )
-from helios_eval.studies.detector_errors.sightings import SightingLog, Sightings, Visible, overlaps
+from helios_eval.studies.detector_errors.sightings import (
+    SightingLog,
+    Sightings,
+    Visible,
+    depth_in,
+    overlaps,
+)
 from helios_eval.studies.realism_views import looking
 from hypothesis import given
 from hypothesis import strategies as st
@@ -72,6 +78,25 @@ def test_a_detection_counts_for_the_object_that_it_covers() -> None:
     assert seen.angle_rad[0] == pytest.approx(0.0)
     alarms = log.false_alarms()
     assert (alarms.images, alarms.asked, alarms.score.tolist()) == (1, 2, [0.9])
+    assert alarms.box_px.tolist() == [100.0]
+    assert np.isnan(alarms.distance_m).all()
+    assert log.scores().tolist() == [0.6, 0.3, 0.9]
+
+
+def test_a_false_alarm_lies_as_far_as_the_middle_depth_in_its_box() -> None:
+    depth_m = np.full((300, 300), 4.0, np.float32)
+    depth_m[200:210, 200:208] = 2.5
+    depth_m[200:210, 208:210] = 0.0  # not known
+    box = (200, 200, 210, 210)
+    assert depth_in(box, depth_m) == 2.5
+    assert math.isnan(depth_in((0, 0, 5, 5), 0 * depth_m))
+    log = SightingLog(RIGHT, asked=2)
+    mug = Visible("mug_0", "mug", (0, 0, 10, 10), 100, (1.0, 0.0, 0.0), True)
+    for _ in range(4):
+        log.add(0, 0, np.eye(4), [mug], [detection("cup", 0.9, box)], depth_m)
+    said = summary(log.sightings(), log.false_alarms())
+    assert said.alarms_by_distance == (0.0, 0.0, 0.0, 100.0, 0.0, 0.0, 0.0)
+    assert said.alarms_by_pixels[0] == 100.0
 
 
 def test_without_images_every_figure_is_empty() -> None:

@@ -33,7 +33,9 @@ def run_of(folder: Path, like: str = "simulated:ovmm-v1-smooth") -> Path:
         wrong=wrong * rng.uniform(0.1, 0.5, n), wrong_name=np.where(wrong, "vase", ""),
         wrong_names=wrong.astype(np.int64),
     )  # fmt: skip
-    alarms = FalseAlarms(100, 5, np.full(10, 0.5), np.array(["vase"] * 10))
+    alarms = FalseAlarms(
+        100, 5, np.full(10, 0.5), np.array(["vase"] * 10), np.full(10, 900.0), np.full(10, 2.0)
+    )
     figures = asdict(summary(seen, alarms))
     figures["same_wrong_name"] = dict.fromkeys(figures["same_wrong_name"], 0.9)
     text = json.dumps({"detectors": {"real.onnx": figures, like: figures}})

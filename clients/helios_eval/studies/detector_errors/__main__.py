@@ -35,7 +35,7 @@ from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 
 from helios_eval.studies.detector_errors.error_report import chart, markdown
-from helios_eval.studies.detector_errors.error_summary import summary
+from helios_eval.studies.detector_errors.error_summary import quantiles, summary
 from helios_eval.studies.detector_errors.repeat_rates import (
     LoggedImage,
     RepeatRates,
@@ -105,7 +105,8 @@ def look_around(given: argparse.Namespace, arms: Sequence[Arm], classes: Sequenc
             for arm, detector in zip(arms, detectors, strict=True):
                 found = detector.detect(image.frame, arm.context).detections
                 T = image.frame.T_world_cam
-                arm.log.add(seed, image.viewpoint.view, T, image.things, found)
+                depth_m = image.frame.depth_m
+                arm.log.add(seed, image.viewpoint.view, T, image.things, found, depth_m)
                 arm.waiting.append(logged(image.frame, found))
         for arm, detector in zip(arms, detectors, strict=True):
             arm.close_scene()
@@ -113,20 +114,22 @@ def look_around(given: argparse.Namespace, arms: Sequence[Arm], classes: Sequenc
         print(f"home {seed}: {count} images", flush=True)
 
 
-def real_repeats(folder: Path, arm: Arm, threads: int) -> RepeatRates:
-    """Agreement of a real detector with itself on posed real frames."""
+def real_frames(folder: Path, arm: Arm, threads: int) -> tuple[RepeatRates, list[float]]:
+    """Agreement of a real detector with itself on posed real frames, and its scores there."""
     data = read_dataset(folder)
     detector = opened(arm.name, CurrentTruth(), 0, threads)
-    images = []
+    images, scores = [], []
     for n, posed in enumerate(data.images):
         color, depth_m = read_image(data, n)
         frame = Frame(
             FrameId("real", 0, n + 1), n + 1, True, color, depth_m, data.camera,
             posed.T_world_cam, np.eye(4),
         )  # fmt: skip
-        images.append(logged(frame, detector.detect(frame, arm.context).detections))
+        found = detector.detect(frame, arm.context).detections
+        images.append(logged(frame, found))
+        scores += [d.score for d in found]
     detector.close()
-    return repeat_rates(images)
+    return repeat_rates(images), scores
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -154,15 +157,17 @@ def _measure(given: argparse.Namespace) -> None:
             np.savez_compressed(file, detector=arm.name, **columns)
     found = {_title(a.name): summary(a.log.sightings(), a.log.false_alarms()) for a in arms}
     repeats = {_title(arm.name): arm.repeats for arm in arms}
+    scores = {_title(arm.name): quantiles(arm.log.scores()) for arm in arms}
     if given.frames is not None:
-        repeats[f"{_title(real[0])}, real frames"] = real_repeats(
-            given.frames, arms[0], given.threads
-        )
-    text = markdown(found, repeats)
+        name = f"{_title(real[0])}, real frames"
+        repeats[name], seen = real_frames(given.frames, arms[0], given.threads)
+        scores[name] = quantiles(np.array(seen))
+    text = markdown(found, repeats, scores)
     write_file(given.out / "detector-errors.md", text)
     figures = {
         "preset": given.preset, "seeds": list(given.seeds), "furniture": given.furniture,
         "classes": classes, "detectors": {name: asdict(s) for name, s in found.items()},
+        "scores": scores,
         "repeats": {n: {k: v.tolist() for k, v in asdict(r).items()} for n, r in repeats.items()},
     }  # fmt: skip
     write_file(given.out / "detector-errors.json", json.dumps(figures, indent=1) + "\n")

@@ -27,8 +27,12 @@ COLORS = ("#1b6e3c", "#cb5a2c", "#37638f", "#8a6fb0", "#777777")
 LEAST_REPEATS = 30  # a share of fewer pairs is not given
 
 
-def markdown(found: Mapping[str, Summary], repeats: Mapping[str, RepeatRates]) -> str:
-    """All tables of the study."""
+def markdown(
+    found: Mapping[str, Summary],
+    repeats: Mapping[str, RepeatRates],
+    scores: Mapping[str, Sequence[float]],
+) -> str:
+    """All tables of the study. scores: quantiles of all detections, by detector and images."""
     parts = [
         "# Errors of detectors\n",
         _section("Unobstructed objects: right name (95 % interval over homes), only a wrong name, "
@@ -51,6 +55,13 @@ def markdown(found: Mapping[str, Summary], repeats: Mapping[str, RepeatRates]) -
             ("false alarms per image and asked name", lambda s: f"{s.alarms_per_name:.4f}"),
             ("most frequent", lambda s: ", ".join(f"{n} {k}" for n, k in s.alarm_names) or "–"),
         ]),
+        _section("False alarms per 100 images, by the pixels of the box and the median depth in it",
+                 found, [
+            *((f"{low:,} to {high:,} px", lambda s, k=k: f"{s.alarms_by_pixels[k]:.1f}")
+              for k, (low, high) in enumerate(itertools.pairwise(PIXELS))),
+            *((f"{low:g} to {high:g} m", lambda s, k=k: f"{s.alarms_by_distance[k]:.1f}")
+              for k, (low, high) in enumerate(itertools.pairwise(DISTANCES_M))),
+        ]),
         _section("Scores at 10, 25, 50, 75 and 90 % of those from 0.1 on", found, [
             ("right name", lambda s: _row(s.right_scores)),
             ("wrong name", lambda s: _row(s.wrong_scores)),
@@ -71,6 +82,7 @@ def markdown(found: Mapping[str, Summary], repeats: Mapping[str, RepeatRates]) -
             (name, lambda s, name=name: _number(s.score_persists[name])) for name in RELATIONS
         ]),
     ]  # fmt: skip
+    parts.append(_score_table(scores))
     if repeats:
         parts.append(_repeat_table(repeats))
     return "\n".join(parts)
@@ -135,6 +147,17 @@ def _repeat_table(repeats: Mapping[str, RepeatRates]) -> str:
             for r in repeats.values()
         ]  # fmt: skip
         lines.append(f"| {low}° to {high}° | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _score_table(scores: Mapping[str, Sequence[float]]) -> str:
+    lines = [
+        "## Scores of all detections from 0.1 on\n",
+        "Right or wrong: real frames have no truth.\n",
+        "| images | 10, 25, 50, 75 and 90 % |",
+        "|---|--:|",
+        *(f"| {name} | {_row(values)} |" for name, values in scores.items()),
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -58,6 +58,8 @@ class Summary:
     alarm_scores: tuple[float, ...]
     alarms: float  # false alarms per image
     alarms_per_name: float  # per image and name that is asked for
+    alarms_by_pixels: tuple[float, ...]  # per 100 images, by the box, in the bands of PIXELS
+    alarms_by_distance: tuple[float, ...]  # the same in the bands of DISTANCES_M
     alarm_names: tuple[tuple[str, int], ...]  # most frequent first
     right_persists: Mapping[str, Correlation]
     wrong_persists: Mapping[str, Correlation]
@@ -85,11 +87,13 @@ def summary(seen: Sightings, alarms: FalseAlarms) -> Summary:
         by_distance=_by_band(clear, clear.distance_m, DISTANCES_M),
         wrong_per_name=float(clear.wrong_names.sum() / max(1, len(clear) * (alarms.asked - 1))),
         wrong_with_right=_share(wrong[right]),
-        right_scores=_quantiles(clear.right),
-        wrong_scores=_quantiles(clear.wrong),
-        alarm_scores=_quantiles(alarms.score),
+        right_scores=quantiles(clear.right),
+        wrong_scores=quantiles(clear.wrong),
+        alarm_scores=quantiles(alarms.score),
         alarms=float(counted.sum() / max(1, alarms.images)),
         alarms_per_name=float(counted.sum() / max(1, alarms.images * alarms.asked)),
+        alarms_by_pixels=_per_100(alarms.box_px[counted], PIXELS, alarms.images),
+        alarms_by_distance=_per_100(alarms.distance_m[counted], DISTANCES_M, alarms.images),
         alarm_names=tuple((str(names[k]), int(counts[k])) for k in order),
         right_persists=correlations(clear, right, pairs),
         wrong_persists=correlations(clear, wrong, pairs),
@@ -135,7 +139,16 @@ def _share(mask: NDArray[np.bool_]) -> float:
     return float(mask.mean()) if len(mask) else math.nan
 
 
-def _quantiles(scores: NDArray[np.float64]) -> tuple[float, ...]:
+def _per_100(
+    values: NDArray[np.float64], borders: tuple[float, ...], images: int
+) -> tuple[float, ...]:
+    """Number of values between two borders each, per 100 images."""
+    counts, _ = np.histogram(values[np.isfinite(values)], borders)
+    return tuple(float(100 * count / max(1, images)) for count in counts)
+
+
+def quantiles(scores: NDArray[np.float64]) -> tuple[float, ...]:
+    """Scores from LEAST_SCORE on, at QUANTILES; NaN without any."""
     kept = scores[scores >= LEAST_SCORE]
     if not len(kept):
         return (math.nan,) * len(QUANTILES)

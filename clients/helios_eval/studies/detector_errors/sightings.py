@@ -64,6 +64,8 @@ class FalseAlarms:
     asked: int  # number of names
     score: NDArray[np.float64]  # [m]
     name: NDArray[np.str_]  # [m]
+    box_px: NDArray[np.float64]  # [m] pixels of the box
+    distance_m: NDArray[np.float64]  # [m] median depth in the box; NaN where it is not known
 
 
 class SightingLog:
@@ -75,7 +77,8 @@ class SightingLog:
         self._things: dict[tuple[int, str], int] = {}
         self._views: dict[tuple[int, int], int] = {}
         self._rows: list[tuple] = []
-        self._alarms: list[tuple[float, str]] = []
+        self._alarms: list[tuple[float, str, float, float]] = []
+        self._scores: list[float] = []
         self._images = 0
 
     def add(
@@ -85,10 +88,13 @@ class SightingLog:
         T_world_cam: Matrix,
         things: Sequence[Visible],
         found: Iterable[Detection],
+        depth_m: NDArray[np.float32] | None = None,
     ) -> None:
-        """Judge the detections of one image. things: every object in it."""
+        """Judge the detections of one image. things: every object in it; depth_m: [h, w], 0 where
+        it is not known."""
         self._images += 1
         found = tuple(found)
+        self._scores += [d.score for d in found]
         covers = overlaps([t.box_xyxy for t in things], [d.box_xyxy for d in found])
         eye_m = T_world_cam[:3, 3]
         for row, thing in zip(covers, things, strict=True):
@@ -111,7 +117,9 @@ class SightingLog:
             ))  # fmt: skip
         nowhere = covers.max(0, initial=0.0) < NOWHERE_IOU
         self._alarms += [
-            (d.score, d.class_name) for d, no in zip(found, nowhere, strict=True) if no
+            (d.score, d.class_name, area(d.box_xyxy), depth_in(d.box_xyxy, depth_m))
+            for d, no in zip(found, nowhere, strict=True)
+            if no
         ]
 
     def sightings(self) -> Sightings:
@@ -125,10 +133,32 @@ class SightingLog:
 
     def false_alarms(self) -> FalseAlarms:
         """All detections on no object so far."""
-        scores, names = zip(*self._alarms, strict=True) if self._alarms else ((), ())
+        columns = zip(*self._alarms, strict=True) if self._alarms else ((), (), (), ())
+        scores, names, pixels, distances_m = (list(column) for column in columns)
         return FalseAlarms(
-            self._images, self._asked, np.array(scores, np.float64), np.array(list(names), np.str_)
-        )
+            self._images, self._asked, np.array(scores, np.float64), np.array(names, np.str_),
+            np.array(pixels, np.float64), np.array(distances_m, np.float64),
+        )  # fmt: skip
+
+    def scores(self) -> NDArray[np.float64]:
+        """Scores of all detections so far."""
+        return np.array(self._scores, np.float64)
+
+
+def area(box: Box) -> float:
+    """Pixels of a box."""
+    x0, y0, x1, y1 = box
+    return float(x1 - x0) * float(y1 - y0)
+
+
+def depth_in(box: Box, depth_m: NDArray[np.float32] | None) -> float:
+    """Median of the known depths [h, w] in a box; NaN without any."""
+    if depth_m is None:
+        return math.nan
+    x0, y0, x1, y1 = (max(0, round(float(v))) for v in box)
+    inside = depth_m[y0:y1, x0:x1]
+    known = inside[inside > 0]
+    return float(np.median(known)) if len(known) else math.nan
 
 
 def overlaps(a: Sequence[Box], b: Sequence[Box]) -> NDArray[np.float64]:
