@@ -20,7 +20,7 @@ from helios_planner.tasks.run_control import LastAction
 from planner_flat import MOVE, flat_with_mug
 
 GIVEN = "robot settings instruction agent tools base belief looking rng attempts rules"
-# The lost fields are computed again, or hold only between two actions.
+# The lost fields are computed again, come from the store, or hold only between two actions.
 SEARCH_KEPT = "refused unreachable _waited_at _doubts _round _first_round _patrol"
 SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
 SCORED_KEPT = f"{SEARCH_KEPT} _step _since _decision_step _past_candidates _rated _set_aside"
@@ -32,12 +32,12 @@ KEPT_AND_LOST = {
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
     "Manipulation": ("picks falls last_reason", "near surface_m placed_on"),
-    "HandCheck": ("put_back returning_m unseen_m", "cannot_show"),
+    "HandCheck": ("put_back returning_m unseen_m", "cannot_show refuted"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (
         f"{SCORED_KEPT} seen visited _searched _tried",
-        f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed",
+        f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed _known_wrong",
     ),
     "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
     "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),
