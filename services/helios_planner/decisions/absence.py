@@ -2,7 +2,8 @@
 
 After everything in reach was searched, an object has no right candidate for one of two reasons: it
 is absent, or it is there and was missed. Bayes' rule weighs both by how often each happens, and
-counts the probability that one of the candidates is right after all.
+counts the probability that one of the candidates is right after all. An object is missed, too, if
+the receptacle that it is said to be on was not found.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from helios_planner.decisions.decision import Candidate, CompleteSearch, Decisio
 
 ABSENT = 0.2  # share of the tasks that ask for an object that is not there
 MISSED = (0.15, 0.08)  # chance to miss a present object, after one and after more searches
+FOUND_FROM = 0.5  # Ψ from which the start receptacle counts as found
 # Chance that a candidate of a score Ψ is right: logistic in Ψ, by a regression over all candidate
 # objects of the agent helios in 40 development homes (seeds 300-339), every 20 steps.
 MIDDLE, WIDTH = 0.235, 0.086
@@ -25,12 +27,15 @@ def right_probability(score: float) -> float:
     return 1 / (1 + math.exp(-min(max((score - MIDDLE) / WIDTH, -50.0), 50.0)))
 
 
-def absence_probability(scores: Iterable[float], searches: int) -> float:
-    """Probability that the object is absent. scores: Ψ of its candidates; searches: number of
-    complete searches of the home, at least 1. Raises ValueError for fewer."""
-    if searches < 1:
-        raise ValueError(f"{searches} complete searches; wanted 1 or more")
-    missed = MISSED[min(searches, len(MISSED)) - 1]
+def absence_probability(scores: Iterable[float], search: CompleteSearch) -> float:
+    """Probability that the object is absent. scores: Ψ of its candidates. Raises ValueError without
+    a complete search."""
+    if search.number < 1:
+        raise ValueError(f"{search.number} complete searches; wanted 1 or more")
+    seen = 1 - MISSED[min(search.number, len(MISSED)) - 1]
+    if search.start:
+        seen *= min(1.0, max(search.start_score, 0.0) / FOUND_FROM)
+    missed = 1 - seen
     none_right = math.prod(1 - right_probability(score) for score in scores)
     return none_right * ABSENT / (ABSENT + (1 - ABSENT) * missed)
 
@@ -40,7 +45,7 @@ def decide_absence(
 ) -> Decision:
     """Decision after a complete search: to end it, if the object is absent with the probability
     `absent_from` or more, or to search on."""
-    probability = absence_probability((c.terms["total"] for c in candidates), search.number)
+    probability = absence_probability((c.terms["total"] for c in candidates), search)
     ends = probability >= absent_from
     why = explanations.absence(name, candidates, probability, search, absent_from)
     settings = {

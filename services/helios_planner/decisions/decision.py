@@ -108,11 +108,12 @@ class ViewOption:
 @dataclass(frozen=True)
 class CompleteSearch:
     """A search of everything in reach. number: of complete searches so far, at least 1. floor_m2:
-    area that was searched. start_score: highest Ψ of a start receptacle, 0 without one. tried:
-    unnamed things that were looked at in the hand."""
+    area that was searched. start: class of the start receptacle, empty if none is named.
+    start_score: highest Ψ of one. tried: unnamed things that were looked at in the hand."""
 
     number: int
     floor_m2: float
+    start: str = ""
     start_score: float = 0.0
     tried: int = 0
 

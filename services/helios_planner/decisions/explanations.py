@@ -230,7 +230,12 @@ def absence(
     of = "nothing looked like one" if best is None else (
         f"the best of {counted(len(candidates), 'candidate')} has score {best:.2f}"
     )  # fmt: skip
-    searched = f"the whole floor in reach, {search.floor_m2:.0f} m², was searched {times}, and {of}"
+    named = ""
+    if search.start:
+        named = f" the likeliest {search.start} has score {search.start_score:.2f},"
+    searched = (
+        f"the whole floor in reach, {search.floor_m2:.0f} m², was searched {times},{named} and {of}"
+    )
     if probability >= absent_from:
         return f"the {name} is probably not here ({probability:.0%}): {searched}"
     return (

@@ -204,6 +204,7 @@ class ObjectSearch(ScoredSearch):
         search = CompleteSearch(
             self._round + 1,
             floor_m2(self.robot.ground()),
+            self.start or "",
             max((start.score for start in starts), default=0.0),
             len(self._tried.points),
         )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_planner.decisions.absence import absence_probability, right_probability
-from helios_planner.decisions.decision import DecisionRule, Do
+from helios_planner.decisions.decision import CompleteSearch, DecisionRule, Do
 from helios_planner.task import Cause, TaskFailed
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,17 +15,35 @@ from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing
 
 MUG = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.full(3, 0.1)))
+TABLE = instance(Thing(4, "coffee table", np.array([*TABLE_XY, 0.4]), np.full(3, 0.8)))
 SCORES = st.lists(st.floats(-1, 1), max_size=6)
 
 
-@given(SCORES, st.integers(1, 5))
+@given(SCORES, st.integers(1, 5), st.floats(0, 1))
 def test_a_further_candidate_makes_absence_less_likely_and_a_further_search_more(
-    scores: list[float], searches: int
+    scores: list[float], searches: int, start_score: float
 ) -> None:
-    probability = absence_probability(scores, searches)
+    search = CompleteSearch(searches, 50.0, "table", start_score)
+    probability = absence_probability(scores, search)
     assert 0 <= probability < 1
-    assert absence_probability([*scores, 0.3], searches) <= probability
-    assert absence_probability(scores, searches + 1) >= probability
+    assert absence_probability([*scores, 0.3], search) <= probability
+    assert absence_probability(scores, replace(search, number=searches + 1)) >= probability
+
+
+@given(SCORES, st.floats(0, 1), st.floats(0, 1))
+def test_absence_is_likelier_where_the_named_receptacle_was_found(
+    scores: list[float], one: float, other: float
+) -> None:
+    low, high = (
+        absence_probability(scores, CompleteSearch(1, 50.0, "table", score))
+        for score in sorted((one, other))
+    )
+    assert low <= high <= absence_probability(scores, CompleteSearch(1, 50.0))
+
+
+def test_an_object_is_not_absent_because_its_receptacle_was_not_found() -> None:
+    assert absence_probability([], CompleteSearch(2, 50.0, "table", 0.1)) < 0.25
+    assert absence_probability([], CompleteSearch(1, 50.0, "table", 0.9)) > 0.5
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1))
@@ -36,20 +54,22 @@ def test_a_higher_score_is_right_more_often(one: float, other: float) -> None:
 
 def test_absence_needs_a_complete_search() -> None:
     with pytest.raises(ValueError, match="wanted 1 or more"):
-        absence_probability([], 0)
+        absence_probability([], CompleteSearch(0, 50.0))
 
 
 def searched_rig(score: float, absent_from: float) -> Rig:
     """A search with one candidate, with nothing left to explore."""
     rig = Rig(Looks([]), absent_from=absent_from, start_receptacle_first=False, cs_g=0.1, rounds=1)
-    rig.known = [replace(MUG, score=score, class_score=0.3)]
+    table = replace(TABLE, score=0.9, class_score=0.9)
+    rig.known = [replace(MUG, score=score, class_score=0.3), table]
     rig.search.explore = rig.search.clear_way = lambda: False
     return rig
 
 
 def test_the_search_ends_with_what_was_searched_when_the_object_is_probably_absent() -> None:
     rig = searched_rig(0.02, 0.5)
-    with pytest.raises(TaskFailed, match=r"mug is probably not here \(5\d%\).* m², .* once.*0\.02"):
+    said = r"mug is probably not here \(5\d%\).* m², .* once, the likeliest coffee table .*0\.90"
+    with pytest.raises(TaskFailed, match=rf"{said}.*0\.02"):
         rig.search.find()
     last = rig.world.decisions[-1]
     assert (last.rule, last.do) == (DecisionRule.ABSENT, Do.NOTHING_LEFT)
