@@ -43,7 +43,16 @@ def test_absence_is_likelier_where_the_named_receptacle_was_found(
 
 def test_an_object_is_not_absent_because_its_receptacle_was_not_found() -> None:
     assert absence_probability([], CompleteSearch(2, 50.0, "table", 0.1)) < 0.25
-    assert absence_probability([], CompleteSearch(1, 50.0, "table", 0.9)) > 0.5
+    assert absence_probability([], CompleteSearch(1, 50.0, "table", 0.9)) > 0.7
+
+
+@given(SCORES, st.integers(0, 8))
+def test_a_thing_that_was_looked_at_in_the_hand_makes_absence_less_likely(
+    scores: list[float], tried: int
+) -> None:
+    search = CompleteSearch(1, 50.0, "table", 0.9, tried)
+    more = replace(search, tried=tried + 1)
+    assert absence_probability(scores, more) <= absence_probability(scores, search)
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1))
@@ -68,7 +77,7 @@ def searched_rig(score: float, absent_from: float) -> Rig:
 
 def test_the_search_ends_with_what_was_searched_when_the_object_is_probably_absent() -> None:
     rig = searched_rig(0.02, 0.5)
-    said = r"mug is probably not here \(5\d%\).* m², .* once, the likeliest coffee table .*0\.90"
+    said = r"mug is probably not here \(7\d%\).* m², .* once, the likeliest coffee table .*0\.90"
     with pytest.raises(TaskFailed, match=rf"{said}.*0\.02"):
         rig.search.find()
     last = rig.world.decisions[-1]
