@@ -30,8 +30,8 @@ SOFTWARE = (
     "opencv-python-headless 5.0.0.93 scipy 1.17.1"
 )
 GOLDEN = {
-    f"znver3, {SOFTWARE}": "9b501958ca8fca92",
-    f"znver5, {SOFTWARE}": "9b501958ca8fca92",
+    f"znver3, {SOFTWARE}": "b35f03969a6fd50f",
+    f"znver5, {SOFTWARE}": "b35f03969a6fd50f",
 }
 
 
