@@ -104,7 +104,9 @@ class HandCheck:
         before is kept. Raises Dropped."""
         s, unnamed = self.settings, is_unnamed(found)
         last = s.max_picks and picks >= s.max_picks
+        x, y, z = (float(v) for v in found.center_m)
         if search.was_set_aside(found) or not self.can_look or (last and not unnamed):
+            self.refuted.forget(search.name, (x, y, z))  # it is taken away
             return False
         self._tell(search, f"looking at the picked {search.name} from {s.hand_sides} sides")
         held = self._look(search.name)
@@ -117,7 +119,6 @@ class HandCheck:
             before = held.probability if known else 0.5
             held = replace(held, probability=in_odds(before, UNNAMED_ODDS))
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
-        x, y, z = (float(v) for v in found.center_m)
         if decision.do is Do.ACT:
             self.refuted.forget(search.name, (x, y, z))
             return False
@@ -125,14 +126,15 @@ class HandCheck:
             search.set_aside(found, held.probability)
         elif not unnamed:  # what lies beside an unnamed thing is tried, too
             search.refused.add(found)
-        self.returning_m = bottom_of(found)
-        if not self._put_back():
-            why = "which cannot be put back where it was"
-            self._publish(search, check_in_hand(found, held, s.hand_from, why))
-            return False
         self.refuted.add(
             RefutedThing(search.name, (x, y, z), held.probability, unnamed, time.time())
         )
+        self.returning_m = bottom_of(found)
+        if not self._put_back():
+            self.refuted.forget(search.name, (x, y, z))
+            why = "which cannot be put back where it was"
+            self._publish(search, check_in_hand(found, held, s.hand_from, why))
+            return False
         search.set_message_prefix(decision.why)
         return True
 

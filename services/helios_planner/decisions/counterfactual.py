@@ -43,7 +43,10 @@ _READS: dict[str, dict[str, str]] = {
     DecisionRule.BY_OBJECTIVE: _GLOBAL, DecisionRule.RECEPTACLES_FIRST: _GLOBAL,
     DecisionRule.PICK: _PICK, DecisionRule.STOP: _PICK, DecisionRule.PLACE: _PLACE,
 }  # fmt: skip
-_STOP = {"cs_g", "tau_g"}  # a visit of gaze points depends on them, but does not store them
+# Settings that the candidates of a rule depend on, but that it does not store.
+_UNSTORED: dict[str, set[str]] = {
+    DecisionRule.GAZE_POINTS_FIRST: {"cs_g", "tau_g"}, DecisionRule.ABSENT: {"cs_g"},
+}  # fmt: skip
 _ACTS: dict[str, Act] = {act.rule: act for act in Act}
 _TAU = "tau"  # τ of Table 3, as a stored decision names it
 MOST = 1e6  # upper limit of every setting in a request
@@ -103,7 +106,7 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
     """The decision under its own settings, except for `changes` (name of a setting -> value)."""
     reads = _READS.get(decision.rule)
     if reads is None:  # rules without settings: trusted detector, frontier by value, best view
-        known = decision.rule != DecisionRule.GAZE_POINTS_FIRST or not changes.keys() & _STOP
+        known = not changes.keys() & _UNSTORED.get(decision.rule, set())
         return Recomputed(decision, flips=False, certain=known)
     used = decision.settings | {
         own: _own_value(decision, own, changes[setting]) for own, setting in reads.items()

@@ -168,7 +168,8 @@ class ObjectSearch(ScoredSearch):
             starts = [s for s in starts if s.score >= SURE_FROM and s in self.visited]
             least = LIKELY_FROM
         things = unnamed_things(self.name, starts, self.robot.ground(), self.robot.probability_at)
-        left = (*self._tried.points, *self.refused.points, *self._known_wrong)
+        left = [*self._tried.points, *self.refused.points]
+        left += [] if self._searched else self._known_wrong  # tried again at the end
         named = [one.center_m[:2] for one in self._set_aside if one.id < FIRST_ID]
         return [
             t for t in things
@@ -197,7 +198,7 @@ class ObjectSearch(ScoredSearch):
 
     def end_if_absent(self) -> None:
         untried = self._most_unnamed > 0 and not self._searched
-        if self.settings.absent_from >= 1 or untried:
+        if self.settings.absent_from >= 1 or untried or self.leaves_an_earlier_one():
             return
         candidates = self.decide().candidates
         starts = self.robot.objects(self.start) if self.start else []

@@ -177,6 +177,14 @@ class ScoredSearch(Search):
     def was_set_aside(self, candidate: ObjectInstance) -> bool:
         return any(self._is_at(candidate, one) for one in self._set_aside if one.id != EARLIER)
 
+    def leaves_an_earlier_one(self) -> bool:
+        """True if a thing in the map is left for the end because of an earlier task alone."""
+        for thing in self.robot.objects(self.name):
+            earlier = self.in_hand(thing) < 1 and not self.was_set_aside(thing)
+            if earlier and super().open(thing):
+                return True
+        return False
+
     def in_hand(self, candidate: ObjectInstance) -> float:
         near = (one.probability for one in self._set_aside if self._is_at(candidate, one))
         return min(near, default=1.0)

@@ -35,8 +35,8 @@ def world_of(*mugs: Thing) -> FakeWorld:
     return world
 
 
-def run(world: FakeWorld, known: RefutedThings) -> str:
-    mission = Mission(world, parse(MOVE), Settings(hand_sides=6))
+def run(world: FakeWorld, known: RefutedThings, absent_from: float = 1.0) -> str:
+    mission = Mission(world, parse(MOVE), Settings(hand_sides=6, absent_from=absent_from))
     mission.hand.refuted = known
     try:
         return mission.run()
@@ -60,14 +60,17 @@ def test_a_later_task_prefers_another_thing_to_one_that_looked_wrong(look) -> No
     assert world.released is other
 
 
-def test_a_later_task_looks_again_if_nothing_better_is_found_and_then_forgets() -> None:
+@pytest.mark.parametrize("absent_from", [1.0, 0.5, 0.1])
+def test_a_later_task_looks_again_if_nothing_better_is_found_and_then_forgets(
+    absent_from: float,
+) -> None:
     only = mug(3)
     only.in_hand = WRONG
     world, known = world_of(only), RefutedThings()
     run(world, known)
     assert [t.class_name for t in known.of("mug")] == ["mug"]
     only.in_hand = RIGHT  # somebody put the right mug there
-    assert "put the mug on the counter" in run(world, known)
+    assert "put the mug on the counter" in run(world, known, absent_from)
     assert world.retired == [3, 3]
     assert known.of("mug") == []
 
