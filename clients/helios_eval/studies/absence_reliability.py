@@ -160,6 +160,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = parser.parse_args(argv)
     try:
         records = [r for folder in given.folder for r in episode_record.read(folder)]
+        agents = sorted({r.agent for r in records if r.absence})
+        if len(agents) > 1:
+            raise InvalidInput(f"{' and '.join(agents)} estimate absence; give a folder of one")
+        records = [r for r in records if r.agent in agents]  # others never claim it
         kinds = {r.absent for r in records}
         if kinds != {False, True}:
             raise InvalidInput(

@@ -47,7 +47,8 @@ def test_the_study_writes_its_tables_and_its_chart(
 ) -> None:
     run = tmp_path / "run"
     run.mkdir()
-    for one in PRESENT + ABSENT:
+    silent = [record(s, agent="trusting", absent=s > 9) for s in range(14)]
+    for one in PRESENT + ABSENT + silent:
         episode_record.append(run, one)
     assert main([str(run), "--out", str(tmp_path / "out")]) == 0
     assert "| 0.5 | 25.0 % (7.1 to 59.1) | 100.0 % (51.0 to 100.0) |" in capsys.readouterr().out
