@@ -21,7 +21,6 @@ from helios_eval.report import (
 )
 from helios_eval.report.agent_groups import Arm, arms_of, in_common
 from helios_eval.report.interval_statistics import (
-    Values,
     paired_difference,
     score_difference,
     wilson,
@@ -40,7 +39,7 @@ RESULTS = DOCS / "results"
 BRACKETS = str.maketrans("[]", "()")
 PICK_LIMITS = {"SR, 5 picks": 5, "SR, 1 pick": 1}
 NONE_COMPLETE = "No run is complete.\n"
-LARGE = ("ovmm-large-v1",)  # presets of large homes
+LARGE = "ovmm-large-v1"  # preset of large homes
 
 
 @dataclass(frozen=True)
@@ -110,10 +109,10 @@ def _of_run(run: Run) -> str:
         played = sum(len(arm.records) for arm in found)
         return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
     blocks = [means(found)]
-    if any(arm.preset in LARGE for arm in found):
+    if any(arm.preset == LARGE for arm in found):
         blocks.append(table(search_effort.HEAD, search_effort.rows(found)))
-    if any(map(absent_targets.has_any, found)):
-        blocks.append(present_and_absent(found))
+    if answers := absent_targets.table(found):
+        blocks.append(present_and_absent(answers))
     base = arms(run.base) if run.base else ()
     if is_complete(base):
         blocks.append(beside(found, base))
@@ -123,29 +122,12 @@ def _of_run(run: Run) -> str:
     return "\n".join(blocks)
 
 
-def present_and_absent(found: Sequence[Arm]) -> str:
-    """Table of the answers with present and with absent objects."""
-    rows: list[list[str]] = []
-    for arm in found:
-        sample = absent_targets.rates(arm.records)
-        rows.append([
-            _named(arm),
-            *(_share(sample[name]) for name in ("SR_present", "false_not_found")),
-            str(len(sample["SR_present"])),
-            _share(sample["SR_absent"]),
-            str(len(sample["SR_absent"])),
-        ])  # fmt: skip
-    return table(
-        ["agent", "present: SR", "present: false not found", "homes", "absent: right not found",
-         "homes"],
-        rows,
-    )  # fmt: skip
-
-
-def _share(sample: Values) -> str:
-    """Share of the ones in percent, with Wilson's interval."""
-    w = wilson(int(sample.sum()), len(sample))
-    return f"{100 * w.value:.1f} ({100 * w.low:.1f} to {100 * w.high:.1f})"
+def present_and_absent(answers: Table) -> str:
+    """Table of the report about present and absent objects, as Markdown."""
+    rows = [
+        [f"{cell.text} {_plain(cell.note)}".strip() for cell in row.cells] for row in answers.rows
+    ]
+    return table([column.name for column in answers.columns], rows)
 
 
 def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:

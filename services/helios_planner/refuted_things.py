@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-SAME_M = 0.15  # a thing nearer than this to a remembered place may be the same
+from helios_planner.match_radii import SAME_INSTANCE_M
+
 KEPT_S = 12 * 3600.0  # somebody may have put another thing there since
 
 
@@ -59,5 +60,5 @@ class RefutedThings:
     def _others(self, name: str, center_m: tuple[float, float, float]) -> list[RefutedThing]:
         return [
             t for t in self._things
-            if t.class_name != name or math.dist(t.center_m, center_m) >= SAME_M
+            if t.class_name != name or math.dist(t.center_m, center_m) >= SAME_INSTANCE_M
         ]  # fmt: skip

@@ -43,6 +43,11 @@ def mean(name: str, m: Mean) -> str:
     return text if math.isnan(m.sem) else f"{text} ± {number(m.sem * k, digits)}"
 
 
+def share(i: Interval, unit: str = "") -> str:
+    """Share in percent with its bounds: "25.0 (7.1 to 59.1)"."""
+    return f"{100 * i.value:.1f}{unit} ({100 * i.low:.1f} to {100 * i.high:.1f})"
+
+
 def bounds(low: float, high: float, digits: int, plus: bool = False) -> str:
     """Bounds as "[low, high]"."""
     show = signed if plus else number

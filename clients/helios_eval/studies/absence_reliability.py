@@ -31,6 +31,7 @@ from matplotlib import pyplot as plt
 from helios_eval.episodes import episode_record
 from helios_eval.episodes.episode_record import AbsenceEstimate, EpisodeRecord
 from helios_eval.report.interval_statistics import Interval, wilson
+from helios_eval.report.number_format import share
 
 mpl.use("Agg")
 
@@ -110,13 +111,12 @@ def markdown(bins: Sequence[Bin], found: Sequence[Claims], records: int) -> str:
             for b in bins if b.present + b.absent
         ),
         "", "| ends from | present: called absent | absent: called absent |", "|---|--:|--:|",
-        *(f"| {c.threshold:g} | {_share(c.present)} | {_share(c.absent)} |" for c in found),
+        *(
+            f"| {c.threshold:g} | {share(c.present, ' %')} | {share(c.absent, ' %')} |"
+            for c in found
+        ),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
-
-
-def _share(i: Interval) -> str:
-    return f"{100 * i.value:.1f} % ({100 * i.low:.1f} to {100 * i.high:.1f})"
 
 
 def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from helios_core.errors import HeliosError, InvalidInput
 from helios_sim.failure_causes import SYSTEM_ERROR
+from helios_sim.home.presets import pick_and_place_steps_of
 
 from helios_eval.episodes import episode_record
 from helios_eval.report.agent_groups import Arm, arms_of, in_common
@@ -32,7 +33,7 @@ from helios_eval.report.interval_statistics import (
     paired_difference,
     wilson,
 )
-from helios_eval.report.number_format import number, signed
+from helios_eval.report.number_format import number, share, signed
 
 HEAD = ("agent", "homes", "FindObj, %", "steps to FindObj", "to FindObj or the end",
         "difference", "SPL of FindObj, %", "difference", "whole task: difference")  # fmt: skip
@@ -40,9 +41,14 @@ AGAINST = "helios-paper"
 
 
 def steps_of(arm: Arm) -> Values:
-    """Steps [n] to FindObj, or to the end of an episode without it, where the object is there."""
+    """Steps [n] to FindObj, or to the end of an episode without it, where the object is there. An
+    episode that could not be played counts with the budget of its preset."""
     present = [r for r in arm.records if not r.absent]
-    return np.array([r.find_object_steps or r.steps for r in present], float)
+    return np.array([
+        pick_and_place_steps_of(r.preset) if r.cause == SYSTEM_ERROR
+        else r.find_object_steps or r.steps
+        for r in present
+    ], float)  # fmt: skip
 
 
 def spl_of(arm: Arm) -> Values:
@@ -65,9 +71,12 @@ def spl_of(arm: Arm) -> Values:
 
 
 def rows(arms: Sequence[Arm], against: str = AGAINST) -> list[tuple[str, ...]]:
-    """A row of `HEAD` for each arm; differences to the agent `against` with no settings of its own,
-    or else to the first. Raises InvalidInput for records without paths."""
-    first = next((arm for arm in arms if arm.label == against), arms[0])
+    """A row of `HEAD` for each arm; differences to the arm `against`. Raises InvalidInput without
+    that arm, and for records without paths."""
+    first = next((arm for arm in arms if arm.label == against), None)
+    if first is None:
+        names = ", ".join(arm.label for arm in arms)
+        raise InvalidInput(f"there is no arm {against}; give one of {names}")
     out: list[tuple[str, ...]] = []
     for arm in arms:
         spl = mean_sem(spl_of(arm))
@@ -78,7 +87,7 @@ def rows(arms: Sequence[Arm], against: str = AGAINST) -> list[tuple[str, ...]]:
         spent = mean_sem(steps) if len(steps) else Mean(math.nan, math.nan, 0)
         out.append((
             arm.label, str(len(present)),
-            f"{100 * w.value:.1f} ({100 * w.low:.1f} to {100 * w.high:.1f})",
+            share(w),
             f"{number(spent.mean, 0)} ± {number(spent.sem, 0)}",
             number(float(steps_of(arm).mean()), 0), by_steps,
             f"{100 * spl.mean:.1f} ± {100 * spl.sem:.1f}", by_spl, by_success,
@@ -123,9 +132,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not records:
             raise InvalidInput(f"{folder} holds no episode; give a folder of `helios eval ovmm`")
         arms = [arm for arm in arms_of(records) if arm.benchmark == "ovmm"]
-        if given.against not in {arm.label for arm in arms}:
-            names = ", ".join(arm.label for arm in arms)
-            raise InvalidInput(f"{folder} has no arm {given.against}; give one of {names}")
         found = rows(arms, given.against)
     except HeliosError as error:
         print(f"search_effort: {error.message}", file=sys.stderr)

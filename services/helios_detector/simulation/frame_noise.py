@@ -18,7 +18,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_detector.simulation.noise_files import read_table
+from helios_detector.simulation.table_files import read_table
 from helios_detector.simulation.view_noise_table import ViewNoiseTable, view_table
 from helios_detector.vocabulary_matching import normalised
 
@@ -131,7 +131,7 @@ def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
 def load_noise(name_or_path: str) -> NoiseTable | ViewNoiseTable:
     """A table by name or from a file; a `ViewNoiseTable` if it contains `format = "views"`.
 
-    `noise_files.py` explains the entry `base`. Raises InvalidInput for a missing or invalid table.
+    `table_files.py` explains the entry `base`. Raises InvalidInput for a missing or invalid table.
     """
     table, digest = read_table(name_or_path)
     try:

@@ -11,14 +11,10 @@ other is drawn for each frame.
 
 from __future__ import annotations
 
-import hashlib
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -30,6 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.lexical_scorer import key_of as canonical
 from helios_detector.lexical_scorer import load_affinity, names_in
+from helios_detector.simulation.table_files import SCORERS, read_table
 from helios_detector.simulation.view_noise import key_of, keys_of, mixed, normals
 from helios_detector.simulator_truth import Truth, TruthSource, truth_of
 
@@ -90,19 +87,13 @@ class ScorerTable(_Part):
 
 
 def load_scorer_table(name_or_path: str) -> tuple[ScorerTable, str]:
-    """Table by name or from a file, and the hash of its file.
+    """Table by name or from a file, and the hash of its file and of its bases (`table_files.py`).
 
     Raises InvalidInput for a missing or invalid table.
     """
-    shipped = resources.files("helios_detector").joinpath("scorer_tables", f"{name_or_path}.toml")
+    entries, digest = read_table(name_or_path, SCORERS)
     try:
-        data = shipped.read_bytes() if shipped.is_file() else Path(name_or_path).read_bytes()
-        table = ScorerTable.model_validate(tomllib.loads(data.decode()))
-    except OSError as error:
-        raise InvalidInput(
-            f"there is no scorer table {name_or_path!r}; name one that is shipped "
-            f"({DEFAULT_TABLE}) or give a file"
-        ) from error
+        table = ScorerTable.model_validate(entries)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
@@ -110,11 +101,7 @@ def load_scorer_table(name_or_path: str) -> tuple[ScorerTable, str]:
             f"the scorer table {name_or_path!r} is wrong ({where}: {first['msg']}); it needs the "
             f"entries of {DEFAULT_TABLE}.toml"
         ) from error
-    except ValueError as error:
-        raise InvalidInput(
-            f"the scorer table {name_or_path!r} is no TOML ({error}); see {DEFAULT_TABLE}.toml"
-        ) from error
-    return table, hashlib.sha256(data).hexdigest()[:16]
+    return table, digest
 
 
 @dataclass(frozen=True)

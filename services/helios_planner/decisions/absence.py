@@ -3,7 +3,8 @@
 After everything in reach was searched, an object has no right candidate for one of two reasons: it
 is absent, or it is there and was missed. Bayes' rule weighs both by how often each happens, and
 counts the probability that one of the candidates is right after all. An object is missed, too, if
-the receptacle that it is said to be on was not found, or if a look in the hand did not tell it.
+the receptacle that it is said to be on was not found, or if the robot held it without recognising
+it.
 
 The numbers were chosen on development homes: 600-649 with an absent object, 800-899 with a present
 one (`helios_eval.studies.absence_reliability`).

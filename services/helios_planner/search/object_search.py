@@ -86,7 +86,7 @@ class ObjectSearch(ScoredSearch):
         self._most_unnamed = 0
         self._searched = False  # True once everything was searched in vain
         self._tried = PlaceSet(SAME_SPOT_M)  # unnamed things that were looked at in the hand
-        self._known_wrong: list[tuple[float, float]] = []  # unnamed things of earlier tasks
+        self._refuted_earlier: list[tuple[float, float]] = []  # unnamed things of earlier tasks
         self._unnamed: dict[int, ObjectInstance] = {}  # of the newest decision
         self._last_seen: tuple = ()
 
@@ -169,7 +169,7 @@ class ObjectSearch(ScoredSearch):
             least = LIKELY_FROM
         things = unnamed_things(self.name, starts, self.robot.ground(), self.robot.probability_at)
         left = [*self._tried.points, *self.refused.points]
-        left += [] if self._searched else self._known_wrong  # tried again at the end
+        left += [] if self._searched else self._refuted_earlier  # tried again at the end
         named = [one.center_m[:2] for one in self._set_aside if one.id < FIRST_ID]
         return [
             t for t in things
@@ -185,7 +185,7 @@ class ObjectSearch(ScoredSearch):
     def recall(self, thing: RefutedThing) -> None:
         super().recall(thing)
         if thing.unnamed:
-            self._known_wrong.append(thing.center_m[:2])
+            self._refuted_earlier.append(thing.center_m[:2])
 
     def note_seen(self, candidate: ObjectInstance) -> None:
         if is_unnamed(candidate):
@@ -198,7 +198,7 @@ class ObjectSearch(ScoredSearch):
 
     def end_if_absent(self) -> None:
         untried = self._most_unnamed > 0 and not self._searched
-        if self.settings.absent_from >= 1 or untried or self.leaves_an_earlier_one():
+        if self.settings.absent_from >= 1 or untried or self.has_one_refuted_earlier():
             return
         candidates = self.decide().candidates
         starts = self.robot.objects(self.start) if self.start else []

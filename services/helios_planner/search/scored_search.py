@@ -172,12 +172,14 @@ class ScoredSearch(Search):
 
     def recall(self, thing: RefutedThing) -> None:
         if not thing.unnamed:
-            self._set_aside.append(SetAside(EARLIER, thing.center_m, thing.probability))
+            self._set_aside.append(SetAside(FROM_EARLIER_TASK, thing.center_m, thing.probability))
 
     def was_set_aside(self, candidate: ObjectInstance) -> bool:
-        return any(self._is_at(candidate, one) for one in self._set_aside if one.id != EARLIER)
+        return any(
+            self._is_at(candidate, one) for one in self._set_aside if one.id != FROM_EARLIER_TASK
+        )
 
-    def leaves_an_earlier_one(self) -> bool:
+    def has_one_refuted_earlier(self) -> bool:
         """True if a thing in the map is left for the end because of an earlier task alone."""
         for thing in self.robot.objects(self.name):
             earlier = self.in_hand(thing) < 1 and not self.was_set_aside(thing)
@@ -299,7 +301,7 @@ class ScoredSearch(Search):
         self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
 
 
-EARLIER = -1  # id of what looked wrong in an earlier task; it is looked at again
+FROM_EARLIER_TASK = -1  # id of what looked wrong in an earlier task; it is looked at again
 
 
 @dataclass(frozen=True)

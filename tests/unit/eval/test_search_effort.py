@@ -58,8 +58,9 @@ def test_differences_are_to_the_agent_that_is_asked_for_and_a_failed_episode_has
     helios, trusting = capsys.readouterr().out.splitlines()[2:]
     assert "| 50.0 ± 0.0 | +27.5 (+25.0 to +32.5) |" in helios
     assert "| 22.5 ± 2.5 |  |" in trusting
+    assert "| 40 ± 0 | 161 |" in trusting  # (9 x 40 + 1250) / 10
     assert main([run, "--against", "vlfm"]) == 2
-    assert "has no arm vlfm; give one of helios, trusting" in capsys.readouterr().err
+    assert "there is no arm vlfm; give one of helios, trusting" in capsys.readouterr().err
 
 
 def test_records_without_paths_are_refused(

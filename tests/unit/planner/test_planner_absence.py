@@ -44,6 +44,8 @@ def test_absence_is_likelier_where_the_named_receptacle_was_found(
 def test_an_object_is_not_absent_because_its_receptacle_was_not_found() -> None:
     assert absence_probability([], CompleteSearch(2, 50.0, "table", 0.1)) < 0.25
     assert absence_probability([], CompleteSearch(1, 50.0, "table", 0.9)) > 0.7
+    once, twice = (absence_probability([], CompleteSearch(n, 50.0)) for n in (1, 2))
+    assert once < twice
 
 
 @given(SCORES, st.integers(0, 8))

@@ -37,7 +37,7 @@ KEPT_AND_LOST = {
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (
         f"{SCORED_KEPT} seen visited _searched _tried",
-        f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed _known_wrong",
+        f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed _refuted_earlier",
     ),
     "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
     "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from helios_core.errors import InvalidInput
 from helios_detector.simulation.frame_noise import NoiseTable, load_noise
-from helios_detector.simulation.noise_files import joined, shipped_tables
+from helios_detector.simulation.table_files import joined, shipped_tables
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 
 
