@@ -2,7 +2,8 @@
 
 After everything in reach was searched, an object has no right candidate for one of two reasons: it
 is absent, or it is there and was missed. Bayes' rule weighs both by how often each happens, and
-counts the probability that one of the candidates is right after all. An object is missed, too, if
+counts the probability that one of the candidates is right after all, also of those that looked
+wrong in the hand and were put back. An object is missed, too, if
 the receptacle that it is said to be on was not found, or if the robot held it without recognising
 it.
 
@@ -41,7 +42,8 @@ def absence_probability(scores: Iterable[float], search: CompleteSearch) -> floa
     if search.start:
         seen *= min(1.0, max(search.start_score, 0.0) / FOUND_FROM)
     missed = 1 - seen * (1 - UNRECOGNISED) ** search.tried
-    none_right = math.prod(1 - right_probability(score) for score in scores)
+    right = [*(right_probability(score) for score in scores), *search.set_aside]
+    none_right = math.prod(1 - p for p in right)
     return none_right * ABSENT / (ABSENT + (1 - ABSENT) * missed)
 
 
@@ -59,6 +61,7 @@ def decide_absence(
         "searches": float(search.number),
         "start_score": search.start_score,
         "tried": float(search.tried),
+        "set_aside": float(len(search.set_aside)),
     }
     do = Do.NOTHING_LEFT if ends else Do.SEARCH_ON
     return Decision(DecisionRule.ABSENT, do, tuple(candidates), None, why, settings)

@@ -109,13 +109,15 @@ class ViewOption:
 class CompleteSearch:
     """A search of everything in reach. number: of complete searches so far, at least 1. floor_m2:
     area that was searched. start: class of the start receptacle, empty if none is named.
-    start_score: highest Ψ of one. tried: unnamed things that were looked at in the hand."""
+    start_score: highest Ψ of one. tried: unnamed things that were looked at in the hand.
+    set_aside: probability of each thing that was put back and may be brought at the end."""
 
     number: int
     floor_m2: float
     start: str = ""
     start_score: float = 0.0
     tried: int = 0
+    set_aside: tuple[float, ...] = ()
 
 
 class Do(StrEnum):

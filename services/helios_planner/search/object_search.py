@@ -208,6 +208,7 @@ class ObjectSearch(ScoredSearch):
             self.start or "",
             max((start.score for start in starts), default=0.0),
             len(self._tried.points),
+            self.set_aside_probabilities(),
         )
         decision = decide_absence(self.name, candidates, search, self.settings.absent_from)
         self.robot.listener.on_decision(decision)

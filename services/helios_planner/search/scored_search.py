@@ -191,6 +191,11 @@ class ScoredSearch(Search):
         near = (one.probability for one in self._set_aside if self._is_at(candidate, one))
         return min(near, default=1.0)
 
+    def set_aside_probabilities(self) -> tuple[float, ...]:
+        """Probability of each thing that looked wrong in the hand in this task."""
+        here = [one for one in self._set_aside if one.id != FROM_EARLIER_TASK]
+        return tuple(one.probability for one in here)
+
     def _is_at(self, candidate: ObjectInstance, one: SetAside) -> bool:
         return math.dist(one.center_m, candidate.center_m) < self.refused.same_m
 

@@ -57,6 +57,17 @@ def test_a_thing_that_was_looked_at_in_the_hand_makes_absence_less_likely(
     assert absence_probability(scores, more) < absence_probability(scores, search)
 
 
+@given(SCORES, st.floats(0, 1))
+def test_a_thing_that_was_put_back_counts_with_its_probability_in_the_hand(
+    scores: list[float], probability: float
+) -> None:
+    search = CompleteSearch(1, 50.0, "table", 0.9)
+    before, after = (
+        absence_probability(scores, s) for s in (search, replace(search, set_aside=(probability,)))
+    )
+    assert after == pytest.approx(before * (1 - probability))
+
+
 @given(st.floats(-1, 1), st.floats(-1, 1))
 def test_a_higher_score_is_right_more_often(one: float, other: float) -> None:
     low, high = sorted((one, other))
@@ -101,3 +112,16 @@ def test_it_goes_on_to_its_usual_end_otherwise(score: float, absent_from: float)
             in d.why
         )
         assert d.settings["absence_probability"] < d.settings["absent_from"]
+
+
+def test_a_thing_that_was_put_back_in_this_task_is_brought_before_the_object_counts_as_absent() -> (
+    None
+):
+    rig = searched_rig(0.02, 0.5)
+    rig.search.set_aside(replace(MUG, score=0.02, class_score=0.3), 0.6)
+    assert rig.search.set_aside_probabilities() == (0.6,)
+    with pytest.raises(TaskFailed, match="every frontier and every candidate place"):
+        rig.search.find()
+    estimates = [d for d in rig.world.decisions if d.rule == DecisionRule.ABSENT]
+    assert [d.settings["set_aside"] for d in estimates] == [1]
+    assert all(d.do is Do.SEARCH_ON for d in estimates)
