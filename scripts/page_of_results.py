@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from helios_eval.episodes import episode_record
@@ -28,9 +28,11 @@ from helios_eval.report.interval_statistics import (
 from helios_eval.report.number_format import scale, signed
 from helios_eval.report.record_metrics import METRICS, NAMES, values
 from helios_eval.report.report_model import Table
-from helios_eval.report.requested_episodes import seeds_asked
-from helios_eval.report.run_description import run_of
+from helios_eval.report.requested_episodes import Identity, seeds_asked
+from helios_eval.report.run_description import missing, run_of
 from helios_eval.studies import search_effort
+from helios_sim.failure_causes import SYSTEM_ERROR
+from helios_sim.home.presets import LARGE
 
 from scripts.markdown_tables import DOCS, Block, code, table, write_or_check
 
@@ -39,7 +41,6 @@ RESULTS = DOCS / "results"
 BRACKETS = str.maketrans("[]", "()")
 PICK_LIMITS = {"SR, 5 picks": 5, "SR, 1 pick": 1}
 NONE_COMPLETE = "No run is complete.\n"
-LARGE = "ovmm-large-v1"  # preset of large homes
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ JUDGE = (
     Run("judge-real-detector", "With a real detector"),
     Run("judge-real-furniture", "With a real detector and realistic furniture"),
     Run("judge-large", "Larger homes"),
-    Run("judge-large-exact", "Larger homes, with a scorer without errors", "judge-large"),
+    Run("judge-large-exact", "Larger homes, with a scorer without random errors", "judge-large"),
 )
 
 
@@ -83,12 +84,17 @@ def arms(folder: str) -> tuple[Arm, ...]:
     path = RESULTS / folder
     if not path.is_dir():
         return ()
-    return tuple(arms_of(episode_record.read(path), seeds_asked(run_of(path))))
+    return tuple(arms_of(episode_record.read(path), _asked(folder)))
 
 
-def is_complete(found: Sequence[Arm]) -> bool:
-    """True if all episodes that the commands of a run requested were played."""
-    return bool(found) and all(arm.is_complete for arm in found)
+def is_complete(folder: str) -> bool:
+    """True if a run has episodes, and all that its commands requested were played."""
+    found, asked = arms(folder), _asked(folder)
+    return bool(found and asked) and not missing(found, asked)
+
+
+def _asked(folder: str) -> dict[Identity, set[int]]:
+    return seeds_asked(run_of(RESULTS / folder))
 
 
 def tables() -> str:
@@ -105,18 +111,25 @@ def _of_run(run: Run) -> str:
     found = arms(run.folder)
     if not found:
         return "Not played yet.\n"
-    if not is_complete(found):
+    if not is_complete(run.folder):
         played = sum(len(arm.records) for arm in found)
         return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
     blocks = [means(found)]
+    if run in JUDGE:
+        blocks.append(among(found))
     if any(arm.preset == LARGE for arm in found):
         blocks.append(table(search_effort.HEAD, search_effort.rows(found)))
     if answers := absent_targets.table(found):
-        blocks.append(present_and_absent(answers))
-    base = arms(run.base) if run.base else ()
-    if is_complete(base):
-        blocks.append(beside(found, base))
+        blocks.insert(0, "Tasks whose object is in the home:\n")
+        blocks += ["All tasks:\n", present_and_absent(answers)]
+    if run.base and is_complete(run.base):
+        blocks.append(beside(found, arms(run.base)))
     records = [record for arm in found for record in arm.records]
+    if broken := sum(record.cause == SYSTEM_ERROR for record in records):
+        blocks.append(
+            f"{number_format.plural(broken, 'episode')} ended by an error of the system and "
+            "counts as failed.\n"
+        )
     if said := played_before.sentence(records, run_of(run.path)):
         blocks.append(f"{said}\n")
     return "\n".join(blocks)
@@ -132,13 +145,24 @@ def present_and_absent(answers: Table) -> str:
 
 def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:
     """Table of differences of each arm to the same agent of another run, over the homes of both; an
-    agent that the other run lacks is compared with `helios-paper`. Where fewer than six homes
-    differ, the interval is a score interval."""
+    agent that the other run lacks is compared with `helios-paper`."""
     others = {arm.agent: arm for arm in base}
+    pairs = [(arm, others.get(arm.agent, others["helios-paper"])) for arm in found]
+    return _differences(pairs)
+
+
+def among(found: Sequence[Arm]) -> str:
+    """Table of differences of each arm to `helios-paper` of the same run."""
+    paper = next(arm for arm in found if arm.agent == "helios-paper")
+    return _differences([(arm, paper) for arm in found if arm is not paper])
+
+
+def _differences(pairs: Sequence[tuple[Arm, Arm]]) -> str:
+    """Table of paired differences, first minus second, of tasks whose object is in the home. Where
+    fewer than six homes differ, the interval is a score interval."""
     rows: list[list[str]] = []
-    for arm in found:
-        other = others.get(arm.agent, others["helios-paper"])
-        mine, theirs = in_common(arm, other)
+    for arm, other in pairs:
+        mine, theirs = in_common(_present(arm), _present(other))
         cells: list[str] = []
         for name in ("FindObj", "Pick", "FindRec", "SR", "steps"):
             x, y, k = values(mine, name), values(theirs, name), scale(name)
@@ -150,18 +174,26 @@ def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:
             cells.append(
                 signed(d.value * k, digits) + (f" {_plain(bounds)}" if d.has_bounds else "")
             )
-        rows.append([f"{_named(arm)} − {code(other.agent)}", str(len(mine)), *cells])
+        mark = "" if arm.scorer == other.scorer else f", {code(arm.scorer)} − {code(other.scorer)}"
+        label = f"{_named(arm)} − {code(other.agent)}{mark}"
+        rows.append([label, str(len(mine)), *cells])
     return table(["difference", "homes", "FindObj", "Pick", "FindRec", "SR", "steps"], rows)
 
 
+def _present(arm: Arm) -> Arm:
+    """The arm without the tasks whose object is absent."""
+    return replace(arm, records=tuple(r for r in arm.records if not r.absent))
+
+
 def means(found: Sequence[Arm]) -> str:
-    """Table with a row for each arm: shares in percent, the whole task with its interval."""
+    """Table with a row for each arm: shares in percent, the whole task with its interval. Tasks
+    whose object is absent are left out."""
     shares = [name for name in NAMES[found[0].benchmark] if METRICS[name].binary and name != "SR"]
     rest = ["SPL"] if found[0].benchmark == "objectnav" else []
     limits = PICK_LIMITS if found[0].benchmark == "ovmm" else {}
     head = ["agent", "homes", *shares, "SR", *limits, *rest, "collisions", "steps"]
     rows: list[list[str]] = []
-    for arm in found:
+    for arm in map(_present, found):
         success = values(arm.records, "SR")
         w = wilson(int(success.sum()), len(success))
         rows.append([
@@ -179,15 +211,14 @@ def means(found: Sequence[Arm]) -> str:
 
 def pick_and_place() -> str:
     """Table of means of Tables 1 and 4."""
-    found = [arms(folder) for folder in ("table-1", "table-4")]
-    return means([arm for run in found if is_complete(run) for arm in run])
+    found = [folder for folder in ("table-1", "table-4") if is_complete(folder)]
+    return means([arm for folder in found for arm in arms(folder)])
 
 
 def our_agent() -> str:
     """Means of our own agent and of those beside it, and their differences."""
-    found = arms(OURS.folder)
     text = _of_run(OURS)
-    return f"{text}\n{_answers(found)}" if is_complete(found) else text
+    return f"{text}\n{_answers(arms(OURS.folder))}" if is_complete(OURS.folder) else text
 
 
 def differences() -> str:
@@ -234,8 +265,7 @@ def relations() -> str:
 
 def _complete() -> list[Arm]:
     """Arms of all runs that are complete."""
-    found = [arms(run.folder) for run in RUNS]
-    return [arm for run in found if is_complete(run) for arm in run]
+    return [arm for run in RUNS if is_complete(run.folder) for arm in arms(run.folder)]
 
 
 def _named(arm: Arm) -> str:

@@ -19,10 +19,9 @@ from helios_core.errors import InvalidInput, Unavailable
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.provenance import checkout
+from helios_eval.provenance import LEDGER, checkout
 
 FIRST_SEED = 1000  # seeds below are for development
-LEDGER = Path("docs/results/ledger.jsonl")
 AFTERWARDS = "entered afterwards"  # `by` of runs that are older than the ledger
 
 

@@ -7,6 +7,8 @@ import platform
 import subprocess
 from pathlib import Path
 
+LEDGER = Path("docs/results/ledger.jsonl")  # ledger of homes, under the root of the checkout
+
 
 def machine() -> str:
     """Processor, number of cores and operating system."""
@@ -27,9 +29,17 @@ def checkout() -> Path | None:
 
 
 def commit() -> str:
-    """Git description of this source, or "unknown" outside a checkout."""
+    """Git description of this source, or "unknown" outside a checkout. It ends with "-dirty" if
+    tracked files differ from the commit; the ledger of homes may, since each run adds to it."""
+    name = _git("describe", "--always")
+    changed = _git("status", "--porcelain", "-uno", "--", ":/", f":(top,exclude){LEDGER}")
+    return f"{name}-dirty" if name and changed else name or "unknown"
+
+
+def _git(*words: str) -> str:
+    """Output of a git command in this source's folder; empty if it fails."""
     done = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"],
+        ["git", "-C", str(Path(__file__).parent), *words],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    return done.stdout.strip() or "unknown"
+    return done.stdout.strip()

@@ -25,7 +25,8 @@ budget only if the target had been found.
 A task whose object is absent from the home (`absent_cause`) has other rows:
 
 1. an object was grasped and does not lie where it was         wrong object believed
-2. the agent reports that it found no object                   no cause: this is the success
+2. the agent reports that it found no object                   no cause: this is the success;
+                                                               collision if there was one
 3. the agent reports it, or did not end with steps left        system error
 4. the agent reports success or a failed pick, or the          wrong object believed
    episode ended at a failed pick
@@ -121,7 +122,7 @@ def absent_cause(
     if any(pick.name for pick in picks) and not all_put_back:
         return WRONG_OBJECT
     if said.state == "failed" and said.cause == OBJECT_NOT_FOUND:
-        return ""
+        return COLLISION if progress.collisions else ""
     if _broke(said, progress.steps, max_steps):
         return SYSTEM_ERROR
     if said.state == "succeeded" or said.cause == PICK_FAILED or _ended_at(picks, progress):

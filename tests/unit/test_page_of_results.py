@@ -18,13 +18,38 @@ def test_the_pages_show_the_committed_runs(block: Block) -> None:
 
 def test_a_run_with_a_missing_episode_shows_no_figure(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = page_of_results.arms("table-4")
-    assert page_of_results.is_complete(whole)
+    assert page_of_results.is_complete("table-4")
     first, *rest = whole
     part = (replace(first, records=first.records[1:]), *rest)
 
     monkeypatch.setattr(page_of_results, "arms", lambda folder: part if folder == "table-4" else ())
 
+    assert not page_of_results.is_complete("table-4")
     assert "Being played: 199 episodes so far" in page_of_results.tables()
     assert "| `helios-paper`" not in page_of_results.tables()
     assert page_of_results.relations() == page_of_results.NONE_COMPLETE
     assert page_of_results.differences() == page_of_results.NONE_COMPLETE
+
+
+def test_a_run_whose_second_agent_has_no_episode_is_not_complete(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first, *_ = page_of_results.arms("table-4")
+    monkeypatch.setattr(page_of_results, "arms", lambda folder: (first,))
+    assert not page_of_results.is_complete("table-4")
+
+
+def test_tasks_whose_object_is_absent_are_not_in_the_means_and_differences() -> None:
+    first, second, *_ = page_of_results.arms("table-4")
+    plain = page_of_results.means([first]), page_of_results.among([first, second])
+    one = first.records[0]
+    absent = one.model_copy(update={"absent": True, "success": not one.success, "steps": 9999})
+    mixed = replace(first, records=(*first.records, absent.model_copy(update={"seed": 10**6})))
+    assert (page_of_results.means([mixed]), page_of_results.among([mixed, second])) == plain
+
+
+def test_a_difference_between_scorers_names_both() -> None:
+    first, *_ = page_of_results.arms("table-4")
+    settings = (("detector.scorer", "simulated:itc-exact"),)
+    exact = replace(first, settings=settings)
+    assert f"`{exact.scorer}` − `{first.scorer}`" in page_of_results.beside([exact], [first])

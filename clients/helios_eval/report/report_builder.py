@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from helios_sim.home.presets import LARGE
+
 from helios_eval import calibration
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import (
@@ -51,7 +53,7 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
         _glance(arms),
         our_results.metrics_section(arms),
         our_results.paired_section(arms),
-        *filter(None, [paper_comparison.section(as_paper)]),
+        *filter(None, [paper_comparison.section(_in_homes_of_the_paper(as_paper))]),
         failure_causes.causes_section(arms),
         step_timing.section(arms),
         _calibration(records),
@@ -70,6 +72,11 @@ def _with_tasks_of_the_paper(arms: Sequence[Arm]) -> list[Arm]:
     return [arm for arm in arms if not absent_targets.has_any(arm) and not arm.task_classes]
 
 
+def _in_homes_of_the_paper(arms: Sequence[Arm]) -> list[Arm]:
+    """Arms without those in larger homes than the paper's."""
+    return [arm for arm in arms if arm.preset != LARGE]
+
+
 def _glance(arms: Sequence[Arm]) -> Section:
     blocks: list[Block] = list(our_results.overview(arms))
     for benchmark in our_results.benchmarks_of(arms):
@@ -81,14 +88,14 @@ def _glance(arms: Sequence[Arm]) -> Section:
                     "show all."
                 )
             )
-    as_paper = _with_tasks_of_the_paper(arms)
+    as_paper = _in_homes_of_the_paper(_with_tasks_of_the_paper(arms))
     blocks.append(
         paper_comparison.relations(as_paper)
         or Paragraph(
             "No two agents were run that the paper relates."
             if as_paper
-            else "The paper has no tasks like these, with absent objects or chosen classes. So "
-            "nothing is compared with it."
+            else "The paper has no tasks like these: absent objects, chosen classes or larger "
+            "homes. So nothing is compared with it."
         )
     )
     return Section("glance", "At a glance", tuple(blocks))

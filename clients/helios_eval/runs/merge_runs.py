@@ -22,6 +22,7 @@ from helios_eval.episodes.episode_record import EPISODES, PACKED, EpisodeRecord,
 from helios_eval.report.played_before import folders_of
 from helios_eval.report.requested_episodes import commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
+from helios_eval.report.skipped_homes import WITHOUT_TASK
 
 # Fields that may differ between two plays of an episode, or that former records lack.
 _PASSING = {"wall_s", "step_ms", "cpu_s", "stage_ms", "beliefs", "commit", "reported_cause"}
@@ -59,7 +60,7 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     described = [r for r in runs if r]
     shared = {
         key: described[0][key]
-        for key in ("machine", "cores", "jobs", "versions")
+        for key in ("machine", "cores", "jobs", "versions", "commit", "why")
         if described
         and all(r.get(key) == described[0].get(key) for r in described)
         and key in described[0]
@@ -71,7 +72,11 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     ran: dict[str, Any] = {}
     for r in described:
         ran = r.get("ran_with", {}) | ran
-    return shared | together | ({"ran_with": ran} if ran else {})
+    skipped: dict[str, list[int]] = {}
+    for key, seeds in ((k, s) for r in described for k, s in r.get(WITHOUT_TASK, {}).items()):
+        skipped[key] = sorted({*skipped.get(key, ()), *seeds})
+    together |= {"ran_with": ran} if ran else {}
+    return shared | together | ({WITHOUT_TASK: skipped} if skipped else {})
 
 
 def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:

@@ -66,6 +66,8 @@ class HomePreset:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+LARGE = "ovmm-large-v1"  # name of the preset of larger homes
+
 DEMO_V1 = HomePreset(
     name="demo-v1",
     rooms=(4, 5),
@@ -102,7 +104,7 @@ OVMM_V1 = HomePreset(
 )
 
 OVMM_LARGE_V1 = HomePreset(
-    name="ovmm-large-v1",
+    name=LARGE,
     rooms=(11, 16),
     width_m=(15.0, 30.0),
     depth_m=(9.5, 12.5),
@@ -128,8 +130,8 @@ PRESETS: dict[str, HomePreset] = {
 }
 
 # Presets with the noise table of another, and the actions per task where they are not the paper's.
-_NOISE = {"ovmm-large-v1": "ovmm-v1"}
-_STEPS = {"ovmm-large-v1": 2500}
+_NOISE = {LARGE: "ovmm-v1"}
+_STEPS = {LARGE: 2500}
 _PAPERS_STEPS = 1250
 
 

@@ -19,6 +19,10 @@ class NoTask(InvalidInput):
 # is a chair. Benchmark tasks never use them, so that success does not depend on wording.
 AMBIGUOUS = frozenset({"chair", "lamp", "plant", "pot plant"})
 
+# Classes whose objects always roll. Tasks ask for no rolling object, so these would give away that
+# an object is absent.
+ROLLING = frozenset({"apple", "orange", "ball"})
+
 
 def sample(
     receptacles: tuple[Receptacle, ...],
@@ -128,10 +132,10 @@ def sample_absent(
 
     likely: the classes to draw from -> receptacle classes on which an object of the class is
     likely. The start is one of these if the home has one, else any receptacle class of the home.
-    No name is AMBIGUOUS. Raises InvalidInput without a class, or with fewer than two receptacle
-    classes.
+    No name is AMBIGUOUS, and no class is ROLLING. Raises InvalidInput without a class, or with
+    fewer than two receptacle classes.
     """
-    wanted = sorted(set(likely) - AMBIGUOUS)
+    wanted = sorted(set(likely) - AMBIGUOUS - ROLLING)
     hosts = sorted({receptacle.class_name for receptacle in receptacles} - AMBIGUOUS)
     if not wanted or len(hosts) < 2:
         raise InvalidInput(

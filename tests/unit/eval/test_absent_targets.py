@@ -31,6 +31,9 @@ from helios_sim.episode_events import PickTried
 from helios_sim.episode_tracker import episode_of, navigable_area_of, targets_of
 from helios_sim.failure_causes import AgentReport
 from helios_sim.home import PRESETS, Episode, Home, generate_home
+from helios_sim.home.catalogs import CATALOGS
+from helios_sim.home.color_palette import draw_palette
+from helios_sim.home.task_sampling import ROLLING, sample_absent
 from helios_sim.ovmm_metrics import Progress
 from hypothesis import given
 from hypothesis import strategies as st
@@ -57,6 +60,21 @@ def test_the_share_of_drawn_homes_is_the_given_one() -> None:
         assert drawn == pytest.approx(share, abs=0.03)
     assert not any(is_drawn(seed, 0.0) for seed in range(500))
     assert all(is_drawn(seed, 1.0) for seed in range(500))
+
+
+def test_no_task_asks_for_an_absent_object_of_a_class_that_always_rolls() -> None:
+    rng = np.random.default_rng(0)
+    always = {
+        name
+        for catalog in CATALOGS.values()
+        for name, (make, _) in catalog.objects.items()
+        if all(make(rng, draw_palette(rng)).rolls for _ in range(8))
+    }
+    assert always == ROLLING
+    home = generate_home(3, PRESETS["ovmm-v1"])
+    likely = dict.fromkeys((*ROLLING, "mug"), ("desk",))
+    drawn = {sample_absent(home.receptacles, likely, rng).object_class for _ in range(20)}
+    assert drawn == {"mug"}
 
 
 @given(seed=st.integers(0, 200_000), share=st.floats(0, 1), more=st.floats(0, 1))

@@ -136,3 +136,16 @@ def test_a_damaged_packed_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / PACKED).write_bytes(b"\x1f\x8bnothing")
     with pytest.raises(InvalidInput, match="damaged"):
         episode_record.read(tmp_path)
+
+
+def test_the_homes_without_a_task_of_all_parts_are_kept(tmp_path: Path) -> None:
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for path, skipped, commit in zip(folders, ([3, 5], [4, 5]), ("a1", "b2"), strict=True):
+        folder(path, [episode(0)])
+        run = json.loads((path / "run.json").read_text())
+        run |= {"without_task": {"ovmm-v1|mugs": skipped}, "why": "judge", "commit": commit}
+        (path / "run.json").write_text(json.dumps(run))
+    together = merge_runs.run(folders)
+    assert together["without_task"] == {"ovmm-v1|mugs": [3, 4, 5]}
+    assert together["why"] == "judge"
+    assert "commit" not in together

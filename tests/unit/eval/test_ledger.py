@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
 from helios_core.errors import InvalidInput, Unavailable
-from helios_eval import ledger
+from helios_eval import ledger, provenance
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.provenance import checkout
+from helios_eval.provenance import LEDGER, checkout
 from helios_eval.runs import evaluation_run
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.process_pool import Outcome
@@ -28,6 +29,28 @@ def test_the_ledger_is_in_the_checkout() -> None:
     root = checkout()
     assert root is not None
     assert (root / "pyproject.toml").exists()
+
+
+def test_a_line_in_the_ledger_leaves_the_commit_clean_and_another_change_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tmp_path / "checkout"
+    code = root / "clients" / "helios_eval" / "provenance.py"
+    book = root / LEDGER
+    for file in (code, book):
+        file.parent.mkdir(parents=True)
+        file.write_text("first\n")
+    who = ("-c", "user.name=a", "-c", "user.email=a@b")
+    for words in (("init", "-q"), ("add", "-A"), (*who, "commit", "-qm", "first")):
+        subprocess.run(["git", "-C", str(root), *words], check=True)
+    monkeypatch.setattr(provenance, "__file__", str(code))
+    clean = provenance.commit()
+    assert re.fullmatch("[0-9a-f]{7,}", clean)
+    book.write_text("first\nsecond\n")
+    (root / "untracked").touch()
+    assert provenance.commit() == clean
+    code.write_text("other\n")
+    assert provenance.commit() == f"{clean}-dirty"
 
 
 def test_development_homes_are_not_recorded(own_ledger: Path) -> None:

@@ -187,6 +187,12 @@ def test_with_an_absent_object_only_the_report_not_found_without_a_pick_is_no_fa
     assert absent_cause(progress, events, said, MAX) == cause
 
 
+def test_with_an_absent_object_a_collision_is_a_failure() -> None:
+    hit = replace(NOTHING, collisions=1)
+    assert absent_cause(hit, [], GAVE_UP, MAX) == failure_causes.COLLISION
+    assert absent_cause(hit, [WRONG], GAVE_UP, MAX) == failure_causes.WRONG_OBJECT
+
+
 def test_with_an_absent_object_a_pick_for_a_look_is_no_failure_once_it_is_undone() -> None:
     assert absent_cause(NOTHING, [WRONG], GAVE_UP, MAX, all_put_back=True) == ""
     spent = replace(NOTHING, steps=MAX)
