@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from helios_planner.decisions.acceptance import check_in_hand
 from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.held_object import HeldObject
-from helios_planner.motion_planning.base_placement import tilt_towards
+from helios_planner.motion_planning.base_placement import tilt_towards, top_at_m
 from helios_planner.navigation.base_controller import BaseController
 from helios_planner.refuted_things import RefutedThing, RefutedThings
 from helios_planner.robot.interface import RobotInterface
@@ -26,6 +26,8 @@ from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
+NEARER_M = (0.0, 0.06, 0.12)  # shifts of the place towards the robot, if it cannot be reached
+SUPPORT_M = 0.03  # radius and depth within which a shifted place must have a surface
 # Probability from which an object that was put back is brought after all, without a better one.
 RECONSIDERED_FROM = 0.1
 UNNAMED_ODDS = 0.25  # prior odds of a thing without the name, against one with it
@@ -166,16 +168,30 @@ class HandCheck:
         return self.robot.held_object(class_name)
 
     def _put_back(self) -> bool:
-        """Release the object where it was picked. False if the robot still holds it."""
+        """Release the object where it was picked, or beside it. False if the robot still holds
+        it."""
         assert self.returning_m is not None
-        x, y, z = (float(v) for v in self.returning_m)
-        for raised_m in RAISED_M:
-            self.base.monitor.act(Place((x, y, z + raised_m)))
-            if not self.robot.held():
-                self._note_returned()
-                return True
+        for x, y, z in self._return_points(self.returning_m):
+            for raised_m in RAISED_M:
+                self.base.monitor.act(Place((x, y, z + raised_m)))
+                if not self.robot.held():
+                    self._note_returned()
+                    return True
         self.returning_m = None
         return False
+
+    def _return_points(self, place_m: NDArray[np.float64]) -> list[tuple[float, float, float]]:
+        """The place, then those nearer to the robot on the same surface."""
+        x, y, z = (float(v) for v in place_m)
+        here = self.robot.pose()
+        away_m = max(here.distance_m((x, y)), 1e-6)
+        to_robot = (here.x_m - x) / away_m, (here.y_m - y) / away_m
+        points = [(x + d * to_robot[0], y + d * to_robot[1], z) for d in NEARER_M]
+        ground = self.robot.ground()
+        return [
+            p for p in points
+            if p[:2] == (x, y) or abs(top_at_m(ground, p[:2], SUPPORT_M) - z) <= SUPPORT_M
+        ]  # fmt: skip
 
     def _note_returned(self) -> None:
         self.base.monitor.carrying = False

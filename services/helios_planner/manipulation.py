@@ -18,6 +18,7 @@ from helios_planner.match_radii import (
     ON_OUTLINE_M,
     RECEPTACLE_SHIFT_M,
     SAME_INSTANCE_M,
+    SAME_PLACE_M,
     SAME_POINT_M,
     SAME_THING_M,
 )
@@ -100,6 +101,8 @@ class Manipulation:
     near: ObjectInstance | None = None  # newest target as estimated from near
     surface_m: float = 0.0  # height of the newest placing point
     placed_on: ObjectInstance | None = None  # receptacle as known at the newest placing
+    # Receptacles on which every attempt to place failed: centre x, y in m, and the attempts.
+    _failed: list[tuple[tuple[float, float], _Failed]] = field(default_factory=list)
 
     # --- restart -------------------------------------------------------------------------------
     def checkpoint(self) -> dict[str, Any]:
@@ -109,6 +112,11 @@ class Manipulation:
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self.picks, self.falls = checkpoint["picks"], checkpoint["falls"]
         self.last_reason = checkpoint["last_reason"]
+
+    @property
+    def failed_places(self) -> int:
+        """Number of receptacles on which every attempt to place failed."""
+        return len(self._failed)
 
     # --- pick ----------------------------------------------------------------------------------
     def pick(
@@ -212,8 +220,9 @@ class Manipulation:
         self, receptacle: ObjectInstance, class_name: str, confirmed: Judged = still_there
     ) -> SkillOutcome:
         """Put the held object down on a receptacle, by the place rule of the settings. Returns
-        DOUBTED if `confirmed` rejects the receptacle as seen from near."""
-        failed = _Failed()
+        DOUBTED if `confirmed` rejects the receptacle as seen from near. After a failure, the next
+        call tries other points and stands."""
+        failed = self._failed_on(receptacle)
         stood = False
         for last in (False,) * (self.settings.places_per_receptacle - 1) + (True,):
             spot = self._spot(receptacle, failed)
@@ -236,7 +245,20 @@ class Manipulation:
             else:
                 failed.stands.append(self.robot.pose().xy)
             failed.points.append(point or spot.point_m)
-        return SkillOutcome.FAILED if stood else SkillOutcome.OUT_OF_REACH
+        if not stood:
+            return SkillOutcome.OUT_OF_REACH
+        x, y = (float(v) for v in receptacle.center_m[:2])
+        self._failed.append(((x, y), failed))
+        return SkillOutcome.FAILED
+
+    def _failed_on(self, receptacle: ObjectInstance) -> _Failed:
+        """Attempts on this receptacle in earlier calls that failed."""
+        earlier = [f for middle, f in self._failed
+                   if math.dist(middle, receptacle.center_m[:2]) < SAME_PLACE_M]  # fmt: skip
+        return _Failed(
+            [point for f in earlier for point in f.points],
+            [stand for f in earlier for stand in f.stands],
+        )
 
     def _put(self, point_m: tuple[float, float, float]) -> bool:
         """Face a point in reach and release above it. False if that failed and the robot still

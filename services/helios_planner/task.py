@@ -70,6 +70,13 @@ class TaskFailed(Exception):
         self.cause, self.message = cause, message
 
 
+class ObjectAbsent(TaskFailed):
+    """Raised to end a task whose object is probably not there."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(Cause.OBJECT_NOT_FOUND, message)
+
+
 class TimeIsUp(TaskFailed):
     """Raised when the task's time limit is over. An exploration then ends without failure."""
 

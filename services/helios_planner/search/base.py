@@ -75,11 +75,12 @@ class Search(ABC):
         self.robot, self.settings = tools.robot, tools.settings
         self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
         self.refused = PlaceSet(refused_m)  # for the rest of the search
-        self.unreachable = PlaceSet(SAME_PLACE_M)  # tried again once more ground is known
+        self.unreachable = PlaceSet(refused_m)  # tried again once more ground is known
         self.rounds = tools.settings.rounds  # times that the home is searched
         self._waited_at: list[tuple[float, float]] = []  # centres of unreachable candidates, m
         self._doubts: dict[int, int] = {}  # instance id -> rejections from near
         self._round = self._first_round = 0
+        self._latest_round = 0  # highest round so far: after an attempt, the rounds start again
         self._patrol = RevisitSearch(self.base, REVISIT_SPACING_M)
         self._acted_from: Pose2 | None = None
         self._first = -1.0, ""  # prefix of messages, until the used share of the budget changes
@@ -158,6 +159,7 @@ class Search(ABC):
         first, self._first_round = self._first_round, 0
         for round_number in range(first, self.rounds):
             self._round = round_number
+            self._latest_round = max(self._latest_round, round_number)
             if round_number > first:
                 self.next_round()
             while True:
@@ -176,13 +178,15 @@ class Search(ABC):
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a restart, as JSON, for `restore`."""
         return {
-            "round": self._round, "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
+            "round": self._round, "latest_round": self._latest_round,
+            "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
             "refused": self.refused.checkpoint(), "waiting": self.unreachable.checkpoint(),
             "doubts": list(self._doubts.items()),
         }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self._round = self._first_round = int(checkpoint["round"])
+        self._latest_round = int(checkpoint.get("latest_round", self._round))
         self._waited_at = [(x, y) for x, y in checkpoint.get("waited_at", [])]
         self._patrol.seen_from = [(x, y) for x, y in checkpoint["patrol"]]
         self._doubts = {int(id): int(n) for id, n in checkpoint.get("doubts", [])}
@@ -223,7 +227,7 @@ class Search(ABC):
         middle = _xy(candidate)
         if self.robot.pose() != self._acted_from:
             self._waited_at.append(middle)
-        of_one = sum(math.dist(middle, m) < SAME_PLACE_M for m in self._waited_at)
+        of_one = sum(math.dist(middle, m) < self.unreachable.same_m for m in self._waited_at)
         if of_one > MAX_UNREACHABLE_PER_CANDIDATE or len(self._waited_at) > MAX_UNREACHABLE:
             self.refused.add(candidate)
         elif self.accepted_any_candidate or not self.base.clear_way(
@@ -348,7 +352,7 @@ class Search(ABC):
     def patrol(self) -> bool:
         """Look around from one more place, when nothing is left to explore after the first round;
         False if there is none."""
-        if self._round == 0:
+        if self._latest_round == 0:
             return False
 
         def found() -> bool:

@@ -39,7 +39,7 @@ from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.unnamed_things import FIRST_ID, is_unnamed, unnamed_things
 from helios_planner.search.view_selection import PlaceSet
-from helios_planner.task import Cause, Phase, TaskFailed
+from helios_planner.task import Cause, ObjectAbsent, Phase, TaskFailed
 
 # Ψ of a start receptacle whose unnamed things are tried as soon as it was searched in vain, and
 # the least score of such a thing.
@@ -86,6 +86,7 @@ class ObjectSearch(ScoredSearch):
         self._most_unnamed = 0
         self._searched = False  # True once everything was searched in vain
         self._tried = PlaceSet(SAME_SPOT_M)  # unnamed things that were looked at in the hand
+        self._seen_in_hand = PlaceSet(SAME_INSTANCE_M)  # the same for things with the name
         self._refuted_earlier: list[tuple[float, float]] = []  # unnamed things of earlier tasks
         self._unnamed: dict[int, ObjectInstance] = {}  # of the newest decision
         self._last_seen: tuple = ()
@@ -94,6 +95,7 @@ class ObjectSearch(ScoredSearch):
         return super().checkpoint() | {
             "visited": self.visited.checkpoint(), "objective": self.seen.as_json(),
             "searched": self._searched, "tried": self._tried.checkpoint(),
+            "seen_in_hand": self._seen_in_hand.checkpoint(),
         }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
@@ -103,6 +105,8 @@ class ObjectSearch(ScoredSearch):
         self._searched = bool(checkpoint.get("searched", False))
         if "tried" in checkpoint:
             self._tried.restore(checkpoint["tried"])
+        if "seen_in_hand" in checkpoint:
+            self._seen_in_hand.restore(checkpoint["seen_in_hand"])
 
     def end_waiting(self) -> bool:
         self._last_seen = ()
@@ -114,10 +118,12 @@ class ObjectSearch(ScoredSearch):
 
     # --- the object ----------------------------------------------------------------------------
     def candidates(self) -> list[ObjectInstance]:
-        return [
-            o for o in self.robot.objects(self.name)
-            if o.class_score >= self.settings.cs_g and self.open(o)
-        ]  # fmt: skip
+        return [o for o in self._named() if self.open(o)]
+
+    def _named(self) -> list[ObjectInstance]:
+        """Instances with the sought name, also those that were given up."""
+        known = self.robot.objects(self.name)
+        return [o for o in known if o.class_score >= self.settings.cs_g]
 
     def in_place(self, candidate: ObjectInstance) -> bool:
         if self.start is None or not self.settings.start_receptacle_first:
@@ -171,6 +177,7 @@ class ObjectSearch(ScoredSearch):
         left = [*self._tried.points, *self.refused.points]
         left += [] if self._searched else self._refuted_earlier  # tried again at the end
         named = [one.center_m[:2] for one in self._set_aside if one.id < FIRST_ID]
+        named += self._seen_in_hand.points
         return [
             t for t in things
             if t.score >= least
@@ -188,8 +195,7 @@ class ObjectSearch(ScoredSearch):
             self._refuted_earlier.append(thing.center_m[:2])
 
     def note_seen(self, candidate: ObjectInstance) -> None:
-        if is_unnamed(candidate):
-            self._tried.add(candidate)
+        (self._tried if is_unnamed(candidate) else self._seen_in_hand).add(candidate)
 
     def was_set_aside(self, candidate: ObjectInstance) -> bool:
         if is_unnamed(candidate):  # another one may lie beside it
@@ -200,10 +206,11 @@ class ObjectSearch(ScoredSearch):
         untried = self._most_unnamed > 0 and not self._searched
         if self.settings.absent_from >= 1 or untried or self.has_one_refuted_earlier():
             return
-        candidates = self.decide().candidates
+        unseen = [o for o in self._named() if o not in self._seen_in_hand]
+        candidates = self.judge(unseen).candidates
         starts = self.robot.objects(self.start) if self.start else []
         search = CompleteSearch(
-            self._round + 1,
+            self._latest_round + 1,
             floor_m2(self.robot.ground()),
             self.start or "",
             max((start.score for start in starts), default=0.0),
@@ -213,7 +220,7 @@ class ObjectSearch(ScoredSearch):
         decision = decide_absence(self.name, candidates, search, self.settings.absent_from)
         self.robot.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
-            raise TaskFailed(Cause.OBJECT_NOT_FOUND, decision.why)
+            raise ObjectAbsent(decision.why)
 
     def _something_to_do(self) -> bool:
         """True if a candidate object interrupts the search."""

@@ -29,7 +29,7 @@ from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.refuted_things import RefutedThing
 from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
 from helios_planner.search.frontier_exploration import Explorer, RuleExplorer
-from helios_planner.search.view_selection import BestView
+from helios_planner.search.view_selection import BestView, PlaceSet
 from helios_planner.task import Phase
 
 MOST_WRITTEN = 16
@@ -61,6 +61,7 @@ class ScoredSearch(Search):
         self._set_aside: list[SetAside] = []
         self._past_candidates = CandidateMemory()
         self._from_memory = False  # True if its candidate is no longer in the object map
+        self._chosen_place = 1.0  # place probability of its candidate
 
     @abstractmethod
     def candidates(self) -> list[ObjectInstance]:
@@ -130,22 +131,31 @@ class ScoredSearch(Search):
 
         Its score may be tau_inc below the accepted threshold: views from near show only part of a
         large object. A candidate accepted above τ needs τ - tau_inc. A candidate that is no longer
-        in the object map needs no score.
+        in the object map needs no score. Its place counts as when it was chosen, or better: the
+        furniture below it shrinks in the map while only a part of it is in view.
         """
         if not self.settings.confirm_from_near:
             return True
         if self._from_memory or near is None:
             return self._from_memory
-        least = replace(self._decision_threshold, score=self._least_near)
-        return any(o.id == near.id for o in self.candidates()) and self._meets(near, least)
+        known = any(o.id == near.id for o in self.candidates())
+        return known and self._score_near(near) >= self._least_near and self._is_placed(near)
+
+    def _score_near(self, near: ObjectInstance) -> float:
+        return near.score * max(self._chosen_place, self._place(near))
+
+    def _is_placed(self, near: ObjectInstance) -> bool:
+        return self._decision_threshold.anywhere or self.in_place(near)
 
     def why_not(self, near: ObjectInstance | None) -> str:
         if near is None:
             return super().why_not(near)
-        score, least = near.score * self._place(near), self._least_near
+        score, least = self._score_near(near), self._least_near
         if score < least:
-            return f"from near its score is {less(score, least)}"
-        if not (self._decision_threshold.anywhere or self.in_place(near)):
+            place = score / near.score if near.score else 1.0
+            of = f", {near.score:.2f} × {place:.2f} for its place" if place < 1 else ""
+            return f"from near its score is {less(score, least)}{of}"
+        if not self._is_placed(near):
             return "from near it is not where it was said to be"
         return super().why_not(near)
 
@@ -281,7 +291,9 @@ class ScoredSearch(Search):
         decision = act_or_look(
             options, self.threshold, self.settings.tau_inc, self.kind, self.action, self.anywhere
         )
-        self._from_memory = decision.winner is not None and decision.winner >= len(things)
+        winner = decision.winner
+        self._from_memory = winner is not None and winner >= len(things)
+        self._chosen_place = 1.0 if winner is None else options[winner].place
         return decision
 
     def chosen(self, decision: Decision) -> ObjectInstance:
@@ -339,10 +351,41 @@ class ReceptacleSearch(ScoredSearch):
         within = thresholds(s.tau_b, False)
         super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
         self._not_at = not_at
+        self._failed = PlaceSet(SAME_PLACE_M)  # placing on them failed; for the rest of the round
+        self._takes_any = False  # True once a decision accepted any candidate
         self._explorer: Explorer = RuleExplorer(self, PLACE_LAYER, frontiers)
 
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)
+
+    def next_round(self) -> None:
+        self._failed.clear()  # other points of them may do
+        super().next_round()
+
+    def decide(self) -> Decision:
+        """Decision about the candidates. The first one that accepts any candidate forgets on which
+        ones a placing failed."""
+        if not self._takes_any and self._accepts_any(self._present_step()):
+            self._takes_any = True
+            self._failed.clear()
+        return super().decide()
+
+    def reject_or_postpone(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
+        if out_of_reach:
+            super().reject_or_postpone(candidate, out_of_reach)
+        else:
+            self._failed.add(candidate)
+
+    def open(self, candidate: ObjectInstance) -> bool:
+        return candidate not in self._failed and super().open(candidate)
+
+    def checkpoint(self) -> dict[str, Any]:
+        return super().checkpoint() | {"failed": self._failed.checkpoint()}
+
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        super().restore(checkpoint)
+        if "failed" in checkpoint:
+            self._failed.restore(checkpoint["failed"])
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
         """Also True at the last threshold: no time is left for another receptacle."""

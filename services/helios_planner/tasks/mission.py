@@ -26,7 +26,7 @@ from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.unnamed_things import is_unnamed
 from helios_planner.search.view_selection import STOP_RULES, ViewPlanner
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, Phase, TaskFailed
+from helios_planner.task import Cause, ObjectAbsent, Phase, TaskFailed
 from helios_planner.tasks.run_control import LastAction
 
 
@@ -197,6 +197,8 @@ class Mission:
         while True:
             try:
                 found = search.find()
+            except ObjectAbsent:
+                raise
             except TaskFailed as failure:
                 failed = self.skills.picks - self.hand.put_back
                 if failure.cause is Cause.OBJECT_NOT_FOUND and failed:
@@ -226,7 +228,8 @@ class Mission:
             try:
                 found = search.find()
             except TaskFailed as failure:
-                if failure.cause is Cause.RECEPTACLE_NOT_FOUND and search.refused.points:
+                tried = search.refused.points or self.skills.failed_places
+                if failure.cause is Cause.RECEPTACLE_NOT_FOUND and tried:
                     reason = self.skills.last_reason or "no place on it was in reach"
                     message = f"placing on the {goal} failed: {reason}"
                     raise TaskFailed(Cause.PLACE_MISSED, message) from failure

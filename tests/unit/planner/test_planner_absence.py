@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from helios_core.robot import Pick
 from helios_planner.decisions.absence import absence_probability, right_probability
 from helios_planner.decisions.decision import CompleteSearch, DecisionRule, Do
-from helios_planner.task import Cause, TaskFailed
+from helios_planner.search.object_search import ObjectSearch
+from helios_planner.search.unnamed_things import FIRST_ID
+from helios_planner.task import Cause, ObjectAbsent, TaskFailed
 from hypothesis import given
 from hypothesis import strategies as st
+from planner_flat import coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing
+from planner_trouble import bring
 
 MUG = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.full(3, 0.1)))
 TABLE = instance(Thing(4, "coffee table", np.array([*TABLE_XY, 0.4]), np.full(3, 0.8)))
@@ -125,3 +131,44 @@ def test_a_thing_that_was_put_back_in_this_task_is_brought_before_the_object_cou
     estimates = [d for d in rig.world.decisions if d.rule == DecisionRule.ABSENT]
     assert [d.settings["set_aside"] for d in estimates] == [1]
     assert all(d.do is Do.SEARCH_ON for d in estimates)
+
+
+def test_things_without_the_name_do_not_take_the_place_of_candidates_in_the_estimate() -> None:
+    rig = searched_rig(0.19, 0.5)
+    rig.search.pick_unnamed(3)
+    rig.search._searched = True
+    spot = replace(MUG, id=FIRST_ID, score=0.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ObjectSearch, "_untried", lambda _: [spot])
+        rig.search.end_if_absent()
+    (estimate,) = [d for d in rig.world.decisions if d.rule == DecisionRule.ABSENT]
+    assert [c.id for c in estimate.candidates] == [MUG.id]
+
+
+def test_an_object_that_was_given_up_counts_against_absence_unless_it_was_seen_in_the_hand() -> (
+    None
+):
+    rig = searched_rig(0.6, 0.5)
+    rig.search.refused.add(rig.known[0])
+    with pytest.raises(TaskFailed, match="every frontier and every candidate place"):
+        rig.search.find()
+    rig = searched_rig(0.6, 0.5)
+    rig.search.refused.add(rig.known[0])
+    rig.search.note_seen(rig.known[0])
+    with pytest.raises(ObjectAbsent, match="probably not here"):
+        rig.search.find()
+
+
+def test_a_failed_pick_does_not_hide_that_the_object_is_absent() -> None:
+    world = flat([coffee_table(), counter(), replace(mug(), slippery=99)])
+    absent = "the mug is probably not here (70%): it was searched"
+
+    def end(_: ObjectSearch) -> None:
+        raise ObjectAbsent(absent)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ObjectSearch, "end_if_absent", end)
+        with pytest.raises(TaskFailed, match=re.escape(absent)) as failure:
+            bring(world, rounds=1)
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+    assert any(isinstance(action, Pick) for action in world.log)

@@ -21,26 +21,26 @@ from planner_flat import MOVE, flat_with_mug
 
 GIVEN = "robot settings instruction agent tools base belief looking rng attempts rules"
 # The lost fields are computed again, come from the store, or hold only between two actions.
-SEARCH_KEPT = "refused unreachable _waited_at _doubts _round _first_round _patrol"
+SEARCH_KEPT = "refused unreachable _waited_at _doubts _round _first_round _latest_round _patrol"
 SEARCH_LOST = "phase name rounds _acted_from _first _left_at"
 SCORED_KEPT = f"{SEARCH_KEPT} _step _since _decision_step _past_candidates _rated _set_aside"
-SCORED_LOST = f"{SEARCH_LOST} _thresholds _views _from_memory _known_home"
+SCORED_LOST = f"{SEARCH_LOST} _thresholds _views _from_memory _known_home _chosen_place"
 KEPT_AND_LOST = {
     "Mission": (
         "looked_around target_m picked_at_m unsure skills hand search placed",
         "seen_at_goal _fell _restored",
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
-    "Manipulation": ("picks falls last_reason", "near surface_m placed_on"),
+    "Manipulation": ("picks falls last_reason", "near surface_m placed_on _failed"),
     "HandCheck": ("put_back returning_m unseen_m", "cannot_show refuted"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (
-        f"{SCORED_KEPT} seen visited _searched _tried",
+        f"{SCORED_KEPT} seen visited _searched _tried _seen_in_hand",
         f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed _refuted_earlier",
     ),
     "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
-    "ReceptacleSearch": (SCORED_KEPT, f"{SCORED_LOST} _not_at _explorer"),
+    "ReceptacleSearch": (f"{SCORED_KEPT} _failed", f"{SCORED_LOST} _not_at _explorer _takes_any"),
     "MoveMission": ("looked_around exploration point_goal", "_restored"),
     "Exploration": (
         "given_up _ids _before_m2",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -131,11 +132,43 @@ def test_a_place_that_fails_is_tried_at_other_points_and_then_given_up() -> None
 
     world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
     with pytest.raises(TaskFailed, match="no room") as failure:
-        bring(world, rounds=1)
+        bring(world, rounds=1, rounds_held=1, place_at_last=1)
     assert failure.value.cause is Cause.PLACE_MISSED
     asked = [a.point_world_m[:2] for a in world.log if isinstance(a, Place)]
     assert 2 <= len(asked) <= Settings().places_per_receptacle
     assert min(math.dist(a, b) for a in asked for b in asked if a is not b) > 0.1
+
+
+def test_the_next_round_tries_other_points_of_a_receptacle_on_which_a_place_failed() -> None:
+    most = Settings().places_per_receptacle
+    asked: list[tuple[float, float]] = []
+
+    def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
+        if not isinstance(action, Place):
+            return None
+        asked.append(action.point_world_m[:2])
+        return ActionResult(False, "no room") if len(asked) <= most else None
+
+    world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
+    bring(world, rounds=1, rounds_held=2, place_at_last=1)
+    assert world.released is not None
+    assert len(asked) == most + 1
+    assert min(math.dist(a, b) for a, b in itertools.combinations(asked, 2)) > 0.1
+
+
+def test_the_last_resort_includes_a_receptacle_on_which_a_place_failed() -> None:
+    most = Settings().places_per_receptacle
+    asked: list[tuple[float, float]] = []
+
+    def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
+        if not isinstance(action, Place):
+            return None
+        asked.append(action.point_world_m[:2])
+        return ActionResult(False, "no room") if len(asked) <= most else None
+
+    world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
+    bring(world, rounds=1, rounds_held=1, place_at_last=0.9)
+    assert world.released is not None
 
 
 def test_an_object_that_cannot_be_placed_from_one_side_is_placed_from_another() -> None:

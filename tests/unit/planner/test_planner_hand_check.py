@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from helios_core.robot import Pick, Place, Show
+from helios_core.robot import ActionResult, Pick, Place, Show
 from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.decisions.held_object import HeldObject
+from helios_planner.hand_check import NEARER_M
 from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
@@ -135,17 +137,35 @@ def test_a_failed_show_ends_the_check_for_the_task() -> None:
     assert sum(isinstance(action, Show) for action in world.log) == 1
 
 
-def test_an_object_that_cannot_be_put_back_is_brought() -> None:
-    world = world_of(looks(mug(3), WRONG))
+def refuse_places(world: FakeWorld, times: int) -> list[np.ndarray]:
+    """Let the first attempts to place fail; returns where they were made."""
     placing, refused = world._place, []
 
-    def place(point):
-        if len(refused) < 2:
+    def place(point: np.ndarray) -> ActionResult:
+        if len(refused) < times:
             refused.append(point)
             return replace(placing(point * 0 - 100.0), reason="something is in the way")
         return placing(point)
 
     world._place = place
+    return refused
+
+
+def test_an_object_that_cannot_be_put_back_at_its_place_is_put_beside_it() -> None:
+    world = world_of(looks(mug(3), WRONG), looks(mug(4, 6.7, 5.6), RIGHT))
+    refused = refuse_places(world, 2)
+    mission(world).run()
+    assert in_hand(world) == [Do.SEARCH_ON, Do.ACT]
+    assert world.released is world.things[4]
+    x, y, _ = refused[0]
+    placed = (a.point_world_m for a in world.log if isinstance(a, Place))
+    away_m = next(d for at in placed if (d := math.dist(at[:2], (x, y))) > 1e-6)
+    assert away_m <= 0.13
+
+
+def test_an_object_that_cannot_be_put_back_is_brought() -> None:
+    world = world_of(looks(mug(3), WRONG))
+    refuse_places(world, 2 * len(NEARER_M))
     assert "put the mug on the counter" in mission(world).run()
     assert in_hand(world) == [Do.SEARCH_ON, Do.ACT]
     (kept,) = [d.why for d in world.decisions if d.rule == DecisionRule.IN_HAND and d.do is Do.ACT]

@@ -61,6 +61,21 @@ def test_a_candidate_may_lose_its_surplus_over_the_threshold_from_near() -> None
         assert search.confirmed(rig.known[0]) is holds
 
 
+def test_a_receptacle_that_shrinks_in_views_from_near_does_not_refute_the_object_on_it() -> None:
+    rig = Rig(Looks([]))
+    table = instance(coffee_table(), score=0.9, class_score=0.9)
+    rig.known = [instance(mug(), score=0.9), table]
+    search = ObjectSearch(rig.tools, "mug", "coffee table", global_search.by_objective, patient)
+    assert search.decide().do is Do.ACT
+    rig.known = [rig.known[0], replace(table, score=0.02)]
+    assert search.place_probability(rig.known[0]) < 0.2
+    assert search.confirmed(rig.known[0])
+    doubtful = replace(rig.known[0], score=0.05)
+    rig.known[0] = doubtful
+    assert not search.confirmed(doubtful)
+    assert search.why_not(doubtful).startswith("from near its score is 0.05 < ")
+
+
 def test_a_patient_search_lowers_its_threshold_as_steps_run_out_also_after_a_restart() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
@@ -237,7 +252,7 @@ def test_the_forgotten_candidate_of_most_views_is_chosen_before_the_steps_run_ou
     search.reject_or_postpone(found, out_of_reach=False)  # rejected: the next one follows
     assert search.chosen(search.decide()).views == 1
     rig.known = [instance(counter(), id=9, score=0.1)]
-    search.refused.clear()
+    search.next_round()
     assert search.decide().chosen.id == 9  # a candidate in the map comes first
     assert search.chosen(search.decide()) is rig.known[0]
 

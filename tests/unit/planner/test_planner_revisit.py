@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,6 +114,28 @@ def test_a_counter_that_is_first_seen_in_the_revisit_search_is_found() -> None:
         patch.setattr(RevisitSearch, "begin", begin_and_show)
         mission.run()
     assert world.released is world.things[3]
+
+
+def test_after_an_attempt_in_a_later_round_the_search_still_looks_from_other_places() -> None:
+    rig = Rig(Looks([]), rounds=2)
+    assert not rig.search.patrol()  # the first round
+    rig.search.explore = rig.search.clear_way = lambda: False
+    with pytest.raises(TaskFailed):
+        rig.search.find()
+    looked = len(rig.search._patrol.seen_from)
+    assert looked > 2
+    rig.search._round, rig.search._patrol.seen_from = 0, rig.search._patrol.seen_from[:2]
+    assert rig.search.patrol()  # as when the search goes on after an attempt
+
+
+def test_a_thing_beside_an_unreachable_one_stays_a_candidate() -> None:
+    rig = Rig(Looks([]))
+    thing = instance(mug())
+    beside = replace(thing, id=9, center_m=thing.center_m + np.array([0.3, 0.0, 0.0]))
+    rig.tools.base.clear_way = lambda target, within_m: False
+    rig.search.reject_or_postpone(thing, out_of_reach=True)
+    assert not rig.search.open(thing)
+    assert rig.search.open(beside)
 
 
 def test_near_the_end_a_receptacle_is_confirmed_whatever_is_seen_from_near() -> None:
