@@ -32,14 +32,16 @@ def commit() -> str:
     """Git description of this source, or "unknown" outside a checkout. It ends with "-dirty" if
     tracked files differ from the commit; the ledger of homes may, since each run adds to it."""
     name = _git("describe", "--always")
+    if not name:
+        return "unknown"
     changed = _git("status", "--porcelain", "-uno", "--", ":/", f":(top,exclude){LEDGER}")
-    return f"{name}-dirty" if name and changed else name or "unknown"
+    return name if changed == "" else f"{name}-dirty"
 
 
-def _git(*words: str) -> str:
-    """Output of a git command in this source's folder; empty if it fails."""
+def _git(*words: str) -> str | None:
+    """Output of a git command in this source's folder; None if it fails."""
     done = subprocess.run(
         ["git", "-C", str(Path(__file__).parent), *words],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    return done.stdout.strip()
+    return done.stdout.strip() if done.returncode == 0 else None

@@ -26,7 +26,7 @@ from helios_planner.settings import Settings
 from helios_planner.task import Phase
 
 RAISED_M = (0.01, 0.10)  # heights above the old place from which the object is released
-NEARER_M = (0.0, 0.06, 0.12)  # shifts of the place towards the robot, if it cannot be reached
+NEARER_M = (0.06, 0.12)  # shifts of the place towards the robot, if it cannot be reached
 SUPPORT_M = 0.03  # radius and depth within which a shifted place must have a surface
 # Probability from which an object that was put back is brought after all, without a better one.
 RECONSIDERED_FROM = 0.1
@@ -186,12 +186,10 @@ class HandCheck:
         here = self.robot.pose()
         away_m = max(here.distance_m((x, y)), 1e-6)
         to_robot = (here.x_m - x) / away_m, (here.y_m - y) / away_m
-        points = [(x + d * to_robot[0], y + d * to_robot[1], z) for d in NEARER_M]
+        nearer = [(x + d * to_robot[0], y + d * to_robot[1]) for d in NEARER_M]
         ground = self.robot.ground()
-        return [
-            p for p in points
-            if p[:2] == (x, y) or abs(top_at_m(ground, p[:2], SUPPORT_M) - z) <= SUPPORT_M
-        ]  # fmt: skip
+        on_it = [xy for xy in nearer if abs(top_at_m(ground, xy, SUPPORT_M) - z) <= SUPPORT_M]
+        return [(x, y, z), *((*xy, z) for xy in on_it)]
 
     def _note_returned(self) -> None:
         self.base.monitor.carrying = False

@@ -139,12 +139,12 @@ class ScoredSearch(Search):
         if self._from_memory or near is None:
             return self._from_memory
         known = any(o.id == near.id for o in self.candidates())
-        return known and self._score_near(near) >= self._least_near and self._is_placed(near)
+        return known and self._score_near(near) >= self._least_near and self._is_where_said(near)
 
     def _score_near(self, near: ObjectInstance) -> float:
         return near.score * max(self._chosen_place, self._place(near))
 
-    def _is_placed(self, near: ObjectInstance) -> bool:
+    def _is_where_said(self, near: ObjectInstance) -> bool:
         return self._decision_threshold.anywhere or self.in_place(near)
 
     def why_not(self, near: ObjectInstance | None) -> str:
@@ -155,7 +155,7 @@ class ScoredSearch(Search):
             place = score / near.score if near.score else 1.0
             of = f", {near.score:.2f} × {place:.2f} for its place" if place < 1 else ""
             return f"from near its score is {less(score, least)}{of}"
-        if not self._is_placed(near):
+        if not self._is_where_said(near):
             return "from near it is not where it was said to be"
         return super().why_not(near)
 
@@ -352,7 +352,7 @@ class ReceptacleSearch(ScoredSearch):
         super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, SAME_PLACE_M)
         self._not_at = not_at
         self._failed = PlaceSet(SAME_PLACE_M)  # placing on them failed; for the rest of the round
-        self._takes_any = False  # True once a decision accepted any candidate
+        self._in_last_resort = False  # True once a decision accepted any candidate
         self._explorer: Explorer = RuleExplorer(self, PLACE_LAYER, frontiers)
 
     def explore(self) -> bool:
@@ -365,8 +365,8 @@ class ReceptacleSearch(ScoredSearch):
     def decide(self) -> Decision:
         """Decision about the candidates. The first one that accepts any candidate forgets on which
         ones a placing failed."""
-        if not self._takes_any and self._accepts_any(self._present_step()):
-            self._takes_any = True
+        if not self._in_last_resort and self._accepts_any(self._present_step()):
+            self._in_last_resort = True
             self._failed.clear()
         return super().decide()
 

@@ -40,7 +40,10 @@ KEPT_AND_LOST = {
         f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed _refuted_earlier",
     ),
     "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
-    "ReceptacleSearch": (f"{SCORED_KEPT} _failed", f"{SCORED_LOST} _not_at _explorer _takes_any"),
+    "ReceptacleSearch": (
+        f"{SCORED_KEPT} _failed",
+        f"{SCORED_LOST} _not_at _explorer _in_last_resort",
+    ),
     "MoveMission": ("looked_around exploration point_goal", "_restored"),
     "Exploration": (
         "given_up _ids _before_m2",

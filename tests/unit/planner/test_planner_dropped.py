@@ -139,7 +139,10 @@ def test_a_place_that_fails_is_tried_at_other_points_and_then_given_up() -> None
     assert min(math.dist(a, b) for a in asked for b in asked if a is not b) > 0.1
 
 
-def test_the_next_round_tries_other_points_of_a_receptacle_on_which_a_place_failed() -> None:
+@pytest.mark.parametrize(("rounds_held", "place_at_last"), [(2, 1.0), (1, 0.9)])
+def test_the_next_round_and_the_last_resort_try_other_points_of_the_receptacle(
+    rounds_held: int, place_at_last: float
+) -> None:
     most = Settings().places_per_receptacle
     asked: list[tuple[float, float]] = []
 
@@ -150,25 +153,10 @@ def test_the_next_round_tries_other_points_of_a_receptacle_on_which_a_place_fail
         return ActionResult(False, "no room") if len(asked) <= most else None
 
     world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
-    bring(world, rounds=1, rounds_held=2, place_at_last=1)
+    bring(world, rounds=1, rounds_held=rounds_held, place_at_last=place_at_last)
     assert world.released is not None
     assert len(asked) == most + 1
     assert min(math.dist(a, b) for a, b in itertools.combinations(asked, 2)) > 0.1
-
-
-def test_the_last_resort_includes_a_receptacle_on_which_a_place_failed() -> None:
-    most = Settings().places_per_receptacle
-    asked: list[tuple[float, float]] = []
-
-    def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
-        if not isinstance(action, Place):
-            return None
-        asked.append(action.point_world_m[:2])
-        return ActionResult(False, "no room") if len(asked) <= most else None
-
-    world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
-    bring(world, rounds=1, rounds_held=1, place_at_last=0.9)
-    assert world.released is not None
 
 
 def test_an_object_that_cannot_be_placed_from_one_side_is_placed_from_another() -> None:
