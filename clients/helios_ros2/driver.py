@@ -132,16 +132,12 @@ class Ros2Driver(RobotDriver):
             return known
         start = self._senses.here()
         try:
-            self._latch.begin()
-            self._do(action)
-            why = ""
-        except NotDone as error:
-            why = str(error)
+            why = self._reason_not_done(action)
+            if isinstance(action, Forward | Turn | Tilt | Pick | Place):
+                self._come_to_rest()
         except HeliosError as error:  # the same id does not start it again
             self._remember(action_id, start, error.message)
             raise
-        if isinstance(action, Forward | Turn | Tilt | Pick | Place):
-            self._come_to_rest()
         return self._remember(action_id, start, why)
 
     def act_and_watch(
@@ -165,6 +161,15 @@ class Ros2Driver(RobotDriver):
         self._ros.close()
 
     # --- one action ---------------------------------------------------------------------------
+    def _reason_not_done(self, action: Action) -> str:
+        """Do an action. Returns why the robot did not do it, "" if it did."""
+        try:
+            self._latch.begin()
+            self._do(action)
+        except NotDone as error:
+            return str(error)
+        return ""
+
     def _do(self, action: Action) -> None:
         match action:
             case Forward() | Turn() if self._s.motion == "none":

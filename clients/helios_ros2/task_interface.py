@@ -14,7 +14,7 @@ from google.protobuf.json_format import MessageToDict
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.task_states import ENDED
+from helios_core.task_states import ENDED, HOLDS_ROBOT
 from helios_core.topics import CANCEL, CLEAR_STOP, GET_TASK, STOP, SUBMIT, TASK
 
 from helios_ros2.offered_qos import Qos
@@ -54,8 +54,13 @@ class TaskInterface:
         bus.subscribe(TASK, self._on_task)
 
     def _on_task(self, task: pb.Task) -> None:
-        self._present = "" if task.state in ENDED else task.id
-        self._task.publish(self._text(data=json.dumps(task_json(task))))
+        other_runs = self._present not in ("", task.id)
+        if task.state in HOLDS_ROBOT:
+            self._present, other_runs = task.id, False
+        elif task.id == self._present:
+            self._present = ""
+        if not other_runs:  # a waiting task is not the present one
+            self._task.publish(self._text(data=json.dumps(task_json(task))))
         if self.action is not None:
             self.action.on_task(task)
 

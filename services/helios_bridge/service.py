@@ -121,14 +121,14 @@ class BridgeService:
         self._stop_lock = threading.Lock()
         self._stops, self._clearing = 0, False
         self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
-        self._heartbeats = HeartbeatMonitor(
-            bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt
-        )
         self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # validated like in every service
+        self._heartbeats = HeartbeatMonitor(
+            bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt
+        )
         self._publisher = FramePublisher(
             bus, self._driver, settings, self._health, self._acks, first
         )
@@ -384,13 +384,22 @@ class BridgeService:
         """Clear the driver's stop, unless a stop has come meanwhile or ending the action failed."""
         with self._stop_lock:
             self._halt_call = None
-            try:
-                call.result()
-                if not self._stopped_why:
-                    self._driver.clear_stop()
-            except HeliosError as error:
-                log.error("the robot stays stopped: %s", error.message)
+            stops, is_stopped = self._stops, bool(self._stopped_why)
+        try:
+            call.result()
+            if not is_stopped:
+                self._clear_drivers_stop(stops)
+        except HeliosError as error:
+            log.error("the robot stays stopped: %s", error.message)
         self._publish_state()
+
+    def _clear_drivers_stop(self, stops: int) -> None:
+        """Clear the driver's stop; stop again if there are more stops than `stops` by then. Without
+        the lock, as it may take long: the robot may be remote."""
+        self._driver.clear_stop()
+        with self._stop_lock:
+            if self._stops != stops and not self._stop_hangs():
+                self._stop_call = self._executor.begin("stop", self._stop)
 
     def _clear_old_halt(self) -> None:
         """Clear the halt of a bridge that died before it could do so itself."""
@@ -405,11 +414,12 @@ class BridgeService:
             ours = bool(self._stopped_why) or self._halt_call is not None
             if ours or not (state.stopped and state.message.startswith(HALTED)):
                 return
-            try:
-                self._driver.clear_stop()
-                log.warning("an earlier bridge ended a drive; that is cleared: %s", state.message)
-            except HeliosError as error:
-                log.error("the robot stays stopped: %s", error.message)
+            stops = self._stops
+        try:
+            self._clear_drivers_stop(stops)
+            log.warning("an earlier bridge ended a drive; that is cleared: %s", state.message)
+        except HeliosError as error:
+            log.error("the robot stays stopped: %s", error.message)
         self._publish_state()
 
     # --- one action ---------------------------------------------------------------------------

@@ -127,15 +127,17 @@ class Map2DService:
             same = self._maps is not None and (
                 self._maps.rules == rules and self._maps.footprint_radius_m == radius_m
             )
-            first = self._maps is None
+            first, goes_on = self._maps is None, False
             if not same:
                 self._maps = self._fresh(EpochMaps(rules, radius_m, first_version=self._version()))
                 if first:
                     self._keeping.recover(self._maps)
-                    self._seek_stored()
+                    goes_on = self._seek_stored()
             frames, observations = [*self._frames_waiting], [*self._observations_waiting]
             self._frames_waiting.clear()
             self._observations_waiting.clear()
+        if goes_on:
+            self._taken_up()
         self._say()
         for frame in frames:
             self.on_keyframe(frame)
@@ -177,9 +179,10 @@ class Map2DService:
             before = self._maps.current if self._maps is not None else None
             if self._maps is not None:
                 self._maps.set_robot_world(*self._robot)
+            taken_up = another and self._seek_stored()
             goes_on = self._maps is not None and self._maps.current is not before
-            if another:
-                self._seek_stored()
+        if taken_up:
+            self._taken_up()
         if another:
             self._places.announce()
             self._say()
@@ -332,15 +335,32 @@ class Map2DService:
             maps.reset_search(context_from_proto(self._context))
         return maps
 
-    def _seek_stored(self) -> None:
-        """Seek the place of the map of an earlier process, if any. The lock is held."""
+    def _seek_stored(self) -> bool:
+        """Seek the place of the map of an earlier process, if any; if the robot is in its world,
+        go on with it. The lock is held. Returns True if a map goes on: then call `_taken_up`
+        without the lock."""
         if self._maps is None:
-            return
+            return False
+        sought = self._places.sought
+        if sought is not None and sought.world == self._maps.robot_world:
+            self._places.seek(None)
+        if self._keeping.take_up_stored():
+            return True
         stored = self._keeping.left_behind()
         if stored is None and self._places.sought is None:
             stored = self._keeping.stored(self._maps)
-        if stored is not None:
+        if stored is not None and stored[1] != self._maps.robot_world:
             self._places.seek(Sought(*stored))
+        return False
+
+    def _taken_up(self) -> None:
+        """Save a stored map that goes on as the present one, then seek one that it replaced."""
+        with self._lock:
+            present = self._maps is not None and self._maps.world == self._maps.robot_world
+        if present:
+            self._keeping.taken_over()
+            with self._lock:
+                self._seek_stored()
 
     def _catch_up(self) -> None:
         """Fill the search's layers from the stored views of a new present map without values."""

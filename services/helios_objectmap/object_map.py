@@ -55,7 +55,6 @@ HELD_OBJECT_M = 1.0  # while the gripper holds an object, nearer pixels of objec
 OPACITY = 0.99  # of a new Gaussian
 RADIUS_PX = 1.0  # standard deviation of a new Gaussian in the image
 CARVE_VIEWS = 2.0  # distinct views through a Gaussian that remove it
-MIN_GAUSSIANS = 5  # smaller instances are not reported
 HALF = 0.5
 WHOLE = 0.999  # sum of float32 shares from which a view counts as whole
 
@@ -92,7 +91,7 @@ class ObjectMap:
         """Take over a content; the past views, which it lacks, are empty."""
         self._store, self._registry = content.store, content.registry
         self._viewpoints, self._updates = content.viewpoints, content.updates
-        self._added_updates: list[int] = []  # update numbers of `add_stored`
+        self._added_updates = content.added_updates
         self._classes = SearchedClasses(self._settings, content.roles)
         self._past = PastViews()
         self._sightings, self._image_text = content.sightings, content.image_text
@@ -338,7 +337,7 @@ class ObjectMap:
         """Content of the map; its parts are the map's own objects, not copies."""
         return MapContent(
             self._store, self._registry, self._viewpoints, self._classes.roles, self._updates,
-            self._sightings, self._image_text,
+            self._sightings, self._image_text, self._added_updates,
         )  # fmt: skip
 
     def load_content(self, content: MapContent) -> None:
@@ -379,7 +378,7 @@ class ObjectMap:
         self._join(rows)
         self._registry.inherit_from(store.instance[rows], labels, content.registry)
         self._sightings.add_earlier(content.sightings.arrays(), T_here_there)
-        self._image_text.add_arrays(content.image_text.arrays(), T_here_there)
+        self._image_text.add_stored(content.image_text.arrays(), T_here_there)
         self._beliefs.drop_all()
         return len(rows)
 

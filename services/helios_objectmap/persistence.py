@@ -44,6 +44,7 @@ class MapContent:
     updates: int
     sightings: NameSightings = field(default_factory=NameSightings)
     image_text: ImageTextScores = field(default_factory=ImageTextScores)
+    added_updates: list[int] = field(default_factory=list)  # numbers of those that added a map
 
 
 def arrays_of(
@@ -59,6 +60,7 @@ def arrays_of(
         "class_names": content.store.class_names,
         "roles": {name: role.value for name, role in content.roles.items()},
         "updates": content.updates,
+        "added_updates": content.added_updates,
         "epoch": None if world is None else [world.robot_boot_id, world.world_epoch],
         "origin_id": "" if world is None else world.origin_id,
         "newest_seq": None if newest is None else newest.seq,
@@ -172,7 +174,10 @@ def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -
     }
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
     _check(store, registry, roles, viewpoints)
-    out = MapContent(store, registry, viewpoints, roles, int(header["updates"]))
+    added = [int(number) for number in header.get("added_updates", ())]
+    out = MapContent(
+        store, registry, viewpoints, roles, int(header["updates"]), added_updates=added
+    )
     if named := part("sightings."):  # files of earlier builds have none
         out.sightings.add_arrays(named)
     if rated := part("image_text."):

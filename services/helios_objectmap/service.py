@@ -436,7 +436,10 @@ class ObjectMapService:
         update_ms = (time.perf_counter() - began) * 1e3
         if self._maps.drop_fate() | self._errors.hear(observation.detector):
             self._say()
-        self._take_over_stored()
+        try:
+            self._take_over_stored()
+        except Exception:  # the observation is integrated all the same
+            log.exception("the stored objects cannot be used; their file stays")
         self._health.count("observations_accepted")
         self._health.sample("update_ms", update_ms)
         self._health.set("gaussians", report.total)
@@ -521,7 +524,8 @@ class ObjectMapService:
             self._health.count("maps_refused")
             self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
         except OSError as error:
-            self._refused = f"the kept map cannot be read: {error}"
+            aside = self._kept.put_aside()
+            self._refused = f"the kept map cannot be read and was {aside}: {error}"
         if self._map_said:
             log.warning("%s", self._map_said)
         self._kept.start()
@@ -530,6 +534,8 @@ class ObjectMapService:
         with self._lock:
             version = self._version
             if version == kept_version:
+                if self._stored.untidy:
+                    self._stored.tidy()
                 return None
             arrays = self._maps.arrays()
         return version, persistence.to_bytes(arrays)

@@ -11,7 +11,8 @@ from pydantic import Field
 
 
 class ObjectMapSettings(ServiceSettings):
-    """Defaults are those of Table 3 and of the reading notes; `creation_rule` has the paper's."""
+    """Settings of the object map. Defaults are those of Table 3 where it has one;
+    `creation_rule=paper` selects the paper's rule."""
 
     model_config = service_config("objectmap")
 
@@ -63,7 +64,9 @@ class ObjectMapSettings(ServiceSettings):
         "pixel of a mask does, as in the paper",
     )
     alpha_cpa: float = Field(
-        default=3.0, gt=0, description="weight of an observation (α_cpa, eq. 3)"
+        default=3.0,
+        gt=0,
+        description="factor of an observation's evidence in eq. 3 (α_cpa, Table 3)",
     )
     alpha_cs: float = Field(
         default=1.0, ge=0, description="weight of the uncertainty in a score (α_cs, eq. 7)"
@@ -168,8 +171,7 @@ class ObjectMapSettings(ServiceSettings):
     max_gaussians: int = Field(
         default=1_000_000,
         ge=1000,
-        description="most Gaussians; beyond, those of no searched class go first, then the "
-        "longest unseen",
+        description="most Gaussians; beyond, those of no class go first, then the longest unseen",
     )
     max_classes: int = Field(
         default=32,

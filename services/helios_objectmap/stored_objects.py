@@ -34,6 +34,7 @@ class StoredObjects:
         self._files = StoredMapFile(map_file), StoredMapFile(map_file, "older")
         self._maps: dict[WorldId, ObjectMap] = {}
         self._place = pb.Relocalisation()  # newest message of map2d
+        self.untidy = False  # True while there is a file of a map that was taken
         for file in self._files:
             self._read(file)
 
@@ -51,7 +52,7 @@ class StoredObjects:
             former = newest.read()
         except OSError:
             former = None
-        if former is not None:
+        if former is not None and persistence.world_of(former) != world:
             older.write(former)
         newest.write(data)
         others = [(w, m) for w, m in self._maps.items() if w != world]
@@ -73,16 +74,18 @@ class StoredObjects:
             file.remove()
 
     def take(self, world: WorldId) -> MapContent | None:
-        """Content of the stored map of a world, which is no longer stored then; None without
-        one."""
+        """Content of the stored map of a world, which is no longer stored then; None without one.
+        Its file stays until `tidy`."""
         stored = self._maps.pop(world, None)
         if stored is None:
             return None
-        self.tidy()
+        self.untidy = True
         return stored.content()
 
     def tidy(self) -> None:
-        """Remove the files of maps that are no longer stored."""
+        """Remove the files of maps that are no longer stored. Call it once the map that took them
+        over is on the disk."""
+        self.untidy = False
         for file in self._files:
             try:
                 data = file.read()
@@ -109,8 +112,8 @@ class StoredObjects:
         if world is None or world_from_proto(place.present) != world:
             return None
         T = place.T_present_stored
-        added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
         self._maps = {}
+        added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
         log.info("relocalised: %d Gaussians of the stored map are in use", added)
         return added
 

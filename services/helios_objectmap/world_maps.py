@@ -148,8 +148,10 @@ class WorldMaps:
         if file is not None and persistence.world_of(file) != self._maps.world:
             self._stored.store(file)
         world = self._maps.confirmed
-        own = None if world is None or len(self.current) else self._stored.take(world)
-        if own is None:
+        if world is None or (len(self.current) and self._restored is None):
+            return False
+        own = self._stored.take(world)
+        if own is None or len(self.current):  # a map that was saved later contains it
             return False
         self.current.load_content(own)
         return True

@@ -107,11 +107,18 @@ class Manipulation:
     # --- restart -------------------------------------------------------------------------------
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a crash of the planner, as JSON, for `restore`."""
-        return {"picks": self.picks, "falls": self.falls, "last_reason": self.last_reason}
+        return {
+            "picks": self.picks, "falls": self.falls, "last_reason": self.last_reason,
+            "failed_places": [[center, f.points, f.stands] for center, f in self._failed],
+        }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self.picks, self.falls = checkpoint["picks"], checkpoint["falls"]
         self.last_reason = checkpoint["last_reason"]
+        self._failed = [
+            ((x, y), _Failed([(px, py, pz) for px, py, pz in points], [(a, b) for a, b in stands]))
+            for (x, y), points, stands in checkpoint.get("failed_places", ())
+        ]
 
     @property
     def failed_places(self) -> int:

@@ -139,7 +139,10 @@ class PlannerService:
             return self._add(self._drafted(request, request.id)) if known is None else known
 
     def check(self, request: pb.SubmitRequest) -> pb.Task:
-        """The task that a request would add now; nothing is queued. Raises what `submit` does."""
+        """The task that a request would add now; nothing is queued.
+
+        Raises InvalidInput, and Conflict for an agent that cannot run.
+        """
         return task_to_proto(self._drafted(request, request.id))
 
     def _drafted(self, request: pb.SubmitRequest, id: str) -> Task:

@@ -42,7 +42,7 @@ class MapFiles:
         maps: Callable[[], EpochMaps | None],
         say: Callable[[], None],
     ) -> None:
-        """say: called when the result of `said` has changed."""
+        """say: called when the result of `health_note` has changed."""
         self._trouble = ""  # problem with saving the map
         self._refused = ""  # why the saved map was refused; reported until the process ends
         self._restored: tuple[EpochMap, str, str] | None = None  # map, time of saving, content
@@ -68,7 +68,7 @@ class MapFiles:
     def note_map_change(self, searching: bool) -> bool:
         """Note a change of the present map, which then differs from the saved one.
 
-        Returns True if the result of `said` has changed.
+        Returns True if the result of `health_note` has changed.
         The note about a saved map of another world stays until an image for a search is fused
         (searching), as in the object map.
         """
@@ -91,12 +91,10 @@ class MapFiles:
             if found is not None:
                 self._restore(found, maps)
         except OSError as error:
-            self._troubled(f"the kept map cannot be read: {error}")
+            self._refuse(f"the kept map cannot be read and was {self._kept.put_aside()}: {error}")
         except InvalidInput as error:
             aside = self._kept.put_aside()
-            self._refused = f"the kept map was refused and {aside}: {error.message}"
-            log.warning("%s", self._refused)
-            self._trouble = self._refused
+            self._refuse(f"the kept map was refused and {aside}: {error.message}")
         self._kept.start()
 
     def stored(self, maps: EpochMaps) -> tuple[EpochMap, WorldId] | None:
@@ -113,6 +111,20 @@ class MapFiles:
             log.error("the stored map was refused and is removed: %s", error.message)
             self._stored.remove()
         return None
+
+    def take_up_stored(self) -> bool:
+        """Go on with the stored map if the robot is in its world; its file stays until
+        `taken_over`. Returns True if it goes on. The caller holds the lock."""
+        maps = self._maps()
+        if maps is None or maps.robot_world is None:
+            return False
+        found = self.stored(maps)
+        if found is None or found[1] != maps.robot_world:
+            return False
+        if maps.current is not None and maps.world == maps.robot_world:
+            return False  # newer
+        maps.keep(found[1], found[0])
+        return True
 
     def left_behind(self) -> tuple[EpochMap, WorldId] | None:
         """Map and world of an earlier process's map that is of another world than the robot's, at
@@ -208,7 +220,6 @@ class MapFiles:
                 raise Unavailable("the maps were reset meanwhile; load again")
             present = maps.robot_world or maps.world
             stored = not (request.same_frame or world in (None, present))
-            self._restored = self._found = None
             if stored and world is not None:
                 self._stored.write(request.files[0].data)
                 seek(Sought(state, world))
@@ -216,6 +227,7 @@ class MapFiles:
                 maps.replace(state)
                 self._stored.remove()
                 seek(None)
+            self._restored = self._found = None
             published = state.published
             views = len(state.memory)
         known_m2, occupied_m2 = areas_m2(published)
@@ -237,6 +249,10 @@ class MapFiles:
             views = current.memory.snapshot() if current is not None else ()
             world = maps.world if maps is not None else None
         return published.version, encode_map(published, views, world)
+
+    def _refuse(self, reason: str) -> None:
+        self._refused = self._trouble = reason
+        log.warning("%s", reason)
 
     def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
         try:

@@ -19,7 +19,7 @@ STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the neighbour at 
 @njit(cache=True, nogil=True)
 def update_open_ground(
     before, occupancy, row_lo, column_lo, half_widths,  # see `follow_obstacles`
-    crowd, labels, counts, edges, offsets,  # see `ReachableFloor`
+    obstacle_count, labels, counts, edges, offsets,  # see `ReachableFloor`
 ):  # fmt: skip
     """Update the open ground after a change of occupancy.
 
@@ -27,8 +27,8 @@ def update_open_ground(
     labels.
     """
     stale = np.zeros(counts.shape, np.uint8)
-    follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale)
-    label_tiles(occupancy, crowd, stale, labels, counts, edges)
+    follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, obstacle_count, stale)
+    label_tiles(occupancy, obstacle_count, stale, labels, counts, edges)
     return number_components(counts, offsets), stale
 
 
@@ -43,7 +43,7 @@ def number_components(counts, offsets):
 
 
 @njit(cache=True, nogil=True)
-def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale):
+def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, obstacle_count, stale):
     """Add new obstacles to the counts in the discs around them, and subtract vanished ones.
 
     `before` int8 [rows, columns] is the former occupancy of a box whose corner on the grid is
@@ -52,7 +52,7 @@ def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, s
     """
     rows, columns = before.shape
     reach = half_widths.size // 2
-    height, width = crowd.shape
+    height, width = obstacle_count.shape
     for r in range(rows):
         row = r + row_lo
         for first in range(0, columns, TILE):
@@ -69,7 +69,7 @@ def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, s
                     continue
                 stale[row // TILE, column // TILE] = 1
                 if old == 100 or new == 100:
-                    count_disc(row, column, 1 if new == 100 else -1, half_widths, crowd)
+                    count_disc(row, column, 1 if new == 100 else -1, half_widths, obstacle_count)
                     top, bottom = max(0, row - reach), min(height - 1, row + reach)
                     left, right = max(0, column - reach), min(width - 1, column + reach)
                     for y in range(top // TILE, bottom // TILE + 1):
@@ -78,18 +78,20 @@ def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, s
 
 
 @njit(cache=True, nogil=True)
-def count_disc(row, column, step, half_widths, crowd):
+def count_disc(row, column, step, half_widths, obstacle_count):
     """Add `step` to the cells of a disc; `half_widths`: half width of each of its rows."""
     reach = half_widths.size // 2
-    height, width = crowd.shape
+    height, width = obstacle_count.shape
     for y in range(max(0, row - reach), min(height - 1, row + reach) + 1):
         half = half_widths[y - row + reach]
         for x in range(max(0, column - half), min(width, column + half + 1)):
-            crowd[np.uint64(y), np.uint64(x)] += np.uint16(step)  # unsigned index: no check
+            obstacle_count[np.uint64(y), np.uint64(x)] += np.uint16(
+                step
+            )  # unsigned index: no check
 
 
 @njit(cache=True, nogil=True)
-def label_tiles(occupancy, crowd, stale, labels, counts, edges):
+def label_tiles(occupancy, obstacle_count, stale, labels, counts, edges):
     """Relabel the open ground of stale tiles, 4-connected within each tile, from 1.
 
     `edges` uint16 [tile rows, tile columns, 4, TILE] gets the labels along their sides.
@@ -99,7 +101,9 @@ def label_tiles(occupancy, crowd, stale, labels, counts, edges):
     for tr in range(stale.shape[0]):
         for tc in range(stale.shape[1]):
             r0, c0 = tr * TILE, tc * TILE
-            if stale[tr, tc] == 0 or not open_anew(occupancy, crowd, labels, r0, c0, open_ground):
+            if stale[tr, tc] == 0 or not open_anew(
+                occupancy, obstacle_count, labels, r0, c0, open_ground
+            ):
                 continue
             n = label_runs(open_ground, parent, labels[r0 : r0 + TILE, c0 : c0 + TILE])
             found = 0
@@ -122,17 +126,20 @@ def label_tiles(occupancy, crowd, stale, labels, counts, edges):
 
 
 @njit(cache=True, nogil=True)
-def open_anew(occupancy, crowd, labels, r0, c0, open_ground):
+def open_anew(occupancy, obstacle_count, labels, r0, c0, open_ground):
     """Write the open cells of a tile to `open_ground` uint8 [TILE, TILE].
 
     Returns True if they differ from the labelled cells.
     """
     other = np.uint8(0)
     for y in range(TILE):
-        state, crowded = occupancy[r0 + y][c0 : c0 + TILE], crowd[r0 + y][c0 : c0 + TILE]
+        state, near_obstacles = (
+            occupancy[r0 + y][c0 : c0 + TILE],
+            obstacle_count[r0 + y][c0 : c0 + TILE],
+        )
         label, line = labels[r0 + y][c0 : c0 + TILE], open_ground[y]
         for x in range(TILE):
-            line[x] = (state[x] == 0) & (crowded[x] == 0)
+            line[x] = (state[x] == 0) & (near_obstacles[x] == 0)
         for x in range(TILE):
             other |= line[x] ^ np.uint8(label[x] != 0)
     return other != 0
@@ -175,7 +182,7 @@ def label_runs(open_ground, parent, labels):
 
 
 @njit(cache=True, nogil=True)
-def crossable(occupancy, crowd, corner, cell, radius_cells, near):
+def crossable(occupancy, obstacle_count, corner, cell, radius_cells, near):
     """Cells around the robot that it may cross: `near` uint8, a box with its corner at `corner`.
 
     On entry `near` is 1 where the robot may cross unknown ground. Free ground is added, cells with
@@ -185,10 +192,10 @@ def crossable(occupancy, crowd, corner, cell, radius_cells, near):
     for r in range(near.shape[0]):
         row = r + corner[0]
         state = occupancy[row][corner[1] : corner[1] + near.shape[1]]
-        crowded = crowd[row][corner[1] : corner[1] + near.shape[1]]
+        near_obstacles = obstacle_count[row][corner[1] : corner[1] + near.shape[1]]
         own = radius_cells * radius_cells - (row - cell[0]) ** 2
         for c in range(near.shape[1]):
-            open_ground = ((near[r, c] != 0) | (state[c] == 0)) & (crowded[c] == 0)
+            open_ground = ((near[r, c] != 0) | (state[c] == 0)) & (near_obstacles[c] == 0)
             inside = ((c + corner[1] - cell[1]) ** 2 <= own) & (state[c] != 100)
             near[r, c] = open_ground | inside
     near[cell[0] - corner[0], cell[1] - corner[1]] = 1
@@ -288,7 +295,7 @@ def mark_other_reach(offsets, counts, reached, former_offsets, former_reached, o
 
 @njit(cache=True, nogil=True)
 def reach(
-    occupancy, crowd, labels, edges, offsets, components,  # the whole map; see `ReachableFloor`
+    occupancy, obstacle_count, labels, edges, offsets, components,  # the whole map; see `ReachableFloor`
     cell, blind_cells, radius_cells,
 ):  # fmt: skip
     """Ground reachable from a cell: uint8 by component, uint8 by cell of a box around the cell, and
@@ -300,6 +307,6 @@ def reach(
     near, got = np.zeros((rows, columns), np.uint8), np.zeros((rows, columns), np.uint8)
     reached = np.zeros(components, np.uint8)
     near_ground(occupancy, corner, cell, blind_cells, near)
-    crossable(occupancy, crowd, corner, cell, radius_cells, near)
+    crossable(occupancy, obstacle_count, corner, cell, radius_cells, near)
     walk(labels, edges, offsets, near, corner, cell, reached, got)
     return reached, got, corner

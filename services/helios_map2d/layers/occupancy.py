@@ -49,8 +49,8 @@ class OccupancyRules:
     miss_loss: int = 2
     through_tolerance_m: float = 0.03
     through_tolerance_ratio: float = 0.02
-    veil_jump_m: float = 0.05
-    veil_jump_ratio: float = 0.03
+    flying_jump_m: float = 0.05
+    flying_jump_ratio: float = 0.03
     floor_gap_m: float = 0.30
     shadow_m: float = 0.30
     body_margin_m: float = 0.05
@@ -127,7 +127,7 @@ class OccupancyLayer:
         pose = pose_in_window(view)
         limits = np.array(
             [view.min_depth_m, view.max_depth_m, rules.floor_tolerance_m, rules.band_lo_m,
-             rules.band_hi_m, rules.band_rise_per_m, rules.veil_jump_m, rules.veil_jump_ratio,
+             rules.band_hi_m, rules.band_rise_per_m, rules.flying_jump_m, rules.flying_jump_ratio,
              1.0 / cell_m],
             np.float32,
         )  # fmt: skip

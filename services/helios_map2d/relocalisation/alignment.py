@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helios_map2d.relocalisation.correlation import candidates
+from helios_map2d.relocalisation.correlation import APART_M, APART_RAD, candidates
 from helios_map2d.relocalisation.grid_fields import (
     OccupancyGrid,
     PresentPoints,
@@ -22,7 +22,6 @@ from helios_map2d.relocalisation.refinement import Fit, fit_of, refined
 
 _MODES = 24  # coarse transforms that are refined
 _LEAST_POINTS = 20
-APART_M, APART_RAD = 0.3, math.radians(6)  # between two distinct transforms
 
 
 @dataclass(frozen=True)

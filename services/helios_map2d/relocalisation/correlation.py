@@ -25,6 +25,7 @@ CONTRADICTED_SURFACE = 0.5  # weight against, in weights of an agreeing surface
 CONTRADICTED_FREE_PER_M = 3.0  # metres of surface that a square metre of floor in obstacles costs
 _INSIDE_M = 0.1  # floor counts as inside an obstacle from this depth
 _APART_CELLS = 3  # between two maxima of one turn
+APART_M, APART_RAD = 0.3, math.radians(6)  # between two distinct transforms
 _PER_TURN = 6
 
 
@@ -113,7 +114,7 @@ def _distinct(found: list[Candidate], centre: Points, most: int) -> list[Candida
     out: list[Candidate] = []
     for one in found:
         if all(
-            away > 0.3 or turned > math.radians(6)
+            away > APART_M or turned > APART_RAD
             for away, turned in (
                 one.T_stored_present.difference(other.T_stored_present, centre) for other in out
             )

@@ -108,7 +108,8 @@ def accumulate(
 
     rows: [k], distinct; kappa: [k, 1 + C] summed per label, "other" first, then the context's
     classes; columns: [C] store columns of those classes; weights: [k, C] share in [0, 1] that the
-    view gives a Gaussian and class. For class c, eq. 3 is
+    view gives a Gaussian and class. For class c, eq. 3 with the factor α_cpa (section 6.1) and the
+    view's weight, which is not the paper's, is
         positive_c += weight_c * alpha_cpa * kappa_c,    asked_c += weight_c * alpha_cpa * sum kappa
     so evidence never falls, and is linear in alpha_cpa.
     """

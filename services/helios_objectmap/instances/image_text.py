@@ -27,6 +27,7 @@ small.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,6 +45,8 @@ from helios_objectmap.instances.clustering import BITS, voxel_keys
 from helios_objectmap.instances.voxel_entries import check_within, moved_keys
 from helios_objectmap.instances.voxel_numbers import NO_VOXEL, VoxelNumbers
 
+log = logging.getLogger(__name__)
+
 VOXEL_M = 0.2
 WIDTH_PX = 80  # largest width of the image from which voxels are filled
 FULL_SHARE = 0.1  # of an image, summed over the views of a sector
@@ -54,7 +57,7 @@ SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
 LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less, L is 0
 MOST_NATS = 6.0  # largest L, both ways
-MOST_SUMS = 2**22  # voxels times classes of a map file: 400 MB
+MOST_SUMS = 2**22  # voxels times classes: 400 MB
 _LEAST = 1e-4  # score in the odds; also 1 minus the largest one
 
 
@@ -101,14 +104,20 @@ class ImageTextScores:
         self._scores: dict[str, _Distribution] = {}
 
     def note(self, reading: LabelImage, scores: Mapping[str, float]) -> None:
-        """Add a view. scores: class -> image-text score, 0 to 1."""
+        """Add a view. scores: class -> image-text score, 0 to 1. A view that would exceed
+        `MOST_SUMS` is left out."""
         if not scores:
             return
         coarse = max(1, -(-reading.view.width // WIDTH_PX))
         depth_m = reading.depth_m[offset(coarse) :: coarse, offset(coarse) :: coarse]
         measured = depth_m > 0
         points = reading.view.strided(coarse).lift(depth_m, measured)
-        voxels = self._voxels.of_keys(voxel_keys(points, VOXEL_M))
+        keys = voxel_keys(points, VOXEL_M)
+        if not self._has_room(len(keys), scores) and not self._has_room(
+            len(np.unique(keys[self._voxels.known(keys) == NO_VOXEL])), scores
+        ):
+            return
+        voxels = self._voxels.of_keys(keys)
         for name, score in scores.items():
             self._scores.setdefault(name, _Distribution()).add(score)
             sums = self._of_class(name)
@@ -164,9 +173,8 @@ class ImageTextScores:
         for index, n in ((voxel, len(keys)), (sector, SECTORS), (of_class, len(names))):
             check_within(index, n)
         used, voxel = np.unique(voxel, return_inverse=True)
-        n_voxels = len(self._voxels) + len(used)
-        if n_voxels * len(self._scores.keys() | set(names)) > MOST_SUMS:
-            raise ValueError(f"image-text scores of {n_voxels} voxels and {len(names)} classes")
+        if not self._has_room(len(used), names):
+            raise ValueError(f"image-text scores of {len(used)} voxels and {len(names)} classes")
         numbers = self._voxels.of_keys(keys[used])
         turned = 0 if T_here_there is None else round(yaw_of(T_here_there) * SECTORS / math.tau)
         for k, name in enumerate(names):
@@ -175,6 +183,18 @@ class ImageTextScores:
             own = of_class == k
             at = numbers[voxel[own]], (sector[own] + turned) % SECTORS
             np.add.at(self._of_class(name), at, sums[own])
+
+    def add_stored(self, arrays: Mapping[str, NDArray], T_here_there: Matrix) -> None:
+        """Add the scores of another map as `add_arrays` does, or none if they would exceed
+        `MOST_SUMS`."""
+        if self._has_room(len(np.unique(arrays["voxel"])), arrays["names"].tolist()):
+            self.add_arrays(arrays, T_here_there)
+        else:
+            log.warning("image-text scores of a stored map are left out: both maps are too large")
+
+    def _has_room(self, new_voxels: int, names: Iterable[str]) -> bool:
+        classes = self._scores.keys() | set(names)
+        return (len(self._voxels) + new_voxels) * len(classes) <= MOST_SUMS
 
     def of(
         self, points: NDArray[np.float32], rows: NDArray[np.integer], class_name: str

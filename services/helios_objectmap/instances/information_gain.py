@@ -52,7 +52,7 @@ class EvidenceParameters:
     """Weights with which evidence counts."""
 
     prior: float  # concentration of each class before any view
-    alpha_cpa: float  # factor of each observation (eq. 3); with votes, of each sector
+    alpha_cpa: float  # factor of each observation in eq. 3; with votes, of each sector
     alpha_cs: float  # weight of the uncertainty (eq. 7)
     other: float = 0.0  # share of the expected evidence for "other"; 0 is optimistic
     n_classes: int = 0  # classes with "other", if more than the member's and "other"

@@ -102,7 +102,7 @@ def project(
     rows: NDArray[np.int32] | None = None,
     far_m: float = FAR_M,
 ) -> CpuProjection:
-    """Project Gaussians into a view and order them by depth: see `rendering.Project`."""
+    """Project Gaussians into a view and order them by depth: see `renderer_interface.Project`."""
     if rows is None:
         rows = np.arange(len(means), dtype=np.int32)
     n, width, height = len(rows), view.width, view.height

@@ -150,7 +150,7 @@ def project(
     rows: NDArray[np.int32] | None = None,
     far_m: float = FAR_M,
 ) -> CudaProjection:
-    """Project Gaussians into a view and order them by depth: see `rendering.Project`."""
+    """Project Gaussians into a view and order them by depth: see `renderer_interface.Project`."""
     import torch
 
     if rows is None:
@@ -199,7 +199,7 @@ def splats_of(
     far_m: float,
     device: str,
 ) -> Splats:
-    """EWA projection in torch; equivalent to `kernels.projection.project_kernel`."""
+    """EWA projection in torch; equivalent to `rendering.kernels.project_kernel`."""
     import torch
 
     def tensor(array: NDArray) -> Tensor:

@@ -84,13 +84,22 @@ def changes_of(texts: Mapping[str, str]) -> dict[str, float]:
 def with_replay_settings(decision: Decision, settings: Settings) -> Decision:
     """The decision with the values needed to recompute it: the class score threshold of its
     candidates, and the τ of which its threshold is a share."""
-    reads = _READS.get(decision.rule, {})
+    reads = _read_by(decision) or {}
     more = {
         name: float(getattr(settings, reads[own]))
         for name, own in (("class_threshold", "class_threshold"), (_TAU, "threshold"))
         if own in reads
     }
     return replace(decision, settings=decision.settings | more)
+
+
+def _read_by(decision: Decision) -> dict[str, str] | None:
+    """Settings that the decision's rule reads; None for a rule without settings. A task "go to
+    the sofa" stops at a receptacle, which has the thresholds of receptacles."""
+    at_receptacle = any(c.kind == "receptacle" for c in decision.candidates)
+    if decision.rule == DecisionRule.STOP and at_receptacle:
+        return _PLACE
+    return _READS.get(decision.rule)
 
 
 def _own_value(decision: Decision, own: str, value: float) -> float:
@@ -104,7 +113,7 @@ def _own_value(decision: Decision, own: str, value: float) -> float:
 
 def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
     """The decision under its own settings, except for `changes` (name of a setting -> value)."""
-    reads = _READS.get(decision.rule)
+    reads = _read_by(decision)
     if reads is None:  # rules without settings: trusted detector, frontier by value, best view
         known = not changes.keys() & _UNSTORED.get(decision.rule, set())
         return Recomputed(decision, flips=False, certain=known)

@@ -15,8 +15,8 @@ ANY_SCORE = -1.0  # below every score; no threshold can be set to it
 class DecisionRule(StrEnum):
     """Names of the decision rules, as stored, published and shown.
 
-    A rule for frontiers by value has the layer in its name ("frontier by pick value"), and a
-    plug-in's rule has its own name: `Decision.rule` is any text.
+    A rule for frontiers by value has the layer in its name ("frontier by pick value", "keep the
+    frontier by pick value"), and a plug-in's rule has its own name: `Decision.rule` is any text.
     """
 
     PICK = "pick (eq. 7, 11)"
@@ -28,6 +28,7 @@ class DecisionRule(StrEnum):
     IN_HAND = "look at what is held"
     UNNAMED = "unnamed things"
     GAZE_POINTS_FIRST = "gaze points first"
+    TRUST = "trust the detector"
     GIVEN_UP = "given up"
     ABSENT = "not here"
     NEAREST_FRONTIER = "nearest frontier"

@@ -154,7 +154,7 @@ def gaze_points(
 
 @dataclass(frozen=True)
 class PlaceRules:
-    """Rules for placing points, lengths in metres; see the settings `place_*`."""
+    """Rules for placing points, lengths in metres."""
 
     inset_m: float
     flat_m: float

@@ -39,7 +39,7 @@ from helios_core.topics import (
     SNAPSHOT,
     WHAT_IF,
 )
-from helios_core.types import AlignedBox, FrameId, ObjectInstance, RobotState
+from helios_core.types import AlignedBox, FrameId, ObjectInstance, RobotState, WorldId
 from numpy.typing import NDArray
 
 from helios_planner.decisions.held_object import HeldObject
@@ -139,11 +139,10 @@ class RobotClient(RobotInterface):
             self._line.rest(RETRY_S)
 
     @property
-    def world(self) -> tuple[str, int]:
-        """Boot id and world epoch of the newest keyframe. Raises LookupError before the first."""
-        if self._frame is None:
-            raise LookupError("the robot has sent no keyframe yet")
-        return self._frame.epoch
+    def world(self) -> WorldId:
+        """World of the robot's poses."""
+        now = self._now()
+        return WorldId.of(now.robot_boot_id, now.world_epoch, now.origin_id)
 
     def end(self) -> None:
         """Close the subscriptions, and release the robot."""

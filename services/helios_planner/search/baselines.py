@@ -22,7 +22,7 @@ from helios_planner.decisions.acceptance import (
     position_of,
     visit_first,
 )
-from helios_planner.decisions.decision import Act, Decision, Do
+from helios_planner.decisions.decision import Act, Decision, DecisionRule, Do
 from helios_planner.match_radii import (
     PICKED_PLACE_M,
     SAME_INSTANCE_M,
@@ -92,7 +92,7 @@ class TrustingSearch(Search):
             candidates.append(
                 Candidate(kind, thing.class_name, position_of(thing), terms, thing.id)
             )
-        rule = "trust the detector"
+        rule = DecisionRule.TRUST
         if not candidates:
             return Decision(rule, Do.SEARCH_ON, (), None, explanations.none_reported(self.name))
         k = best_of(candidates)

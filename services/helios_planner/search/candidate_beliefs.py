@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from helios_core import proto as pb
@@ -47,11 +47,11 @@ class Belief(ABC):
         """Remove an object that was picked up."""
 
     @abstractmethod
-    def checkpoint(self) -> list[str]:
+    def checkpoint(self) -> dict[str, Any]:
         """State that only this belief holds, as JSON, for `restore`."""
 
     @abstractmethod
-    def restore(self, checkpoint: Sequence[str]) -> None:
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
         """Restore the state that `checkpoint` returned."""
 
 
@@ -75,10 +75,10 @@ class MapBelief(Belief):
     def taken(self, thing: ObjectInstance) -> None:
         self.robot.retire(thing.id, np.asarray(thing.center_m), "picked up")
 
-    def checkpoint(self) -> list[str]:
-        return []
+    def checkpoint(self) -> dict[str, Any]:
+        return {}
 
-    def restore(self, checkpoint: Sequence[str]) -> None:
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
         """Do nothing: the object map keeps its own state."""
 
 
@@ -108,13 +108,14 @@ class TrustingBelief(Belief):
     def taken(self, thing: ObjectInstance) -> None:
         self._things = [t for t in self._things if t.id != thing.id]
 
-    def checkpoint(self) -> list[str]:
-        return [object_to_proto(t).SerializeToString().hex() for t in self._things]
+    def checkpoint(self) -> dict[str, Any]:
+        things = [object_to_proto(t).SerializeToString().hex() for t in self._things]
+        return {"things": things, "newest_id": self._ids}
 
-    def restore(self, checkpoint: Sequence[str]) -> None:
-        kept = (pb.ObjectInstance.FromString(bytes.fromhex(text)) for text in checkpoint)
+    def restore(self, checkpoint: Mapping[str, Any]) -> None:
+        kept = (pb.ObjectInstance.FromString(bytes.fromhex(t)) for t in checkpoint["things"])
         self._things = [object_from_proto(thing) for thing in kept]
-        self._ids = max((t.id for t in self._things), default=0)
+        self._ids = checkpoint["newest_id"]
 
     def _take_in(self, sighting: Sighting) -> None:
         self._put(sighting, self._known_as(sighting))

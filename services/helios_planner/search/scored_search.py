@@ -380,12 +380,15 @@ class ReceptacleSearch(ScoredSearch):
         return candidate not in self._failed and super().open(candidate)
 
     def checkpoint(self) -> dict[str, Any]:
-        return super().checkpoint() | {"failed": self._failed.checkpoint()}
+        return super().checkpoint() | {
+            "failed": self._failed.checkpoint(), "in_last_resort": self._in_last_resort,
+        }  # fmt: skip
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
         if "failed" in checkpoint:
             self._failed.restore(checkpoint["failed"])
+        self._in_last_resort = bool(checkpoint.get("in_last_resort"))
 
     def confirmed(self, near: ObjectInstance | None) -> bool:
         """Also True at the last threshold: no time is left for another receptacle."""

@@ -13,6 +13,7 @@ from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError
 from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.topics import CONTEXT, VOCABULARY
+from helios_core.types import WorldId
 
 from helios_planner.agents import agent_named
 from helios_planner.refuted_things import RefutedThings
@@ -143,7 +144,7 @@ class TaskExecutor:
             return (MapPart.OCCUPANCY,)
         return agent_named(self._task.agent).belief.required_parts
 
-    def _refuted(self, world: tuple[str, int]) -> RefutedThings:
+    def _refuted(self, world: WorldId) -> RefutedThings:
         """Things that looked wrong in the hand in earlier tasks of this world."""
         store = self._store
         return RefutedThings(store.refuted(world), lambda things: store.keep_refuted(world, things))

@@ -15,14 +15,15 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
+from helios_core.types import WorldId
 
-from helios_planner.refuted_things import RefutedThing
+from helios_planner.refuted_things import KEPT_S, RefutedThing
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
 from helios_planner.tasks.write_proof import WriteProof
 
@@ -163,22 +164,23 @@ class Store:
             raise ValueError(str(error)) from error
 
     # --- things that looked wrong in the hand --------------------------------------------------
-    def refuted(self, world: tuple[str, int]) -> list[RefutedThing]:
-        """Refuted things of a world (boot id, world epoch), oldest first."""
+    def refuted(self, world: WorldId) -> list[RefutedThing]:
+        """Refuted things of a world, oldest first."""
         with self._lock:
             rows = self._db.execute(
                 "SELECT class, x_m, y_m, z_m, probability, unnamed, at_s FROM refuted "
                 "WHERE world = ? ORDER BY at_s",
-                (json.dumps(world),),
+                (_name(world),),
             ).fetchall()
         return [RefutedThing(c, (x, y, z), p, bool(u), at_s) for c, x, y, z, p, u, at_s in rows]
 
-    def keep_refuted(self, world: tuple[str, int], things: Iterable[RefutedThing]) -> bool:
-        """Store the refuted things of the present world, and delete those of all others."""
-        here = json.dumps(world)
+    def keep_refuted(self, world: WorldId, things: Iterable[RefutedThing]) -> bool:
+        """Replace the refuted things of a world, and delete those of others that are too old."""
+        here = _name(world)
         rows = [(here, t.class_name, *t.center_m, t.probability, t.unnamed, t.at_s) for t in things]
         put = "INSERT INTO refuted VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
-        return self._write(("DELETE FROM refuted", ()), *[(put, row) for row in rows])
+        delete = "DELETE FROM refuted WHERE world = ? OR at_s < ?"
+        return self._write((delete, (here, time.time() - KEPT_S)), *[(put, row) for row in rows])
 
     # --- the planner itself --------------------------------------------------------------------
     def pulse(self, at_s: float) -> bool:
@@ -272,6 +274,11 @@ class Store:
         self._fault = fault
         log.error("%s; until then no task and no action is begun", fault)
         return True
+
+
+def _name(world: WorldId) -> str:
+    """Key of a world in the table of refuted things."""
+    return json.dumps(astuple(world))
 
 
 def _row(task: pb.Task) -> tuple:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
+from typing import Any
 
 import pytest
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings
 from helios_core import proto as pb
 from helios_core.errors import Conflict, Unavailable
+from helios_core.health import Health
 from helios_core.heartbeat import HALTED
+from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import ACT, LEASE, STOP
-from helios_core.types import RobotState
+from helios_core.types import RobotDescription, RobotState
 
 from tests.support import wait_until
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -111,3 +116,48 @@ def test_a_stop_during_the_halt_stays_latched() -> None:
     with pytest.raises(Conflict, match="a child"):
         act(stage, "b", beats=False)
     wait_until(lambda: bool(robot.stopped), 5, "the robot is stopped")
+
+
+def test_a_stop_does_not_wait_for_a_driver_that_is_slow_to_clear_a_halt() -> None:
+    class SlowToClear(LineRobot):
+        def __init__(self) -> None:
+            super().__init__()
+            self.clearing, self.go_on = threading.Event(), threading.Event()
+
+        def clear_stop(self) -> None:
+            self.clearing.set()
+            self.go_on.wait(10)
+            super().clear_stop()
+
+    robot = SlowToClear()
+    stage = Stage(robot, heartbeat_s=0.1, stop_timeout_s=2.0)
+    robot.hold.clear()
+    acting = threading.Thread(target=act, args=(stage, "a", True))
+    acting.start()
+    assert robot.clearing.wait(10)
+    stage.other.call(STOP, pb.StopRequest(reason="a child"), 5)
+    assert robot.stopped == "a child"
+    robot.go_on.set()
+    acting.join(10)
+    wait_until(lambda: robot.stopped == "a child", 5, "the robot is stopped again")
+    assert stage.bridge.state().stopped
+    with pytest.raises(Conflict, match="a child"):
+        act(stage, "b", beats=False)
+
+
+def test_a_bridge_whose_robot_is_away_leaves_no_subscription() -> None:
+    class Away(LineRobot):
+        def describe(self) -> RobotDescription:
+            raise Unavailable("the robot is switched off")
+
+    class Counting(MemoryBus):
+        subscriptions = 0
+
+        def subscribe(self, *args: Any, **kwargs: Any) -> None:
+            self.subscriptions += 1
+            super().subscribe(*args, **kwargs)
+
+    bus = Counting(MemoryHub())
+    with pytest.raises(Unavailable, match="switched off"):
+        BridgeService(bus, Away(), Settings(stream_hz=0.0), Health())
+    assert bus.subscriptions == 0

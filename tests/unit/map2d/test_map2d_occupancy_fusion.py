@@ -223,7 +223,7 @@ def test_no_pixel_of_a_frame_remains_for_the_next_frame(
     """All pixels lie in cells that are processed, at any camera orientation."""
     depth = np.random.default_rng(5).uniform(nearest_m, 5.0, (48, 64)).astype(np.float32)
     grid = GridSpec.centred_on(0, 0, CELL_M, 300)
-    layer = OccupancyLayer(grid, OccupancyRules(band_rise_per_m=0.0, veil_jump_m=10.0))
+    layer = OccupancyLayer(grid, OccupancyRules(band_rise_per_m=0.0, flying_jump_m=10.0))
     T = camera_pose(0, 0, yaw, pitch, roll)
     layer.integrate(view_of(depth, CAMERA, T, grid, 0.1, 5.0), (0.0, 0.0), 0.0)
     count, low, high = layer._pixels

@@ -138,3 +138,30 @@ def test_an_autosaved_map_of_another_origin_is_reported_as_unused(tmp_path: Path
     again.say_epoch("monday", origin="garage")
     assert again.snapshot().cell_m == 0
     assert "has other coordinates than the robot has now" in again.health.state[1]
+
+
+@pytest.mark.parametrize("restarts", [True, False])
+def test_a_robot_that_returns_to_an_earlier_origin_goes_on_with_its_stored_map(
+    tmp_path: Path, restarts: bool
+) -> None:
+    flags = autosave_flags(tmp_path)
+    home = rig_with_map(*flags)
+    home.service.close()
+    garage = Rig(*flags)
+    garage.say_epoch("tuesday", origin="garage")
+    for yaw in range(6):
+        garage.keyframe(frame_after_start(garage, "tuesday", "garage", yaw=float(yaw)))
+    assert "until the robot has found its place" in garage.health.state[1]
+    back = garage
+    if restarts:
+        garage.service.close()
+        back = Rig(*flags)
+    back.say_epoch("wednesday", origin=ORIGIN)
+    back.keyframe(frame_after_start(back, "wednesday", ORIGIN))
+    assert_same_memory(home, back)
+    assert back.snapshot().occupied_m2 == pytest.approx(home.snapshot().occupied_m2, rel=0.1)
+    back.service.close()
+    kept = Rig(*flags)
+    kept.say_epoch("thursday", origin=ORIGIN)
+    assert kept.snapshot().occupied_m2 > 0
+    assert ("stored map" in kept.health.state[1]) is restarts  # the garage's

@@ -195,6 +195,37 @@ def test_a_file_that_would_fill_the_memory_is_refused(
         loaded(arrays)
 
 
+def test_a_map_that_reaches_the_limit_leaves_out_scores_and_can_be_saved_and_joined(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def grown() -> ObjectMap:
+        objects = ObjectMap(COMPARED)
+        for seq, eye in enumerate(EYES):
+            view = observe(SCENE, looking_at(*eye, (1.3, 0.0, 0.7)), seq=seq)
+            objects.update(replace(view, class_scores={"table": 0.8}), CONTEXT)
+        return objects
+
+    whole = len(grown().content().image_text.arrays()["keys"])
+    limit = whole * 2 // 3
+    monkeypatch.setattr(image_text, "MOST_SUMS", limit)
+    objects = grown()
+    assert 0 < len(objects.content().image_text.arrays()["keys"]) <= limit
+    again = ObjectMap(COMPARED)
+    again.load_content(loaded(saved(objects)))
+    gaussians = len(again)
+    added = again.add_stored(loaded(saved(objects)), se2_to_se3(9.0, 0.0, 0.0))
+    assert len(again) == gaussians + added == 2 * gaussians
+    assert len(again.content().image_text.arrays()["keys"]) <= limit
+
+
+def test_objects_of_a_stored_map_are_known_as_such_after_a_restart(seen: ObjectMap) -> None:
+    present = ObjectMap(COMPARED)
+    present.add_stored(loaded(saved(seen)), se2_to_se3(3.0, -2.0, 0.0))
+    again = ObjectMap(COMPARED)
+    again.load_content(loaded(saved(present)))
+    assert again.added_objects() == present.added_objects() != frozenset()
+
+
 def test_a_forgotten_class_has_no_scores_in_the_file(seen: ObjectMap) -> None:
     content = loaded(saved(seen))
     content.image_text.forget(["table"])

@@ -193,3 +193,37 @@ def test_the_objects_of_two_earlier_processes_wait_for_the_place_of_either(
     today.is_told("relocalised", "monday")
     assert any(o.relocalised for o in today.mugs())
     assert not today.stored().objects
+
+
+def test_the_older_of_two_stored_maps_survives_a_crash_after_the_newest_was_stored(
+    tmp_path: Path, monday: Robot
+) -> None:
+    """The process dies before its first save, so the same map is put aside again."""
+    (tmp_path / FILE_NAME).write_bytes(monday.saved())
+    Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1]).service.close()
+    kept = (tmp_path / FILE_NAME).read_bytes()
+    for day in ("wednesday", "thursday"):
+        Robot(day, tmp_path).see(T_NOW_HOME, VIEWS[:1])  # never saves
+        assert (tmp_path / FILE_NAME).read_bytes() == kept
+    today = Robot("friday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    today.is_told("unknown", "monday")
+    assert today.stored().relocalisation.stored.robot_boot_id == "monday"
+    assert today.stored().objects
+
+
+def test_a_stored_map_that_goes_on_stays_on_the_disk_until_the_next_save(
+    tmp_path: Path, monday: Robot
+) -> None:
+    stored = tmp_path / f"stored-{FILE_NAME}"
+    stored.write_bytes(monday.saved())
+    again = Robot("monday", tmp_path)
+    assert again.mugs()
+    assert stored.exists()
+    kept = again.service._kept
+    assert kept is not None
+    assert kept.write()
+    kept.write()
+    assert not stored.exists()
+    later = Robot("monday", tmp_path)
+    assert later.mugs()
+    assert not later.stored().objects

@@ -13,6 +13,7 @@ import pytest
 from helios_core.robot import Observe
 from helios_planner.agents import AGENTS
 from helios_planner.instruction.parser import parse
+from helios_planner.manipulation import _Failed
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
 from helios_planner.tasks.move_mission import MoveMission
@@ -31,7 +32,7 @@ KEPT_AND_LOST = {
         "seen_at_goal _fell _restored",
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
-    "Manipulation": ("picks falls last_reason", "near surface_m placed_on _failed"),
+    "Manipulation": ("picks falls last_reason _failed", "near surface_m placed_on"),
     "HandCheck": ("put_back returning_m unseen_m", "cannot_show refuted"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
@@ -41,8 +42,8 @@ KEPT_AND_LOST = {
     ),
     "StopSearch": (f"{SCORED_KEPT} _explorer visited", SCORED_LOST),
     "ReceptacleSearch": (
-        f"{SCORED_KEPT} _failed",
-        f"{SCORED_LOST} _not_at _explorer _in_last_resort",
+        f"{SCORED_KEPT} _failed _in_last_resort",
+        f"{SCORED_LOST} _not_at _explorer",
     ),
     "MoveMission": ("looked_around exploration point_goal", "_restored"),
     "Exploration": (
@@ -81,7 +82,10 @@ def test_a_restored_mission_gives_the_same_checkpoint() -> None:
     mission.tools.base.felt_obstacles.append((1.0, 2.0, 0.08))
     mission.tools.base.blind_zone.discs.append((1.0, 1.0, 0.5))
     mission.tools.given_up.append((3.0, 4.0))
+    failed = _Failed([(1.0, 2.0, 0.8)], [(1.0, 1.2)])
+    mission.skills._failed.append(((1.1, 2.1), failed))
     checkpoint = json.loads(json.dumps(mission.checkpoint()))
     again = Mission(flat_with_mug(), parse(MOVE), Settings())
     again.restore(checkpoint, LastAction(Observe(), True, "", ""))
+    assert again.skills.failed_places == 1
     assert json.loads(json.dumps(again.checkpoint())) == checkpoint

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helios_core.types import WorldId
 from helios_planner.instruction.parser import parse
 from helios_planner.refuted_things import KEPT_S, RefutedThing, RefutedThings
 from helios_planner.settings import Settings
@@ -106,14 +107,19 @@ def test_a_place_has_one_entry_for_each_name_and_entries_expire() -> None:
     assert (known.of("mug"), len(known.of("glass")), len(saved)) == ([], 1, 4)
 
 
-def test_the_store_keeps_them_over_a_restart_for_the_same_world_alone(tmp_path: Path) -> None:
+def test_the_store_keeps_them_over_a_restart_for_each_world_until_they_are_too_old(
+    tmp_path: Path,
+) -> None:
+    here, there = WorldId("", 1, "dock"), WorldId("boot", 1)
     store = Store(tmp_path)
     things = [thing(ago_s=5), thing("glass")]
-    assert store.keep_refuted(("boot", 1), things)
+    assert store.keep_refuted(here, things)
+    assert store.keep_refuted(there, [thing(ago_s=KEPT_S + 60)])
     store.close()
     again = Store(tmp_path)
-    assert again.refuted(("boot", 1)) == things
-    assert again.refuted(("boot", 2)) == []
-    assert again.keep_refuted(("boot", 2), [])
-    assert again.refuted(("boot", 1)) == []
+    assert again.refuted(here) == things
+    assert again.refuted(WorldId("", 2, "dock")) == []
+    assert again.keep_refuted(here, things[1:])
+    assert again.refuted(here) == things[1:]
+    assert again.refuted(there) == []
     again.close()

@@ -125,6 +125,18 @@ def test_tentative_detections_survive_a_restart_of_the_planner() -> None:
     assert later.report() == []
 
 
+def test_a_thing_seen_after_a_restart_never_gets_the_id_of_one_that_was_taken() -> None:
+    eyes, later = SightingRobot(), SightingRobot()
+    eyes.report(mug_sighting(5.1, 2.0), mug_sighting(8.0, 2.0))
+    first, newest = eyes.belief.known("mug")
+    eyes.belief.taken(newest)
+    later.belief.restore(json.loads(json.dumps(eyes.belief.checkpoint())))
+    later.report(mug_sighting(2.0, 2.0))
+    ids = {t.id for t in later.belief.known("mug")}
+    assert first.id in ids
+    assert newest.id not in ids
+
+
 # --- which frontier ------------------------------------------------------------------------------
 def options(*values: float) -> list[FrontierOption]:
     return [FrontierOption(k, (float(k), 0.0), v, 1.0) for k, v in enumerate(values)]

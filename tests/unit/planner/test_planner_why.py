@@ -268,6 +268,22 @@ decisions = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.parametrize(("kind", "reads"), [("object", "tau_g"), ("receptacle", "tau_b")])
+def test_a_stop_is_recomputed_with_the_thresholds_of_what_it_stops_at(
+    kind: str, reads: str
+) -> None:
+    s = Settings(tau_g=0.35, tau_b=0.2, cs_g=0.2, cs_b=0.15)
+    view = ViewOption(instance(1, score=0.3), 0.3, None, 1.0)
+    threshold = getattr(s, reads)
+    decision = with_replay_settings(
+        act_or_look([view], threshold, s.tau_inc, kind, Act.STOP, False), s
+    )
+    assert decision.settings["class_threshold"] == (s.cs_g if kind == "object" else s.cs_b)
+    for name in ("tau_g", "tau_b"):
+        opposite = 0.9 if decision.do is Do.ACT else 0.1
+        assert recompute(decision, {name: opposite}).flips is (name == reads)
+
+
 @pytest.mark.parametrize(("share", "flips"), [(1.0, False), (1.25, True)])
 def test_a_threshold_that_was_a_share_of_tau_stays_that_share(share: float, flips: bool) -> None:
     there = [ViewOption(instance(1, score=0.6), 0.6, None, 2.0, True)]
