@@ -61,7 +61,7 @@ def map_faults(helios: Helios, truth: pb.TruthObjects) -> list[str]:
         for name, values in occupancy.items()
         if np.issubdtype(values.dtype, np.floating) and not np.isfinite(values).all()
     ]
-    if info["explored_m2"] <= 0 and not any((v != 0).any() for v in occupancy.values()):
+    if info["explored_m2"] <= 0:
         out.append("the 2D map is empty")
     return out + misplaced(objects, truth)
 

@@ -23,7 +23,7 @@ from helios_client.sdk import Helios
 from helios_client.supervision.service_specs import free_port
 from helios_client.supervision.up import check_port
 from helios_core import proto as pb
-from helios_core.atomic_file import write_file
+from helios_core.atomic_file import check_writable, write_file
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS
 from helios_core.zenoh_bus import ZenohBus
@@ -144,7 +144,7 @@ def next_steps(result: dict, port: int) -> str:
 def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     """Run one demo; return the content of `result.json`. Raises HeliosError."""
     check_port(port, OTHER_PORT)
-    out.mkdir(parents=True, exist_ok=True)
+    check_writable(out / "up.log")
     log, router_port = out / "up.log", free_port()
     arguments = [
         "--robot", "sim", "--seed", str(seed), "--preset", preset, "--port", str(port),

@@ -39,9 +39,12 @@ def commit() -> str:
 
 
 def _git(*words: str) -> str | None:
-    """Output of a git command in this source's folder; None if it fails."""
-    done = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), *words],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    """Output of a git command in this source's folder; None if it fails or there is no git."""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), *words],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    except OSError:
+        return None
     return done.stdout.strip() if done.returncode == 0 else None

@@ -258,7 +258,9 @@ def _to_edge_m(surface: Surface, point: NDArray[np.float64]) -> float:
 
 
 def main(say: Callable[[str], object] = print) -> int:
-    parser = argparse.ArgumentParser(prog="helios-sim-oracle", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m helios_sim.ground_truth_solver", description=__doc__
+    )
     parser.add_argument("--seeds", default="0-9", help="first and last seed")
     parser.add_argument("--preset", default="demo-v1", choices=sorted(PRESETS))
     args = parser.parse_args()

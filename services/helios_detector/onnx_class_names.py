@@ -37,7 +37,7 @@ def _parsed(text: str, path: Path) -> list[str]:
     try:
         value = ast.literal_eval(text)
         if isinstance(value, Mapping):
-            return [str(value[i]) for i in sorted(value)]
+            return [str(value[i]) for i in sorted(value, key=int)]
         if isinstance(value, (list, tuple)):
             return [str(name) for name in value]
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):

@@ -107,7 +107,7 @@ class AssignmentTable:
         return self._entry(key_of(id)).traceparent
 
     def next(self, there: frozenset[str]) -> FrameMessage | None:
-        """The oldest unanswered keyframe that no detector of `live` has claimed."""
+        """The oldest unanswered keyframe that no detector of `there` has claimed."""
         for entry in self._entries.values():
             if entry.message is not None and entry.taken_by not in there:
                 return entry.message

@@ -49,8 +49,9 @@ class Settings(ServiceSettings):
     )
     scorer: str = Field(
         default="lexical",
-        description="image-text scorer: lexical, minilm, simulated (the simulator's ground truth "
-        "with errors), or transformers:ID of a BLIP-2, CLIP or SigLIP model",
+        description="image-text scorer: lexical, minilm, simulated or simulated:TABLE (the "
+        "simulator's ground truth with errors), transformers:ID of a BLIP-2, CLIP or SigLIP model, "
+        "or the name of an installed plugin",
     )
     landmarks: str = Field(
         default="auto",

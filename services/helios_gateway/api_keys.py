@@ -67,9 +67,10 @@ class ApiKey(BaseModel):
     @classmethod
     def _by_name(cls, value: object) -> object:
         names = {name: scope for scope, name in _NAMES.items()}
-        if value not in {**names, **OLD_NAMES}:
+        known = names | OLD_NAMES
+        if not isinstance(value, str) or value not in known:
             raise ValueError(f"no scope is called {value!r}; wanted {', '.join(names)}")
-        return (names | OLD_NAMES)[str(value)]
+        return known[value]
 
 
 class _File(BaseModel):

@@ -122,7 +122,7 @@ class AuditMiddleware:
         try:
             await self._app(scope, noting_body, noting_answer)
         finally:
-            said = "" if scope["path"] in WITH_SECRET else asked.text()
+            said = "" if scope["path"].rstrip("/") in WITH_SECRET else asked.text()
             self._audit.write(about | {"request": said, "status": status, "answer": answer.text()})
 
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import lzma
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ FORMAT = 1
 MAP2D_SUFFIX = ".map"
 OBJECTS = "objects.npz"
 _UNREADABLE = (  # RuntimeError: the ZIP is encrypted
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError,
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, RuntimeError, ValueError,
 )  # fmt: skip
 _BEGAN = (2000, 1, 1, 0, 0, 0)  # timestamp of every entry, so that equal maps give equal files
 

@@ -106,14 +106,10 @@ def _kinds(text: str) -> tuple[Kind, ...]:
 
 
 def _check_file(path: Path) -> None:
-    """Raises UsageError for a file that cannot be written, before the long run."""
-    from helios_core.atomic_file import unwritable_reason
+    """Raises InvalidInput for a file that cannot be written, before the long run."""
+    from helios_core.atomic_file import check_writable
 
-    from helios_client.usage_errors import UsageError
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if reason := unwritable_reason(path):
-        raise UsageError(reason)
+    check_writable(path)
 
 
 def _load(module: str):

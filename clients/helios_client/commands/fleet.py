@@ -99,7 +99,7 @@ def cancel_fleet_tasks(at: GatewayAddress, id: str | None, as_json: bool) -> Non
     """Cancel the task of the fleet whose id begins with `id`, or with None all open ones."""
     with replace(at, robot=None).connect() as helios:
         if id is not None:
-            ended = [helios.cancel_fleet_task(_by_name(helios, id).id)]
+            ended = [helios.cancel_fleet_task(_named(helios, id).id)]
         else:
             still_open = [t for t in helios.fleet_tasks() if not t.ended]
             ended = [helios.cancel_fleet_task(task.id) for task in still_open]
@@ -111,16 +111,10 @@ def cancel_fleet_tasks(at: GatewayAddress, id: str | None, as_json: bool) -> Non
         print("no task of the fleet is open")
 
 
-def _by_name(helios: Helios, id: str) -> FleetTask:
-    """Newest task for `last`, else the one whose id begins with `id`. Raises UsageError."""
-    from helios_client.usage_errors import UsageError
+def _named(helios: Helios, id: str) -> FleetTask:
+    from helios_client.commands.tables import fleet_task_by_name
 
-    tasks = helios.fleet_tasks()
-    fitting = list(tasks[:1] if id == "last" else (t for t in tasks if t.id.startswith(id)))
-    if len(fitting) == 1:
-        return fitting[0]
-    how = f"{len(fitting)} tasks of the fleet" if fitting else "no task of the fleet"
-    raise UsageError(f"{how} fits {id!r}; list them with helios tasks --robot any")
+    return fleet_task_by_name(helios, id)
 
 
 def submit_to_fleet(

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import TypeVar
 
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client.answer_types import FoundObject, Seen, SeenName, StoredObject, Task
+from helios_client.answer_types import FleetTask, FoundObject, Seen, SeenName, StoredObject, Task
 from helios_client.sdk import Helios
 from helios_client.terminal_output import plain_table
 from helios_client.usage_errors import UsageError
 
+AnyTask = TypeVar("AnyTask", Task, FleetTask)
 TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
 
 
@@ -99,18 +101,29 @@ def task_by_name(helios: Helios, id: str) -> Task:
         if not newest:
             raise UsageError("there is no task yet; submit one with helios task")
         return newest[0]
-    return task_by_prefix(helios, id)
+    return task_by_prefix(helios.tasks(), id, "helios tasks")
 
 
-def task_by_prefix(helios: Helios, id: str) -> Task:
-    """Task whose id starts with `id`. Raises UsageError if none or more than one matches."""
+def fleet_task_by_name(helios: Helios, id: str) -> FleetTask:
+    """As `task_by_name`, among the tasks of the fleet."""
+    tasks = helios.fleet_tasks()
+    if id.casefold() != "last":
+        return task_by_prefix(tasks, id, "helios tasks --robot any")
+    if not tasks:
+        raise UsageError("the fleet has no task yet; submit one with helios task --robot any")
+    return tasks[0]
+
+
+def task_by_prefix(tasks: Sequence[AnyTask], id: str, command: str) -> AnyTask:
+    """Task whose id starts with `id`. command: the one that lists the tasks. Raises UsageError if
+    none or more than one matches."""
     id = id.casefold()  # ids are lower-case hexadecimal
-    fitting = [task for task in helios.tasks() if task.id.startswith(id)]
+    fitting = [task for task in tasks if task.id.startswith(id)]
     exact = [task for task in fitting if task.id == id]
     if exact or len(fitting) == 1:
         return (exact or fitting)[0]
     if not fitting:
-        raise UsageError(f"there is no task {id!r}; list them with helios tasks")
+        raise UsageError(f"there is no task {id!r}; list them with {command}")
     raise UsageError(f"the ids of {len(fitting)} tasks begin with {id!r}; give more of the id")
 
 

@@ -36,13 +36,9 @@ def view(
     save: Annotated[
         Path | None, typer.Option(help="with --rerun: write this .rrd file instead of serving")
     ] = None,
-    foxglove_port: Annotated[int, typer.Option(help="port for Foxglove", min=1, max=65535)] = 8765,
-    rerun_port: Annotated[
-        int, typer.Option(help="port for Rerun's viewers", min=1, max=65535)
-    ] = 9876,
-    web_port: Annotated[
-        int, typer.Option(help="port of Rerun's web page", min=1, max=65535)
-    ] = 9090,
+    foxglove_port: FoxglovePort = 8765,
+    rerun_port: RerunPort = 9876,
+    web_port: WebPort = 9090,
     speed: Annotated[
         float, typer.Option(help="speed of a recording in Foxglove; 1: as recorded", min=0.01)
     ] = 1.0,

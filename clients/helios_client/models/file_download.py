@@ -21,7 +21,7 @@ def download(url: str, to: Path, progress: Progress) -> None:
     part = to.with_name(to.name + PART)
     part.parent.mkdir(parents=True, exist_ok=True)
     have = part.stat().st_size if part.exists() else 0
-    headers = {"Range": f"bytes={have}-"} if have else {}
+    headers = {"Accept-Encoding": "identity"} | ({"Range": f"bytes={have}-"} if have else {})
     try:
         with httpx.stream(
             "GET", url, headers=headers, follow_redirects=True, timeout=TIMEOUT_S

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from helios_client.terminal_output import Screen
-from helios_core.atomic_file import write_file
+from helios_core.atomic_file import check_writable, write_file
 from helios_core.errors import InvalidInput
 from rich.table import Table
 
@@ -43,6 +43,8 @@ def main(
     before = None if compared_with is None else read_run(compared_with)
     if only is not None and only not in ROWS:
         raise InvalidInput(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
+    if json_path is not None:
+        check_writable(json_path)
     console = Screen()
     measured = [_measured([only] if only else list(ROWS), console, k, runs) for k in range(runs)]
     found = [sorted(same, key=lambda row: row.ratio) for same in zip(*measured, strict=True)]
@@ -56,7 +58,6 @@ def main(
             "commit": commit(),
             "rows": now,
         }
-        json_path.parent.mkdir(parents=True, exist_ok=True)
         write_file(json_path, json.dumps(document, indent=1) + "\n")
     if before is None:
         return False

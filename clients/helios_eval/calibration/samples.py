@@ -110,6 +110,8 @@ def by_setting(records: Iterable[EpisodeRecord]) -> dict[str, list[EpisodeRecord
 
 def _noise(record: EpisodeRecord, tell_correlation: bool) -> str:
     noise = record.noise
+    if record.semantics == "detector":
+        return "real detector"
     if noise is None:
         return "ground truth"
     if not tell_correlation:

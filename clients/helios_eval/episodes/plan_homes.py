@@ -52,6 +52,12 @@ class PlanHomes:
         return f"{source.path.name} sha256:{source.sha256}{level}{things}"
 
 
+def level_in(label: str) -> str:
+    """Level that a label of `PlanHomes.label_of` names; "" if it names none."""
+    _, _, rest = label.partition(" level:")
+    return rest.partition(" things:")[0]
+
+
 def is_plan_kind(kind: str) -> bool:
     """True for the name of homes of plans, such as flat.sh3d@1a2b3c4d5e6f."""
     return MARK in kind

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from helios_client.usage_errors import UsageError
-from helios_core.atomic_file import write_file
+from helios_core.atomic_file import check_writable, write_file
 from helios_core.detector_error_model import to_text
 from helios_objectmap.instances.name_sightings import BROAD_PRIOR
 from helios_objectmap.settings import ObjectMapSettings
@@ -56,6 +56,9 @@ def calibrate(job: Job, say: Callable[[str], None]) -> Built:
         raise UsageError("--places is for recordings; the truth of homes is known")
     if job.preset not in PRESETS:
         raise UsageError(f"no preset is called {job.preset!r}; wanted one of {', '.join(PRESETS)}")
+    for file in (job.out, job.chart):
+        if file is not None:
+            check_writable(file)
     settings = ObjectMapSettings()
     if job.homes:
         seen = look_at_homes(

@@ -23,7 +23,7 @@ or with the truth. `NameFit.errors` has them: h of the first step, and the q tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -65,9 +65,6 @@ class NameCounts:
 
     def __len__(self) -> int:
         return len(self.sides)
-
-    def without_truth(self) -> NameCounts:
-        return replace(self, right=np.full(len(self), UNKNOWN))
 
     def part(self, rows: NDArray) -> NameCounts:
         """These rows only."""

@@ -16,11 +16,13 @@ from helios_eval.episodes.episode_spec import (
     CONDITIONS,
     DEFAULT_SCORER,
     DETECTOR,
+    REAL_SCORER,
     SCORER,
     TASK_CLASSES,
     WALKER,
     scorer_of,
 )
+from helios_eval.episodes.plan_homes import level_in
 from helios_eval.report import colors, episode_map, number_format, plots
 from helios_eval.report.agent_groups import Arm, plainest_arms
 from helios_eval.report.interval_statistics import mean_sem, wilson
@@ -210,6 +212,8 @@ def _condition(record: EpisodeRecord) -> list[str]:
     settings = dict(record.settings)
     homes, plan, _ = record.preset.partition(MARK)
     words = ["--homes", homes] if plan else ["--preset", record.preset]
+    if level := level_in(record.home_file):
+        words += ["--level", level]
     words += ["--semantics", record.semantics]
     if record.noise is not None and record.noise.table != home_presets.noise_of(record.preset):
         words += ["--noise", record.noise.table]
@@ -217,7 +221,8 @@ def _condition(record: EpisodeRecord) -> list[str]:
         words += ["--noise-level", f"{record.noise.level:g}"]
     if record.noise is not None and record.noise.correlation is not None:
         words += ["--noise-correlation", f"{record.noise.correlation:g}"]
-    if (scorer := scorer_of(settings)) == DEFAULT_SCORER:
+    default = REAL_SCORER if record.semantics == "detector" else DEFAULT_SCORER
+    if (scorer := scorer_of(settings)) == default:
         del settings[SCORER]
     else:
         settings[SCORER] = scorer

@@ -65,7 +65,7 @@ def section(
     records: Sequence[EpisodeRecord], arms: Sequence[Arm], run: Mapping[str, Any]
 ) -> Section:
     """Section with the notices, facts and commands of the run."""
-    blocks: list[Block] = [Notice(REAL_NOTICE if all_real(records) else NOTICE)]
+    blocks: list[Block] = [Notice(text) for text in notices_of(records)]
     commits = most_common(r.commit for r in records)
     warnings = [f"Commit {c} had changes that were not committed." for c in commits if _dirty(c)]
     if len(commits) > 1:
@@ -93,6 +93,12 @@ def section(
     if lacking:
         blocks.append(_progress(arms, asked, lacking))
     return Section("run", "What was run", tuple(blocks))
+
+
+def notices_of(records: Sequence[EpisodeRecord]) -> list[str]:
+    """What the figures may be compared with: notices about real and about simulated detections."""
+    real = {r.semantics == "detector" for r in records}
+    return [text for is_so, text in ((False, NOTICE), (True, REAL_NOTICE)) if is_so in real]
 
 
 def different_homes_notice(benchmark: str, arms: Sequence[Arm]) -> str:

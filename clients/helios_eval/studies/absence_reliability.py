@@ -43,8 +43,8 @@ INK, CLAIM = "#22262e", "#0072B2"
 
 @dataclass(frozen=True)
 class Bin:
-    """Estimates between two probabilities. absent_share: weighted share of absent objects, NaN
-    without estimates."""
+    """Estimates between two probabilities, the upper one left out unless it is 1. absent_share:
+    weighted share of absent objects."""
 
     low: float
     high: float
@@ -72,7 +72,7 @@ def first_estimates(record: EpisodeRecord) -> list[AbsenceEstimate]:
 
 
 def reliability(records: Sequence[EpisodeRecord], prior: float) -> list[Bin]:
-    """Share of absent objects by the probability that the agent gave."""
+    """Share of absent objects by the probability that the agent gave; only bins with estimates."""
     present, absent = ([r for r in records if r.absent is is_so] for is_so in (False, True))
     weights = [(1 - prior) / max(1, len(present)), prior / max(1, len(absent))]
     given = [
@@ -81,13 +81,12 @@ def reliability(records: Sequence[EpisodeRecord], prior: float) -> list[Bin]:
     ]
     out: list[Bin] = []
     for low, high in itertools.pairwise(BORDERS):
-        here = [p[(p >= low) & (p < high)] for p in given]
+        here = [p[(p >= low) & ((p < high) | (high == 1.0))] for p in given]
         counts = [len(p) for p in here]
         weight = [w * n for w, n in zip(weights, counts, strict=True)]
-        total = sum(weight)
-        mean = sum(w * float(p.sum()) for w, p in zip(weights, here, strict=True))
-        share, mean = (weight[1] / total, mean / total) if total else (np.nan, np.nan)
-        out.append(Bin(low, high, mean, counts[0], counts[1], share))
+        if total := sum(weight):
+            mean = sum(w * float(p.sum()) for w, p in zip(weights, here, strict=True)) / total
+            out.append(Bin(low, high, mean, counts[0], counts[1], weight[1] / total))
     return out
 
 
@@ -108,7 +107,7 @@ def markdown(bins: Sequence[Bin], found: Sequence[Claims], records: int) -> str:
         *(
             f"| {b.low:.1f} to {b.high:.1f} | {b.mean:.2f} | {b.present}, {b.absent} | "
             f"{100 * b.absent_share:.0f} % |"
-            for b in bins if b.present + b.absent
+            for b in bins
         ),
         "", "| ends from | present: called absent | absent: called absent |", "|---|--:|--:|",
         *(
@@ -122,10 +121,9 @@ def markdown(bins: Sequence[Bin], found: Sequence[Claims], records: int) -> str:
 def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
     """Reliability on the left, claims by threshold on the right."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
-    seen = [b for b in bins if b.present + b.absent]
     left.plot([0, 1], [0, 1], color="#7b8494", lw=1.2, ls=(0, (4, 3)))
-    left.plot([b.mean for b in seen], [b.absent_share for b in seen], "o-", color=CLAIM)
-    for b in seen:
+    left.plot([b.mean for b in bins], [b.absent_share for b in bins], "o-", color=CLAIM)
+    for b in bins:
         left.annotate(f"{b.present}, {b.absent}", (b.mean, b.absent_share), xytext=(6, -11),
                       textcoords="offset points", fontsize=8, color=INK)  # fmt: skip
     left.set(xlim=(0, 1), ylim=(-0.02, 1.02), xlabel="probability that the agent gave",

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -125,8 +126,9 @@ def tell(walked: Walk, arms: Sequence[Arm], found: Mapping[str, Outcome]) -> Non
         )
 
 
-def row(outcome: Outcome, first: Outcome) -> dict[str, float]:
-    """Statistics of an arm, compared with the first arm."""
+def row(outcome: Outcome, first: Outcome) -> dict[str, float | None]:
+    """Statistics of an arm, compared with the first arm. An AUROC is None without right and wrong
+    instances."""
     pairs = list(zip(outcome.picks, first.picks, strict=True))
     return {
         "homes": len(pairs),
@@ -137,11 +139,19 @@ def row(outcome: Outcome, first: Outcome) -> dict[str, float]:
         "none": sum(now is None for now, _ in pairs),
         "best_start": outcome.best("start"),
         "best_goal": outcome.best("goal"),
-        **{f"auroc_{role}": round(outcome.auroc(role), 3) for role in ROLES},
+        **{f"auroc_{role}": _rounded(outcome.auroc(role)) for role in ROLES},
     }
 
 
-def table(rows: Mapping[str, Mapping[str, float]]) -> str:
+def _rounded(value: float) -> float | None:
+    return None if math.isnan(value) else round(value, 3)
+
+
+def _decimals(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def table(rows: Mapping[str, Mapping[str, float | None]]) -> str:
     """Markdown table of all arms."""
     lines = [
         "| | homes | picks: right, wrong, none | best start, goal | AUROC: object, start, goal |",
@@ -150,8 +160,8 @@ def table(rows: Mapping[str, Mapping[str, float]]) -> str:
     for name, r in rows.items():
         lines.append(
             f"| `{name}` | {r['homes']} | {r['right']} (+{r['won']} −{r['lost']}), {r['wrong']}, "
-            f"{r['none']} | {r['best_start']}, {r['best_goal']} | {r['auroc_object']:.2f}, "
-            f"{r['auroc_start']:.2f}, {r['auroc_goal']:.2f} |"
+            f"{r['none']} | {r['best_start']}, {r['best_goal']} | "
+            f"{', '.join(_decimals(r[f'auroc_{role}']) for role in ROLES)} |"
         )
     return "\n".join(lines)
 
@@ -177,7 +187,8 @@ def _arguments() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     given = _arguments().parse_args(arguments)
     numba.set_num_threads(1)  # threads that wait for each other are far slower beside a renderer
-    rows: dict[str, dict[str, float]] = {}
+    rows: dict[str, dict[str, float | None]] = {}
+    failed = False
     try:
         arms = [arm_of(text) for text in given.arms or ("helios-paper", "helios")]
         least = {role: min(arm.thresholds[role] for arm in arms) for role in arms[0].thresholds}
@@ -187,12 +198,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             rows = {name: row(o, found[arms[0].name]) for name, o in found.items()}
             print(f"{seed - given.seed0 + 1}/{given.homes} home {seed}", file=sys.stderr)
     except HeliosError as error:
-        print(f"map_study: {error.message}", file=sys.stderr)
+        print(f"evidence_rules: {error.message}", file=sys.stderr)
+        failed = True
+    if not rows:
         return 1
     given.out.mkdir(parents=True, exist_ok=True)
     write_file(given.out / "study.json", json.dumps(rows, indent=1) + "\n")
     print(table(rows))
-    return 0
+    return int(failed)
 
 
 if __name__ == "__main__":

@@ -63,5 +63,6 @@ def film(
 
 
 def _title(spec: EpisodeSpec) -> str:
-    seen = "noisy detector" if spec.noise else "ground-truth detector"
+    seen = {"noisy": "noisy detector", "ground-truth": "ground-truth detector",
+            "detector": "real detector"}[spec.semantics]  # fmt: skip
     return f"{spec.agent} · home {spec.seed} of {spec.preset} · {seen}"

@@ -59,9 +59,13 @@ class VideoFile:
         self.frames += times
 
     def close(self) -> None:
-        """Move the video to its path. Raises Unavailable if it is not complete."""
+        """Move the video to its path; without a frame nothing is written. Raises Unavailable if it
+        is not complete."""
         self._writer.release()
-        if self.frames and not _is_whole(self._temporary):  # the codec reports no errors
+        if not self.frames:
+            self._discard()
+            return
+        if not _is_whole(self._temporary):  # the codec reports no errors
             self._discard()
             raise self._unwritable("what was written cannot be read again; is the disk full?")
         try:

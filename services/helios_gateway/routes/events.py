@@ -84,9 +84,9 @@ async def events(
     """Stream all events as server-sent events.
 
     Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves), `map`
-    (counters that rise when a map changes), `service`, `ready`. The data is JSON in the form of
-    the other endpoints. Every event has an id; reconnect with `Last-Event-ID` to receive the
-    missed events. A new subscriber first receives the current state.
+    (counters that rise when a map changes), `service`, `ready`, `fault`. The data is JSON in the
+    form of the other endpoints. Every event has an id; reconnect with `Last-Event-ID` to receive
+    the missed events. A new subscriber first receives the current state.
 
     The same stream over a WebSocket: `/v1/events/ws?last_event_id=…`. Each message is
     `{"id", "type", "data"}`; an empty text is a keepalive.

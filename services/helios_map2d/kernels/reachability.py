@@ -295,7 +295,7 @@ def mark_other_reach(offsets, counts, reached, former_offsets, former_reached, o
 
 @njit(cache=True, nogil=True)
 def reach(
-    occupancy, obstacle_count, labels, edges, offsets, components,  # the whole map; see `ReachableFloor`
+    occupancy, obstacle_count, labels, edges, offsets, components,  # all of it: `ReachableFloor`
     cell, blind_cells, radius_cells,
 ):  # fmt: skip
     """Ground reachable from a cell: uint8 by component, uint8 by cell of a box around the cell, and

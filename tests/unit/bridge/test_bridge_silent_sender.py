@@ -10,6 +10,7 @@ import pytest
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb
+from helios_core.bus import Registration
 from helios_core.errors import Conflict, Unavailable
 from helios_core.health import Health
 from helios_core.heartbeat import HALTED
@@ -153,9 +154,9 @@ def test_a_bridge_whose_robot_is_away_leaves_no_subscription() -> None:
     class Counting(MemoryBus):
         subscriptions = 0
 
-        def subscribe(self, *args: Any, **kwargs: Any) -> None:
+        def subscribe(self, *args: Any, **kwargs: Any) -> Registration:
             self.subscriptions += 1
-            super().subscribe(*args, **kwargs)
+            return super().subscribe(*args, **kwargs)
 
     bus = Counting(MemoryHub())
     with pytest.raises(Unavailable, match="switched off"):

@@ -5,10 +5,13 @@ from __future__ import annotations
 import random
 import sqlite3
 from pathlib import Path
+from typing import Any, cast
 
-from helios_chaos.checks import journal_faults, misplaced
+import numpy as np
+from helios_chaos.checks import journal_faults, map_faults, misplaced
 from helios_chaos.messages import damaged
 from helios_client.answer_types import FoundObject
+from helios_client.sdk import Helios
 from helios_core import proto as pb
 from helios_planner.tasks.store import Store
 from hypothesis import given
@@ -62,6 +65,27 @@ def test_objects_far_from_every_true_one_of_their_class_are_found() -> None:
     [said] = misplaced(objects(0.1, 3.0), TRUTH)
     assert "1 of 2 objects" in said
     assert "mug 1 (3.0 m)" in said
+
+
+class Maps:
+    """Client of a gateway whose maps are these."""
+
+    def __init__(self, explored_m2: float) -> None:
+        self._explored_m2 = explored_m2
+
+    def occupancy(self) -> dict[str, np.ndarray]:
+        return {"occupancy": np.full((4, 4), -1, np.int8), "cell_m": np.array(0.05)}
+
+    def map_info(self) -> dict[str, Any]:
+        return {"explored_m2": self._explored_m2}
+
+    def objects(self) -> list[FoundObject]:
+        return []
+
+
+def test_a_map_without_known_ground_is_a_fault() -> None:
+    assert map_faults(cast(Helios, Maps(0.0)), TRUTH) == ["the 2D map is empty"]
+    assert map_faults(cast(Helios, Maps(3.0)), TRUTH) == []
 
 
 def test_unsure_objects_and_furniture_are_not_compared() -> None:

@@ -121,6 +121,12 @@ def test_class_names_are_read_from_the_models_metadata(tmp_path: Path, names: st
     assert [s.class_name for s in detector.detect(frame_of(), context_of("shoe")).seen] == ["lamp"]
 
 
+def test_class_names_by_number_as_text_are_in_the_order_of_the_numbers(tmp_path: Path):
+    names = str({str(k): f"class {k}" for k in range(12)})
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [], 12, metadata={"names": names})
+    assert opened(model).vocabulary() == tuple(f"class {k}" for k in range(12))
+
+
 @pytest.mark.parametrize(
     ("beside", "metadata", "sentence"),
     [

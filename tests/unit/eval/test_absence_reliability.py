@@ -31,6 +31,11 @@ def test_shares_are_weighted_as_if_few_objects_were_absent() -> None:
     assert (low.present, low.absent, low.absent_share) == (6, 0, 0.0)
 
 
+def test_a_sure_estimate_counts_and_bins_without_estimates_are_left_out() -> None:
+    [only] = reliability([record(0, absent=True, absence=(estimate(1.0),))], 0.2)
+    assert (only.low, only.high, only.absent, only.mean) == (0.7, 1.0, 1, 1.0)
+
+
 def test_a_threshold_ends_every_search_whose_estimate_reaches_it() -> None:
     found = claims(PRESENT + ABSENT, 0.5)
     assert (found.present.value, found.absent.value) == (0.25, 1.0)

@@ -31,6 +31,11 @@ def test_the_ledger_is_in_the_checkout() -> None:
     assert (root / "pyproject.toml").exists()
 
 
+def test_without_git_the_commit_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert provenance.commit() == "unknown"
+
+
 def test_a_line_in_the_ledger_leaves_the_commit_clean_and_another_change_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from helios_eval.error_models.model_building import intervals
 from helios_eval.error_models.name_error_fit import (
     NONE,
     PRIOR,
+    UNKNOWN,
     NameCounts,
     NameFit,
     covariance,
@@ -28,6 +29,10 @@ from scipy.special import logit
 NAMES = 4
 
 
+def without_truth(counts: NameCounts) -> NameCounts:
+    return replace(counts, right=np.full(len(counts), UNKNOWN))
+
+
 def sample(values: tuple[float, float, float, float], things: int, seed: int) -> NameCounts:
     """Things of two to twelve sides, each with `NAMES` names, drawn with h, q, ρ and ν."""
     sides = np.random.default_rng(seed).integers(2, 13, things).astype(float)
@@ -39,7 +44,7 @@ def test_known_errors_are_fitted_back_within_their_intervals(known: bool) -> Non
     values, inside, number = (0.85, 0.2, 0.25, 0.1), 0, 8
     for seed in range(number):
         counts = sample(values, 150, seed)
-        counts = counts if known else counts.without_truth()
+        counts = counts if known else without_truth(counts)
         fit = fitted(counts)
         deviation = np.sqrt(np.diag(covariance(counts, fit, np.arange(len(counts)))))[:4]
         inside += int((np.abs(fit.model - logit(values)) <= 1.96 * deviation).sum())
@@ -53,7 +58,7 @@ def test_the_rule_fits_the_truth_better_than_the_broad_prior() -> None:
     losses = [
         log_loss(probabilities(other, errors), right).mean()
         for errors in (
-            fitted(counts).errors, fitted(counts.without_truth()).errors, NameErrors()
+            fitted(counts).errors, fitted(without_truth(counts)).errors, NameErrors()
         )
     ]  # fmt: skip
     assert losses[0] <= losses[1] + 0.005
@@ -66,7 +71,7 @@ def test_the_rule_fits_the_truth_better_than_the_broad_prior() -> None:
     st.integers(0, 999),
 )  # fmt: skip
 def test_no_step_lowers_the_likelihood(hit, mistaken, correlate, none, seed) -> None:
-    counts = sample((hit, mistaken, correlate, none), 40, seed).without_truth()
+    counts = without_truth(sample((hit, mistaken, correlate, none), 40, seed))
     steps = np.array(fitted(counts).steps)
     assert len(steps) > 1
     assert (np.diff(steps) >= -1e-6 * np.abs(steps[:-1])).all()
@@ -74,8 +79,8 @@ def test_no_step_lowers_the_likelihood(hit, mistaken, correlate, none, seed) -> 
 
 def test_shares_add_up_and_keep_what_is_known() -> None:
     counts = sample((0.9, 0.1, 0.2, 0.2), 60, 1)
-    theta = fitted(counts.without_truth()).model
-    told, untold = shares(counts, theta), shares(counts.without_truth(), theta)
+    theta = fitted(without_truth(counts)).model
+    told, untold = shares(counts, theta), shares(without_truth(counts), theta)
     assert told.sum(axis=1) == pytest.approx(np.ones(60))
     assert untold.sum(axis=1) == pytest.approx(np.ones(60))
     assert set(np.unique(told)) == {0.0, 1.0}
@@ -98,7 +103,7 @@ def test_probabilities_are_those_of_the_map(seed: int) -> None:
 
 
 def test_things_that_say_nothing_leave_the_prior() -> None:
-    counts = sample((0.9, 0.1, 0.2, 0.1), 1, 0).without_truth()
+    counts = without_truth(sample((0.9, 0.1, 0.2, 0.1), 1, 0))
     nothing = NameCounts(
         counts.given[:, :1] * 0, counts.listed[:, :1], counts.sides * 0, counts.right, counts.scene
     )

@@ -189,6 +189,26 @@ def test_the_report_names_the_pick_rule_and_replays_it(tmp_path):
     assert "--pick-rule" not in markdown + failure_causes.replay(episode(0))
 
 
+def test_an_episode_with_a_real_detector_is_replayed_with_its_scorer_and_level(tmp_path):
+    def of(scorer, **fields):
+        settings = {"detector.scorer": scorer, "detector.detector": "onnx:m.onnx@0123"}
+        return episode(0, semantics="detector", noise=None, settings=settings, **fields)
+
+    assert "--scorer simulated:itc-v1" in failure_causes.replay(of("simulated:itc-v1"))
+    assert "--scorer" not in failure_causes.replay(of("lexical"))
+    at = "flat.sh3d sha256:01 level:First floor things:02"
+    upstairs = of("lexical", home_file=at, preset="flat.sh3d@0123456789ab")
+    assert "--homes flat.sh3d --level 'First floor'" in failure_causes.replay(upstairs)
+
+
+def test_a_report_of_real_and_simulated_detections_says_so_of_both(tmp_path):
+    write(tmp_path, [episode(0), episode(1, semantics="detector", noise=None)])
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "a detector whose errors are drawn from a table" in markdown
+    assert "with the detections of a real model" in markdown
+
+
 def test_markup_in_episode_texts_is_escaped(tmp_path):
     wicked = {"instruction": HOSTILE, "message": HOSTILE, "cause": HOSTILE, "preset": HOSTILE,
               "commit": HOSTILE, "settings": {HOSTILE: HOSTILE}, "stage_ms": {HOSTILE: 1.0},

@@ -222,6 +222,15 @@ def test_an_error_leaves_a_readable_video(tmp_path):
     assert len(frames_of(path)) == 3
 
 
+def test_a_video_without_a_frame_leaves_the_existing_one_unchanged(tmp_path):
+    path = tmp_path / "film.mp4"
+    path.write_bytes(b"an earlier film")
+    with pytest.raises(RuntimeError), VideoFile(path, 64, 48, 8):
+        raise RuntimeError("the episode broke")
+    assert path.read_bytes() == b"an earlier film"
+    assert [p.name for p in tmp_path.iterdir()] == ["film.mp4"]
+
+
 def test_a_full_disk_leaves_the_existing_video_unchanged(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
 

@@ -203,6 +203,7 @@ def test_the_key_file_contains_no_key_and_is_readable_only_by_its_owner(
         ("", "key"),
         ("key = 5", "key"),
         ("[[key]]\nname = 'a'\nscope = 'king'\nsha256 = '" + 64 * "0" + "'", "no scope"),
+        ("[[key]]\nname = 'a'\nscope = ['read']\nsha256 = '" + 64 * "0" + "'", "no scope"),
         ("[[key]]\nname = 'a'\nscope = 'read'\nsha256 = 'short'", "sha256"),
         ("[[key", "no TOML"),
     ],

@@ -59,13 +59,24 @@ def test_a_rezipped_folder_is_a_valid_map_file() -> None:
     assert unpacked(rezipped(), 10_000) == MapFile(b"a", b"b")
 
 
+def with_damaged_member(method: int) -> bytes:
+    """A ZIP with valid directory whose first member is damaged."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        archive.writestr("helios-map.json", b'{"format": 1, "robot": "sim"}' * 20)
+    data = bytearray(stream.getvalue())
+    data[50:70] = bytes(20)
+    return bytes(data)
+
+
 @pytest.mark.parametrize(
     ("data", "says"),
     [(rezipped(objects__npz=None), "wanted map2d.map and objects.npz"),
      (rezipped(map2d__map=None), "wanted map2d.map and objects.npz"),
      (rezipped(**{"helios-map.json": b'{"format": 2}'}), "reads format 1"),
      (rezipped(**{"helios-map.json": None}), "helios map save"),
-     (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes")],
+     (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes"),
+     (with_damaged_member(zipfile.ZIP_LZMA), "helios map save")],
 )  # fmt: skip
 def test_an_unusable_map_file_is_refused_with_the_reason(data: bytes, says: str) -> None:
     with pytest.raises(InvalidInput, match=says):

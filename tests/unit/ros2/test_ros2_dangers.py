@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import itertools
+import json
 import threading
+import time
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+import helios_ros2.driver
 import pytest
+from helios_core import proto as pb
 from helios_core.errors import Unavailable
+from helios_core.robot import Action, Forward
 from helios_ros2.action_call import RosAction
+from helios_ros2.driver import Ros2Driver
 from helios_ros2.offered_qos import Qos
 from helios_ros2.robot_input import RobotInput
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.stop_latch import NotDone, StopLatch
+from helios_ros2.task_interface import TaskInterface
 from helios_ros2.velocity_motion import VelocityMotion
 
 MS = 1_000_000
@@ -58,6 +65,10 @@ class Graph:
         kinds = {"/tf": "tf2_msgs/msg/TFMessage", "/tf_static": "tf2_msgs/msg/TFMessage"}
         return [(kinds[topic], Qos())] if topic in kinds else []
 
+    def start(self) -> None: ...
+
+    def close(self) -> None: ...
+
     def requested(self, _topic: str) -> list[tuple[str, Qos]]:
         return [("geometry_msgs/msg/Twist", Qos())]
 
@@ -97,6 +108,14 @@ class Robot:
     def __exit__(self, *_: object) -> None:
         self._ending.set()
         self._thread.join()
+
+    def dies(self) -> None:
+        """Let the odometry die, and wait until nothing has come for a while."""
+        self.odometry = False
+        end_s = time.monotonic() + 10
+        while time.monotonic() < end_s:
+            self.senses.here()
+            threading.Event().wait(0.02)
 
     def _run(self) -> None:
         for k in itertools.count():
@@ -174,3 +193,41 @@ def test_a_goal_accepted_after_a_stop_is_cancelled(accepted: bool, ends: str) ->
     handle = SimpleNamespace(accepted=accepted, cancel_goal_async=lambda: cancelled.append(True))
     sent.set(handle)
     assert cancelled == ([True] if accepted else [])
+
+
+def test_an_action_after_which_the_poses_fail_is_not_done_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(helios_ros2.driver, "ZenohNode", lambda *_: Graph())
+    driver = Ros2Driver(Ros2Settings(transport="zenoh", pose="tf", silent_s=SILENT_S))
+    done: list[Action] = []
+    monkeypatch.setattr(driver, "_do", done.append)
+    with Robot() as robot:
+        driver._senses = robot.senses
+        monkeypatch.setattr(driver, "_come_to_rest", robot.dies)
+        with pytest.raises(Unavailable, match="no new pose"):
+            driver.act(Forward(0.5), "a")
+        again = driver.act(Forward(0.5), "a")
+    assert len(done) == 1
+    assert not again.succeeded
+    assert "no new pose" in again.reason
+
+
+def task(id: str, state: str) -> pb.Task:
+    return pb.Task(id=id, state=state)
+
+
+def test_a_waiting_task_is_not_the_present_one_of_the_ros_topics() -> None:
+    told = TaskInterface.__new__(TaskInterface)
+    sent: list[str] = []
+    told._present, told.action = "", None
+    told._text = lambda data: data
+    told._task = SimpleNamespace(publish=lambda data: sent.append(json.loads(data)["id"]))
+    for each, present in (
+        (task("a", "queued"), ""), (task("a", "running"), "a"), (task("b", "queued"), "a"),
+        (task("c", "cancelled"), "a"), (task("a", "paused"), "a"), (task("a", "succeeded"), ""),
+        (task("b", "running"), "b"),
+    ):  # fmt: skip
+        told._on_task(each)
+        assert told._present == present
+    assert sent == ["a", "a", "a", "a", "b"]
