@@ -19,9 +19,11 @@ from helios_core.robot import (
     ActionResult,
     Capture,
     Forward,
+    Observe,
     Pick,
     Place,
     RobotDriver,
+    Show,
     Tilt,
     Turn,
 )
@@ -101,6 +103,7 @@ class Ros2Driver(RobotDriver):
             can_move=s.motion != "none",
             can_pick=self._manipulation.can_pick,
             can_place=self._manipulation.can_place,
+            show_base_m=s.show_base_m if self._manipulation.can_show else None,
             world_frame=self._senses.world_frame,
         )
 
@@ -133,7 +136,7 @@ class Ros2Driver(RobotDriver):
         start = self._senses.here()
         try:
             why = self._reason_not_done(action)
-            if isinstance(action, Forward | Turn | Tilt | Pick | Place):
+            if not isinstance(action, Observe):
                 self._come_to_rest()
         except HeliosError as error:  # the same id does not start it again
             self._remember(action_id, start, error.message)
@@ -171,6 +174,8 @@ class Ros2Driver(RobotDriver):
         return ""
 
     def _do(self, action: Action) -> None:
+        if isinstance(action, Forward | Turn):
+            self._manipulation.draw_in()
         match action:
             case Forward() | Turn() if self._s.motion == "none":
                 raise NotDone("this robot does not move; HELIOS_ROS2_MOTION says so")
@@ -186,8 +191,10 @@ class Ros2Driver(RobotDriver):
                 self._manipulation.pick(point, name)
             case Place(point):
                 self._manipulation.place(point)
-            case _:
-                pass  # Observe
+            case Show(angle_rad):
+                self._manipulation.show(angle_rad)
+            case Observe():
+                pass
 
     def _motion(self) -> VelocityMotion | Nav2Motion:
         by_nav2 = self._nav2

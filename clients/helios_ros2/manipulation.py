@@ -1,4 +1,4 @@
-"""Pick and place: by actions of the user's, else by a person who is asked."""
+"""Pick and place, by actions of the user's or by a person who is asked; show, by an action."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Point = tuple[float, float, float]
 
 
 class Manipulation:
-    """Pick and place, and the object that the robot holds. For one thread, except `cancel`."""
+    """The hand, and the object that the robot holds. For one thread, except `cancel`."""
 
     def __init__(
         self, ros: RosNode | None, settings: Ros2Settings, senses: RobotInput, latch: StopLatch
@@ -31,10 +31,14 @@ class Manipulation:
         self._s, self._senses, self._latch = settings, senses, latch
         self._actions: dict[str, RosAction] = {}
         if ros is not None:
-            for what, given in (("pick", settings.pick), ("place", settings.place)):
+            for what, given in (
+                ("pick", settings.pick), ("place", settings.place), ("show", settings.show),
+                ("carry", settings.carry),
+            ):  # fmt: skip
                 if given is not None:
                     self._actions[what] = RosAction(ros, given.action, given.type)
         self.held = ""  # name of the held object
+        self._shows = False  # the hand holds it before the camera
         self._person = Person(ros, settings, latch) if ros and settings.ask_person else None
 
     @property
@@ -44,6 +48,10 @@ class Manipulation:
     @property
     def can_place(self) -> bool:
         return "place" in self._actions or self._person is not None
+
+    @property
+    def can_show(self) -> bool:
+        return "show" in self._actions
 
     def pick(self, point_m: Point, name: str) -> None:
         """Raises NotDone."""
@@ -58,8 +66,28 @@ class Manipulation:
         if not self.held:
             raise NotDone("the robot holds nothing; pick something first")
         self._check_reach(point_m)
+        self.draw_in()
         self._do("place", self._s.place, point_m, self.held, f"Please put the {self.held} down")
         self.held = ""
+
+    def show(self, angle_rad: float) -> None:
+        """Raises NotDone."""
+        shown_at, given = self._s.show_base_m, self._s.show
+        if shown_at is None or given is None or not self.can_show:
+            raise NotDone("this robot cannot show an object; HELIOS_ROS2_SHOW names an action")
+        if not self.held:
+            raise NotDone("the robot holds nothing to show; pick something first")
+        self._shows = True
+        self._run("show", given, self._world_point(shown_at), self.held, angle_rad)
+
+    def draw_in(self) -> None:
+        """Hold the object as before it was shown. Raises NotDone."""
+        if not self._shows:
+            return
+        if self._s.carry is not None and "carry" in self._actions:
+            here = self._world_point(self._s.show_base_m or (0.0, 0.0, 0.0))
+            self._run("carry", self._s.carry, here, self.held)
+        self._shows = False
 
     def cancel(self) -> None:
         """End the running action. From any thread."""
@@ -77,12 +105,24 @@ class Manipulation:
                 )
             self._person.ask(f"{words} at x = {x:.2f} m, y = {y:.2f} m, z = {z:.2f} m")
             return
-        action = self._actions[what]
-        values = {"x": x, "y": y, "z": z, "name": name, "frame": self._senses.world_frame}
+        self._run(what, given, point_m, name)
+
+    def _run(
+        self, what: str, given: UserAction, point_m: Point, name: str, angle_rad: float = 0.0
+    ) -> None:
+        action, (x, y, z) = self._actions[what], point_m
+        values = {
+            "x": x, "y": y, "z": z, "angle": angle_rad, "name": name,
+            "frame": self._senses.world_frame,
+        }  # fmt: skip
         goal = action.goal(filled(given.goal, values))
         result = action.run(goal, self._latch, self._s.hand_timeout_s)
         if given.success and not getattr(result, given.success, False):
             raise NotDone(f"the action {given.action} says {given.success} = false")
+
+    def _world_point(self, base_m: Point) -> Point:
+        x, y, z = (self._senses.here().T_world_base @ [*base_m, 1.0])[:3].tolist()
+        return x, y, z
 
     def _check_reach(self, point_m: Point) -> None:
         here = self._senses.here().T_world_base

@@ -10,15 +10,15 @@ from typing import Any, Literal, Self
 
 from helios_core.errors import InvalidInput
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 
 class UserAction(BaseModel, frozen=True, extra="forbid"):
-    """A ROS action of yours that picks or places."""
+    """A ROS action of yours that moves the hand."""
 
     action: str  # name, such as /pick
     type: str  # such as my_msgs/action/Pick
-    goal: dict[str, Any] = {}  # fields; texts may hold {x} {y} {z} {name} {frame}
+    goal: dict[str, Any] = {}  # fields; texts may hold {x} {y} {z} {angle} {name} {frame}
     success: str = ""  # field of the result that is true on success; "": the action's status
 
 
@@ -143,6 +143,20 @@ class Ros2Settings(ServiceSettings):
     place: UserAction | None = Field(
         default=None, description="action that places: a table with action, type, goal, success"
     )
+    show: UserAction | None = Field(
+        default=None,
+        description="action that holds the held object at `show_base_m`, turned by {angle}: a "
+        "table with action, type, goal, success",
+    )
+    show_base_m: tuple[float, float, float] | None = Field(
+        default=None,
+        description="where `show` holds an object: x, y, z from the base, in view of the camera",
+    )
+    carry: UserAction | None = Field(
+        default=None,
+        description="action that draws the hand in again, before the next drive, turn or place; "
+        "without it, your robot does so itself",
+    )
     ask_person: bool = Field(
         default=True,
         description="without an action of yours, ask a person to pick and place: `~/request` asks, "
@@ -186,6 +200,12 @@ class Ros2Settings(ServiceSettings):
     map_period_s: float = Field(
         default=1.0, gt=0, description="least time between two publications of a changed map"
     )
+
+    @model_validator(mode="after")
+    def _shows_somewhere(self) -> Self:
+        if (self.show is None) != (self.show_base_m is None):
+            raise ValueError("show and show_base_m belong together; give both or neither")
+        return self
 
     @classmethod
     def read(cls) -> Self:

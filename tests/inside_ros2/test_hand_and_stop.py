@@ -17,7 +17,7 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from helios_core.errors import Unavailable  # noqa: E402
-from helios_core.robot import ActionResult, Forward, Observe, Pick, Place, Turn  # noqa: E402
+from helios_core.robot import ActionResult, Forward, Observe, Pick, Place, Show, Turn  # noqa: E402
 from helios_ros2.driver import Ros2Driver  # noqa: E402
 from helios_ros2.offered_qos import Qos  # noqa: E402
 from helios_ros2.rclpy_loading import has_interface, interface  # noqa: E402
@@ -80,6 +80,21 @@ def test_actions_of_the_user_pick_and_place_and_a_failure_is_said() -> None:
             failed = act(made, Pick(NEAR, "cup"))
             assert "/pick failed: it was aborted" in failed.reason
             assert made.state().held == ""
+
+
+def test_a_held_object_is_shown_by_an_action_of_the_user_until_the_robot_drives() -> None:
+    show, carry = action("/pick", 5), action("/place", 13)  # 13: it is aborted
+    at = (0.45, 0.0, 0.95)
+    with fake_robot(DOMAIN, "--still", "--hand"):
+        with driver(pick=action("/pick", 5), show=show, show_base_m=at, carry=carry) as made:
+            assert made.describe().show_base_m == at
+            assert "holds nothing to show" in act(made, Show(0.0)).reason
+            assert act(made, Pick(NEAR, "cup")).succeeded
+            assert act(made, Show(1.0)).succeeded
+            assert "/place failed: it was aborted" in act(made, Turn(0.5)).reason
+        with driver(pick=action("/pick", 5)) as made:
+            assert made.describe().show_base_m is None
+            assert "cannot show" in act(made, Show(0.0)).reason
 
 
 def test_the_state_has_the_charge_of_the_battery() -> None:
