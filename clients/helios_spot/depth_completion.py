@@ -6,7 +6,6 @@ along the optical axis: the detector's (its setting `depth`), or an external `pa
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from typing import Any
 
@@ -16,12 +15,14 @@ from helios_core.bus import Bus
 from helios_core.codec.images import estimated_depth
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole
+from helios_core.plugins import Kind, PluginReference, load
 from helios_core.topics import ESTIMATE_DEPTH
 from numpy.typing import NDArray
 
 DepthEstimator = Callable[[NDArray[np.uint8], Pinhole], NDArray[np.float32]]
 
 DETECTOR = "detector"
+ESTIMATORS = Kind("depth estimator", "helios.depth_estimators")
 LEAST_OVERLAP = 500  # pixels with both depths that are needed to scale the estimate
 SCALES = (0.5, 2.0)  # outside this range the estimate is rejected
 
@@ -60,15 +61,9 @@ def load_estimator(name: str, bus: Bus | None, timeout_s: float) -> DepthEstimat
             "detector or package:callable, or HELIOS_SPOT_DEPTH to sensor"
             + (f" (it is {name!r})" if name else "")
         )
-    try:
-        found: Any = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise InvalidInput(
-            f"depth estimator {name!r} cannot be loaded ({error}); install what it needs"
-        ) from error
-    if not callable(found):
+    estimator: Any = load(ESTIMATORS, PluginReference(name, module, attribute))
+    if not callable(estimator):
         raise InvalidInput(f"depth estimator {name!r} is no callable")
-    estimator: Any = found
     return estimator
 
 

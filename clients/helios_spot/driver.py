@@ -10,6 +10,8 @@ from __future__ import annotations
 import logging
 import threading
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from helios_core.bus import Bus
@@ -206,18 +208,28 @@ class SpotDriver(RobotDriver):
         return ActionResult(True)
 
     def _pick(self, point: tuple[float, float, float], class_name: str) -> None:
-        try:
+        with self._hand_back_after():
             self._hand.grasp(point, class_name)
             self._held_as = class_name
-        finally:
-            self._put_hand_back()
 
     def _place(self, point: tuple[float, float, float]) -> None:
-        try:
+        with self._hand_back_after():
             self._hand.place(point)
             self._held_as = ""
-        finally:
+
+    @contextmanager
+    def _hand_back_after(self) -> Iterator[None]:
+        """Return the hand after a grasp or a place, unless it was halted: then nothing delays the
+        stop that follows."""
+        try:
+            yield
+        except Halted:
+            self._hand_raised = False
+            raise
+        except BaseException:
             self._put_hand_back()
+            raise
+        self._put_hand_back()
 
     def _put_hand_back(self) -> None:
         """Return the hand after a grasp or a place. Only logs its failures, so that the caller

@@ -86,6 +86,7 @@ class SpotArm:
         with doing("grasp", self._link.host):
             client = self._link.client("manipulation")
             reply = client.manipulation_api_command(request, timeout=self._s.rpc_timeout_s)
+        self._motion.check_after_command()
         return int(reply.manipulation_cmd_id)
 
     def _wait_for_grasp(self, id: int, class_name: str) -> str:

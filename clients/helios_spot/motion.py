@@ -145,12 +145,17 @@ class Motion:
         """Send a command; return its id. If a halt occurs meanwhile, send a stop after it."""
         self._halt.check()
         id = self._link.command(command, what, end_s)
+        self.check_after_command()
+        return id
+
+    def check_after_command(self) -> None:
+        """Send a stop if a halt came while a command was sent: it may have arrived first. Raises
+        Halted then."""
         try:
             self._halt.check()
         except Halted:
             self.stop_if_heard()
             raise
-        return id
 
     def _feedback(self, id: int, what: str) -> Any:
         return self._link.feedback(id, what).synchronized_feedback

@@ -192,10 +192,11 @@ def decode_color(image: Any) -> NDArray[np.uint8]:
     """RGB [h, w, 3]; grey images get three equal channels. Raises Unavailable if broken."""
     data = np.frombuffer(image.data, np.uint8)
     if image.format == image.FORMAT_RAW:
-        channels = max(1, data.size // max(image.rows * image.cols, 1))
-        pixels = data[: image.rows * image.cols * channels].reshape(
-            image.rows, image.cols, channels
-        )
+        size = image.rows * image.cols
+        channels = data.size // size if size else 0
+        if not channels:
+            raise Unavailable("the robot sent a colour image that is too short; try again")
+        pixels = data[: size * channels].reshape(image.rows, image.cols, channels)
         return np.ascontiguousarray(np.broadcast_to(pixels[..., :3], (*pixels.shape[:2], 3)))
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if bgr is None or bgr.shape[:2] != (image.rows, image.cols):

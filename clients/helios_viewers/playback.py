@@ -60,6 +60,8 @@ class Player:
 
     def run(self, stopping: threading.Event) -> None:
         """Show each entry at its time until `stopping` is set. At the end it waits for a jump."""
+        with self._changed:  # the time until now does not count
+            self._anchor = (self._anchor[0], time.monotonic())
         while not stopping.is_set():
             with self._changed:
                 due, sought, state = self._due(), self._sought, self._state()
@@ -69,6 +71,8 @@ class Player:
                 for index in self._source.newest_before(due.start):
                     self._show_at(index)
             for index in due:
+                if stopping.is_set():
+                    return
                 self._show_at(index)
             self._report(state)
             with self._changed:

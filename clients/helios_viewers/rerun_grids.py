@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 from foxglove_schemas_protobuf.Grid_pb2 import Grid
@@ -14,6 +16,7 @@ NUMERIC = {
     PackedElementField.UINT8: "u1", PackedElementField.INT8: "i1",
     PackedElementField.UINT32: "<u4", PackedElementField.FLOAT32: "<f4",
 }  # fmt: skip
+POSITION, COLOR = ("x", "y", "z"), ("red", "green", "blue", "alpha")
 POINT_M = 0.02  # radius of a drawn point
 
 
@@ -24,7 +27,7 @@ def grid_mesh(grid: Grid) -> rr.Mesh3D:
     cells in a row. Raises InvalidInput if the data does not fit.
     """
     rows, columns = _shape(grid)
-    cells = _elements(grid.data, grid.cell_stride, grid).reshape(rows, columns)
+    cells = _elements(grid.data, grid.cell_stride, grid, COLOR).reshape(rows, columns)
     drawn = np.zeros((rows, columns + 2), np.int8)
     drawn[:, 1:-1] = cells["alpha"] > 0
     steps = np.diff(drawn, axis=1)
@@ -48,7 +51,7 @@ def grid_mesh(grid: Grid) -> rr.Mesh3D:
 
 def cloud_points(cloud: PointCloud) -> rr.Points3D:
     """Coloured points. Raises InvalidInput if the data does not fit."""
-    points = _elements(cloud.data, cloud.point_stride, cloud)
+    points = _elements(cloud.data, cloud.point_stride, cloud, (*POSITION, *COLOR))
     return rr.Points3D(_positions(points), colors=_rgba(points), radii=POINT_M)
 
 
@@ -57,7 +60,7 @@ def cloud_splats(cloud: PointCloud) -> rr.GaussianSplats3D:
 
     Raises InvalidInput if the data does not fit.
     """
-    points = _elements(cloud.data, cloud.point_stride, cloud)
+    points = _elements(cloud.data, cloud.point_stride, cloud, (*POSITION, *COLOR, "radius"))
     return rr.GaussianSplats3D(
         _positions(points), scales=np.repeat(points["radius"][:, None], 3, axis=1),
         quaternions=np.tile(np.array([0, 0, 0, 1], np.float32), (len(points), 1)),
@@ -76,9 +79,14 @@ def _shape(grid: Grid) -> tuple[int, int]:
     return len(grid.data) // stride, grid.column_count
 
 
-def _elements(data: bytes, stride: int, of: Grid | PointCloud) -> NDArray[np.void]:
-    """Structured array [n] of the fields that are known. Raises InvalidInput."""
+def _elements(
+    data: bytes, stride: int, of: Grid | PointCloud, needed: Sequence[str]
+) -> NDArray[np.void]:
+    """Structured array [n] of the fields that are known. Raises InvalidInput, also if one that is
+    needed is missing."""
     fields = [f for f in of.fields if f.type in NUMERIC]
+    if missing := set(needed) - {f.name for f in fields}:
+        raise InvalidInput(f"a grid or cloud has no field {', '.join(sorted(missing))}")
     try:
         kind = np.dtype({
             "names": [f.name for f in fields], "formats": [NUMERIC[f.type] for f in fields],
@@ -90,8 +98,8 @@ def _elements(data: bytes, stride: int, of: Grid | PointCloud) -> NDArray[np.voi
 
 
 def _positions(points: NDArray[np.void]) -> NDArray[np.float32]:
-    return np.stack([points["x"], points["y"], points["z"]], -1)
+    return np.stack([points[name] for name in POSITION], -1)
 
 
 def _rgba(points: NDArray[np.void]) -> NDArray[np.uint8]:
-    return np.stack([points[name] for name in ("red", "green", "blue", "alpha")], -1)
+    return np.stack([points[name] for name in COLOR], -1)

@@ -109,7 +109,7 @@ class Recording:
         self._health.set("file_mb", round(file.bytes / MB, 3))
         self._health.set("queue_mb", round(self.inbox.bytes / MB, 3))
         self._health.set("writer_cpu_s", round(time.thread_time(), 3))
-        if self._dropped != self._logged_dropped:
+        if tended and self._dropped != self._logged_dropped:  # a changed note is sent at once
             self._tell(file)
 
     def _current(self, item: Item | None, entries: Sequence[Entry]) -> RecordingFile | None:

@@ -43,11 +43,12 @@ def main(argv: list[str] | None = None) -> int:
     try:
         settings = common_settings(service, os.environ)
         link = settings.router_link(service)
+        config = client_config(link)
     except InvalidInput as error:
         print(f"helios-{service}: {error.message}", file=sys.stderr)
         return 2
     try:
-        session = open_session(client_config(link))[0]
+        session = open_session(config)[0]
     except zenoh.ZError as error:
         print(f"helios-{service}: no router at {link}: {error}", file=sys.stderr)
         return 0 if given.unless_cut_off else 1

@@ -60,6 +60,8 @@ def orphans() -> list[Path]:
 
 def free(record: Path) -> int:
     """Give back the memory that the record of a dead process names. Returns the bytes freed."""
+    if not _is_dead(record):  # seen before its process had locked it
+        return 0
     freed = 0
     with suppress(OSError):
         for name in record.read_text().split():

@@ -27,8 +27,10 @@ def check_private(path: Path) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Hold a lock on the folder, so that two processes can change its files at once. Raises
-    OSError."""
+    """Hold a lock on the folder, so that two processes never change its files at the same time.
+
+    Raises OSError.
+    """
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)

@@ -2,7 +2,7 @@
 
 The pixels of a Frame go into channels of Foxglove types, which any viewer shows; the rest of the
 Frame, its head, goes into a HELIOS channel. Head and pixels have the same log time, which no other
-message has. `join_frame` restores the Frame; a keyframe is restored bit by bit.
+frame has. `join_frame` restores the Frame; a keyframe is restored bit by bit.
 """
 
 from __future__ import annotations

@@ -101,16 +101,18 @@ def run_service(service: Service) -> int:
 def run_until(service: Service, stopped: threading.Event) -> int:
     """Run a service in this thread until `stopped` is set. Returns its exit status, or raises what
     ended it; sets `stopped` in any case."""
-    name, settings = service.name, service.settings
-    health = Health()
     try:
-        bus = _connect(name, settings, stopped)
-    except InvalidInput as error:  # the certificates
-        print(f"helios-{name}: {error.message}", file=sys.stderr)
-        stopped.set()
+        bus = _connect(service.name, service.settings, stopped)
+        return 0 if bus is None else _run_on(bus, service, stopped)
+    except InvalidInput as error:  # the endpoint, or the certificates
+        print(f"helios-{service.name}: {error.message}", file=sys.stderr)
         return 2
-    if bus is None:
-        return 0
+    finally:
+        stopped.set()
+
+
+def _run_on(bus: Bus, service: Service, stopped: threading.Event) -> int:
+    name, settings, health = service.name, service.settings, Health()
     settings_json = json.dumps(settings.described())
     instance = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
     over = threading.Event()
@@ -135,7 +137,6 @@ def run_until(service: Service, stopped: threading.Event) -> int:
         health.failed(f"a fault ended it ({type(error).__name__}: {str(error)[:200]}); see its log")
         raise
     finally:
-        stopped.set()
         try:
             if running is not None:
                 running.close()

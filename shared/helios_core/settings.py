@@ -8,8 +8,9 @@ Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. The file's table `[all]` holds defaults for the
 settings that every service has (router, certs, robot, log_level, log_format, tracing). No other
 code in a service reads the environment, except for OpenTelemetry's own variables
-(`span_recording`). A service with a setting `agent` takes all settings not given from that agent's
-preset (`agent_presets`). Unknown names are refused (`settings_spelling`).
+(`span_recording`) and the folders of models (`models.model_folder`). A service with a setting
+`agent` takes all settings not given from that agent's preset (`agent_presets`). Unknown names are
+refused (`settings_spelling`).
 """
 
 from __future__ import annotations

@@ -66,8 +66,15 @@ def start(service: str, robot: str, setting: bool) -> SpanRecording | None:
             raise InvalidInput(f"{NOT_INSTALLED}, or leave out --tracing")
         log.warning("no span is exported, although OTEL_… variables ask for it: %s", NOT_INSTALLED)
         return None
+    try:
+        exporters = _exporting(os.environ)
+    except ImportError as error:  # the SDK is there without this exporter
+        if setting:
+            raise InvalidInput(f"{NOT_INSTALLED}, or leave out --tracing ({error})") from error
+        log.warning("no span is exported, although OTEL_… variables ask for it: %s", error)
+        return None
     global _running
-    _running = SpanRecording(service, robot, _exporting(os.environ))
+    _running = SpanRecording(service, robot, exporters)
     tracing.use(_running)
     return _running
 

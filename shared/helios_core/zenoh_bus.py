@@ -116,7 +116,7 @@ class ZenohBus(Bus):
 
         def read() -> None:
             for sample in _received(subscriber.handler):
-                if latest and not unseen.take(_attached(sample)):
+                if not unseen.take(_attached(sample)):
                     continue
                 try:
                     message = parse(sample.payload.to_bytes())

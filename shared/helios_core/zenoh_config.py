@@ -40,7 +40,7 @@ def client_config(link: RouterLink | str) -> zenoh.Config:
         return _zenoh(client_values([link.endpoint]))
     config = _from_file(link.session)
     if link.endpoint:
-        config.insert_json5("connect/endpoints", json.dumps([link.endpoint]))
+        _use_endpoint(config, "connect", link.endpoint)
     return config
 
 
@@ -72,7 +72,7 @@ def router_config_of_file(file: Path, listen: str | None) -> zenoh.Config:
     """
     config = _from_file(file)
     if listen is not None:
-        config.insert_json5("listen/endpoints", json.dumps([listen]))
+        _use_endpoint(config, "listen", listen)
     return config
 
 
@@ -124,7 +124,26 @@ def _base64(data: bytes) -> str:
 
 
 def _zenoh(values: dict[str, Any]) -> zenoh.Config:
-    return zenoh.Config.from_json5(json.dumps(values))
+    """Raises InvalidInput for an endpoint that is none."""
+    try:
+        return zenoh.Config.from_json5(json.dumps(values))
+    except zenoh.ZError as error:
+        given = values.get("listen", values.get("connect", {}))
+        raise _no_endpoint(given.get("endpoints", ())) from error
+
+
+def _use_endpoint(config: zenoh.Config, where: str, endpoint: str) -> None:
+    """Replace the endpoints of a file's `where` (connect or listen). Raises InvalidInput."""
+    try:
+        config.insert_json5(f"{where}/endpoints", json.dumps([endpoint]))
+    except zenoh.ZError as error:
+        raise _no_endpoint([endpoint]) from error
+
+
+def _no_endpoint(given: Sequence[str]) -> InvalidInput:
+    return InvalidInput(
+        f"{', '.join(map(repr, given))} is no endpoint; wanted for example tcp/127.0.0.1:7447"
+    )
 
 
 def _from_file(file: Path) -> zenoh.Config:

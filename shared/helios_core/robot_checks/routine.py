@@ -44,7 +44,7 @@ def moves(robot: MoveLimits, drive: bool) -> Moves:
     if not robot.can_move:
         return
     step = min(TURN_RAD, robot.max_turn_rad)
-    turns = round(2 * math.pi / step)
+    turns = math.ceil(2 * math.pi / step - 1e-6)
     step = 2 * math.pi / turns
     room_m = []
     for _ in range(turns):

@@ -215,6 +215,13 @@ def test_the_routine_turns_once_and_drives_only_with_room_and_leave() -> None:
     assert list(moves(MoveLimits(can_move=False), True)) == []
 
 
+@given(st.floats(0.1, 2.0))
+def test_the_routine_never_turns_farther_than_the_robot_can(max_turn_rad: float) -> None:
+    turns = [a for a in moves(MoveLimits(max_turn_rad=max_turn_rad), False) if isinstance(a, Turn)]
+    assert all(a.angle_rad <= max_turn_rad + 1e-6 for a in turns)
+    assert sum(a.angle_rad for a in turns) == pytest.approx(2 * math.pi)
+
+
 def test_the_free_way_ahead_ends_at_the_wall() -> None:
     robot = RobotDescription("r", 0.3, 1.4, CAMERA, CLAIMED_M, 0.0, 5.0)
     T_world_cam, base = camera_at(), se2_to_se3(0.0, 0.0, 0.0)

@@ -169,6 +169,17 @@ def test_a_missing_sdk_is_an_error_only_if_the_setting_asks_for_tracing(
     assert "no span is exported" in caplog.text
 
 
+def test_a_missing_exporter_is_an_error_only_if_the_setting_asks_for_tracing(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setitem(sys.modules, "opentelemetry.exporter.otlp.proto.http.trace_exporter", None)
+    monkeypatch.setenv("OTEL_EXPORTER_OTLP_ENDPOINT", "http://localhost:4318")
+    with pytest.raises(InvalidInput, match=r"pip install 'helios-ovmm\[tracing\]'"):
+        span_recording.start("planner", "r", True)
+    assert span_recording.start("planner", "r", False) is None
+    assert "no span is exported" in caplog.text
+
+
 def test_the_process_hands_out_the_spans_of_one_trace(exported: Any) -> None:
     kept = KeptSpans()
     with tracing.span("other"):

@@ -40,6 +40,19 @@ def test_no_point_is_at_an_invalid_place(means_m: np.ndarray) -> None:
     assert len(points) == np.isfinite(means_m).all(axis=1).sum()
 
 
+def test_a_cloud_without_a_needed_field_is_refused() -> None:
+    pytest.importorskip("rerun", reason="pip install 'helios-ovmm[rerun]'")
+    from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+    from helios_viewers.rerun_grids import cloud_points
+
+    fields = [
+        PackedElementField(name=name, offset=4 * k, type=PackedElementField.FLOAT32)
+        for k, name in enumerate("xyz")
+    ]
+    with pytest.raises(InvalidInput, match="has no field alpha, blue, green, red"):
+        cloud_points(PointCloud(point_stride=12, fields=fields, data=bytes(24)))
+
+
 @given(st.data())
 def test_a_grid_mesh_covers_exactly_the_drawn_cells(data: st.DataObject) -> None:
     pytest.importorskip("rerun", reason="pip install 'helios-ovmm[rerun]'")
