@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from helios_core.errors import Conflict, HeliosError, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import Forward, Observe, Tilt, Turn
+from helios_core.robot import Forward, Observe, Pick, Tilt, Turn
 from helios_spot.driver import SpotDriver
 from helios_spot.halt_conditions import Halt, Halted
 
@@ -224,6 +224,9 @@ def test_a_stop_cleared_at_once_still_ends_the_walk(staging: Staging) -> None:
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
+MUG_M = (2.16, 0.6, 0.76)
+
+
 def test_a_stop_that_overtakes_a_command_stays_in_force(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -319,3 +322,28 @@ def test_closing_the_driver_without_a_link_does_not_hang(stage: Stage) -> None:
     closing.start()
     closing.join(15)
     assert not closing.is_alive()
+
+
+def test_a_stop_that_overtakes_a_grasp_is_sent_again_at_once(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = stage.driver()
+    stage.world.x, stage.world.y = 1.3, 0.6
+    stage.act(driver, Observe())
+    client: Any = driver._link.client("manipulation")
+    send, read, order = client.manipulation_api_command, driver._link.read, []
+
+    def noted_read() -> Any:
+        order.append("read")
+        return read()
+
+    def overtaken(request: Any, **options: Any) -> Any:
+        driver.stop("a person")  # the stop reaches the robot first
+        monkeypatch.setattr(driver._motion, "stop_if_heard", lambda: order.append("stop"))
+        monkeypatch.setattr(driver._link, "read", noted_read)
+        return send(request, **options)
+
+    monkeypatch.setattr(client, "manipulation_api_command", overtaken)
+    result = stage.act(driver, Pick(MUG_M, "mug"))
+    assert (result.succeeded, result.reason) == (False, "a person")
+    assert order[0] == "stop"
