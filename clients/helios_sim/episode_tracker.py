@@ -140,9 +140,10 @@ class EpisodeTracker:
     def targets_needing_coverage(
         self, base_xy_m: tuple[float, float], held: str
     ) -> tuple[str, ...]:
-        """Names of targets whose image coverage can change the metrics at this base position."""
+        """Names of targets whose image coverage can change the metrics at this base position. An
+        object in the hand is not found by looking at it."""
         now = self.progress
-        asked = {} if now.find_object else dict(self.targets.objects)
+        asked = {n: p for n, p in self.targets.objects.items() if not now.find_object and n != held}
         if not now.find_receptacle and (now.pick or held in self.targets.objects):
             asked |= self.targets.goals
         return tuple(name for name in asked if self.targets.at(base_xy_m, name))

@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-MAX_STEPS = 500
 MIN_SHORTEST_M = 1.0  # lower limit of l in a task
 
 

@@ -1,13 +1,14 @@
 """Metrics of a move task by the rules of HomeRobot OVMM. Pure functions.
 
 - FindObj, latched: the base is within 0.1 m geodesic of a viewpoint of a candidate object, and that
-  candidate covers at least 0.001 of the image. Candidates are objects of the requested class that
-  lie on a receptacle of the requested class when the task begins.
+  candidate covers at least 0.001 of the image and is not in the hand. Candidates are objects of the
+  requested class that lie on a receptacle of the requested class when the task begins.
 - Pick, latched: FindObj, and the held object is a candidate.
 - FindRec, latched: Pick, then the test of FindObj for a goal receptacle.
 - Placed: a candidate was released and was at rest (below 0.005 m/s and 0.05 rad/s) for 50
   consecutive control steps of 1/30 s, in contact with a goal receptacle at a height of at least
-  0.05 m in all of them. It ends when a candidate is held again.
+  0.05 m in all of them. One that trembles within 1 mm and 1° for as long counts as at rest, too,
+  on what it touches at the end. It ends when a candidate is held again.
 - Place, latched: FindRec, and placed. The phases form a chain.
 - SR: placed, and no collision of the robot with the scene in the whole task. As in Habitat, SR uses
   the unchained place: an agent that never was at a viewpoint can succeed.
@@ -47,7 +48,7 @@ class ReleaseResult:
     """Result of a release."""
 
     name: str
-    at_rest: bool  # for 50 control steps
+    at_rest: bool  # or trembles in place, for 50 control steps
     on: Mapping[str, float]  # bodies touched in all of them -> height of the highest contact, m
     height_m: float  # of the object's centre
     met: frozenset[str] = frozenset()  # bodies touched at any time

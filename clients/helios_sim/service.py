@@ -116,6 +116,7 @@ class WorldService:
         return result_to_proto(done, request.action_id)
 
     def _do(self, action: Action, action_id: str, watch_hz: float) -> ActionResult:
+        self._watched = ()
         if not 0.0 < watch_hz <= MOST_WATCH_HZ:
             return self._robot.act(action, action_id)
         done, self._watched = self._robot.act_and_watch(action, action_id, watch_hz)

@@ -172,6 +172,25 @@ def test_the_page_shows_a_lost_connection_and_reconnects(browser: Browser) -> No
     page.close()
 
 
+def test_the_page_tells_its_readiness_again_after_a_short_loss(
+    browser: Browser, gateway: Served
+) -> None:
+    """After a short loss the gateway sends only what changed meanwhile."""
+    page = browser.new_page()
+    page.add_init_script(
+        "window.streams = []; const Stream = window.EventSource;"
+        "window.EventSource = class extends Stream {"
+        "  constructor(...args) { super(...args); window.streams.push(this); } };"
+        "window.EventSource.CLOSED = Stream.CLOSED;"
+    )
+    page.goto(gateway.url)
+    expect(page.locator("#ready")).to_have_text("ready")
+    for event, shown in (("error", "connection lost"), ("open", "ready")):
+        page.evaluate(f"window.streams[0].dispatchEvent(new Event('{event}'))")
+        expect(page.locator("#ready")).to_have_text(shown)
+    page.close()
+
+
 def test_stop_now_stays_in_view_latches_and_can_be_cleared(page: Page, gateway: Served) -> None:
     page.set_viewport_size({"width": 420, "height": 700})
     page.mouse.wheel(0, 5000)
@@ -236,6 +255,26 @@ def test_the_page_asks_for_a_key_and_keeps_it(browser: Browser, tmp_path: Path) 
         page.fill("#login-key", key)
         page.click("#login button")
         expect(page.locator("#ready")).to_have_text("ready")
+        submit(page)
+        expect(page.locator("#change-key")).to_be_hidden()
+        page.close()
+
+
+def test_a_key_that_may_not_do_something_can_be_changed(browser: Browser, tmp_path: Path) -> None:
+    reads, drives = (add_key(tmp_path / "keys.toml", n, n) for n in ("read", "robot"))
+    with served("--keys", str(tmp_path / "keys.toml")) as gateway:
+        page = browser.new_page()
+        page.goto(gateway.url)
+        page.fill("#login-key", reads)
+        page.click("#login button")
+        expect(page.locator("#ready")).to_have_text("ready")
+        page.fill("#instruction", INSTRUCTION)
+        page.get_by_role("button", name="Submit task").click()
+        expect(page.locator("#ask-error")).to_contain_text("scope")
+        page.click("#change-key")
+        page.fill("#login-key", drives)
+        page.click("#login button")
+        expect(page.locator("#login")).to_be_hidden()
         submit(page)
         page.close()
 

@@ -75,6 +75,17 @@ def test_a_key_drives_while_it_is_held(page: Page, gateway: Served, key: str, ki
     stands(gateway)
 
 
+def test_a_key_that_is_released_under_the_command_key_lets_go(page: Page, gateway: Served) -> None:
+    """macOS sends no keyup of a letter while Cmd is down."""
+    page.focus("#pad")
+    page.keyboard.down("w")
+    wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
+    page.keyboard.down("Meta")
+    stands(gateway)
+    page.keyboard.up("Meta")
+    page.keyboard.up("w")
+
+
 @pytest.mark.parametrize(
     "let_go", ["window.dispatchEvent(new Event('blur'))", "document.querySelector('#map').focus()"]
 )

@@ -109,6 +109,26 @@ def test_stop_all_stops_every_robot_and_one_is_cleared_alone(page: Page, robots:
     assert robots.backends["robot"].stopped
 
 
+def test_every_robot_that_stop_all_does_not_reach_is_named_until_the_next_press(
+    page: Page, robots: Robots
+) -> None:
+    away = ("robot", "robot-2")
+    for name in away:
+        page.route(
+            f"**/v1/robots/{name}/robot/stop",
+            lambda route: route.fulfill(status=503, json={"detail": "no bridge answers."}),
+        )
+    page.get_by_role("button", name="Stop all").click()
+    for name in away:
+        expect(page.locator("#failed")).to_contain_text(
+            f"{name}: The stop did not get through: no bridge answers."
+        )
+    page.unroute_all()
+    page.get_by_role("button", name="Stop: robot-2", exact=True).click()
+    expect(page.locator("#failed")).to_be_hidden()
+    wait_until(lambda: robots.backends["robot-2"].stopped, 20, "it is stopped")
+
+
 def test_the_dashboard_leads_to_the_page_and_a_card_back(page: Page, robots: Robots) -> None:
     card(page, "robot-2").get_by_role("link", name="robot-2").click()
     expect(page.locator("#robots")).to_have_value("robot-2")

@@ -78,6 +78,14 @@ def test_the_map_falls_back_to_occupancy_when_its_layer_disappears(
     expect(page.locator("#scale")).to_be_hidden()
 
 
+def test_a_map_that_was_reset_is_no_longer_shown(page: Page, gateway: Served) -> None:
+    expect(page.locator("#map-facts")).to_contain_text("version 41")
+    page.route("**/v1/map", lambda route: route.fulfill(status=503, json={"detail": "no map yet"}))
+    gateway.backend.change_map()
+    expect(page.locator("#map-empty")).to_have_text("no map yet")
+    expect(page.locator("#map-facts")).to_be_empty()
+
+
 def test_the_page_retries_a_failed_map_request(page: Page, gateway: Served) -> None:
     page.route("**/v1/map/cells.png", lambda route: route.fulfill(status=504, json={}), times=1)
     page.goto(gateway.url)

@@ -35,9 +35,11 @@ from helios_planner.task import Phase
 from helios_planner.tasks.messages import decision_from_proto
 
 from helios_eval.episodes.episode_player import LONGEST_S, running_stack
+from helios_eval.episodes.episode_record import append_line
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.run_conditions import parse_condition
 from helios_eval.studies.development_homes import homes
+from helios_eval.studies.jsonl_file import whole_lines
 
 TABLES = (0.0001, 0.001, 0.01)  # α_d of Tables 6 to 8
 WEIGHTS = (*TABLES, 0.1)
@@ -174,20 +176,17 @@ def run(specs: Sequence[EpisodeSpec], played: GainNorm, folder: Path) -> str:
     """Play the missing episodes; return the table of all. Raises HeliosError."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "episodes.jsonl"
-    text = path.read_text() if path.exists() else ""
-    episodes = {e["key"]: e for e in map(json.loads, text.splitlines())}
-    with path.open("a") as file:
-        for k, spec in enumerate(specs, start=1):
-            if spec.key not in episodes:
-                episodes[spec.key] = play(spec)
-                file.write(json.dumps(episodes[spec.key]) + "\n")
-                file.flush()
-            said = episodes[spec.key]
-            print(
-                f"{k}/{len(specs)} home {spec.seed}: {said['ended']}, {said['steps']} steps, "
-                f"{len(said['decisions'])} decisions",
-                file=sys.stderr,
-            )
+    episodes = {e["key"]: e for e in whole_lines(path)}
+    for k, spec in enumerate(specs, start=1):
+        if spec.key not in episodes:
+            episodes[spec.key] = play(spec)
+            append_line(path, json.dumps(episodes[spec.key]))
+        said = episodes[spec.key]
+        print(
+            f"{k}/{len(specs)} home {spec.seed}: {said['ended']}, {said['steps']} steps, "
+            f"{len(said['decisions'])} decisions",
+            file=sys.stderr,
+        )
     decisions = [d for s in specs for d in decisions_of(episodes[s.key])]
     rows = rows_of(decisions, played)
     out = {

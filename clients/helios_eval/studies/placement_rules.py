@@ -40,10 +40,12 @@ from helios_sim.home.home_types import Receptacle
 from helios_sim.world import World
 from numpy.typing import NDArray
 
+from helios_eval.episodes.episode_record import append_line
 from helios_eval.episodes.home_presets import home_of
 from helios_eval.ledger import FIRST_SEED
 from helios_eval.report.interval_statistics import paired_difference, sign_test, wilson
 from helios_eval.studies.development_homes import homes
+from helios_eval.studies.jsonl_file import whole_lines
 from helios_eval.studies.placement_robot import SimulatedRobot
 
 RULES: tuple[PlaceRule, ...] = ("paper", "flat")
@@ -74,6 +76,7 @@ class Outcome:
     how: str  # succeeded, rolled off, fell beside, refused, not reached
     message: str
     steps: int
+    preset: str = "ovmm-v1"  # of the homes
 
 
 def as_instance(item: Receptacle) -> ObjectInstance:
@@ -224,24 +227,26 @@ def run(kind: str, seed0: int, count: int, per_home: int, folder: Path) -> str:
     """Play the missing trials; return the report on all."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "placements.jsonl"
-    text = path.read_text() if path.exists() else ""
-    outcomes = [Outcome(**json.loads(line)) for line in text.splitlines()]
+    outcomes = [Outcome(**line) for line in whole_lines(path)]
+    if others := {o.preset for o in outcomes} - {kind}:
+        raise InvalidInput(
+            f"{path} holds placements in homes of {', '.join(others)}, not {kind}; name another "
+            "folder with --out"
+        )
     known = {(o.seed, o.receptacle, o.rule) for o in outcomes}
     done = 0
-    with path.open("a") as file:
-        for trial in trials(kind, seed0, per_home):
-            if done >= count:
-                break
-            at = (trial.seed, trial.receptacle)
-            played = [play(kind, trial, rule) for rule in RULES if (*at, rule) not in known]
-            if None in played:
-                continue
-            done += 1
-            for outcome in played:
-                assert outcome is not None
-                outcomes.append(outcome)
-                file.write(json.dumps(asdict(outcome)) + "\n")
-            file.flush()
+    for trial in trials(kind, seed0, per_home):
+        if done >= count:
+            break
+        at = (trial.seed, trial.receptacle)
+        played = [play(kind, trial, rule) for rule in RULES if (*at, rule) not in known]
+        if None in played:
+            continue
+        done += 1
+        for outcome in played:
+            assert outcome is not None
+            outcomes.append(outcome)
+            append_line(path, json.dumps(asdict(outcome)))
     table = report(outcomes)
     write_file(folder / "placements.md", table)
     return table

@@ -28,7 +28,9 @@ from helios_sim.injected_faults import Faults, FaultyRobot
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.world import World
 
+from helios_eval.episodes.episode_record import append_line
 from helios_eval.studies.development_homes import homes
+from helios_eval.studies.jsonl_file import whole_lines
 
 HEALTHY = ""
 CLOSE = 0.2  # share of a fault's size within which its report is right
@@ -174,9 +176,7 @@ def _row(kind: Kind, runs: Sequence[Run]) -> str:
 
 def read(path: Path) -> list[Run]:
     """Runs of an earlier call; empty without the file."""
-    if not path.exists():
-        return []
-    return [Run(**json.loads(line)) for line in path.read_text().splitlines()]
+    return [Run(**line) for line in whole_lines(path)]
 
 
 def main() -> int:
@@ -205,13 +205,12 @@ def main() -> int:
     runs = read(path)
     known = {(r.seed, r.sensor, r.faults) for r in runs}
     try:
-        with path.open("a") as file:
-            for k, seed in enumerate(played):
-                texts = [HEALTHY, *(kind.text(seed) for kind in KINDS if k < asked.faulty)]
-                for sensor in sensors:
-                    for run in play_home(seed, sensor, asked.preset, texts, known):
-                        runs.append(run)
-                        print(json.dumps(asdict(run)), file=file, flush=True)
+        for k, seed in enumerate(played):
+            texts = [HEALTHY, *(kind.text(seed) for kind in KINDS if k < asked.faulty)]
+            for sensor in sensors:
+                for run in play_home(seed, sensor, asked.preset, texts, known):
+                    runs.append(run)
+                    append_line(path, json.dumps(asdict(run)))
     except HeliosError as error:
         print(f"robot-setup: {error.message}", file=sys.stderr)
         return 1

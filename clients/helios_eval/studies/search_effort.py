@@ -21,9 +21,10 @@ from pathlib import Path
 
 import numpy as np
 from helios_core.errors import HeliosError, InvalidInput
-from helios_sim.home.presets import pick_and_place_steps_of
 
 from helios_eval.episodes import episode_record
+from helios_eval.episodes.episode_spec import MAX_STEPS
+from helios_eval.episodes.home_presets import default_steps
 from helios_eval.report.agent_groups import Arm, arms_of, in_common
 from helios_eval.report.interval_statistics import (
     Interval,
@@ -44,11 +45,12 @@ AGAINST = "helios-paper"
 
 
 def steps_of(arm: Arm) -> Values:
-    """Steps [n] to FindObj where the object is there; without FindObj the budget of the preset, so
+    """Steps [n] to FindObj where the object is there; without FindObj the budget of the run, so
     that no agent gains by giving up."""
     present = [r for r in arm.records if not r.absent]
     return np.array([
-        (r.find_object and r.find_object_steps) or pick_and_place_steps_of(r.preset)
+        (r.find_object and r.find_object_steps)
+        or r.settings.get(MAX_STEPS, default_steps(r.preset, r.benchmark))
         for r in present
     ], float)  # fmt: skip
 

@@ -27,7 +27,8 @@ from helios_sim.home.home_types import (
 from helios_sim.home.seating_shapes import Maker
 
 # Limits for scaling a model to the size of the drawn shape: furniture per axis, objects uniformly.
-# The result exceeds the drawn size by a factor of at most MOST_LARGER.
+# Furniture exceeds the drawn size by a factor of at most MOST_LARGER on each side; of objects the
+# longest side does.
 FURNITURE_SCALE = (0.7, 1.4)
 THING_SCALE = (0.3, 1.6)
 MOST_LARGER = 1.12

@@ -87,9 +87,11 @@ def _read(file: io.BytesIO) -> _Text:
         if not words:
             continue
         if words[0] == "v":
-            text.positions.append([float(v) for v in words[1:4]])
+            x, y, z = words[1:4]
+            text.positions.append([float(x), float(y), float(z)])
         elif words[0] == "vt":
-            text.texture.append([float(v) for v in words[1:3]])
+            u, v = words[1], words[2] if len(words) > 2 else "0"
+            text.texture.append([float(u), float(v)])
         elif words[0] == "f":
             polygon = [_corner(word, text) for word in words[1:]]
             rows = text.corners.setdefault(material, [])
@@ -159,7 +161,11 @@ def _picture(files: dict[str, io.BytesIO], name: str, entry: Entry) -> NDArray[n
     file = files.get(name) or files.get(name.rpartition(" ")[2])
     if file is None:
         return None
-    image = cv2.imdecode(np.frombuffer(file.getvalue(), np.uint8), cv2.IMREAD_UNCHANGED)
+    data = np.frombuffer(file.getvalue(), np.uint8)
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:
+        image = None
     if image is None or image.dtype != np.uint8:
         return None
     if image.ndim == 2:

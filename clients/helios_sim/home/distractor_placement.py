@@ -79,6 +79,8 @@ class DistractorPlacer:
                 break
             if all(thing.class_name != class_name for thing in self.objects):
                 self._place(class_name)
+        if not self.objects:  # nothing fits
+            return
         hidden = max(_HIDDEN, self._f.preset.hidden_objects + 1)
         for _ in range(6 * hidden):
             if self._hidden >= hidden or len(self.objects) >= count:

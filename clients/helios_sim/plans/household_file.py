@@ -27,6 +27,7 @@ from helios_sim.plans.plan_home import PlanHome
 _KEYS = {"class", "on", "at_m"}
 _MOST_BYTES, _MOST_THINGS = 1 << 20, 200
 _DROP_M = 0.002
+_FARTHEST_M = 1e4
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def read_things(path: Path) -> tuple[Thing, ...]:
         if path.stat().st_size > _MOST_BYTES:
             raise InvalidInput(f"{path} has more than 1 MiB; list up to {_MOST_THINGS} things")
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InvalidInput(
             f"{path} is no TOML file ({error}); see docs/tutorials/your-home.md"
         ) from error
@@ -70,7 +71,7 @@ def _thing(row: Any, where: str) -> Thing:
     if at is None:
         return Thing(row["class"], on)
     numbers = isinstance(at, list) and len(at) == 2 and all(
-        isinstance(v, int | float) and math.isfinite(v) for v in at
+        isinstance(v, int | float) and abs(v) <= _FARTHEST_M for v in at
     )  # fmt: skip
     if not numbers:
         raise InvalidInput(f"{where}: at_m is {at!r}; wanted two numbers, [x, y] in metres")

@@ -35,7 +35,6 @@ MOST_TRIANGLES = 120_000  # of a model as drawn; it is then simplified
 _SIMPLE_TRIANGLES = 2000
 _WITHOUT_SIMPLIFYING = 8000  # a model with fewer triangles needs no simplification
 _MOST_PIXELS = 16 << 20
-_IMAGES = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff")
 _PITCH_M, _BOXES = 0.04, 40
 _HEIGHTS_M = (0.08, 1.6)
 _SOFT = frozenset({"sofa", "armchair", "bed", "chair", "bench", "stool"})
@@ -52,6 +51,7 @@ _NAMED_RGB: tuple[tuple[str, Rgb], ...] = (
     ("red", (0.66, 0.20, 0.18)), ("ruby", (0.60, 0.14, 0.20)), ("iris", (0.38, 0.40, 0.62)),
     ("lavend", (0.66, 0.62, 0.78)), ("blue", (0.28, 0.40, 0.62)), ("green", (0.33, 0.52, 0.30)),
 )  # fmt: skip
+_LIBRARIES = re.compile(r"^mtllib\s+(.*\S)", re.MULTILINE)
 _USED = re.compile(r"^usemtl +(\S.*?)\s*$", re.MULTILINE)
 
 
@@ -106,7 +106,8 @@ def _files(archive: PlanArchive, model: str) -> dict[str, io.BytesIO]:
         raise InvalidInput(f"its model has more than {MOST_MODEL_BYTES >> 20} MiB")
     if not re.search(rb"^v\s", data, re.MULTILINE) or not re.search(rb"^f\s", data, re.MULTILINE):
         raise InvalidInput("its model is no OBJ file")
-    for name in [n for n in files if n.lower().endswith(_IMAGES)]:
+    texts = {own, *_LIBRARIES.findall(data.decode("latin-1"))}
+    for name in files.keys() - texts:  # a texture may have any name
         size = pixels_of(files[name].getvalue())
         if size is None or size[0] * size[1] > _MOST_PIXELS:
             del files[name]

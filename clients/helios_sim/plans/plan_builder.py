@@ -23,7 +23,7 @@ from helios_sim.home.home_types import Fixture, Room, RoomStyle, Shape
 from helios_sim.home.presets import OVMM_V1, HomePreset
 from helios_sim.home.wall_placement import Pose
 from helios_sim.plans import household_file, plan_openings
-from helios_sim.plans.floor_area import FloorArea, floor_area, outside_obstacles
+from helios_sim.plans.floor_area import FloorArea, corners_of, floor_area, outside_obstacles
 from helios_sim.plans.furniture_classes import room_kind
 from helios_sim.plans.piece_shapes import PieceShapes
 from helios_sim.plans.plan_archive import PlanArchive
@@ -31,7 +31,7 @@ from helios_sim.plans.plan_furniture import Furnishing, furnish, placed_pieces, 
 from helios_sim.plans.plan_home import PlanHome, wall_obstacles
 from helios_sim.plans.plan_openings import Doors
 from helios_sim.plans.plan_reader import read_plan
-from helios_sim.plans.plan_source import PlanSource
+from helios_sim.plans.plan_source import PlanSource, file_sha256
 from helios_sim.plans.plan_types import DrawnRoom, Opening, Plan
 from helios_sim.plans.wall_blocks import WallBlock, cut, wall_of, whole_blocks
 
@@ -104,7 +104,10 @@ def home_of_plan(
     assert start is not None  # `drawn_home` found one
     empty = replace(drawn.home, seed=seed, start_pose=start)
     if source.things_sha256:
-        things = household_file.read_things(household_file.path_beside(source.path))
+        beside = household_file.path_beside(source.path)
+        things = household_file.read_things(beside)
+        if file_sha256(beside) != source.things_sha256:
+            raise InvalidInput(f"{beside} has changed since the run began; begin another run")
         return household_file.laid(empty, floor, things)
     return _with_things(drawn, empty, seed)
 
@@ -312,7 +315,7 @@ def _check_extent(plan: Plan, blocks: Sequence[WallBlock]) -> None:
         raise InvalidInput(
             f"{_where(plan)} has neither walls nor rooms; draw them{_other_levels(plan)}"
         )
-    points += [(block.x, block.y) for block in blocks]
+    points += [corner for block in blocks for corner in corners_of(block.footprint)]
     side = float(np.ptp(np.array(points), axis=0).max())
     if side > MOST_SIDE_M:
         raise InvalidInput(

@@ -22,7 +22,7 @@ from helios_sim.plans.plan_xml import Element
 _CM = 0.01
 _FURTHEST_CM = 1e6
 _MOST_SIZE_CM = 1e5
-_LEAST_SIDE_M = 0.004
+_LEAST_SIDE_M, _MOST_PIECE_M = 0.004, 30.0
 _LEAST_ROOM_M2 = 0.5
 _LEAST_WALL_M = 0.01
 _SAME_ELEVATION_CM = 5.0
@@ -138,10 +138,13 @@ class _LevelReader:
         start, end = _point(e, "xStart", "yStart"), _point(e, "xEnd", "yEnd")
         if math.dist(start, end) < _LEAST_WALL_M:
             raise _Unusable("its length is 0")
+        thickness_m = _number(e, "thickness", least=0.1) * _CM
+        if thickness_m > _MOST_PIECE_M:
+            raise _Unusable(f"it is thicker than {_MOST_PIECE_M:g} m")
         return Wall(
             start,
             end,
-            _number(e, "thickness", least=0.1) * _CM,
+            thickness_m,
             height * _CM,
             _number(e, "heightAtEnd", str(height), least=1.0) * _CM,
             -_number(e, "arcExtent", "0"),
@@ -200,11 +203,17 @@ def _opening(e: Element, name: str) -> Opening:
     z_m = _number(e, "elevation", "0") * _CM
     if min(width, height) < _LEAST_SIDE_M:
         raise _Unusable("its width or height is 0")
+    _check_size(width, depth, height)
     kind = opening_kind(e.attributes.get("catalogId", ""), name, z_m, height)
     hinge, swing = _leaf(e)
     return Opening(
         name, kind, x, y, -_number(e, "angle", "0"), width, depth, height, z_m, hinge, swing
     )
+
+
+def _check_size(*sides_m: float) -> None:
+    if max(sides_m) > _MOST_PIECE_M:
+        raise _Unusable(f"it is larger than {_MOST_PIECE_M:g} m")
 
 
 def _leaf(e: Element) -> tuple[int, int]:
@@ -236,6 +245,7 @@ def _piece(e: Element, name: str) -> Piece:
     )
     if min(width, depth, height) < _LEAST_SIDE_M:
         raise _Unusable("its width, depth or height is 0")
+    _check_size(width, depth, height)
     return Piece(
         name,
         e.attributes.get("catalogId", ""),

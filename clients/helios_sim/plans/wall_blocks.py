@@ -19,7 +19,6 @@ _TOUCH_M = 0.03
 _PARALLEL_COS = math.cos(math.radians(25))
 _SLACK_M = 0.03
 _LEAST_CUT_M = 0.05
-_DOOR_SILL_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -170,7 +169,8 @@ def wall_of(opening: Opening, blocks: Iterable[WallBlock]) -> tuple[float, float
         turn = opening.yaw_rad - block.yaw_rad
         if abs(math.sin(turn)) > 0.02:  # an oblique block: its axis where the opening is
             c, s = math.cos(block.yaw_rad), math.sin(block.yaw_rad)
-            across = -(c * (opening.y - block.y) - s * (opening.x - block.x))
+            across = s * (opening.x - block.x) - c * (opening.y - block.y)
+            across *= 1 if math.cos(turn) > 0 else -1  # the wall may run the other way
         low, high = (
             min(low, across - block.thickness_m / 2),
             max(high, across + block.thickness_m / 2),

@@ -5,6 +5,8 @@ whenRefused(() => {
   if (!$("login").open) $("login").showModal();
 });
 
+$("change-key").addEventListener("click", () => $("login").showModal());
+
 $("login-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   const response = await fetch("/v1/session", {

@@ -1,6 +1,12 @@
 // Client of the HTTP API, and small helpers for the page.
 
-export class Problem extends Error {}
+/** A refusal of the gateway, with the status of its response. */
+export class Problem extends Error {
+  constructor(message, status = 0) {
+    super(message);
+    this.status = status;
+  }
+}
 
 export const robot = new URLSearchParams(location.search).get("robot");
 const base = robot === null ? "/v1" : `/v1/robots/${encodeURIComponent(robot)}`;
@@ -16,6 +22,7 @@ export const address = (path) => base + path;
 export async function get(path, options = {}) {
   const response = await fetch(base + path, options);
   if (response.status === 401) onRefused();
+  if (response.status === 403) $("change-key").hidden = false; // another key may be allowed to
   return response;
 }
 
@@ -23,7 +30,7 @@ export async function get(path, options = {}) {
 export async function ask(path, options = {}) {
   const response = await get(path, options);
   const body = await response.json().catch(() => ({}));
-  if (!response.ok) throw new Problem(body.detail ?? `${path} answered ${response.status}`);
+  if (!response.ok) throw new Problem(body.detail ?? `${path} answered ${response.status}`, response.status);
   return body;
 }
 

@@ -1,10 +1,10 @@
 // Page of all robots: their state, task and picture, and the tasks that wait for a robot.
 import "./access.js";
 import { $, Problem, ask, coalesced, element, facts, number, send } from "./api.js";
+import { COMMANDS, whyNot } from "./commands.js";
 
 const PERIOD_MS = 1000;
 const PICTURE_MS = 2000;
-const STOP_MS = 3000; // the gateway waits one second for a bridge
 const COLORS = { "idle": "ready", "busy": "running", "not ready": "waiting", "stopped": "failed", "away": "lost" };
 const cards = new Map();
 
@@ -72,22 +72,27 @@ class RobotCard {
   }
 
   async press() {
-    await command(this.name, this.stopped ? "clear-stop" : "stop");
+    $("failed").hidden = true;
+    showFailures([await command(this.name, this.stopped ? "clear-stop" : "stop")]);
     load();
   }
 }
 
-/** Sends stop or clear-stop to a robot; shows a failure in the page. */
+/** Sends stop or clear-stop to a robot. Returns why it failed, "" if it did not. */
 async function command(name, what) {
+  const signal = AbortSignal.timeout(COMMANDS[what].within_ms);
   try {
-    await send(`${rootOf(name)}/robot/${what}`, undefined, { signal: AbortSignal.timeout(STOP_MS) });
-    return true;
+    await send(`${rootOf(name)}/robot/${what}`, undefined, { signal });
+    return "";
   } catch (error) {
-    const why = error.name === "TimeoutError" ? `no answer came within ${STOP_MS / 1000} s` : said(error);
-    $("failed").textContent = `${name}: the ${what} did not get through: ${why}. Press again, or use the switch on the robot.`;
-    $("failed").hidden = false;
-    return false;
+    return `${name}: ${whyNot(what, error)}`;
   }
+}
+
+function showFailures(failures) {
+  const said = failures.filter(Boolean);
+  $("failed").textContent = said.join(" ");
+  $("failed").hidden = !said.length;
 }
 
 function showRobots(robots) {
@@ -144,7 +149,7 @@ const load = coalesced(async () => {
     showQueue(tasks);
   } catch (error) {
     $("lost").hidden = error instanceof Problem;
-    $("count").textContent = "connection lost";
+    $("count").textContent = error instanceof Problem ? error.message : "connection lost";
     throw error;
   }
 });
@@ -178,7 +183,14 @@ $("instruction").addEventListener("keydown", (event) => {
 $("stop-all").addEventListener("click", async () => {
   $("failed").hidden = true;
   $("stop-all").textContent = "Stopping…";
-  await Promise.all([...cards.keys()].map((name) => command(name, "stop")));
+  const stops = [...cards.keys()].map((name) => command(name, "stop"));
+  try { // robots that the page does not show yet
+    const { robots } = await ask("/robots", { signal: AbortSignal.timeout(COMMANDS.stop.within_ms) });
+    stops.push(...robots.filter(({ name }) => !cards.has(name)).map(({ name }) => command(name, "stop")));
+  } catch (error) {
+    if (!stops.length) stops.push(`Nothing was stopped, as no robot is known: ${said(error)}`);
+  }
+  showFailures(await Promise.all(stops));
   $("stop-all").textContent = "Stop all";
   load();
 });

@@ -33,10 +33,16 @@ new Seen((place) => {
 const tasks = new Tasks((task) => why.view(task));
 const teleop = new Teleop();
 const versions = { map2d: -1, objects: -1 };
+let lastReady = null;
 
 const loadTasks = coalesced(async () => {
   await tasks.load();
-  teleop.takeTask(tasks.underWay());
+  const task = tasks.underWay();
+  teleop.takeTask(task);
+  if (map.plan && map.plan.task_id !== task?.id) { // it ended while the connection was lost
+    map.plan = null;
+    map.redraw();
+  }
 });
 const loadVocabulary = coalesced(() => tasks.loadVocabulary());
 
@@ -53,7 +59,7 @@ listen(
     },
     robot: showRobot,
     service: showService,
-    ready: showReady,
+    ready: (ready) => showReady((lastReady = ready)),
     map: (change) => {
       if (change.map2d !== versions.map2d) map.load();
       if (change.objects !== versions.objects) {
@@ -65,6 +71,7 @@ listen(
   },
   () => {
     $("lost").hidden = true;
+    if (lastReady) showReady(lastReady); // it is sent again only when it changes
     versions.map2d = versions.objects = -1;
     showRobots().catch(() => {});
     for (const load of [loadTasks, loadVocabulary, objects.load, map.load, why.load]) load();

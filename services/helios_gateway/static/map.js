@@ -37,13 +37,22 @@ export class MapView {
       await this.update();
     } catch (error) {
       this.retry = setTimeout(() => this.load(), RETRY_MS);
+      if (error instanceof Problem && error.status === 503) this.clear(); // there is no map
       if (error instanceof Problem && !this.info) $("map-empty").textContent = error.message;
       throw error;
     }
   }
 
+  /** Shows that there is no map, as after a reset. */
+  clear() {
+    [this.info, this.bitmap, this.cells, this.frontiers] = [null, null, null, []];
+    $("map-empty").hidden = false;
+    $("map-facts").textContent = "";
+    this.redraw();
+  }
+
   async update() {
-    const info = await ask("/map");
+    const info = await ask("/map"); // 503 without a map
     const names = info.layers.map((one) => one.name);
     if (!names.includes(this.layer)) this.choose(NO_LAYER); // the layer ended with its search
     const layer = this.layer === NO_LAYER ? "" : `?layer=${encodeURIComponent(this.layer)}`;

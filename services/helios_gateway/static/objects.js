@@ -67,7 +67,11 @@ export class Objects {
   async showView(object) {
     const shown = `${object.id} ${object.views} ${object.score}`;
     if (shown === this.shown) return;
-    if (object.id !== this.pictured) $("object-views").replaceChildren();
+    if (object.id !== this.pictured) {
+      $("object-views").replaceChildren();
+      $("object-view").hidden = true;
+      drawHistory([]);
+    }
     [this.shown, this.pictured] = [shown, object.id];
     try {
       const { history } = await ask(`/objects/${object.id}/detail`);
@@ -82,6 +86,7 @@ export class Objects {
       const { views } = await ask(`/objects/${object.id}/views?limit=${MOST_VIEWS}`);
       if (shown === this.shown) drawViews(object, views);
     } catch (error) {
+      if (shown === this.shown) this.shown = ""; // asked again with the next state
       if (!(error instanceof Problem || error instanceof TypeError)) throw error;
     }
   }

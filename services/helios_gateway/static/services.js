@@ -34,7 +34,7 @@ function row({ name, state, reason, restarts, pid }) {
 export function showReady({ ready, stopped, reasons }) {
   $("ready").textContent = ready ? "ready" : stopped ? "stopped" : "not ready";
   $("ready").dataset.state = ready ? "ready" : stopped ? "failed" : "waiting";
-  const inTheWay = reasons.filter((reason) => !reason.startsWith("stop-now"));
+  const inTheWay = reasons.filter((reason) => !reason.startsWith("the robot is stopped"));
   $("trouble").textContent = inTheWay.join(" · ");
   $("trouble").hidden = !inTheWay.length;
 }

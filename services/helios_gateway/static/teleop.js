@@ -46,7 +46,10 @@ export class Teleop {
   }
 
   keyDown(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.ctrlKey || event.altKey || event.metaKey) {
+      this.releaseAll(); // macOS sends no keyup of a letter that is released while Cmd is down
+      return;
+    }
     const key = event.key.toLowerCase();
     const button = event.target.closest("button");
     const what = KEYS[key] ?? (PRESSES.includes(key) && button && directionOf(button));

@@ -14,6 +14,11 @@ const MEANINGS = {
   unknown_m: "how much of the way nobody has seen yet",
   size_m: "how long the border to the unknown is",
   frontier_scale: "F₀: what frontiers count beside receptacles",
+  distance_m: "how far away it is, in a straight line",
+  in_hand: "how likely it was the sought thing when it was looked at in the hand",
+  own_share: "how often its own name was given in the hand, among all names",
+  probability: "how likely it is the sought thing",
+  sides: "from how many sides it was seen in the hand",
   in_place: "whether it is where the task says that it is; yes where the task does not say",
   place: "how likely it is where the task says that it is",
   views: "how many views it is in",
@@ -92,6 +97,11 @@ function drawTable(candidates) {
     row.append(...names.map((name) => element("td", { textContent: term(name, candidate.terms[name]) })));
     return row;
   });
+  const known = names.filter((name) => MEANINGS[name]);
+  $("why-terms").hidden = !known.length;
+  $("why-meanings").replaceChildren(...known.flatMap((name) => [
+    element("dt", { textContent: termName(name) }), element("dd", { textContent: MEANINGS[name] }),
+  ]));
   $("why-table").replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
 }
 

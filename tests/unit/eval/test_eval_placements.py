@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
+from pathlib import Path
+
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval.studies.placement_rules import Outcome, play, report, trials
+from helios_eval.studies.placement_rules import RULES, Outcome, play, report, run, trials
 from helios_planner.settings import PlaceRule
 
 
@@ -26,6 +30,16 @@ def test_the_report_compares_trials_that_both_rules_played() -> None:
 def test_a_report_without_pairs_is_refused() -> None:
     with pytest.raises(InvalidInput, match="both rules"):
         report([outcome(1, "flat", "succeeded")])
+
+
+def test_a_folder_of_another_kind_of_homes_is_refused_and_a_torn_line_left_out(
+    tmp_path: Path,
+) -> None:
+    rows = [json.dumps(asdict(outcome(s, rule, "succeeded"))) for s in (1, 2) for rule in RULES]
+    (tmp_path / "placements.jsonl").write_text("\n".join(rows) + '\n{"seed": 3, "rec')
+    with pytest.raises(InvalidInput, match="in homes of ovmm-v1, not demo-v1"):
+        run("demo-v1", 0, 0, 1, tmp_path)
+    assert "| 2 |" in run("ovmm-v1", 0, 0, 1, tmp_path)
 
 
 def test_a_placement_gives_the_same_outcome_when_repeated() -> None:

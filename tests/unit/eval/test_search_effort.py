@@ -43,6 +43,19 @@ def test_steps_and_spl_are_of_the_way_to_the_object(
     assert "| 22.5 ± 2.5 | −27.5 (−32.5 to −25.0) |" in trusting
 
 
+def test_without_the_object_the_budget_of_the_run_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    never: dict[str, Any] = {"find_object": False, "success": False, "shortest_path_m": 5.0}
+    write(
+        tmp_path / "run",
+        *(record(s, settings={"max_steps": 2000}, **paths(0.5, 40)) for s in range(9)),
+        record(9, settings={"max_steps": 2000}, **never),
+    )
+    assert main([str(tmp_path / "run")]) == 0
+    assert "| 40 ± 0 | 236 |" in capsys.readouterr().out  # (9 x 40 + 2000) / 10
+
+
 def test_differences_are_to_the_agent_that_is_asked_for_and_a_failed_episode_has_spl_0(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,7 +13,7 @@ from helios_sim.home.home_types import CollisionPrimitive, Room, Shape, in_polyg
 from helios_sim.plans import floor_area
 from helios_sim.plans.piece_shapes import fitted
 from helios_sim.plans.plan_types import DrawnRoom, Opening, Wall
-from helios_sim.plans.wall_blocks import axis_points, crossing, cut, whole_blocks
+from helios_sim.plans.wall_blocks import axis_points, crossing, cut, wall_of, whole_blocks
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -66,6 +66,21 @@ def test_a_door_takes_its_own_width_out_of_its_wall(
     assert all(p.z0_m == pytest.approx(2.0) and p.z1_m == 2.5 for p in above)
     middle = [p for p in pieces if p.z0_m == 0.0 and _covers(p, along * cos, along * sin)]
     assert not middle
+
+
+@given(st.floats(0.05, 1.5), st.booleans(), st.floats(-0.08, 0.08))
+def test_a_door_lies_in_its_wall_whichever_way_the_wall_was_drawn(
+    turn: float, back: bool, off_m: float
+) -> None:
+    cos, sin = math.cos(turn), math.sin(turn)
+    ends = (-2 * cos, -2 * sin), (2 * cos, 2 * sin)
+    blocks = whole_blocks([_wall(*(ends[::-1] if back else ends))])
+    yaw = turn - 0.05  # drawn a little oblique to its wall
+    opening = Opening("", "door", -off_m * sin, off_m * cos, yaw, 0.9, 0.2, 2.0, 0.0)
+    found = wall_of(opening, blocks)
+    assert found is not None
+    x, y, _ = found
+    assert abs(y * cos - x * sin) < 0.01  # on the wall's axis
 
 
 def _covers(block: object, x: float, y: float) -> bool:

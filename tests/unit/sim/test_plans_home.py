@@ -170,10 +170,24 @@ def test_a_file_beside_the_plan_says_where_things_lie(tmp_path: Path) -> None:
         ('[[things]]\nclass = "mug"\nat_m = [nan, 1]\n', "two numbers"),
         ("things = 3\n", "wanted 1 to"),
         ("[[things", "no TOML"),
+        (f'[[things]]\nclass = "mug"\nat_m = [{"9" * 400}, 1]\n', "two numbers"),
+        (f"things = {'[' * 5000}", "no TOML"),
     ):
         beside.write_text(text)
         with pytest.raises(InvalidInput, match=match):
             home_of_plan(PlanSource.of(path), 0)
+
+
+def test_things_that_changed_since_the_run_began_are_refused(tmp_path: Path) -> None:
+    parts = (TWO_ROOMS, room("Kitchen", LEFT), door(400, 250),
+             piece("Table", 200, 250, (120, 80, 75)))  # fmt: skip
+    path = write_plan(tmp_path / "a.sh3d", parts)
+    path.with_suffix(".toml").write_text('[[things]]\nclass = "mug"\non = "dining table"\n')
+    source = PlanSource.of(path)
+    assert home_of_plan(source, 0).objects
+    path.with_suffix(".toml").write_text('[[things]]\nclass = "book"\non = "dining table"\n')
+    with pytest.raises(InvalidInput, match="has changed since the run began"):
+        home_of_plan(source, 1)
 
 
 def test_a_plan_that_changed_since_is_refused(tmp_path: Path) -> None:

@@ -9,10 +9,11 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import pytest
 from helios_core.errors import InvalidInput
 from helios_sim.assets.image_header import pixels_of
-from helios_sim.plans import PlanSource, drawn_home
+from helios_sim.plans import PlanSource, drawn_home, home_of_plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -119,6 +120,34 @@ def test_a_piece_with_an_invalid_number_is_left_out_alone(tmp_path: Path, bad: s
     assert any("Broken table" in sentence for sentence in home.plan.left_out)
 
 
+def test_a_texture_without_content_and_short_coordinates_leave_the_model_usable(
+    tmp_path: Path,
+) -> None:
+    model = (
+        b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nvt 0\nvt 0 1 0\nusemtl m\n"
+        b"f 1/1 2/1 3/2\nf 1/1 3/1 4/1\nf 1/1 2/1 4/1\nf 2/1 3/1 4/1\n"
+    )
+    files = {"1/a.obj": model, "1/a.mtl": b"newmtl m\nmap_Kd t.png\n", "1/t.png": b""}
+    home = drawn(tmp_path / "a.sh3d", piece("Table", 200, 250, model="1/a.obj"), entries=files)
+    assert home.furnishing.pieces[0].source == "own model"
+
+
+def test_gigantic_furniture_and_walls_are_left_out(tmp_path: Path) -> None:
+    home = drawn(
+        tmp_path / "a.sh3d", piece("Table", 200, 250, (100_000, 80, 75)), door(400, 250),
+        "<wall xStart='0' yStart='0' xEnd='10' yEnd='0' thickness='90000'/>",
+    )  # fmt: skip
+    assert not home.furnishing.pieces
+    assert [s for s in home.plan.left_out if "larger than 30 m" in s or "thicker than 30 m" in s]
+    assert len(home.plan.left_out) == 2
+
+
+def test_a_plan_on_whose_furniture_nothing_fits_has_no_things(tmp_path: Path) -> None:
+    parts = (TWO_ROOMS, room("Kitchen", LEFT), piece("Side table", 200, 250, (12, 12, 60)))
+    path = write_plan(tmp_path / "a.sh3d", parts)
+    assert home_of_plan(PlanSource.of(path), 0).objects == ()
+
+
 def test_zero_sized_furniture_is_left_out(tmp_path: Path) -> None:
     home = drawn(tmp_path / "a.sh3d", piece("Flat table", 200, 250, (100, 0, 75)))
     assert not home.furnishing.pieces
@@ -149,15 +178,19 @@ def _png(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + b"IHDR" + head + crc
 
 
-def test_a_gigantic_texture_is_not_decoded(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["big.png", "big", "big.webp"])
+def test_a_gigantic_texture_is_not_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("it was decoded"))
     model = (
         b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nvt 0 0\nusemtl m\n"
         b"f 1/1 2/1 3/1\nf 1/1 3/1 4/1\nf 1/1 2/1 4/1\nf 2/1 3/1 4/1\n"
     )
     files = {
         "1/a.obj": model,
-        "1/a.mtl": b"newmtl m\nKd 1 0 0\nmap_Kd big.png\n",
-        "1/big.png": _png(60_000, 60_000),
+        "1/a.mtl": f"newmtl m\nKd 1 0 0\nmap_Kd {name}\n".encode(),
+        f"1/{name}": _png(60_000, 60_000),
     }
     home = drawn(
         tmp_path / "a.sh3d", piece("Table", 200, 250, model="1/a.obj"), door(400, 250),
@@ -171,7 +204,8 @@ def test_a_gigantic_texture_is_not_decoded(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "model",
     [b"", b"\x00" * 100, b"v nan 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n", b"v 0 0 0\nf 1 2 99999\n",
-     b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n"],
+     b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", b"v 0 0 0\nv 0 1\nv 1 0 0\nf 1 2 3\n",
+     b"v 0 0\nv 0 1\nv 1 0\nf 1 2 3\n"],
 )  # fmt: skip
 def test_a_model_that_does_not_load_gives_way_to_our_shape(tmp_path: Path, model: bytes) -> None:
     home = drawn(

@@ -36,3 +36,10 @@ def test_an_object_on_the_floor_is_recorded_as_on_the_floor(
 ) -> None:
     floor = next(n for n in sim_home.body_names() if sim_home.class_of(n) == "floor")
     assert released_on(tracker, floor).on_floor
+
+
+def test_an_object_in_the_hand_is_not_found_by_looking_at_it(tracker: EpisodeTracker) -> None:
+    name, viewpoints = next(iter(tracker.targets.objects.items()))
+    at = (float(viewpoints[0, 0]), float(viewpoints[0, 1]))
+    assert name in tracker.targets_needing_coverage(at, "")
+    assert name not in tracker.targets_needing_coverage(at, name)

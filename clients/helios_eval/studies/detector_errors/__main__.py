@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no display
 
@@ -160,7 +162,9 @@ def _measure(given: argparse.Namespace) -> None:
     scores = {_title(arm.name): quantiles(arm.log.scores()) for arm in arms}
     if given.frames is not None:
         name = f"{_title(real[0])}, real frames"
-        repeats[name], seen = real_frames(given.frames, arms[0], given.threads)
+        repeats[name], seen = real_frames(
+            given.frames, arms[given.detector.index(real[0])], given.threads
+        )
         scores[name] = quantiles(np.array(seen))
     text = markdown(found, repeats, scores)
     write_file(given.out / "detector-errors.md", text)
@@ -170,9 +174,20 @@ def _measure(given: argparse.Namespace) -> None:
         "scores": scores,
         "repeats": {n: {k: v.tolist() for k, v in asdict(r).items()} for n, r in repeats.items()},
     }  # fmt: skip
-    write_file(given.out / "detector-errors.json", json.dumps(figures, indent=1) + "\n")
+    write_file(
+        given.out / "detector-errors.json", json.dumps(_without_nan(figures), indent=1) + "\n"
+    )
     chart(found, given.out / "detector-errors.png")
     print(text)
+
+
+def _without_nan(value: Any) -> Any:
+    """The value with None in place of every NaN, which JSON does not have."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(one) for one in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _title(name: str) -> str:

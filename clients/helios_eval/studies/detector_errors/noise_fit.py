@@ -1,7 +1,7 @@
 """Noise table fitted to the errors of a real detector, as the error study measured them.
 
     python -m helios_eval.studies.detector_errors.noise_fit runs/detector-errors \\
-        --severity 1 --name ovmm-v2 --out ovmm-v2.toml
+        --severity 1.5 --false-severity 10 --name ovmm-v2 --out ovmm-v2.toml
 
 The folder holds a run of the study whose first detector is the real one, and which has
 `ovmm-v1-smooth` for comparison. Fitted are: misses by visible pixels, how often each class gets a
@@ -94,14 +94,19 @@ def persistence(real: Mapping[str, Any], base: Mapping[str, Any], shares: Shares
     return {
         **shares_of(*whole),
         "sides": "smooth",
-        "name": shares_of(*(same_name[RELATIONS[k]] for k in (0, 1, 5))),
+        "name": shares_of(*(_number(same_name[RELATIONS[k]]) for k in (0, 1, 5))),
     }
 
 
 def widening(figures: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Latent correlation of "right name": in one view, of one side, from the opposite side."""
-    right = [figures["right_persists"][name]["value"] for name in RELATIONS]
+    """Latent correlation of "right name": in one view, of one side, from the opposite side; NaN
+    where the report has none."""
+    right = [_number(figures["right_persists"][name]["value"]) for name in RELATIONS]
     return right[0], right[1], (right[5] + right[6]) / 2
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def shares_of(view: float, side: float, thing: float) -> dict[str, float]:

@@ -90,7 +90,7 @@ def read(path: Path) -> Recording:
             ),
         )  # fmt: skip
     except (ValueError, KeyError) as error:
-        raise InvalidInput(f"{path} is no recording of this study: `record` writes them") from error
+        raise InvalidInput(f"{path} is no recording of this study: `play` writes them") from error
 
 
 def _moment(about: Mapping, occupancy: NDArray[np.int8]) -> RecordedMoment:
