@@ -79,6 +79,7 @@ def test_the_map_falls_back_to_occupancy_when_its_layer_disappears(
 
 
 def test_a_map_that_was_reset_is_no_longer_shown(page: Page, gateway: Served) -> None:
+    page.goto(gateway.url)
     expect(page.locator("#map-facts")).to_contain_text("version 41")
     page.route("**/v1/map", lambda route: route.fulfill(status=503, json={"detail": "no map yet"}))
     gateway.backend.change_map()
