@@ -13,7 +13,7 @@ export MUJOCO_GL ?= egl
 unexport PYTHONDONTWRITEBYTECODE
 
 help: ## show this
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
 install: $(VENV)/.kernels ## virtual environment with everything in it, kernels compiled
 

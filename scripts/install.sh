@@ -12,7 +12,7 @@ PY
 
 # The simulator draws with OpenGL through EGL; on a machine without a GPU Mesa does it.
 needed="libegl1 libegl-mesa0 libgl1-mesa-dri"
-if [ "$(uname)" = Linux ] && ! ldconfig -p | grep -q libEGL_mesa; then
+if [ "$(uname)" = Linux ] && ! PATH="$PATH:/sbin:/usr/sbin" ldconfig -p | grep -q libEGL_mesa; then
   if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
     echo "installing Mesa's EGL, with which the simulator draws: $needed"
     apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $needed

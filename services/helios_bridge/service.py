@@ -438,6 +438,7 @@ class BridgeService:
             finally:
                 self._busy_until_s = None
                 self._end_halt()
+            self._health.count("actions")
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
             self._publish_state()  # publish the held object before the image that shows it
             out = result_to_proto(done, request.action_id)

@@ -116,7 +116,8 @@ def service_settings(
 async def robots(state: State) -> api_models.RobotList:
     """List the robots of this gateway.
 
-    Every address below `/v1` also exists below `/v1/robots/NAME`, for that robot.
+    Every address below `/v1`, except `/v1/session`, `/v1/fleet` and `/v1/robots` itself, also
+    exists below `/v1/robots/NAME`, for that robot.
     """
     return api_models.RobotList(robots=[
         api_models.RobotEntry(

@@ -68,7 +68,7 @@ def occupancy_png(maps: Maps, request: Request, size_px: SizePx = 900) -> Respon
         NPZ,
         "NumPy archive with occupancy, explored, top_m, trajectory_m, "
         "frontier_id, frontier_center_m, frontier_size_m, frontier_reachable, origin_m, "
-        "cell_m and robot_pose",
+        "cell_m, robot_pose and version",
     ),
 )
 def occupancy_npz(maps: Maps, request: Request) -> Response:
@@ -93,7 +93,9 @@ def value_png(maps: Maps, request: Request, layer: LayerName, size_px: SizePx = 
     "/map/value/{layer}.npz",
     summary="Get a value layer as NumPy arrays",
     response_class=Response,
-    responses=content_docs(NPZ, "NumPy archive with value, explored, origin_m and cell_m")
+    responses=content_docs(
+        NPZ, "NumPy archive with value, explored, origin_m, cell_m, robot_pose and version"
+    )
     | problems(404),
 )
 def value_npz(maps: Maps, request: Request, layer: LayerName) -> Response:

@@ -30,7 +30,7 @@ class TeleopState(BaseModel):
     """State of the teleoperation; sent after each change."""
 
     state: StateName = Field(
-        description="refused: what was asked for is not begun until it is let go and asked again"
+        description="refused: the robot does not move; release the command, then send it again"
     )
     reason: str = Field(default="", description="why it is blocked or refused, in one sentence")
     kind: str = Field(
