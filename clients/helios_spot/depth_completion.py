@@ -61,9 +61,10 @@ def load_estimator(name: str, bus: Bus | None, timeout_s: float) -> DepthEstimat
             "detector or package:callable, or HELIOS_SPOT_DEPTH to sensor"
             + (f" (it is {name!r})" if name else "")
         )
-    estimator: Any = load(ESTIMATORS, PluginReference(name, module, attribute))
-    if not callable(estimator):
+    found = load(ESTIMATORS, PluginReference(name, module, attribute))
+    if not callable(found):
         raise InvalidInput(f"depth estimator {name!r} is no callable")
+    estimator: Any = found
     return estimator
 
 

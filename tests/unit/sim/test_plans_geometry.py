@@ -73,8 +73,8 @@ def test_a_door_lies_in_its_wall_whichever_way_the_wall_was_drawn(
     turn: float, back: bool, off_m: float
 ) -> None:
     cos, sin = math.cos(turn), math.sin(turn)
-    ends = (-2 * cos, -2 * sin), (2 * cos, 2 * sin)
-    blocks = whole_blocks([_wall(*(ends[::-1] if back else ends))])
+    way = -2 if back else 2
+    blocks = whole_blocks([_wall((-way * cos, -way * sin), (way * cos, way * sin))])
     yaw = turn - 0.05  # drawn a little oblique to its wall
     opening = Opening("", "door", -off_m * sin, off_m * cos, yaw, 0.9, 0.2, 2.0, 0.0)
     found = wall_of(opening, blocks)
