@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib
 import re
 import socket
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import httpx
@@ -23,6 +24,19 @@ def free_port() -> int:
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         return int(s.getsockname()[1])
+
+
+def read_to_the_end(lines: Iterable[object]) -> threading.Event:
+    """Read a stream in a thread of its own; the event tells that it has ended."""
+    over = threading.Event()
+
+    def read() -> None:
+        for _ in lines:
+            pass
+        over.set()
+
+    threading.Thread(target=read, daemon=True).start()
+    return over
 
 
 ENDS_WITHIN_S = 30.0  # limit for a process to stop; beyond it, it hangs, also on a busy machine

@@ -16,7 +16,7 @@ from helios_client.certs.names import Names
 from helios_core.bus_access import FLEET_BUS
 from helios_core.errors import Unavailable
 from helios_core.router_link import ROUTER_FILE, SESSIONS, RouterLink
-from helios_core.topics import EMBED_TEXT, GET_STATE, ROBOT_STATE, STOP, TRUTH_EPISODE
+from helios_core.topics import EMBED_TEXT, GET_STATE, ROBOT_STATE, STOP, alive_key
 from helios_core.zenoh_bus import ZenohBus
 from helios_core.zenoh_config import client_config, router_values
 
@@ -111,6 +111,9 @@ def test_a_client_that_calls_itself_a_router_has_no_more_rights(
         assert attempts.published(witness, only, TARGETS) - own == set()
         assert attempts.heard(witness, only, TARGETS) - own == set()
         assert attempts.called(witness, only, TARGETS) - own == set()
+        assert attempts.served(witness, only, TARGETS) - own == set()
+        assert attempts.announced(witness, only, TARGETS) - own == set()
+        assert attempts.watched(witness, only, TARGETS) - own == set()
 
 
 def is_used(declared: zenoh.Querier | zenoh.Publisher) -> bool:
@@ -240,17 +243,37 @@ def test_a_name_without_rules_may_do_nothing(router: Certified, witness: zenoh.S
     authority = authority_of(router.folder)
     write_session(router.folder, "stranger", authority, new_client(authority, "stranger", 9, NOW))
     heard: list[zenoh.Sample] = []
+    got: list[object] = []
     hear = zenoh.handlers.Callback(heard.append)
     hearing = witness.declare_subscriber(ROBOT_STATE.key("r"), hear)
-    with router.session("stranger") as stranger:
+    get_state, alive = GET_STATE.key("r"), alive_key("r", "planner", "1")
+    with router.session("bridge.r") as bridge, router.session("stranger") as stranger:
+        serving = bridge.declare_queryable(
+            get_state, zenoh.handlers.Callback(lambda q: q.reply(get_state, b"bridge"))
+        )
+        wait_until(lambda: replies_to(witness, get_state) == ["bridge"], 20, "the bridge serves")
         stranger.put(ROBOT_STATE.key("r"), b"stranger")
-        replies = stranger.get(TRUTH_EPISODE.key("r"), zenoh.handlers.FifoChannel(1), timeout=10)
-        assert list(replies) == []
-    with router.session("bridge.r") as session:
-        session.put(ROBOT_STATE.key("r"), b"bridge")
-    wait_until(lambda: heard, 20, "the bridge is heard")
+        assert replies_to(stranger, get_state) == []
+        stranger.declare_subscriber("**", zenoh.handlers.Callback(got.append))
+        stranger.declare_queryable("**", zenoh.handlers.Callback(got.append))
+        stranger.liveliness().declare_token(alive)
+        assert replies_to(witness, get_state) == ["bridge"]
+        bridge.put(ROBOT_STATE.key("r"), b"bridge")
+        wait_until(lambda: heard, 20, "the bridge is heard")
+        tokens = witness.liveliness().get("**", zenoh.handlers.FifoChannel(64), timeout=10)
+        assert alive not in [str(t.ok.key_expr) for t in tokens if t.ok is not None]
+        serving.undeclare()
     assert [sample.payload.to_string() for sample in heard] == ["bridge"]
+    assert got == []
     hearing.undeclare()
+
+
+def replies_to(session: zenoh.Session, key: str) -> list[str]:
+    """Answers to a query with every server of a key."""
+    found = session.get(
+        key, zenoh.handlers.FifoChannel(8), timeout=10, target=zenoh.QueryTarget.ALL
+    )
+    return [reply.ok.payload.to_string() for reply in found if reply.ok is not None]
 
 
 def test_a_client_cannot_pretend_to_be_the_router(router: Certified) -> None:

@@ -12,7 +12,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from helios_client.commands.api_keys import add_key
 from helios_core.topics import ROBOT_DESCRIPTION
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from tests.browser import DEADLINE_MS
 from tests.gateway_home import description
@@ -87,7 +87,14 @@ def test_a_key_that_is_released_under_the_command_key_lets_go(page: Page, gatewa
 
 
 @pytest.mark.parametrize(
-    "let_go", ["window.dispatchEvent(new Event('blur'))", "document.querySelector('#map').focus()"]
+    "let_go",
+    [
+        "window.dispatchEvent(new Event('blur'))",
+        "document.querySelector('#map').focus()",
+        "Object.defineProperty(document, 'hidden', {value: true});"
+        "document.dispatchEvent(new Event('visibilitychange'))",
+    ],
+    ids=["blur", "focus", "hidden"],
 )
 def test_the_robot_stops_when_the_page_loses_the_focus(
     page: Page, gateway: Served, let_go: str
@@ -110,11 +117,25 @@ def test_the_robot_stops_when_the_page_is_closed(browser: Browser, gateway: Serv
     stands(gateway)
 
 
+def turns_only(page: Page, gateway: Served) -> None:
+    """Turn by the pad; nothing that was pressed before may have driven ahead."""
+    page.focus("#pad")
+    page.keyboard.down("ArrowLeft")
+    wait_until(lambda: gateway.backend.driving.moves, 30, "it turns")
+    page.keyboard.up("ArrowLeft")
+    assert "forward" not in gateway.backend.driving.kinds()
+
+
 def test_the_drive_keys_do_nothing_elsewhere_on_the_page(page: Page, gateway: Served) -> None:
-    page.fill("#instruction", "wasd")
+    sockets: list[WebSocket] = []
+    page.on("websocket", lambda socket: sockets.append(socket))
+    page.focus("#instruction")
+    page.keyboard.type("wasd")
     page.focus("#map")
-    page.keyboard.press("ArrowUp")
-    assert gateway.backend.driving.moves == []
+    page.keyboard.down("ArrowUp")
+    page.keyboard.up("ArrowUp")
+    turns_only(page, gateway)
+    assert len([s for s in sockets if "teleop" in s.url]) == 1
 
 
 def test_the_robot_drives_while_a_button_is_touched(browser: Browser, gateway: Served) -> None:
@@ -148,10 +169,11 @@ def test_driving_is_disabled_while_a_task_runs(page: Page, gateway: Served) -> N
     expect(page.get_by_label(AHEAD)).to_be_disabled()
     expect(page.locator("#drive-said")).to_contain_text("Cancel it to drive by hand")
     page.focus("#pad")
-    page.keyboard.press("w")
+    page.keyboard.down("w")
+    page.keyboard.up("w")
     gateway.backend.change_task("t1", "cancelled")
     expect(page.get_by_label(AHEAD)).to_be_enabled()
-    assert gateway.backend.driving.moves == []
+    turns_only(page, gateway)
 
 
 def test_a_stop_ends_driving_and_shows_the_reason(page: Page, gateway: Served) -> None:

@@ -50,12 +50,11 @@ def test_heartbeats_of_this_action_keep_it_running_and_those_of_another_do_not()
 
 
 def test_a_sender_that_promised_no_heartbeats_is_never_halted() -> None:
-    watch = Watch()
-    for beats, monitor in ((False, watch.monitor), (True, Watch(0.0).monitor)):
-        with monitor.watching("a", beats=beats):
+    for beats, watch in ((False, Watch()), (True, Watch(0.0))):
+        with watch.monitor.watching("a", beats=beats):
             watch.now_s += 100
             threading.Event().wait(0.1)
-    assert watch.halts == []
+        assert watch.halts == []
 
 
 def test_the_watch_ends_with_its_action() -> None:

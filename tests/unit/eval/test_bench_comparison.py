@@ -122,4 +122,3 @@ def test_deviation_ignores_an_outlier() -> None:
     assert deviation([1.0, 2.0, 3.0, 1000.0, 2.0]) == 1.0
     row = compare("a", "b", lambda _: None, "c", lambda _: None, 5)
     assert row.repeats == 5
-    assert row.ours_spread_ms >= 0

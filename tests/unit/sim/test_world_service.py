@@ -83,9 +83,10 @@ def test_a_stop_from_another_thread_ends_driving(sim_home: Home):
 
     driver = threading.Thread(target=drive)
     driver.start()
-    wait_until(lambda: thread.state().T_world_base is not None, 10, "it drives")
+    wait_until(lambda: results, 30, "it drives")
     thread.stop("enough")
     driver.join(20)
+    assert results[0].succeeded
     assert not results[-1].succeeded
     assert "enough" in results[-1].reason
     thread.close()
