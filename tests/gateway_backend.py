@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 
 import cv2
@@ -205,6 +206,8 @@ class Backend(MadeUpTasks):
     def _latch(self, stopped: bool, reason: str) -> pb.Empty:
         self.stopped, self.stop_reason = stopped, reason
         self.driving.stopped_why = reason or "stop-now" if stopped else ""
+        if self.state_late_s == math.inf:
+            return pb.Empty()
         if self.state_late_s:
             late = threading.Timer(self.state_late_s, self.publish_robot)
             late.daemon = True

@@ -247,10 +247,12 @@ def test_a_name_without_rules_may_do_nothing(router: Certified, witness: zenoh.S
     hear = zenoh.handlers.Callback(heard.append)
     hearing = witness.declare_subscriber(ROBOT_STATE.key("r"), hear)
     get_state, alive = GET_STATE.key("r"), alive_key("r", "planner", "1")
+
+    def answer(query: zenoh.Query) -> None:
+        query.reply(get_state, b"bridge")
+
     with router.session("bridge.r") as bridge, router.session("stranger") as stranger:
-        serving = bridge.declare_queryable(
-            get_state, zenoh.handlers.Callback(lambda q: q.reply(get_state, b"bridge"))
-        )
+        serving = bridge.declare_queryable(get_state, zenoh.handlers.Callback(answer))
         wait_until(lambda: replies_to(witness, get_state) == ["bridge"], 20, "the bridge serves")
         stranger.put(ROBOT_STATE.key("r"), b"stranger")
         assert replies_to(stranger, get_state) == []

@@ -12,7 +12,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -128,13 +127,18 @@ def test_a_call_that_meets_a_new_router_waits_for_its_services(
 
 
 def test_a_frozen_link_ends_in_a_typed_error(net: Net) -> None:
-    """2454: a query that waits for a lost peer must not outlive its time by far (on a busy machine
-    1 s may become some more)."""
+    """2454: a query that waits for a lost peer must not outlive its time by far."""
     net.links["caller"].hold()
-    began_s = time.monotonic()
-    with pytest.raises(HeliosError):
-        net.call(1.0)
-    assert time.monotonic() - began_s < 10
+    errors: list[HeliosError] = []
+
+    def call() -> None:
+        try:
+            net.call(1.0)
+        except HeliosError as error:
+            errors.append(error)
+
+    threading.Thread(target=call, daemon=True).start()
+    wait_until(lambda: errors, 30, "the call has ended with an error")
     net.links["caller"].restore()
     wait_until(lambda: _answers(net), 30, "calls are answered again")
 

@@ -41,7 +41,6 @@ SERVICERS = {
 
 math_helpers = _load("client.math_helpers")
 frame_helpers = _load("client.frame_helpers")
-client_lease = _load("client.lease")
 channel = _load("client.channel")
 util = _load("util")
 

@@ -6,7 +6,6 @@ import datetime as dt
 import json
 import os
 import stat
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -27,7 +26,6 @@ from hypothesis import strategies as st
 
 NOW = dt.datetime.now(dt.UTC)
 NAMES = Names(("10.0.0.2", "server.local"), 7447, 365).with_robots(("robot",), (), False)
-Certs = Callable[..., int]
 
 
 @pytest.fixture

@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import threading
-from typing import NoReturn
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
 
 import pytest
 from helios_client.answer_types import Task
@@ -143,6 +144,25 @@ def command(*args: str, gateway: Served, setup: str = "pass") -> list[str]:
     return [sys.executable, "-c", code, *args, "--port", str(gateway.port)]
 
 
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Starts processes, and ends those that a failed test leaves."""
+    started: list[subprocess.Popen[str]] = []
+
+    def popen(*args: Any, **kwargs: Any) -> subprocess.Popen[str]:
+        started.append(subprocess.Popen(*args, **kwargs))
+        return started[-1]
+
+    yield popen
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+
+
 def wait_until_watching(process: subprocess.Popen[str]) -> None:
     """Wait until the process watches the task."""
     assert process.stdout is not None
@@ -156,9 +176,9 @@ def wait_until_watching(process: subprocess.Popen[str]) -> None:
      (signal.SIGTERM, 130, "cancelled")],
 )  # fmt: skip
 def test_a_closed_terminal_does_not_cancel_the_task_but_an_interrupt_does(
-    number: int, status: int, state: str, gateway: Served
+    number: int, status: int, state: str, gateway: Served, start: Start
 ) -> None:
-    process = subprocess.Popen(
+    process = start(
         command("task", INSTRUCTION, gateway=gateway),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -170,9 +190,9 @@ def test_a_closed_terminal_does_not_cancel_the_task_but_an_interrupt_does(
     assert ("helios watch t1" in error) is (number == signal.SIGHUP)
 
 
-def test_a_closed_terminal_has_no_effect_under_nohup(gateway: Served) -> None:
+def test_a_closed_terminal_has_no_effect_under_nohup(gateway: Served, start: Start) -> None:
     ignored = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
-    process = subprocess.Popen(
+    process = start(
         command("task", INSTRUCTION, gateway=gateway, setup=ignored),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -183,9 +203,9 @@ def test_a_closed_terminal_has_no_effect_under_nohup(gateway: Served) -> None:
     assert (process.returncode, error) == (0, "")
 
 
-def test_a_lost_terminal_ends_the_watch_without_a_traceback(gateway: Served) -> None:
+def test_a_lost_terminal_ends_the_watch_without_a_traceback(gateway: Served, start: Start) -> None:
     main, terminal = pty.openpty()
-    process = subprocess.Popen(
+    process = start(
         command("task", INSTRUCTION, gateway=gateway),
         stdin=terminal, stdout=terminal, stderr=subprocess.PIPE, start_new_session=True,
         preexec_fn=lambda: _set_terminal(terminal), text=True, env=os.environ | {"TERM": "xterm"},
@@ -213,7 +233,7 @@ def _set_terminal(terminal: int) -> None:
 @pytest.mark.parametrize("args", [["task", INSTRUCTION], ["logs", "planner", "-f"]])
 def test_an_interrupt_ends_a_background_command_of_a_script(
     args: list[str], gateway: Served, tmp_path_factory: pytest.TempPathFactory,
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, start: Start,
 ) -> None:  # fmt: skip
     """A shell script starts its background commands with SIGINT ignored."""
     logs = tmp_path_factory.mktemp("state") / "helios" / str(gateway.port) / "logs"
@@ -221,7 +241,7 @@ def test_an_interrupt_ends_a_background_command_of_a_script(
     (logs / "planner.log").write_text("task t1\nqueued\n")
     monkeypatch.setenv("XDG_STATE_HOME", str(logs.parents[2]))
     ignored = "signal.signal(signal.SIGINT, signal.SIG_IGN)"
-    process = subprocess.Popen(
+    process = start(
         command(*args, gateway=gateway, setup=ignored),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},

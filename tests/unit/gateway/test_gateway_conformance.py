@@ -70,7 +70,9 @@ class Rig:
     def __init__(self) -> None:
         hub = MemoryHub()
         patient = ["--silent-after-s", "3600"]
-        faults = Path(tempfile.mkdtemp())
+        self._folder = tempfile.TemporaryDirectory()  # removed when the process ends
+        folder = Path(self._folder.name)
+        faults = folder / "faults"
         live = RobotMonitor(
             MemoryBus(hub), GatewaySettings.load([*patient, "--faults", str(faults)])
         )
@@ -85,7 +87,7 @@ class Rig:
         self.backend.bus.serve(spans_method("planner"), lambda _: pb.SpansReply(spans=[SPAN]))
         self.backend.decide()
         self.backend.publish_observation(self.backend.publish_frame())
-        file = Path(tempfile.mkdtemp()) / "keys.toml"
+        file = folder / "keys.toml"
         self.key = add_key(file, "tester", "admin")
         flags = [*patient, "--keys", str(file), "--requests-per-s", "1000000"]
         fleet = RobotRegistry({"robot": RobotEndpoint(MemoryBus(hub), live)})

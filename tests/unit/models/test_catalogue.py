@@ -24,7 +24,6 @@ from hypothesis import strategies as st
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs/how-to/models.md").read_text()
 ROW = re.compile(r"^\|[^|]*\| `--(\w+) ([^`]+)` \| ([^|]*) \| ([\d.]+ [MB]) \|", re.MULTILINE)
-WITHOUT_WEIGHTS = {"lexical", "depth"}
 
 
 def test_the_catalogue_has_the_models_of_the_page_with_their_parameters() -> None:

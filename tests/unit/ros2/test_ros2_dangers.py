@@ -13,8 +13,10 @@ from typing import Any
 import helios_ros2.driver
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import Unavailable
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, Forward
+from helios_core.topics import CANCEL
 from helios_ros2.action_call import RosAction
 from helios_ros2.driver import Ros2Driver
 from helios_ros2.offered_qos import Qos
@@ -231,3 +233,21 @@ def test_a_waiting_task_is_not_the_present_one_of_the_ros_topics() -> None:
         told._on_task(each)
         assert told._present == present
     assert sent == ["a", "a", "a", "a", "b"]
+
+
+def test_the_ros_service_cancel_ends_the_running_task() -> None:
+    hub = MemoryHub()
+    planner, told = MemoryBus(hub), TaskInterface.__new__(TaskInterface)
+    asked: list[str] = []
+
+    def cancel(request: pb.TaskRequest) -> pb.Task:
+        asked.append(request.id)
+        return pb.Task(id=request.id, state="cancelled")
+
+    planner.serve(CANCEL, cancel)
+    told._bus, told._present = MemoryBus(hub), ""
+    with pytest.raises(InvalidInput, match="no task runs"):
+        told._cancel()
+    told._present = "a"
+    assert told._cancel() == "the task a is cancelled"
+    assert asked == ["a"]
