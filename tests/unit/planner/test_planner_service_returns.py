@@ -68,8 +68,6 @@ def test_the_wait_for_a_lost_keyframe_ends_long_before_its_time() -> None:
     def wait() -> None:
         acks = KeyframeAcks()
         missing.extend(acks.wait(FRAME, ["objects"], 3600.0, threading.Event(), lambda: True))
-            KeyframeAcks().wait(FRAME, ["objects"], 3600.0, threading.Event(), lambda: True)
-        )
 
     threading.Thread(target=wait, daemon=True).start()
     wait_until(lambda: missing, 30, "the wait has ended")
