@@ -38,7 +38,8 @@ class Manipulation:
                 if given is not None:
                     self._actions[what] = RosAction(ros, given.action, given.type)
         self.held = ""  # name of the held object
-        self._shows = False  # the hand holds it before the camera
+        # Where the hand holds it before the camera, from the base; None: it is carried.
+        self._shown_at_m: Point | None = None
         self._person = Person(ros, settings, latch) if ros and settings.ask_person else None
 
     @property
@@ -77,17 +78,16 @@ class Manipulation:
             raise NotDone("this robot cannot show an object; HELIOS_ROS2_SHOW names an action")
         if not self.held:
             raise NotDone("the robot holds nothing to show; pick something first")
-        self._shows = True
+        self._shown_at_m = shown_at
         self._run("show", given, self._world_point(shown_at), self.held, angle_rad)
 
     def draw_in(self) -> None:
         """Hold the object as before it was shown. Raises NotDone."""
-        if not self._shows:
+        if self._shown_at_m is None:
             return
         if self._s.carry is not None and "carry" in self._actions:
-            here = self._world_point(self._s.show_base_m or (0.0, 0.0, 0.0))
-            self._run("carry", self._s.carry, here, self.held)
-        self._shows = False
+            self._run("carry", self._s.carry, self._world_point(self._shown_at_m), self.held)
+        self._shown_at_m = None
 
     def cancel(self) -> None:
         """End the running action. From any thread."""

@@ -54,13 +54,13 @@ class TaskInterface:
         bus.subscribe(TASK, self._on_task)
 
     def _on_task(self, task: pb.Task) -> None:
-        other_runs = self._present not in ("", task.id)
-        if task.state in HOLDS_ROBOT:
-            self._present, other_runs = task.id, False
+        runs = task.state in HOLDS_ROBOT
+        if runs or self._present in ("", task.id):  # else it waits for another one
+            self._task.publish(self._text(data=json.dumps(task_json(task))))
+        if runs:
+            self._present = task.id
         elif task.id == self._present:
             self._present = ""
-        if not other_runs:  # a waiting task is not the present one
-            self._task.publish(self._text(data=json.dumps(task_json(task))))
         if self.action is not None:
             self.action.on_task(task)
 

@@ -436,10 +436,7 @@ class ObjectMapService:
         update_ms = (time.perf_counter() - began) * 1e3
         if self._maps.drop_fate() | self._errors.hear(observation.detector):
             self._say()
-        try:
-            self._take_over_stored()
-        except Exception:  # the observation is integrated all the same
-            log.exception("the stored objects cannot be used; their file stays")
+        self._take_over_stored()
         self._health.count("observations_accepted")
         self._health.sample("update_ms", update_ms)
         self._health.set("gaussians", report.total)
@@ -462,7 +459,7 @@ class ObjectMapService:
     def _take_over_stored(self) -> None:
         """Add the stored map to the present one if it is relocalised, and save the result."""
         with self._lock:
-            if not self._maps.take_over_stored():
+            if not self._stored_added():
                 return
             self._changed()
         if self._kept is not None:
@@ -470,6 +467,17 @@ class ObjectMapService:
         with self._lock:
             self._stored.tidy()
         self._say()
+
+    def _stored_added(self) -> bool:
+        """Add the stored map if it is relocalised; True if it was. If that fails, the health tells,
+        observations go on, and the file stays."""
+        try:
+            return self._maps.take_over_stored()
+        except Exception as error:
+            log.exception("the stored objects cannot be used")
+            self._refused = f"the stored objects cannot be used, their file stays: {error!r}"
+            self._say()
+            return False
 
     def _replaced(self) -> None:
         """Set up the map that has just replaced the current one."""

@@ -26,6 +26,7 @@ from helios_core.topics import (
     STORED_OBJECTS,
 )
 from helios_core.types import RobotState
+from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import FILE_NAME, ObjectMapService
 from objectmap_scene import CONTEXT as SOUGHT
 from objectmap_scene import ROOM, SETTINGS, looking_at, mug_at, observe
@@ -227,3 +228,19 @@ def test_a_stored_map_that_goes_on_stays_on_the_disk_until_the_next_save(
     later = Robot("monday", tmp_path)
     assert later.mugs()
     assert not later.stored().objects
+
+
+def test_stored_objects_that_cannot_be_used_are_told_and_stop_no_observation(
+    tmp_path: Path, monday: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / FILE_NAME).write_bytes(monday.saved())
+    today = Robot("tuesday", tmp_path)
+    today.service.warm_up()
+    today.see(T_NOW_HOME, VIEWS[:1])
+    monkeypatch.setattr(ObjectMap, "add_stored", lambda *_: 1 / 0)
+    today.is_told("relocalised", "monday")
+    assert "stored objects cannot be used" in today.health.state[1]
+    assert (tmp_path / f"stored-{FILE_NAME}").exists()
+    accepted = today.health.metrics()["observations_accepted"]
+    today.see(T_NOW_HOME, VIEWS[1:2])
+    assert today.health.metrics()["observations_accepted"] == accepted + 1
