@@ -127,17 +127,17 @@ class Map2DService:
             same = self._maps is not None and (
                 self._maps.rules == rules and self._maps.footprint_radius_m == radius_m
             )
-            first, goes_on = self._maps is None, False
+            first, taken_up = self._maps is None, False
             if not same:
                 self._maps = self._fresh(EpochMaps(rules, radius_m, first_version=self._version()))
                 if first:
                     self._keeping.recover(self._maps)
-                    goes_on = self._seek_stored()
+                    taken_up = self._seek_stored()
             frames, observations = [*self._frames_waiting], [*self._observations_waiting]
             self._frames_waiting.clear()
             self._observations_waiting.clear()
-        if goes_on:
-            self._taken_up()
+        if taken_up:
+            self._keep_taken_up()
         self._say()
         for frame in frames:
             self.on_keyframe(frame)
@@ -182,7 +182,7 @@ class Map2DService:
             taken_up = another and self._seek_stored()
             goes_on = self._maps is not None and self._maps.current is not before
         if taken_up:
-            self._taken_up()
+            self._keep_taken_up()
         if another:
             self._places.announce()
             self._say()
@@ -337,8 +337,8 @@ class Map2DService:
 
     def _seek_stored(self) -> bool:
         """Seek the place of the map of an earlier process, if any; if the robot is in its world,
-        go on with it. The lock is held. Returns True if a map goes on: then call `_taken_up`
-        without the lock."""
+        go on with it. The lock is held. Returns True if a map goes on: then call
+        `_keep_taken_up` without the lock."""
         if self._maps is None:
             return False
         sought = self._places.sought
@@ -353,7 +353,7 @@ class Map2DService:
             self._places.seek(Sought(*stored))
         return False
 
-    def _taken_up(self) -> None:
+    def _keep_taken_up(self) -> None:
         """Save a stored map that goes on as the present one, then seek one that it replaced."""
         with self._lock:
             present = self._maps is not None and self._maps.world == self._maps.robot_world
