@@ -112,7 +112,8 @@ def result_of(task: Task, truth: pb.TruthEpisode, metrics: pb.TruthMetrics, wall
 
 
 def show(result: dict, out: Path, console: Console) -> None:
-    table = Table(title=escape(result["instruction"]), title_style="bold", show_header=False)
+    console.print(f"[bold]{escape(result['instruction'])}[/]")
+    table = Table(show_header=False)
     good = {True: "[green]yes[/]", False: "[red]no[/]"}
     table.add_row("success", good[result["success"]])
     for phase, done in result["phases"].items():
