@@ -22,8 +22,9 @@ from helios_client.commands.task_view import run_task
 from helios_client.sdk import Helios
 from helios_client.supervision.service_specs import free_port
 from helios_client.supervision.up import check_port
+from helios_client.usage_errors import check_writable
 from helios_core import proto as pb
-from helios_core.atomic_file import check_writable, write_file
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS
 from helios_core.zenoh_bus import ZenohBus

@@ -16,8 +16,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from helios_core.errors import InvalidInput
-
 NEW_FILE_MODE = 0o666  # before the umask
 
 
@@ -46,21 +44,6 @@ def unwritable_reason(path: Path) -> str:
     if not path.parent.is_dir():
         return f"there is no folder {path.parent}; make it first, or choose another"
     return ""
-
-
-def check_writable(path: Path) -> None:
-    """Make the folder of a file that a long run writes at its end. Raises InvalidInput if the file
-    cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(
-            f"the folder {path.parent} cannot be made: {error.strerror}; choose another"
-        ) from error
-    if why := unwritable_reason(path):
-        raise InvalidInput(why)
-    if not os.access(path.parent, os.W_OK):
-        raise InvalidInput(f"you may not write to the folder {path.parent}; choose another")
 
 
 @contextmanager

@@ -106,8 +106,8 @@ def _kinds(text: str) -> tuple[Kind, ...]:
 
 
 def _check_file(path: Path) -> None:
-    """Raises InvalidInput for a file that cannot be written, before the long run."""
-    from helios_core.atomic_file import check_writable
+    """Raises UsageError for a file that cannot be written, before the long run."""
+    from helios_client.usage_errors import check_writable
 
     check_writable(path)
 

@@ -7,7 +7,8 @@ import json
 from pathlib import Path
 
 from helios_client.terminal_output import Screen
-from helios_core.atomic_file import check_writable, write_file
+from helios_client.usage_errors import check_writable
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from rich.table import Table
 

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from helios_client.usage_errors import UsageError
-from helios_core.atomic_file import check_writable, write_file
+from helios_client.usage_errors import UsageError, check_writable
+from helios_core.atomic_file import write_file
 from helios_core.detector_error_model import to_text
 from helios_objectmap.instances.name_sightings import BROAD_PRIOR
 from helios_objectmap.settings import ObjectMapSettings

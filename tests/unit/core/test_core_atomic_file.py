@@ -8,8 +8,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from helios_core.atomic_file import check_writable, remove_temporaries, replacing, write_file
-from helios_core.errors import InvalidInput
+from helios_core.atomic_file import remove_temporaries, replacing, write_file
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -135,19 +134,6 @@ def test_no_folder_is_created_or_replaced(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError):
         write_file(tmp_path / "folder", b"")
     assert names_in(tmp_path) == {"folder"}
-
-
-def test_a_file_for_the_end_of_a_long_run_is_checked_and_its_folder_made(tmp_path: Path) -> None:
-    check_writable(tmp_path / "new" / "run.json")
-    assert (tmp_path / "new").is_dir()
-    (tmp_path / "file").write_text("")
-    for path, says in (
-        (tmp_path / "new", "is a folder; name a file in it"),
-        (tmp_path / "file" / "run.json", "choose another"),
-        (tmp_path / "file" / "deeper" / "run.json", "cannot be made: .*; choose another"),
-    ):
-        with pytest.raises(InvalidInput, match=says):
-            check_writable(path)
 
 
 def test_only_temporary_files_of_killed_processes_are_removed(tmp_path: Path) -> None:
