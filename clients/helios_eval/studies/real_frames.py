@@ -8,7 +8,8 @@
         --with size_agreement=on --with "prior_classes=8 size_agreement=on"
 
 The detector runs once; its detections go into one map with the default settings, and into one for
-each `--with`. A full map (`max_gaussians`) takes no more frames.
+each `--agent` and `--with`. `--also household` asks for all household names, too, as `helios` does.
+A full map (`max_gaussians`) takes no more frames.
 
 Prints Psi at the end and, in brackets, the highest at any frame: of the instance at each place, and
 of the best one of each class that is at none of the places. Writes the same for every frame to
@@ -30,8 +31,11 @@ from pathlib import Path
 import numpy as np
 from helios_client.replay.class_thresholds import search_context_from_flags
 from helios_client.usage_errors import UsageError
+from helios_core.agent_presets import AGENT_NAMES
+from helios_core.agent_presets import service_settings as settings_of_agent
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
+from helios_core.household_names import HOUSEHOLD_NAMES
 from helios_core.types import Role, SearchContext
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector
@@ -89,9 +93,12 @@ def place(text: str) -> Place:
     return Place(name.strip(), class_name, center_m)
 
 
-def arms_of(given: Sequence[str]) -> dict[str, ObjectMapSettings]:
-    """Default settings, and those of each text like `"size_agreement=on prior_classes=4"`."""
+def arms_of(given: Sequence[str], agents: Sequence[str] = ()) -> dict[str, ObjectMapSettings]:
+    """Default settings, those of each agent, and those of each text like
+    `"size_agreement=on prior_classes=4"`."""
     arms = {DEFAULT: ObjectMapSettings()}
+    for agent in agents:
+        arms[agent] = ObjectMapSettings.model_validate(settings_of_agent("objectmap", agent))
     for text in given:
         chosen = service_settings.parsed(f"objectmap.{part}" for part in text.split())
         arms[text] = ObjectMapSettings(**service_settings.of_service("objectmap", chosen))
@@ -134,6 +141,14 @@ def _arguments() -> argparse.ArgumentParser:
         "--with", dest="arms", action="append", default=[], metavar="SETTING=VALUE …",
         help="settings of the object map for one more map; may be repeated",
     )  # fmt: skip
+    parser.add_argument(
+        "--agent", dest="agents", choices=AGENT_NAMES, action="append", default=[],
+        help="agent whose settings one more map has; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--also", choices=("nothing", "household"), default="nothing",
+        help="names that the detector is asked for beside --classes",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="folder for figures and pictures")
     return parser
 
@@ -142,7 +157,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _arguments().parse_args(arguments)
     try:
         context = context_of(given.classes, given.thresholds, given.receptacles)
-        arms, data = arms_of(given.arms), read_dataset(given.dataset)
+        if given.also == "household":
+            context = replace(context, also=HOUSEHOLD_NAMES)
+        arms, data = arms_of(given.arms, given.agents), read_dataset(given.dataset)
         detector = open_detector(given.detector, DetectorOptions())
         detector.warm_up()
         found = belief_progress(data, detector, context, given.place, arms)

@@ -89,6 +89,13 @@ def test_the_object_at_a_place_is_reported_under_its_name_in_every_arm(folder):
     assert plain.gaussians == by_size.gaussians
 
 
+def test_an_agent_is_an_arm_with_its_settings_of_the_map():
+    arms = arms_of([], ["helios", "helios-paper"])
+    assert list(arms) == ["default", "helios", "helios-paper"]
+    assert (arms["default"].evidence, arms["helios"].evidence) == ("views", "hindsight")
+    assert arms["helios-paper"].expected_label == "rendered"
+
+
 def test_frames_have_the_depth_and_poses_of_the_folder(folder):
     first, *_, last = frames_of(read_dataset(folder))
     assert first.depth_m[THING].max() == pytest.approx(1.0)

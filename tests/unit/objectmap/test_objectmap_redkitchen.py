@@ -5,14 +5,17 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from helios_core.agent_presets import service_settings
 from helios_core.geometry import Pinhole
+from helios_core.household_names import HOUSEHOLD_NAMES
 from helios_core.types import (
+    Detection,
     Frame,
     FrameId,
     ObjectInstance,
@@ -79,23 +82,43 @@ def detector() -> DetectorBackend:
 class Walk:
     objects: tuple[ObjectInstance, ...]  # after all frames
     best: dict[int, float]  # highest Psi that each cup ever had
+    best_microwave: float  # highest Psi of any microwave at any frame
     size: int  # Gaussians after all frames
     size_again: int  # after the same frames once more
 
 
 @pytest.fixture(scope="module")
 def walk(detector) -> Walk:
-    built, best, found = ObjectMap(ObjectMapSettings()), {}, []
-    for frame in kitchen_frames():
-        found.append(detector.detect(frame, CONTEXT).detections)
-        built.update(Observation(frame, CONTEXT.id, found[-1], {}, "yolox"), CONTEXT)
+    found = [detector.detect(frame, CONTEXT).detections for frame in kitchen_frames()]
+    return walked(ObjectMap(ObjectMapSettings()), CONTEXT, found, again=True)
+
+
+@pytest.fixture(scope="module")
+def walk_of_helios(detector) -> Walk:
+    """Map with the settings of `helios`, with its threshold and all household names asked for."""
+    classes = tuple(replace(c, threshold=0.2) for c in CONTEXT.classes)
+    context = replace(CONTEXT, classes=classes, also=HOUSEHOLD_NAMES)
+    settings = ObjectMapSettings.model_validate(service_settings("objectmap", "helios"))
+    found = [detector.detect(frame, context).detections for frame in kitchen_frames()]
+    return walked(ObjectMap(settings), context, found, again=False)
+
+
+def walked(
+    built: ObjectMap, context: SearchContext, found: list[tuple[Detection, ...]], *, again: bool
+) -> Walk:
+    best: dict[int, float] = {}
+    best_microwave = 0.0
+    for frame, detections in zip(kitchen_frames(), found, strict=True):
+        built.update(Observation(frame, context.id, detections, {}, "yolox"), context)
         for o in built.objects():
             if o.class_name == "cup":
                 best[o.id] = max(o.score, best.get(o.id, 0.0))
+            elif o.class_name == "microwave":
+                best_microwave = max(best_microwave, o.score)
     objects, size = built.objects(), len(built)
-    for frame, detections in zip(kitchen_frames(), found, strict=True):
-        built.update(Observation(frame, CONTEXT.id, detections, {}, "yolox"), CONTEXT)
-    return Walk(objects, best, size, len(built))
+    for frame, detections in zip(kitchen_frames(), found, strict=True) if again else ():
+        built.update(Observation(frame, context.id, detections, {}, "yolox"), context)
+    return Walk(objects, best, best_microwave, size, len(built))
 
 
 def of_class(walk: Walk, name: str) -> list[ObjectInstance]:
@@ -123,6 +146,15 @@ def test_an_absent_bowl_or_microwave_gets_only_low_scores(walk):
 
 def test_exactly_one_table_is_found(walk):
     assert len([o for o in of_class(walk, "dining table") if o.score >= 0.5]) == 1
+
+
+def test_helios_accepts_both_mugs_and_neither_another_cup_nor_the_false_microwave(walk_of_helios):
+    tau = float(service_settings("planner", "helios")["tau_g"])
+    a, b = of_class(walk_of_helios, "cup")[:2]
+    assert np.linalg.norm(a.center_m - MUG_A_M) < 0.06
+    assert np.linalg.norm(b.center_m - MUG_B_M) < 0.06
+    assert sum(score >= tau for score in walk_of_helios.best.values()) == 2
+    assert walk_of_helios.best_microwave < tau <= min(a.score, b.score)
 
 
 def test_the_number_of_gaussians_levels_off(walk):
