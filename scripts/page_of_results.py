@@ -67,6 +67,7 @@ RUNS = (
     Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1"),
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4"),
 )
+SEVERAL_ARMS = {"tables-6-8": 7}  # runs that several commands play, an arm each
 OURS = Run("our-agent", "helios and the paper's agents")
 JUDGE = (
     Run("judge", "One object in four is not in the home"),
@@ -88,9 +89,10 @@ def arms(folder: str) -> tuple[Arm, ...]:
 
 
 def is_complete(folder: str) -> bool:
-    """True if a run has episodes, and all that its commands requested were played."""
+    """True if a run has episodes, all its commands were given, and all that they requested was
+    played."""
     found, asked = arms(folder), _asked(folder)
-    return bool(found and asked) and not missing(found, asked)
+    return bool(found) and len(asked) >= SEVERAL_ARMS.get(folder, 1) and not missing(found, asked)
 
 
 def _asked(folder: str) -> dict[Identity, set[int]]:

@@ -39,6 +39,14 @@ def test_a_run_whose_second_agent_has_no_episode_is_not_complete(
     assert not page_of_results.is_complete("table-4")
 
 
+def test_a_run_of_several_commands_is_not_complete_before_the_last_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert page_of_results.is_complete("table-4")
+    monkeypatch.setitem(page_of_results.SEVERAL_ARMS, "table-4", 3)
+    assert not page_of_results.is_complete("table-4")
+
+
 def test_tasks_whose_object_is_absent_are_not_in_the_means_and_differences() -> None:
     first, second, *_ = page_of_results.arms("table-4")
     plain = page_of_results.means([first]), page_of_results.among([first, second])

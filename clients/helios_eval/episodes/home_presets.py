@@ -74,6 +74,11 @@ def check_kind(kind: str) -> str:
     return known
 
 
+def layout_of(kind: str) -> str:
+    """Kind of homes with the same rooms and tasks, without realistic furniture."""
+    return kind.partition(_JOINT)[0]
+
+
 @cache
 def _parts(kind: str) -> tuple[HomePreset, FurnitureReplacement | None]:
     name, joint, _ = kind.partition(_JOINT)

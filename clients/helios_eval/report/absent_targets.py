@@ -66,6 +66,7 @@ def table(arms: Sequence[Arm]) -> Table | None:
         absent = [r for r in arm.records if r.absent]
         rows.add([
             arm.label,
+            _share([r.success for r in arm.records]),
             _share([r.success for r in present]),
             _share([false_not_found(r) for r in present]),
             str(len(present)),
@@ -77,7 +78,7 @@ def table(arms: Sequence[Arm]) -> Table | None:
         return None
     return rows.table(
         "Present and absent targets",
-        ["agent", "present: SR", "present: false not found", "n present",
+        ["agent", "all: SR", "present: SR", "present: false not found", "n present",
          "absent: right not found", "absent: wrong object", "n absent"],
         "Percent of the episodes with a present, or an absent, target; below it the 95 % Wilson "
         "interval. Picks are unlimited. A target is absent if the home has no object of the asked "

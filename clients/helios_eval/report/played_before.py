@@ -15,6 +15,7 @@ from typing import Any
 from helios_core.errors import HeliosError
 
 from helios_eval import ledger
+from helios_eval.episodes import home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.ledger import AFTERWARDS, FIRST_SEED, Entry
@@ -189,8 +190,11 @@ def _before(entries: Iterable[Entry], homes: set[Home]) -> Before | None:
 
 
 def _names(entry: Entry, home: Home) -> bool:
+    """Whether an entry names a home. Realistic furniture changes no room and no place, so a home is
+    one with it and without it."""
     preset, seed = home
-    return entry.preset == preset and entry.first_seed <= seed <= entry.last_seed
+    same = home_presets.layout_of(entry.preset) == home_presets.layout_of(preset)
+    return same and entry.first_seed <= seed <= entry.last_seed
 
 
 def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:

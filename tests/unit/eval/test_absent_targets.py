@@ -303,7 +303,7 @@ def test_the_report_has_a_table_of_present_and_absent_targets(tmp_path: Path) ->
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert row(markdown, "Present and absent targets")[1:] == [
-        "50.0", "25.0", "4", "25.0", "50.0", "4"
+        "37.5", "50.0", "25.0", "4", "25.0", "50.0", "4"
     ]  # fmt: skip
     assert "4 of 8 episodes (--absent 0.5)" in markdown.replace("\\", "")
     assert "the episodes with a present target alone" in markdown
@@ -323,7 +323,7 @@ def test_a_report_of_absent_targets_alone_has_no_phases(tmp_path: Path) -> None:
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert row(markdown, "Present and absent targets")[1:] == [
-        "–", "–", "0", "25.0", "50.0", "4"
+        "25.0", "–", "–", "0", "25.0", "50.0", "4"
     ]  # fmt: skip
     assert "nan" not in markdown.lower()
     written = results.rows(episode_record.read(tmp_path), ["unlimited"])

@@ -86,6 +86,15 @@ def test_the_fact_names_the_number_the_first_day_and_the_folders(own_ledger: Pat
     assert notice.startswith("All 10 homes from seed 1000 on had been played before this run, by 2")
 
 
+def test_a_home_with_realistic_furniture_is_the_same_home(own_ledger: Path) -> None:
+    own = line("runs/d", AUTUMN)
+    write_ledger(own_ledger, line("runs/a", SUMMER, preset="ovmm-v1+sweethome3d"), own)
+    assert fact(description("runs/d")) == "by 1 run, first 2026-07-01, folders runs/a"
+    furnished = [record(seed, preset="ovmm-v1+sweethome3d") for seed in range(1200, 1210)]
+    write_ledger(own_ledger, line("runs/b", SUMMER), own)
+    assert fact(description("runs/d"), furnished) == "by 1 run, first 2026-07-01, folders runs/b"
+
+
 def test_a_part_of_the_homes_is_told_by_its_seeds(own_ledger: Path) -> None:
     write_ledger(own_ledger, line("runs/a", SUMMER, 1100, 1202), line("runs/b", AUTUMN))
     assert fact(description("runs/b")).endswith("folders runs/a (seeds 1200–1202)")
