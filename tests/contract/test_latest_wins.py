@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import pytest
 import zenoh
+from helios_chaos.relay import Relay
 from helios_core import proto as pb
 from helios_core import zenoh_config
 from helios_core.latest_value_sender import PAUSES_S
 from helios_core.topics import FRAME, QoS
 from helios_core.zenoh_bus import ZenohBus
 
-from tests.contract.link import Link
 from tests.support import wait_until
 
 MESSAGES = 60
@@ -28,8 +28,9 @@ def _frame(seq: int, size: int = 0) -> pb.Frame:
 
 
 @pytest.fixture
-def link(router: str, zenoh_bus: ZenohBus) -> Iterator[Link]:
-    link = Link(router)
+def link(router: str, zenoh_bus: ZenohBus) -> Iterator[Relay]:
+    host, _, port = router.removeprefix("tcp/").rpartition(":")
+    link = Relay((host, int(port)))
     yield link
     link.close()
 
@@ -56,7 +57,7 @@ def make_bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ZenohB
 
 
 def test_the_newest_message_arrives_over_a_blocked_link_and_other_subscribers_do_not_wait(
-    make_bus: Callable[[str], ZenohBus], router: str, link: Link
+    make_bus: Callable[[str], ZenohBus], router: str, link: Relay
 ) -> None:
     sender, near, far = make_bus(router), make_bus(router), make_bus(link.endpoint)
     heard: dict[str, list[int]] = {"near": [], "far": []}
@@ -70,7 +71,7 @@ def test_the_newest_message_arrives_over_a_blocked_link_and_other_subscribers_do
         sender.publish(FRAME, _frame(seq, SIZE))
     wait_until(lambda: heard["near"][-1] == MESSAGES, 5, "the near reader has the newest")
     assert MESSAGES not in heard["far"]
-    link.let_go()
+    link.restore()
     wait_until(lambda: heard["far"][-1] == MESSAGES, 10, "the far reader has the newest")
     for seqs in heard.values():
         numbered = [seq for seq in seqs if seq]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 
+from tests.full_disk import fill, small_disk
 from tests.stack import Stack
 from tests.support import LOOPBACK, wait_until
 
@@ -22,33 +21,10 @@ pytestmark = pytest.mark.timeout(420)
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
+def planner_disk(tmp_path: Path) -> Iterator[Path]:
     """The planner's folder in the state folder `tmp_path`, on a disk of 4 MB."""
-    folder = tmp_path / "planner"
-    folder.mkdir()
-    mount = shutil.which("mount")
-    if os.geteuid() != 0 or mount is None:
-        pytest.skip("only root can mount the small disk that this test fills")
-    mounted = subprocess.run(
-        [mount, "-t", "tmpfs", "-o", "size=4m", "tmpfs", str(folder)], capture_output=True
-    )
-    if mounted.returncode:
-        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.decode().strip()}")
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
-
-
-def fill(folder: Path) -> Path:
-    """Fill the disk; the file that fills it."""
-    filler = folder / "filler"
-    with filler.open("wb", buffering=0) as file:
-        for size in (65536, 4096, 1):
-            try:
-                while file.write(bytes(size)) == size:
-                    pass
-            except OSError:
-                continue
-    return filler
+    with small_disk(tmp_path / "planner", 4096) as folder:
+        yield folder
 
 
 def refused(stack: Stack, instruction: str) -> str:
@@ -60,7 +36,7 @@ def refused(stack: Stack, instruction: str) -> str:
 
 
 def test_a_task_that_ended_on_a_full_disk_does_not_resume_after_the_planner_dies(
-    small_disk: Path, tmp_path: Path
+    planner_disk: Path, tmp_path: Path
 ) -> None:
     stack = Stack(tmp_path)
     try:
@@ -70,7 +46,7 @@ def test_a_task_that_ended_on_a_full_disk_does_not_resume_after_the_planner_dies
         bus.close()
         id = stack.post("/v1/tasks", {"instruction": instruction})["id"]
         wait_until(lambda: stack.task(id)["steps"] >= 5, 150, "it works")
-        filler = fill(small_disk)
+        filler = fill(planner_disk)
         wait_until(lambda: "waits for its journal" in stack.task(id)["message"], 60, "it stands")
         assert "make room on that disk" in stack.task(id)["message"]
         reasons = LOOPBACK.get(f"{stack.address}/readyz", timeout=10).json()["reasons"]

@@ -97,6 +97,15 @@ def newest_state(scene: Scene) -> str:
 
 
 @needs_ros2
+def test_a_cancelled_action_cancels_its_task(scene: Scene) -> None:
+    if not has_interfaces("helios_msgs"):
+        pytest.skip("the interfaces are not built: make ros2-interfaces")
+    done = probe(scene.domain, "cancel_task", "find the shelf")
+    assert (done["status"], done["state"]) == (5, "cancelled"), done
+    assert newest_state(scene) == "cancelled"
+
+
+@needs_ros2
 def test_a_wrong_task_is_refused_on_a_topic(scene: Scene) -> None:
     told = probe(scene.domain, "say", "/helios/do_task", "{no json", "/helios/refused")
     assert told["listeners"] == 1
