@@ -49,14 +49,14 @@ def digest_of(kind: str, plans: PlanHomes | None = None) -> str:
 
 def noise_of(kind: str) -> str:
     """Name of the noise table of a kind of homes."""
-    return noise_table_of(LIKE_PLANS if is_plan_kind(kind) else kind.split(_JOINT)[0])
+    return noise_table_of(LIKE_PLANS if is_plan_kind(kind) else layout_of(kind))
 
 
 def default_steps(kind: str, benchmark: Benchmark) -> int:
     """Number of actions that an episode in a kind of homes may take, unless a run sets another."""
     if benchmark == "objectnav":
         return _OBJECTNAV_STEPS
-    return pick_and_place_steps_of(LIKE_PLANS if is_plan_kind(kind) else kind.split(_JOINT)[0])
+    return pick_and_place_steps_of(LIKE_PLANS if is_plan_kind(kind) else layout_of(kind))
 
 
 def check_kind(kind: str) -> str:
@@ -75,7 +75,7 @@ def check_kind(kind: str) -> str:
 
 
 def layout_of(kind: str) -> str:
-    """Kind of homes with the same rooms and tasks, without realistic furniture."""
+    """Kind of the same homes without realistic furniture."""
     return kind.partition(_JOINT)[0]
 
 
