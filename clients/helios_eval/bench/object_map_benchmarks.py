@@ -111,13 +111,16 @@ def shifted_observation(i: int, columns: int) -> Observation:
 
 
 def map_after_updates(
-    updates: int, columns: int = 430, evidence: Literal["views", "sides"] = "views"
+    updates: int,
+    columns: int = 430,
+    evidence: Literal["views", "sides"] = "views",
+    renderer: Literal["cpu", "cuda"] = "cpu",
 ) -> ObjectMap:
     """Map after a number of updates, each from 2 cm beside the last viewpoint.
 
     columns: image columns of the table.
     """
-    objects = ObjectMap(ObjectMapSettings(evidence=evidence))
+    objects = ObjectMap(ObjectMapSettings(evidence=evidence, renderer=renderer))
     for i in range(updates):
         objects.update(shifted_observation(i, columns), CONTEXT)
     return objects
