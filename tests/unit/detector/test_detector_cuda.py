@@ -65,8 +65,11 @@ def test_masks_of_phrases_on_a_gpu_equal_those_on_the_cpu(models: dict[str, Path
     assert (one.masks != other.masks).mean() < 0.01
 
 
-@pytest.mark.parametrize("precision", ["auto", "float32"])
-@pytest.mark.parametrize("family", [*TEXT_TO_BOXES, "sam3"])
+# In half precision all mask values of the tiny SAM 3 are rounded to its threshold.
+@pytest.mark.parametrize(
+    ("family", "precision"),
+    [(f, p) for f in TEXT_TO_BOXES for p in ("auto", "float32")] + [("sam3", "float32")],
+)
 def test_a_frame_becomes_detections_on_a_gpu(family: str, precision: str, models: dict[str, Path]):
     options = DetectorOptions(device="cuda", precision=precision)
     detector = open_detector(f"transformers:{models[family]}", options)
