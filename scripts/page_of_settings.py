@@ -1,4 +1,4 @@
-"""Tables of every service's settings, for docs/reference/settings.md."""
+"""Tables of every service's settings, in docs/reference/settings.md."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pydantic import SecretStr
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from scripts.markdown_tables import code, plain, sentence, table, unit_of
+from scripts.markdown_tables import DOCS, Block, code, plain, sentence, table, unit_of
 
 MODULES = {  # services whose settings module is not `helios_<service>.settings`
     "world": "helios_sim.settings",
@@ -153,3 +153,11 @@ def _kind(kind: Any) -> str:
     if typing.get_origin(kind) is tuple:
         return "numbers"
     return KINDS.get(kind, "path" if kind.__name__ == "Path" else "text")
+
+
+BLOCK = Block(
+    DOCS / "reference/settings.md", "settings", "python -m scripts.page_of_settings", page
+)
+
+if __name__ == "__main__":
+    BLOCK.main()

@@ -1,6 +1,6 @@
 """Sphinx extension that inserts the generated parts of the reference when the site is built.
 
-Each part replaces its mark in a page, such as `<!-- written by make docs: settings -->`.
+Each part replaces its mark in a page, such as `<!-- written by make docs: options -->`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,10 @@ from typing import Any
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
-from scripts import page_of_commands, page_of_http, page_of_messages, page_of_sdk, page_of_settings
+from scripts import page_of_commands, page_of_http, page_of_messages, page_of_sdk
 
 MARK = re.compile(r"<!-- written by make docs: (\S+) -->\n")
 PARTS: dict[str, tuple[str, Callable[[], str]]] = {  # name -> page with the mark, generator
-    "settings": ("reference/settings", page_of_settings.page),
     "options": ("reference/command-line", page_of_commands.options),
     "errors": ("reference/http-api", page_of_http.errors),
     "details": ("reference/http-api", page_of_http.details),
