@@ -28,9 +28,9 @@ class SpotArm:
     arm where it is."""
 
     def __init__(
-        self, link: RobotConnection, eyes: SpotCameras, motion: Motion, halt: Halt
+        self, link: RobotConnection, cameras: SpotCameras, motion: Motion, halt: Halt
     ) -> None:
-        self._link, self._eyes, self._motion, self._halt = link, eyes, motion, halt
+        self._link, self._cameras, self._motion, self._halt = link, cameras, motion, halt
         self._s = link.settings
 
     def grasp(self, point_world_m: Point, class_name: str) -> None:
@@ -40,7 +40,7 @@ class SpotArm:
             raise CannotDo("the gripper holds something already; place it first")
         point = to_vision(point_world_m, reading.ground_m)
         self._motion.gaze(point)
-        shot = self._eyes.hand_shot()
+        shot = self._cameras.hand_shot()
         pixel = pixel_of(point, shot)
         if pixel is None:
             raise CannotDo(f"the hand cannot see the {class_name}; look from another place")

@@ -58,8 +58,8 @@ class Control:
     @property
     def held(self) -> bool:
         """True while this driver has the lease and knows of no loss."""
-        tenure = self._lease_term
-        return tenure is not None and tenure.lost is None
+        lease_term = self._lease_term
+        return lease_term is not None and lease_term.lost is None
 
     def take(self, reading: Reading) -> None:
         """Get permission to move, and switch the motors on. Raises HeliosError, such as Conflict,
@@ -132,21 +132,21 @@ class Control:
     def _acquire(self, what: str) -> None:
         """Begin a new lease term; the previous one stays if this raises. Raises Conflict when the
         robot has rebooted, because the mapped poses are then invalid."""
-        client, tenure = self._link.client("lease"), LeaseTerm()
+        client, lease_term = self._link.client("lease"), LeaseTerm()
         with doing(what, self._link.host):
             if self._s.lease == "take":
                 client.take(timeout=self._s.rpc_timeout_s)
-            tenure.keep_alive = bosdyn_api.lease.LeaseKeepAlive(
+            lease_term.keep_alive = bosdyn_api.lease.LeaseKeepAlive(
                 client, rpc_interval_seconds=RENEW_LEASE_S, must_acquire=True,
                 return_at_exit=True, warnings=False,
-                on_failure_callback=functools.partial(self._on_failure, tenure),
+                on_failure_callback=functools.partial(self._on_failure, lease_term),
             )  # fmt: skip
         try:
             self._check_epoch(client, what)
         except HeliosError:
-            self._give_back(tenure)
+            self._give_back(lease_term)
             raise
-        self._lease_term, self._powered, self._standing = tenure, False, False
+        self._lease_term, self._powered, self._standing = lease_term, False, False
 
     def _check_epoch(self, client: Any, what: str) -> None:
         with doing(what, self._link.host):
@@ -157,12 +157,12 @@ class Control:
 
     def _retain(self) -> None:
         """Check the lease now, before the SDK's thread reports a loss."""
-        client, tenure = self._link.client("lease"), self._lease_term
-        assert tenure is not None
+        client, lease_term = self._link.client("lease"), self._lease_term
+        assert lease_term is not None
         try:
             client.retain_lease(client.lease_wallet.get_lease(), timeout=self._s.rpc_timeout_s)
         except (bosdyn_api.exceptions.Error, bosdyn_api.lease.Error) as error:
-            self._on_failure(tenure, error)
+            self._on_failure(lease_term, error)
 
     def _regain(self, lost: LeaseTerm) -> None:
         reading = self._link.read()
@@ -174,8 +174,8 @@ class Control:
         self._give_back(lost)
         self._acquire("clear the stop")
 
-    def _give_back(self, tenure: LeaseTerm) -> None:
-        keep_alive, tenure.keep_alive = tenure.keep_alive, None
+    def _give_back(self, lease_term: LeaseTerm) -> None:
+        keep_alive, lease_term.keep_alive = lease_term.keep_alive, None
         if keep_alive is None:
             return
         try:
@@ -183,7 +183,7 @@ class Control:
         except Exception as error:  # without a link the robot detects the loss by itself
             log.warning("the lease could not be returned: %s", error)
 
-    def _on_failure(self, tenure: LeaseTerm, error: Exception) -> None:
+    def _on_failure(self, lease_term: LeaseTerm, error: Exception) -> None:
         """Handle a failed renewal, in the SDK's thread. A lost lease ends the current action; a
         lost link is only logged."""
         if not isinstance(error, (bosdyn_api.exceptions.ResponseError, bosdyn_api.lease.Error)):
@@ -191,14 +191,14 @@ class Control:
             return
         lost = translate(error, self._link.host, "go on")
         with self._lock:
-            if tenure.lost is None:
+            if lease_term.lost is None:
                 self._halt.cut(lost.message, lost)
-                self._lose(tenure, lost)
+                self._lose(lease_term, lost)
 
-    def _lose(self, tenure: LeaseTerm, error: HeliosError) -> None:
+    def _lose(self, lease_term: LeaseTerm, error: HeliosError) -> None:
         """Record a loss and latch the stop. The caller holds `_lock`."""
-        if tenure.lost is None:
-            tenure.lost = error
+        if lease_term.lost is None:
+            lease_term.lost = error
             log.error("%s", error.message)
             self._halt.stop(f"{error.message}; then clear the stop")
 

@@ -59,11 +59,11 @@ class RobotSlot:
         bus.announce("detector", members.me)
         self._model_keeper.start()
 
-    def begin(self, models: Models, workload: ModelUsage) -> DetectorService:
+    def begin(self, models: Models, usage: ModelUsage) -> DetectorService:
         """Create the robot's service and subscribe to its topics; the models must be warm."""
         service = self._service = DetectorService(
             self.bus, models.detector, models.scorer, self._health, models.depth,
-            workload=workload, listen=False,
+            usage=usage, listen=False,
         )  # fmt: skip
         self.bus.subscribe(CLAIM, self._on_claim)
         self.bus.subscribe(CONTEXT, self._on_context)
@@ -281,9 +281,9 @@ class Fleet:
         models = self._models = load_models(s, None, self._health, self._ending)
         if models is None:
             return
-        workload = ModelUsage()
+        usage = ModelUsage()
         for slot in self._slots:
-            self._service = slot.begin(models, workload)
+            self._service = slot.begin(models, usage)
         self._bus.announce(
             FLEET_TOKEN, self._members.me
         )  # from here on this process may own robots

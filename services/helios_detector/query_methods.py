@@ -77,13 +77,13 @@ class QueryMethods(QueryMethodsBase):
     """Query methods that the loaded models answer."""
 
     def __init__(
-        self, bus: Bus, analyst: FrameAnalyzer, workload: ModelUsage, health: Health
+        self, bus: Bus, analyzer: FrameAnalyzer, usage: ModelUsage, health: Health
     ) -> None:
         super().__init__(bus)
-        self._analyst, self._workload, self._health = analyst, workload, health
+        self._analyzer, self._usage, self._health = analyzer, usage, health
 
     def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply:
-        models, names = self._analyst.models, self._analyst.vocabulary()
+        models, names = self._analyzer.models, self._analyzer.vocabulary()
         return pb.VocabularyReply(
             open=names is None,
             names=names or (),
@@ -97,8 +97,8 @@ class QueryMethods(QueryMethodsBase):
             raise InvalidInput(
                 f"{len(request.prompts)} prompts came; send 1 to {MOST_PROMPTS} in one call"
             )
-        with self._workload.work():
-            made = self._analyst.models.scorer.embed_text(list(request.prompts))
+        with self._usage.work():
+            made = self._analyzer.models.scorer.embed_text(list(request.prompts))
         return pb.EmbedTextReply(
             embeddings=[embedding_to_proto(e) for e in made.texts],
             scale=made.scale,
@@ -107,7 +107,7 @@ class QueryMethods(QueryMethodsBase):
 
     def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply:
         """Depth of a colour image; the bridge calls it for robots without a depth camera."""
-        depth = self._analyst.models.depth
+        depth = self._analyzer.models.depth
         if depth is None:
             raise InvalidInput(
                 "this detector makes no depth; set its depth to transformers:ID, or the bridge's "
@@ -119,11 +119,11 @@ class QueryMethods(QueryMethodsBase):
             request.compressed_color if request.HasField("compressed_color") else None,
         )
         focal_px = focal_of(request, color.shape[1])
-        with self._workload.work():
+        with self._usage.work():
             made = depth.estimate(color, focal_px)
-        self._analyst.measure()
+        self._analyzer.measure()
         out = depth_to_proto(made, depth.name)
-        out.estimate_ms = self._analyst.timed("depth", began)
+        out.estimate_ms = self._analyzer.timed("depth", began)
         self._health.count("depths_estimated")
         return out
 

@@ -69,16 +69,16 @@ class DetectorService:
         health: Health,
         depth: DepthBackend | None = None,
         *,
-        workload: ModelUsage | None = None,  # usage of the models if other services share them
+        usage: ModelUsage | None = None,  # usage of the models if other services share them
         listen: bool = True,  # False: the caller calls `on_…` and opens the methods
         previews: bool = True,  # False: publish no image with boxes of keyframes
     ) -> None:
         self._bus, self._health = bus, health
         self._models = Models(detector, scorer, depth)
-        self._analyst = FrameAnalyzer(self._models, health)
-        self._workload = workload or ModelUsage()
+        self._analyzer = FrameAnalyzer(self._models, health)
+        self._usage = usage or ModelUsage()
         self._previews = previews
-        self.methods = QueryMethods(bus, self._analyst, self._workload, health)
+        self.methods = QueryMethods(bus, self._analyzer, self._usage, health)
         self._lock = threading.Lock()  # guards the next six attributes
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}
@@ -105,7 +105,7 @@ class DetectorService:
 
     def unload_if_idle(self, after_s: float) -> None:
         """Free the models' memory after `after_s` seconds without work."""
-        if not self._workload.claim_idle(after_s):
+        if not self._usage.claim_idle(after_s):
             return
         try:
             self._models.unload()
@@ -144,7 +144,7 @@ class DetectorService:
     def _seek(self, context: SearchContext) -> bool:
         """True if the back end takes the context; else report the reason and keep the old one."""
         try:
-            refused = self._analyst.refused(context) if context.classes else {}
+            refused = self._analyzer.refused(context) if context.classes else {}
         except Exception as error:
             fault = typed(error)
             why = f"search context {context.id} is not sought: {fault.message}"
@@ -208,7 +208,7 @@ class DetectorService:
         trouble, frame = "", None
         try:
             frame = frame_from_proto(message)
-            with self._workload.work():
+            with self._usage.work():
                 self._answer(apart(message), frame, context, sent)
             return ""
         except Exception as error:
@@ -236,7 +236,7 @@ class DetectorService:
         """Publish a preview, unless another frame is in work."""
         with self._lock:
             context = self._context
-        with self._workload.work_if_free() as free:
+        with self._usage.work_if_free() as free:
             if not free:
                 self._health.count("previews_skipped")
                 return
@@ -245,9 +245,9 @@ class DetectorService:
                 frame = frame_from_proto(message)
                 findings = Findings((), ())
                 if context is not None:
-                    findings, _ = self._analyst.detect(frame, context)
+                    findings, _ = self._analyzer.detect(frame, context)
                 self._publish_preview(message, frame, findings, context)
-                self._analyst.timed("preview", began)
+                self._analyzer.timed("preview", began)
             except Exception as error:
                 self._refuse("previews_refused", message, typed(error))
 
@@ -261,13 +261,13 @@ class DetectorService:
     ) -> None:
         began = time.perf_counter()
         with tracing.span("detect", detector=self._models.detector.name):
-            findings, wrong = self._analyst.detect(frame, context)
+            findings, wrong = self._analyzer.detect(frame, context)
         if wrong or findings.detections or findings.seen:  # empty findings do not clear a fault
             self._say_trouble("found", wrong)
-        detect_ms = self._analyst.timed("detect", began)
+        detect_ms = self._analyzer.timed("detect", began)
         began = time.perf_counter()
         with tracing.span("score", scorer=self._models.scorer.name):
-            rated, wrong = self._analyst.judge(frame, findings, context)
+            rated, wrong = self._analyzer.judge(frame, findings, context)
         self._say_trouble("scored", wrong)
         models = self._models
         mine, others = by_class(findings.detections, context)
@@ -280,8 +280,8 @@ class DetectorService:
             message,
         )  # fmt: skip
         out.head.detect_ms = detect_ms
-        self._analyst.timed("score", began)
-        self._analyst.measure()
+        self._analyzer.timed("score", began)
+        self._analyzer.measure()
         self._bus.publish(OBSERVATION, out)
         self._health.count("keyframes_answered")
         sent()

@@ -46,8 +46,8 @@ Detector = Annotated[
 Scorer = Annotated[
     str | None,
     typer.Option(
-        help="image-text scorer: lexical, minilm, transformers:ID or "
-        "package:Class  [default: the detector's setting]"
+        help="image-text scorer: lexical, minilm, transformers:ID or package:Class; with the "
+        "simulator also simulated or simulated:TABLE  [default: the detector's setting]"
     ),
 ]
 Agent = Annotated[
@@ -259,8 +259,8 @@ def replay(
         check_source(dataset)
         context, detector = search_and_detector(dataset, classes, thresholds, detector)
         detector = check_detector(detector)
-        pace = PlaybackOptions(limit, from_s, to_s, rate, free_running, topics, strict)
-        job = ReplayJob(dataset, context, detector, out, pace, agent)
+        playback = PlaybackOptions(limit, from_s, to_s, rate, free_running, topics, strict)
+        job = ReplayJob(dataset, context, detector, out, playback, agent)
         results = run_replay(job, interrupts, screen)
         screen.print(results.table())  # first, as writing may fail on a full disk
         results.write(out)

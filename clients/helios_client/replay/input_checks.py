@@ -31,12 +31,14 @@ def examine(job: ReplayJob, console: Console) -> CheckedInput:
     from helios_replay.format_detection import open_source  # late import: loads OpenCV
     from helios_replay.replay_source import PlaybackRange
 
-    pace = job.pace
-    to_s = math.inf if pace.to_s is None else pace.to_s
-    source = open_source(job.source, PlaybackRange(pace.limit, pace.from_s, to_s, pace.topics))
+    playback = job.playback
+    to_s = math.inf if playback.to_s is None else playback.to_s
+    source = open_source(
+        job.source, PlaybackRange(playback.limit, playback.from_s, to_s, playback.topics)
+    )
     lost = _damage(job, getattr(source, "lost", ()), console)
     if cut := getattr(source, "cut", ""):
-        if pace.strict:
+        if playback.strict:
             raise InvalidInput(
                 f"{job.source} is cut off: {cut}; without --strict the part before it is played"
             )
@@ -58,7 +60,7 @@ def examine(job: ReplayJob, console: Console) -> CheckedInput:
                 "detector with --detector"
             )
     waits_s = [b.time_s - a.time_s for a, b in itertools.pairwise(source.shots)]
-    longest_s = max(waits_s, default=0.0) / pace.rate if pace.rate else 0.0
+    longest_s = max(waits_s, default=0.0) / playback.rate if playback.rate else 0.0
     return CheckedInput(len(source.shots), longest_s, searches, lost)
 
 
@@ -76,7 +78,7 @@ def _damage(job: ReplayJob, lost: Any, console: Console) -> dict[str, Any]:
         f"{out['chunks']} damaged chunk{'s' if out['chunks'] > 1 else ''} "
         f"({out['bytes']} bytes, about {out['seconds']:.1f} s)"
     )
-    if job.pace.strict:
+    if job.playback.strict:
         raise InvalidInput(
             f"{job.source} has {what}: {lost[0].why}; without --strict the rest is played"
         )

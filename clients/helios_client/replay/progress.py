@@ -29,29 +29,34 @@ class ReplayMonitor:
     """Monitor of a running replay; see `check_progress`."""
 
     def __init__(
-        self, job: ReplayJob, known: CheckedInput, board: ServiceTable, console: Console
+        self, job: ReplayJob, known: CheckedInput, service_table: ServiceTable, console: Console
     ) -> None:
-        self._job, self.known, self._board, self._console = job, known, board, console
+        self._job, self.known, self._service_table, self._console = (
+            job,
+            known,
+            service_table,
+            console,
+        )
         self.classes = UnknownClassReport(job.detector, known.searches)
         self._began_s = self._moved_s = time.monotonic()
         self._heard = (0, 0)  # numbers of finished and of mapped frames
         self._started = False
         self._trouble_since_s: float | None = None
 
-    def check_progress(self, table: Sequence[ProcessInfo], tally: FrameAcks) -> str:
+    def check_progress(self, table: Sequence[ProcessInfo], acks: FrameAcks) -> str:
         """Current activity in a few words, for the screen. Raises HeliosError if the replay cannot
         go on."""
-        now_s, rows = time.monotonic(), self._board.rows(table)
-        heard = (tally.finished_frames, tally.occupancy_frames)
+        now_s, rows = time.monotonic(), self._service_table.rows(table)
+        heard = (acks.finished_frames, acks.occupancy_frames)
         if heard != self._heard:
             self._heard, self._moved_s, self._started = heard, now_s, True
-        self.classes.check(self._board, over=False, console=self._console)
+        self.classes.check(self._service_table, over=False, console=self._console)
         late = [] if self._started else [r for r in rows if r.state != "ready"]
         if not late and not self._started:
             self._started, self._moved_s = True, now_s
         if late and now_s - self._began_s > self._job.start_s:
             raise DeadlineExceeded(_not_started(self._job, late))
-        self._check_trouble(failure_reason(rows, self._board), now_s)
+        self._check_trouble(failure_reason(rows, self._service_table), now_s)
         still_s = now_s - self._moved_s
         if self._started and still_s > self._job.patience_s:
             raise DeadlineExceeded(_stalled(self._job, heard[0], self.known.frames, rows))
@@ -60,7 +65,7 @@ class ReplayMonitor:
             is_long = now_s - self._began_s > SAY_WAITING_S
             return f"waiting for {escape(names)}" if is_long else "starting the services"
         if still_s > SAY_WAITING_S:
-            return f"waiting for {escape(waits_for(rows, self._job.pace.rate))}"
+            return f"waiting for {escape(waits_for(rows, self._job.playback.rate))}"
         return "frames" if heard[1] else "the first frame"
 
     def _check_trouble(self, trouble: str, now_s: float) -> None:
@@ -72,12 +77,14 @@ class ReplayMonitor:
             raise Unavailable(trouble)
 
 
-def failure_reason(rows: Sequence[ServiceRow], board: ServiceTable) -> str:
+def failure_reason(rows: Sequence[ServiceRow], service_table: ServiceTable) -> str:
     """Status reason of a service that cannot go on; empty if there is none."""
     for row in rows:
         # A detector waits only for its model; other services wait for input that is still to come.
         missing = row.name == "detector" and row.state == "waiting"
-        degraded = row.state == "degraded" and not (row.name == "detector" and _goes_on(board))
+        degraded = row.state == "degraded" and not (
+            row.name == "detector" and _goes_on(service_table)
+        )
         if degraded or (missing and not row.reason.startswith("loading")):
             return f"{row.name}: {row.reason}"
     return ""
@@ -100,28 +107,28 @@ class UnknownClassReport:
         self._detector, self._kinds = detector, frozenset(searches)
         self._printed: set[str] = set()
 
-    def check(self, board: ServiceTable, over: bool, console: Console) -> None:
+    def check(self, service_table: ServiceTable, over: bool, console: Console) -> None:
         """Print new findings. over: no further search will come. Raises UsageError if the detector
         knows no class of any search."""
-        status = board.status("detector")
+        status = service_table.status("detector")
         if status is None or status.state != "degraded":
             return
-        unknown = status_count(board, "detector", "contexts_unknown")
-        sought = status_count(board, "detector", "contexts_sought")
+        unknown = status_count(service_table, "detector", "contexts_unknown")
+        sought = status_count(service_table, "detector", "contexts_sought")
         if unknown and not sought and (over or len(self._kinds) == 1):
             raise UsageError(
                 f"the detector {self._detector} knows none of the classes to find: {status.reason}"
             )
-        refused = status_count(board, "detector", "classes_refused")
+        refused = status_count(service_table, "detector", "classes_refused")
         if refused and status.reason not in self._printed:
             self._printed.add(status.reason)
             console.print(f"[yellow]not searched for[/]: {escape(status.reason)}", soft_wrap=True)
 
 
-def _goes_on(board: ServiceTable) -> bool:
+def _goes_on(service_table: ServiceTable) -> bool:
     """True if the detector is degraded only because it does not know some class."""
-    failed = status_count(board, "detector", "keyframes_failed")
-    return bool(status_count(board, "detector", "classes_refused")) and not failed
+    failed = status_count(service_table, "detector", "keyframes_failed")
+    return bool(status_count(service_table, "detector", "classes_refused")) and not failed
 
 
 def _not_started(job: ReplayJob, late: Sequence[ServiceRow]) -> str:

@@ -69,7 +69,9 @@ class Results:
         return out
 
 
-def collect(bus: Bus, tally: FrameAcks, board: ServiceTable, frames: int, wall_s: float) -> Results:
+def collect(
+    bus: Bus, acks: FrameAcks, service_table: ServiceTable, frames: int, wall_s: float
+) -> Results:
     """Query the maps for the results; `wall_s`: duration of the replay.
 
     Raises HeliosError if a map does not answer.
@@ -92,33 +94,33 @@ def collect(bus: Bus, tally: FrameAcks, board: ServiceTable, frames: int, wall_s
         map=decode_snapshot(snapshot),
         summary={
             "frames": frames,
-            "keyframes": tally.occupancy_frames,
-            "before_search": status_count(board, "bridge", "keyframes_before_search"),
-            "unreadable": unreadable_frames(board),
+            "keyframes": acks.occupancy_frames,
+            "before_search": status_count(service_table, "bridge", "keyframes_before_search"),
+            "unreadable": unreadable_frames(service_table),
             "wall_s": round(wall_s, 3),
-            "ms_per_frame": stage_medians_ms(tally, board),
-            "refused": tally.refusals,
+            "ms_per_frame": stage_medians_ms(acks, service_table),
+            "refused": acks.refusals,
         },
     )
 
 
-def unreadable_frames(board: ServiceTable) -> int:
+def unreadable_frames(service_table: ServiceTable) -> int:
     """Number of frames that the bridge skipped because they are unreadable."""
-    return status_count(board, "bridge", "unreadable_frames")
+    return status_count(service_table, "bridge", "unreadable_frames")
 
 
-def status_count(board: ServiceTable, service: str, name: str) -> int:
+def status_count(service_table: ServiceTable, service: str, name: str) -> int:
     """Count that a service reports; 0 if it reports none."""
-    status = board.status(service)
+    status = service_table.status(service)
     return int(status.metrics.get(name, 0)) if status else 0
 
 
-def stage_medians_ms(tally: FrameAcks, board: ServiceTable) -> dict[str, float]:
+def stage_medians_ms(acks: FrameAcks, service_table: ServiceTable) -> dict[str, float]:
     """Stage -> median milliseconds: maps from their acknowledgements, others from their
     statuses."""
-    out = {"total": tally.pace_ms} | tally.median_ms()
+    out = {"total": acks.pace_ms} | acks.median_ms()
     for service in ("bridge", "detector"):
-        status = board.status(service)
+        status = service_table.status(service)
         for name, value in status.metrics.items() if status else ():
             if name.endswith("_ms_median"):
                 out[name.removesuffix("_ms_median")] = value

@@ -57,7 +57,7 @@ class ReplayJob:
     context: SearchContext | None  # None: the searches of the recording
     detector: str
     out: Path
-    pace: PlaybackOptions = PlaybackOptions()
+    playback: PlaybackOptions = PlaybackOptions()
     agent: str = DEFAULT_AGENT  # agent whose settings the object map uses
     start_s: float = 300.0  # longest time until every service is ready, model loading included
     patience_s: float = 180.0  # longest time without a new frame
@@ -82,12 +82,12 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
         job.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(f"--out {job.out} cannot be created: {error.strerror}") from error
-    pace = job.pace
+    playback = job.playback
     stack = StackOptions(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
-        source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
-        topics=pace.topics or None, contexts=job.context is None, strict=pace.strict,
-        lockstep=not pace.free_running, ack_timeout_s=job.patience_s, agent=job.agent,
+        source=job.source, limit=playback.limit, from_s=playback.from_s, to_s=playback.to_s,
+        rate=playback.rate, topics=playback.topics or None, contexts=job.context is None,
+        strict=playback.strict, lockstep=not playback.free_running, ack_timeout_s=job.patience_s, agent=job.agent,
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
     specs = stack.processes()
@@ -95,19 +95,19 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
         _running(specs, stack.log_dir) as supervisor,
         _bus(stack, supervisor, job, interrupts) as bus,
     ):
-        board, tally = ServiceTable(), FrameAcks()
-        board.subscribe(bus, [spec.name for spec in specs])
-        tally.listen(bus)
+        service_table, acks = ServiceTable(), FrameAcks()
+        service_table.subscribe(bus, [spec.name for spec in specs])
+        acks.listen(bus)
         if job.context is not None:
             bus.publish(CONTEXT, context_to_proto(job.context))
-        watch = ReplayMonitor(job, known, board, console)
-        _play(watch, supervisor, tally, interrupts, console)
+        watch = ReplayMonitor(job, known, service_table, console)
+        _play(watch, supervisor, acks, interrupts, console)
         _settle(supervisor, interrupts)
         interrupted = interrupts.came
         if not interrupted:
-            watch.classes.check(board, over=True, console=console)
-            _say_unreadable(unreadable_frames(board), known.frames, job, console)
-        results = collect(bus, tally, board, known.frames, time.monotonic() - began_s)
+            watch.classes.check(service_table, over=True, console=console)
+            _say_unreadable(unreadable_frames(service_table), known.frames, job, console)
+        results = collect(bus, acks, service_table, known.frames, time.monotonic() - began_s)
         more = {"lost": known.lost, "interrupted": interrupted}
         return replace(results, summary=results.summary | more)
 
@@ -153,7 +153,7 @@ def _bus(
 def _play(
     watch: ReplayMonitor,
     supervisor: Supervisor,
-    tally: FrameAcks,
+    acks: FrameAcks,
     interrupts: Interrupts,
     console: Console,
 ) -> None:
@@ -167,19 +167,17 @@ def _play(
     began_s = time.monotonic()
     with Progress(*columns, console=console) as progress:
         bar = progress.add_task("starting the services", total=watch.known.frames, pace="")
-        while not (tally.finished or interrupts.came):
-            tally.wait_finished(CHECK_PERIOD_S)
+        while not (acks.finished or interrupts.came):
+            acks.wait_finished(CHECK_PERIOD_S)
             _check(supervisor)
-            description = watch.check_progress(supervisor.table(), tally)
-            pace = f"{tally.pace_ms:.0f} ms per frame" if tally.frames > 1 else ""
-            progress.update(
-                bar, completed=tally.finished_frames, description=description, pace=pace
-            )
-        if not tally.occupancy_frames:
+            description = watch.check_progress(supervisor.table(), acks)
+            pace = f"{acks.pace_ms:.0f} ms per frame" if acks.frames > 1 else ""
+            progress.update(bar, completed=acks.finished_frames, description=description, pace=pace)
+        if not acks.occupancy_frames:
             interrupts.check()
-        progress.update(bar, completed=tally.occupancy_frames)
+        progress.update(bar, completed=acks.occupancy_frames)
     console.print(
-        f"{tally.occupancy_frames} frames in {time.monotonic() - began_s:.1f} s", highlight=False
+        f"{acks.occupancy_frames} frames in {time.monotonic() - began_s:.1f} s", highlight=False
     )
 
 

@@ -27,10 +27,15 @@ class BusLink:
     router, and publishes the process table every `PUBLISH_PERIOD_S`."""
 
     def __init__(
-        self, router: RouterLink, robot: str, board: ServiceTable, rows: Mapping[str, str]
+        self, router: RouterLink, robot: str, service_table: ServiceTable, rows: Mapping[str, str]
     ) -> None:
         """rows: name of the row by service, for the services of this robot."""
-        self._router, self._robot, self._board, self._rows = router, robot, board, rows
+        self._router, self._robot, self._service_table, self._rows = (
+            router,
+            robot,
+            service_table,
+            rows,
+        )
         self._services = {row: service for service, row in rows.items()}
         self._ending, self._wake = threading.Event(), threading.Event()
         self._lock = threading.Lock()
@@ -62,7 +67,7 @@ class BusLink:
         if bus is None:
             return
         try:
-            self._board.subscribe_rows(bus, self._rows)
+            self._service_table.subscribe_rows(bus, self._rows)
             while not self._ending.is_set():
                 self._wake.clear()
                 with self._lock:

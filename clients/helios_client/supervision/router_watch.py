@@ -22,8 +22,10 @@ REASON = f"no service was heard over it for {SILENT_S:.0f} s"
 class RouterWatch:
     """Watch over the router of a process table. One thread calls it, several times a second."""
 
-    def __init__(self, board: ServiceTable, clock: Callable[[], float] = time.monotonic) -> None:
-        self._board, self._clock = board, clock
+    def __init__(
+        self, service_table: ServiceTable, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._service_table, self._clock = service_table, clock
         self._pid = 0
         self._started_s = self._looked_s = self._resumed_s = clock()
 
@@ -40,7 +42,7 @@ class RouterWatch:
             self._pid, self._started_s = router.pid, now_s
         heard_s = {  # by process, since several services may share one
             p.pid: s for p in table
-            if p.state is ProcessState.RUNNING and (s := self._board.heard_s(p)) is not None
+            if p.state is ProcessState.RUNNING and (s := self._service_table.heard_s(p)) is not None
         }  # fmt: skip
         if len(heard_s) < LEAST_PROCESSES or max(heard_s.values()) < self._started_s:
             return False

@@ -30,55 +30,55 @@ def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> p
 
 
 def test_a_frame_counts_after_all_map_parts_have_answered() -> None:
-    tally = FrameAcks()
+    acks = FrameAcks()
     for part in list(MapPart)[:-1]:
-        tally.note_ack(ack(part, 1))
-    assert tally.frames == 0
-    tally.note_ack(ack(MapPart.OBJECTS, 1))
-    tally.note_ack(ack(MapPart.OBJECTS, 1))
-    assert tally.frames == 1
+        acks.note_ack(ack(part, 1))
+    assert acks.frames == 0
+    acks.note_ack(ack(MapPart.OBJECTS, 1))
+    acks.note_ack(ack(MapPart.OBJECTS, 1))
+    assert acks.frames == 1
 
 
 def test_a_frame_that_the_detector_refused_is_finished_by_its_occupancy_ack() -> None:
-    tally = FrameAcks()
-    tally.note_ack(ack("occupancy", 1))
+    acks = FrameAcks()
+    acks.note_ack(ack("occupancy", 1))
     done = ack("observation", 1)
     done.accepted = True
-    tally.note_detector(done)  # the maps have not answered yet
-    assert tally.finished_frames == 0
+    acks.note_detector(done)  # the maps have not answered yet
+    assert acks.finished_frames == 0
     refused = ack("observation", 1)
     refused.service, refused.accepted, refused.reason = "detector", False, "no model"
-    tally.note_detector(refused)
-    assert tally.finished_frames == tally.frames == 1
-    assert tally.refusals == {"detector: no model": 1}
+    acks.note_detector(refused)
+    assert acks.finished_frames == acks.frames == 1
+    assert acks.refusals == {"detector: no model": 1}
 
 
 def test_a_frame_with_only_an_occupancy_ack_is_finished_when_the_next_begins() -> None:
-    tally = FrameAcks()
-    assert (tally.finished_frames, tally.occupancy_frames) == (0, 0)
-    tally.note_ack(ack("occupancy", 1))
-    assert (tally.finished_frames, tally.occupancy_frames) == (0, 1)
-    tally.note_ack(ack("occupancy", 2))
-    assert (tally.finished_frames, tally.occupancy_frames) == (1, 2)
+    acks = FrameAcks()
+    assert (acks.finished_frames, acks.occupancy_frames) == (0, 0)
+    acks.note_ack(ack("occupancy", 1))
+    assert (acks.finished_frames, acks.occupancy_frames) == (0, 1)
+    acks.note_ack(ack("occupancy", 2))
+    assert (acks.finished_frames, acks.occupancy_frames) == (1, 2)
     for part in MapPart:
-        tally.note_ack(ack(part, 2))
-    assert (tally.finished_frames, tally.occupancy_frames, tally.frames) == (2, 2, 1)
+        acks.note_ack(ack(part, 2))
+    assert (acks.finished_frames, acks.occupancy_frames, acks.frames) == (2, 2, 1)
 
 
 def test_refusals_are_counted_with_their_reason_and_not_timed() -> None:
-    tally = FrameAcks()
-    tally.note_ack(ack("objects", 1, accepted=False, update_ms=99))
-    assert tally.refusals == {"objectmap: another search context": 1}
-    assert tally.median_ms() == {}
+    acks = FrameAcks()
+    acks.note_ack(ack("objects", 1, accepted=False, update_ms=99))
+    assert acks.refusals == {"objectmap: another search context": 1}
+    assert acks.median_ms() == {}
 
 
 def test_stage_times_are_medians_of_acks_and_of_service_metrics() -> None:
-    tally, board = FrameAcks(), ServiceTable()
+    acks, service_table = FrameAcks(), ServiceTable()
     for seq, ms in enumerate((1.0, 9.0, 2.0)):
-        tally.note_ack(ack("occupancy", seq, update_ms=ms))
+        acks.note_ack(ack("occupancy", seq, update_ms=ms))
     metrics = {"detect_ms_median": 31.5, "keyframes": 3.0}
-    board.on_status(pb.ServiceStatus(service="detector", state="ready", metrics=metrics))
-    stages = stage_medians_ms(tally, board)
+    service_table.on_status(pb.ServiceStatus(service="detector", state="ready", metrics=metrics))
+    stages = stage_medians_ms(acks, service_table)
     assert (stages["occupancy"], stages["detect"]) == (2.0, 31.5)
     assert "keyframes" not in stages
 
@@ -95,15 +95,15 @@ def test_results_are_collected_from_the_services_and_written(tmp_path: Path) -> 
     maps.serve(OBJECTS, lambda _: pb.ObjectsReply(objects=[worse, cup]))
     maps.serve(PICTURE, lambda request: pb.PictureReply(png=request.layer.encode()))
     maps.serve(SNAPSHOT, lambda _: snapshot)
-    tally = FrameAcks()
-    tally.listen(client)
+    acks = FrameAcks()
+    acks.listen(client)
     for part, topic in (
         ("occupancy", MAP2D_ACK), ("value", MAP2D_ACK), ("objects", OBJECTMAP_ACK)
     ):  # fmt: skip
         maps.publish(topic, ack(part, 1))
     maps.publish(ROBOT_STATE, pb.RobotState(finished=True))
-    assert tally.finished
-    collect(client, tally, ServiceTable(), frames=1, wall_s=2.5).write(tmp_path)
+    assert acks.finished
+    collect(client, acks, ServiceTable(), frames=1, wall_s=2.5).write(tmp_path)
     objects = json.loads((tmp_path / "objects.json").read_text())
     assert [o["id"] for o in objects] == [3, 2]
     assert objects[0]["class"] == "cup"

@@ -39,22 +39,22 @@ def status(service: str, state: str, reason: str = "", **metrics: float) -> pb.S
     return pb.ServiceStatus(service=service, state=state, reason=reason, pid=7, metrics=metrics)
 
 
-def board_of(*statuses: pb.ServiceStatus) -> ServiceTable:
-    board = ServiceTable()
+def table_of(*statuses: pb.ServiceStatus) -> ServiceTable:
+    service_table = ServiceTable()
     for one in statuses:
-        board.on_status(one)
-    return board
+        service_table.on_status(one)
+    return service_table
 
 
 def play(
-    job: ReplayJob, board: ServiceTable, tally: FrameAcks, *searches: str,
+    job: ReplayJob, service_table: ServiceTable, acks: FrameAcks, *searches: str,
     interrupts: Interrupts | None = None,
 ) -> None:  # fmt: skip
     """Play a replay; each of `searches` is the class name of one search."""
     quiet = Console(quiet=True)
     known = CheckedInput(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
-    watch = ReplayMonitor(job, known, board, quiet)
-    module._play(watch, cast(Supervisor, Processes()), tally, interrupts or Interrupts(), quiet)
+    watch = ReplayMonitor(job, known, service_table, quiet)
+    module._play(watch, cast(Supervisor, Processes()), acks, interrupts or Interrupts(), quiet)
 
 
 def job(tmp_path: Path, **values: float) -> ReplayJob:
@@ -65,9 +65,9 @@ def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_log
     tmp_path: Path,
 ) -> None:
     loading = status("detector", "starting", "loading the model")
-    board = board_of(status("bridge", "ready"), loading)
+    service_table = table_of(status("bridge", "ready"), loading)
     with pytest.raises(DeadlineExceeded) as late:
-        play(job(tmp_path, start_s=0.1), board, FrameAcks())
+        play(job(tmp_path, start_s=0.1), service_table, FrameAcks())
     said = late.value.message
     assert "not ready within 0.1 s" in said
     assert f"detector is starting (loading the model; log {tmp_path / 'logs/detector.log'})" in said
@@ -79,19 +79,21 @@ def test_an_unanswered_first_frame_ends_the_replay_with_the_services_reasons(
     tmp_path: Path,
 ) -> None:
     ready = [status(name, "ready") for name in NAMES[2:]]
-    board = board_of(*ready, status("bridge", "ready", "keyframe a/0/1 waits for map2d/occupancy"))
+    service_table = table_of(
+        *ready, status("bridge", "ready", "keyframe a/0/1 waits for map2d/occupancy")
+    )
     with pytest.raises(DeadlineExceeded, match=r"after 0 of 4.*waits for map2d/occupancy"):
-        play(job(tmp_path, start_s=60, patience_s=0.1), board, FrameAcks())
+        play(job(tmp_path, start_s=60, patience_s=0.1), service_table, FrameAcks())
 
 
 def test_a_replay_ends_when_its_frames_are_answered_and_the_robot_is_finished(
     tmp_path: Path,
 ) -> None:
-    tally = FrameAcks()
+    acks = FrameAcks()
     for part in MapPart:
-        tally.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
-    tally.note_state(pb.RobotState(finished=True))
-    play(job(tmp_path, start_s=0.1), board_of(), tally)
+        acks.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
+    acks.note_state(pb.RobotState(finished=True))
+    play(job(tmp_path, start_s=0.1), table_of(), acks)
 
 
 def test_a_loading_model_is_waited_for_but_a_missing_model_ends_the_replay(
@@ -100,60 +102,63 @@ def test_a_loading_model_is_waited_for_but_a_missing_model_ends_the_replay(
     monkeypatch.setattr("helios_client.replay.progress.TROUBLE_S", 0.0)
     loading = status("detector", "waiting", "loading onnx:a")
     with pytest.raises(DeadlineExceeded, match="loading onnx:a"):
-        play(job(tmp_path, start_s=0.3), board_of(loading), FrameAcks())
+        play(job(tmp_path, start_s=0.3), table_of(loading), FrameAcks())
     missing = status("detector", "waiting", "a is not there")
     with pytest.raises(Unavailable, match="detector: a is not there"):
-        play(job(tmp_path, start_s=60), board_of(missing), FrameAcks())
+        play(job(tmp_path, start_s=60), table_of(missing), FrameAcks())
 
 
 def test_a_detector_that_knows_no_class_ends_the_replay_with_a_usage_error(
     tmp_path: Path,
 ) -> None:
     refused = {"contexts_unknown": 1, "classes_refused": 1}
-    board = board_of(status("detector", "degraded", "'cup' is not painted", **refused))
+    service_table = table_of(status("detector", "degraded", "'cup' is not painted", **refused))
     with pytest.raises(UsageError, match=r"recorded knows none.*'cup' is not painted"):
-        play(job(tmp_path, start_s=60), board, FrameAcks(), "cup", "cup")
+        play(job(tmp_path, start_s=60), service_table, FrameAcks(), "cup", "cup")
 
 
 def test_an_unknown_class_is_reported_once_and_the_replay_continues(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figures = {"contexts_sought": 1, "classes_refused": 1}
-    board = board_of(status("detector", "degraded", "'cup' is not painted", **figures))
+    service_table = table_of(status("detector", "degraded", "'cup' is not painted", **figures))
     classes = ReplayMonitor(
-        job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup", "box"}),), {}), board, Console()
+        job(tmp_path),
+        CheckedInput(4, 0.0, (frozenset({"cup", "box"}),), {}),
+        service_table,
+        Console(),
     ).classes
     for over in (False, False, True):
-        classes.check(board, over, Console(width=200))
+        classes.check(service_table, over, Console(width=200))
     assert capsys.readouterr().out.count("'cup' is not painted") == 1
 
 
 def test_an_unknown_first_search_is_an_error_only_when_the_replay_is_over(tmp_path: Path) -> None:
     refused = {"contexts_unknown": 1, "classes_refused": 1}
-    board = board_of(
+    service_table = table_of(
         *(status(name, "ready") for name in NAMES[1:]),
         status("detector", "degraded", "'cup' is not painted", **refused),
     )
-    tally = FrameAcks()
-    tally.note_state(pb.RobotState(finished=True))
-    play(job(tmp_path, start_s=60), board, tally, "cup", "box")
+    acks = FrameAcks()
+    acks.note_state(pb.RobotState(finished=True))
+    play(job(tmp_path, start_s=60), service_table, acks, "cup", "box")
     watch = ReplayMonitor(
-        job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}), board,
-        Console(quiet=True),
+        job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}),
+        service_table, Console(quiet=True),
     )  # fmt: skip
     with pytest.raises(UsageError):
-        watch.classes.check(board, over=True, console=Console(quiet=True))
+        watch.classes.check(service_table, over=True, console=Console(quiet=True))
 
 
 def test_an_interrupt_before_the_first_frame_raises_and_a_later_one_ends_the_replay(
     tmp_path: Path,
 ) -> None:
-    tally, interrupts = FrameAcks(), Interrupts()
+    acks, interrupts = FrameAcks(), Interrupts()
     interrupts.note()
     with pytest.raises(KeyboardInterrupt):
-        play(job(tmp_path), board_of(), tally, interrupts=interrupts)
-    tally.note_ack(pb.Ack(part="occupancy", id=pb.FrameId(seq=1), accepted=True))
-    play(job(tmp_path), board_of(), tally, interrupts=interrupts)
+        play(job(tmp_path), table_of(), acks, interrupts=interrupts)
+    acks.note_ack(pb.Ack(part="occupancy", id=pb.FrameId(seq=1), accepted=True))
+    play(job(tmp_path), table_of(), acks, interrupts=interrupts)
 
 
 def test_the_progress_line_names_what_each_service_waits_for() -> None:
@@ -179,5 +184,5 @@ def test_skipped_frames_are_reported_and_a_replay_without_readable_frames_fails(
     assert "3 of 4 frames could not be read and were skipped" in capsys.readouterr().out
     with pytest.raises(InvalidInput, match="none of the 4 frames"):
         say(4)
-    assert unreadable_frames(board_of(status("bridge", "ready", unreadable_frames=3))) == 3
+    assert unreadable_frames(table_of(status("bridge", "ready", unreadable_frames=3))) == 3
     assert unreadable_frames(ServiceTable()) == 0

@@ -14,8 +14,8 @@ class Bench:
     def __init__(self, pids: dict[str, int]) -> None:
         self.now_s = 100.0
         self.pids = {"router": 1} | pids
-        self.board = ServiceTable(lambda: self.now_s)
-        self.watch = RouterWatch(self.board, lambda: self.now_s)
+        self.service_table = ServiceTable(lambda: self.now_s)
+        self.watch = RouterWatch(self.service_table, lambda: self.now_s)
 
     def is_stuck(self) -> bool:
         table = [
@@ -29,7 +29,7 @@ class Bench:
         for _ in range(round(seconds)):
             self.now_s += 1.0
             for name in reporting:
-                self.board.on_status(pb.ServiceStatus(service=name, pid=self.pids[name]))
+                self.service_table.on_status(pb.ServiceStatus(service=name, pid=self.pids[name]))
             said.append(self.is_stuck())
         return said
 

@@ -25,8 +25,8 @@ def running(name: str = "map2d", pid: int = 7, restarts: int = 0, reason: str = 
     return ProcessInfo(name, pid, restarts, ProcessState.RUNNING, reason)
 
 
-def row(board: ServiceTable, info: ProcessInfo) -> ServiceRow:
-    return board.rows([info])[0]
+def row(service_table: ServiceTable, info: ProcessInfo) -> ServiceRow:
+    return service_table.rows([info])[0]
 
 
 def test_a_process_without_a_report_is_starting() -> None:
@@ -34,37 +34,39 @@ def test_a_process_without_a_report_is_starting() -> None:
 
 
 def test_a_service_has_the_state_that_it_reports() -> None:
-    board = ServiceTable()
-    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame"))
-    assert row(board, running()) == ServiceRow("map2d", "waiting", "for a frame", 0, 7)
+    service_table = ServiceTable()
+    service_table.on_status(
+        pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame")
+    )
+    assert row(service_table, running()) == ServiceRow("map2d", "waiting", "for a frame", 0, 7)
 
 
 def test_the_report_of_an_earlier_process_is_ignored() -> None:
-    board = ServiceTable()
-    board.on_status(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
-    assert row(board, running()).state == "starting"
+    service_table = ServiceTable()
+    service_table.on_status(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
+    assert row(service_table, running()).state == "starting"
 
 
 def test_a_restart_is_reported_with_its_reason() -> None:
-    board = ServiceTable()
-    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
-    reported = row(board, running(restarts=1, reason="ended by SIGKILL"))
+    service_table = ServiceTable()
+    service_table.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    reported = row(service_table, running(restarts=1, reason="ended by SIGKILL"))
     assert (reported.state, reported.restarts) == ("ready", 1)
     assert "ended by SIGKILL" in reported.reason
 
 
 def test_a_silent_service_is_degraded() -> None:
     clock = Clock()
-    board = ServiceTable(clock)
-    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    service_table = ServiceTable(clock)
+    service_table.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     clock.now_s = SILENT_S + 1
-    assert row(board, running()).state == "degraded"
+    assert row(service_table, running()).state == "degraded"
 
 
 def test_a_down_process_is_restarting_whatever_its_last_report() -> None:
-    board = ServiceTable()
-    board.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
-    down = row(board, ProcessInfo("map2d", 0, 3, ProcessState.RESTARTING, "no model"))
+    service_table = ServiceTable()
+    service_table.on_status(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    down = row(service_table, ProcessInfo("map2d", 0, 3, ProcessState.RESTARTING, "no model"))
     assert (down.state, down.reason, down.pid) == ("restarting", "no model", 0)
 
 

@@ -139,7 +139,7 @@ def test_models_are_unloaded_once_when_idle_and_never_while_they_work(
     service.unload_if_idle(10.0)
     assert detector.unloads == 1  # it has just worked
     clock[0] = 30.0
-    with service._workload.work():
+    with service._usage.work():
         service.unload_if_idle(10.0)
     assert detector.unloads == 1
     assert health.metrics()["unloads"] == 1
