@@ -87,7 +87,8 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
         source=job.source, limit=playback.limit, from_s=playback.from_s, to_s=playback.to_s,
         rate=playback.rate, topics=playback.topics or None, contexts=job.context is None,
-        strict=playback.strict, lockstep=not playback.free_running, ack_timeout_s=job.patience_s, agent=job.agent,
+        strict=playback.strict, lockstep=not playback.free_running,
+        ack_timeout_s=job.patience_s, agent=job.agent,
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
     specs = stack.processes()
