@@ -65,11 +65,11 @@ class FleetRobot(BaseModel):
 
     name: str = Field(description="name of the robot, as in `/v1/robots/NAME`")
     state: FleetRobotState = Field(
-        description="idle: it would start a task at once; busy: it has one; not ready; stopped: "
-        "until clear-stop; away: its bridge is not connected"
+        description="idle: it can do a task and has none; busy: it has one; not ready: see "
+        "`reasons`; stopped: until clear-stop; away: its bridge is not connected"
     )
     reasons: list[str] = Field(
-        description="reasons why a task would not start now, one sentence each"
+        description="reasons why the robot cannot do a task now, one sentence each"
     )
     task: Task | None = Field(description="task that it does; null: none")
     pose: RobotPose | None = Field(description="pose of the robot in its own world; null: unknown")

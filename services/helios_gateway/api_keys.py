@@ -6,8 +6,9 @@
     sha256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 `helios key` writes such entries. Only the owner of the file may read it. It is read again when it
-changes, so the removal or replacement of an entry takes effect at once. If the file or its last
-entry is removed, no key is accepted.
+changes, so the removal or replacement of an entry takes effect at once. If a read fails, the keys
+of before stay valid, and every request tries to read the file again. If the file or its last entry
+is removed, no key is accepted.
 """
 
 from __future__ import annotations
@@ -88,7 +89,8 @@ class ApiKeys:
         self._file = file
         self.required = file is not None
         self._lock = threading.Lock()
-        self._seen: _Stamp | None = None  # None: no file
+        self._seen: _Stamp | None = None  # of the last successful read; None: no file
+        self._failed = ""  # message of the last failed read; empty after a successful one
         self._by_hash: dict[str, ApiKey] = {}
         if file is not None:
             self._seen = _stamp(file)
@@ -110,14 +112,17 @@ class ApiKeys:
             stamp = _stamp(self._file)
             with self._lock:
                 if stamp == self._seen:
+                    self._failed = ""
                     return
-                self._seen = stamp
             fresh = {} if stamp is None else _read(self._file)
         except InvalidInput as error:
-            log.error("the keys of before stay in force: %s", error.message)
+            with self._lock:
+                is_new, self._failed = error.message != self._failed, error.message
+            if is_new:
+                log.error("the keys of before stay valid: %s", error.message)
             return
         with self._lock:
-            self._by_hash = fresh
+            self._seen, self._by_hash, self._failed = stamp, fresh, ""
         if fresh:
             log.info("%d keys read anew", len(fresh))
         else:

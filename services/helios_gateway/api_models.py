@@ -344,7 +344,8 @@ class Service(BaseModel):
 
     name: str = Field(examples=["map2d"])
     state: ServiceState = Field(
-        description="health of the service; only a `ready` or `degraded` service handles requests"
+        description="health of the service; a `ready` service handles requests; a `degraded` one "
+        "has a fault, and may still handle them"
     )
     reason: str = Field(
         description="condition that the service waits for, or cause of a problem; empty: no problem"
@@ -354,7 +355,10 @@ class Service(BaseModel):
 
 
 class Status(BaseModel):
-    ready: bool = Field(description="true if a task submitted now would start")
+    ready: bool = Field(
+        description="true if the robot can do a task now: every service that a task needs handles "
+        "requests, and the robot is not stopped"
+    )
     stopped: bool = Field(description="true if the robot is stopped until /v1/robot/clear-stop")
     stop_reason: str = Field(
         description="reason given with the stop; empty if the robot is not stopped"
@@ -363,13 +367,16 @@ class Status(BaseModel):
 
 
 class Readiness(BaseModel):
-    ready: bool = Field(description="true if a task submitted now would start")
+    ready: bool = Field(
+        description="true if the robot can do a task now: every service that a task needs handles "
+        "requests, and the robot is not stopped; in `/readyz`: true if all robots can"
+    )
     stopped: bool = Field(description="true if the robot is stopped until /v1/robot/clear-stop")
     stop_reason: str = Field(
         default="", description="reason given with the stop; empty if the robot is not stopped"
     )
     reasons: list[str] = Field(
-        description="reasons why a task would not start now, one sentence each"
+        description="reasons why a robot cannot do a task now, one sentence each"
     )
 
 
@@ -421,7 +428,10 @@ class RobotEntry(BaseModel):
 
     name: str = Field(description="name of the robot, as in `/v1/robots/NAME`")
     connected: bool = Field(description="true if the robot's bridge is alive")
-    ready: bool = Field(description="true if a task submitted to this robot now would start")
+    ready: bool = Field(
+        description="true if the robot can do a task now: every service that a task needs handles "
+        "requests, and the robot is not stopped"
+    )
     stopped: bool = Field(description="true if the robot is stopped until /v1/robot/clear-stop")
 
 

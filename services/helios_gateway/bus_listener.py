@@ -141,7 +141,7 @@ class RobotMonitor:
             return self._robot.message if self._robot is not None and self._robot.stopped else ""
 
     def not_ready_reasons(self) -> list[str]:
-        """Reasons why a task could not start now; empty if it could."""
+        """Reasons why the robot cannot do a task now; empty if it can."""
         reasons = self.services.not_ready_reasons()
         if self.stopped:
             why = f" ({self.stop_reason})" if self.stop_reason else ""

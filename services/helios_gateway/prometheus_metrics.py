@@ -45,7 +45,7 @@ class _Services(Collector):
 
     def collect(self) -> Iterable[Metric]:
         ready = GaugeMetricFamily(
-            "helios_ready", "1 where a task would start now", labels=["robot"]
+            "helios_ready", "1 where the robot can do a task now", labels=["robot"]
         )
         stopped = GaugeMetricFamily(
             "helios_stopped", "1 where the robot is stopped", labels=["robot"]

@@ -28,7 +28,7 @@ class RobotRegistry:
     robots: Mapping[str, RobotEndpoint]
 
     def not_ready_reasons(self) -> list[str]:
-        """Reasons why a task could not start now, for every robot; empty if it could on all."""
+        """Reasons why a robot cannot do a task now, for every robot; empty if all can."""
         several = len(self.robots) > 1
         return [
             f"{name}: {reason}" if several else reason

@@ -21,7 +21,7 @@ REQUIRED_SERVICES = (
     "objectmap",
     "map2d",
     "planner",
-)  # must be ready for a task
+)  # a task needs them
 LISTED_SERVICES = ("router", *REQUIRED_SERVICES, "gateway")  # always listed
 STATUS_PUBLISHERS = (
     "world",
@@ -30,6 +30,15 @@ STATUS_PUBLISHERS = (
     "recorder",
     "ros2",
 )  # publish a ServiceStatus
+# Services that handle requests while they are degraded, if they have begun to work before. From
+# then on they publish one of these metrics. The maps and the planner are degraded only while they
+# refuse requests or the robot's description.
+WORKS_DEGRADED: Mapping[str, tuple[str, ...]] = {
+    "bridge": ("keyframes",),
+    "detector": ("contexts_sought", "contexts_unknown"),
+}
+# Words of a bridge whose robot could not be stopped. Such a robot must get no task.
+STOP_FAULTS = ("the driver's stop has not come back", "the stop failed:", " failed in stop():")
 
 
 class ServiceRegistry:
@@ -42,6 +51,7 @@ class ServiceRegistry:
         self._alive: dict[str, dict[str, None]] = {}  # service -> its instances, oldest first
         self._was_alive: set[str] = set()
         self._statuses: dict[str, tuple[pb.ServiceStatus, float]] = {}
+        self._begun: dict[str, set[str]] = {}  # service -> instances that have begun to work
         self._processes: dict[str, pb.ProcessStatus] = {}
         self._simulated = False
 
@@ -53,6 +63,7 @@ class ServiceRegistry:
                 self._was_alive.add(service)
             else:
                 instances.pop(instance, None)
+                self._begun.get(service, set()).discard(instance)
 
     def listener(self, service: str) -> Callable[[pb.ServiceStatus], None]:
         """Handler for the status of one service; it refuses a status that names another service."""
@@ -70,6 +81,9 @@ class ServiceRegistry:
     def on_status(self, status: pb.ServiceStatus) -> None:
         with self._lock:
             self._statuses[status.service] = (status, self._clock())
+            begun = any(name in status.metrics for name in WORKS_DEGRADED.get(status.service, ()))
+            if status.state == "ready" or (status.state == "degraded" and begun):
+                self._begun.setdefault(status.service, set()).add(status.instance)
 
     def on_supervisor(self, status: pb.SupervisorStatus) -> None:
         with self._lock:
@@ -96,12 +110,14 @@ class ServiceRegistry:
             return [self._service(name) for name in names]
 
     def not_ready_reasons(self) -> list[str]:
-        """Reasons why a task could not start now; empty if it could."""
-        return [
-            f"{s.name} is {s.state}" + (f": {s.reason}" if s.reason else "")
-            for s in self.services()
-            if s.name in REQUIRED_SERVICES and s.state != "ready"
-        ]
+        """Services that cannot do their part of a task now, with reasons; empty if all can."""
+        with self._lock:
+            states = {name: self._state(name) for name in REQUIRED_SERVICES}
+            return [
+                f"{name} is {state}" + (f": {reason}" if reason else "")
+                for name, (state, reason) in states.items()
+                if not (state == "ready" or (state == "degraded" and self._works_degraded(name)))
+            ]
 
     def troubles(self) -> list[tuple[str, str, str]]:
         """(service, kind, reason) of each service with a fault; kind: degraded, silent or down.
@@ -116,7 +132,7 @@ class ServiceRegistry:
             out = []
             for name, (status, heard_s) in self._statuses.items():
                 state, reason = self._state(name)
-                silent = self._clock() - heard_s > self._silent_after_s
+                silent = self._is_silent(heard_s)
                 if state == "down" and status.state != "stopping" and name in self._was_alive:
                     out.append((name, "down", reason))
                 elif state == "degraded":
@@ -144,12 +160,25 @@ class ServiceRegistry:
         if said is None or said[0].instance not in instances:
             return "starting", "it is there and has not said how it is"
         status, heard_s = said
-        silent_s = self._clock() - heard_s
-        if silent_s > self._silent_after_s:
-            return "degraded", f"it has not reported for {silent_s:.0f} s"
+        if self._is_silent(heard_s):
+            return "degraded", f"it has not reported for {self._clock() - heard_s:.0f} s"
         if not is_health_state(state := status.state):
             return "degraded", f"it reports a state {state!r} that nobody knows"
         return state, printable(status.reason)
+
+    def _is_silent(self, heard_s: float) -> bool:
+        return self._clock() - heard_s > self._silent_after_s
+
+    def _works_degraded(self, name: str) -> bool:
+        """True if a service that is shown as degraded handles requests in spite of its fault."""
+        status, heard_s = self._statuses[name]
+        return (
+            name in WORKS_DEGRADED
+            and status.state == "degraded"
+            and not self._is_silent(heard_s)
+            and status.instance in self._begun.get(name, ())
+            and not any(words in status.reason for words in STOP_FAULTS)
+        )
 
     def _why_down(self, name: str) -> str:
         process = self._processes.get(name)

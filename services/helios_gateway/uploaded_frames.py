@@ -49,16 +49,19 @@ class FrameMeta(BaseModel):
         default=MM, gt=0, le=1, description="metres per unit of the depth image (TUM: 0.0002)"
     )
     robot_boot_id: str = Field(
-        default="", max_length=64, description="names the world that your poses live in"
+        default="",
+        max_length=64,
+        description="id of the robot's run; poses with the same id share an origin; empty: an id "
+        "of the bridge",
     )
     world_epoch: int = Field(
-        default=0, ge=0, lt=2**32, description="raise it when your localisation jumped"
+        default=0, ge=0, lt=2**32, description="increase by 1 when your localisation jumps"
     )
     origin_id: str = Field(
         default="",
         max_length=64,
-        description="names the origin of your poses; the same one later says that they mean the "
-        "same places, and the maps go on",
+        description="name of the origin of your poses; a later run with the same name continues "
+        "the maps of this run; empty: every run begins new maps",
     )
     classes: list[str] = Field(
         default=[], max_length=64, description="what to look for from now on; empty: as before"

@@ -148,7 +148,7 @@ class BlackBox:
         self._finish_if_due(None)
 
     def _is_due(self, channel: str, now_s: float) -> bool:
-        """True if an image is to be kept. A stream frame gives way to keyframes."""
+        """True if an image is to be kept. A stream frame is left out soon after a keyframe."""
         is_keyframe = channel == channel_of(KEYFRAME)
         newest_s = self._keyframe_s if is_keyframe else max(self._image_s, self._keyframe_s)
         if now_s - newest_s < IMAGE_EVERY_S:

@@ -44,7 +44,7 @@ class FaultMonitor:
         self._lock = threading.Lock()  # guards the attributes below
         self._book = FaultBook(faults)
         self._notes = {note.name: note for note in notes}
-        self._restarts: dict[str, int] | None = None
+        self._restarts: dict[str, int] = {}  # by process, of all supervisors
         self._told_tasks = deque((t for note in notes for t in note.tasks), maxlen=256)
         self._box = None if folder is None else BlackBox(self._on_saved)
 

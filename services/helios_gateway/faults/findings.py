@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 from helios_core import proto as pb
 from helios_core.printable_text import printable
 
-from helios_gateway.faults.life_cycle import Finding
+from helios_gateway.faults.life_cycle import Finding, plain_id
 
 ROBOT, TASK = "robot", "task"
-DOWN_S = 10.0  # a service that the supervisor restarts is back by then
-RESTARTED_KEEP_S = 60.0  # a restarted service that runs so long is well again
-LATE_S = 60.0  # a task that ended before is old news, as after a restart of the gateway
+DOWN_S = 10.0  # the supervisor restarts a service in less time
+RESTARTED_KEEP_S = 60.0  # time after a restart at which its fault is cleared
+LATE_S = 60.0  # the end of a task is ignored if it is older, as after a restart of the gateway
 
 
 def condition(service: str, kind: str, reason: str) -> Finding:
@@ -38,22 +37,24 @@ def restart(process: pb.ProcessStatus) -> Finding:
 
 def failed_task(task: pb.Task) -> Finding:
     """A task has failed; one fault per cause."""
-    kind = re.sub(r"[^a-z0-9]+", "-", task.cause.lower()).strip("-") or "unknown-cause"
+    kind = plain_id(task.cause) or "unknown-cause"
     return Finding(TASK, kind, printable(f"task {task.id}: {task.message}"))
 
 
 def restarts(
-    before: Mapping[str, int] | None, status: pb.SupervisorStatus
+    known: Mapping[str, int], status: pb.SupervisorStatus
 ) -> tuple[list[Finding], dict[str, int]]:
-    """(processes restarted since the last status, the counts now).
+    """New restarts in a status, and the counts of all processes after it.
 
-    before: None at the first status; of the earlier restarts only the gateway's own is new.
+    known: counts of all processes before. Several supervisors may each report some processes of a
+    robot, so a process that the status does not name keeps its count. A process that is named for
+    the first time has no new restart, except the gateway: it could not see its own.
     """
-    now = {process.name: process.restarts for process in status.processes if process.name}
-    known = {**now, "gateway": 0} if before is None else before
+    told = {process.name: process.restarts for process in status.processes if process.name}
+    before = {**told, "gateway": 0, **known}
     found = [
         restart(process)
         for process in status.processes
-        if process.name and process.restarts > known.get(process.name, 0)
+        if process.name and process.restarts > before[process.name]
     ]
-    return found, now
+    return found, {**known, **told}

@@ -7,7 +7,8 @@ its fault at once; the fault is cleared by another event, by a person or after a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -25,11 +26,16 @@ class FaultState(StrEnum):
     CLEARED = "cleared"
 
 
+def plain_id(text: str) -> str:
+    """The text as part of addresses and file names: only a-z, 0-9 and single hyphens."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+
+
 @dataclass(frozen=True)
 class Finding:
     """A condition that is present, or an event that has happened."""
 
-    source: str  # service, `robot` or `task`
+    source: str  # service or process as named on the bus, `robot` or `task`
     kind: str  # such as degraded
     message: str
     severity: str = "error"  # warning or error
@@ -38,7 +44,7 @@ class Finding:
 
     @property
     def id(self) -> str:
-        return f"{self.source}-{self.kind}"
+        return plain_id(f"{self.source}-{self.kind}")
 
 
 @dataclass(frozen=True)
@@ -161,11 +167,3 @@ class FaultBook:
 
 def _same(a: Fault, b: Fault) -> bool:
     return (a.state, a.count) == (b.state, b.count)
-
-
-def counts(faults: Iterable[Fault]) -> Mapping[FaultState, int]:
-    """Number of faults in each state."""
-    out = dict.fromkeys(FaultState, 0)
-    for fault in faults:
-        out[fault.state] += 1
-    return out

@@ -30,7 +30,7 @@ class KnownThing:
 
 @dataclass(frozen=True)
 class IdleRobot:
-    """Robot that would start a task at once, and the things that its map knows, by class."""
+    """Robot that can do a task and has none, and the things that its map knows, by class."""
 
     name: str
     known: Mapping[str, KnownThing] = field(default_factory=dict)

@@ -76,6 +76,8 @@ class FleetRobot:
         if now_s - self._listed_s < REFRESH_S:
             return
         self._listed_s = now_s
+        with self._lock:
+            known = [id for id, task in self._tasks.items() if task.state not in ENDED]
         try:
             listed = self.served.bus.call(LIST_TASKS, pb.Empty(), self._timeout_s).tasks
         except HeliosError:
@@ -83,11 +85,10 @@ class FleetRobot:
             return
         open_tasks = {t.id: t for t in listed if t.state not in ENDED}
         with self._lock:
-            gone = [
-                i for i, t in self._tasks.items() if t.state not in ENDED and i not in open_tasks
-            ]
-            for id in gone:  # it ended while nobody listened
-                del self._tasks[id]
+            for id in known:  # a task that was heard since may be newer than the list
+                task = self._tasks.get(id)
+                if task is not None and task.state not in ENDED and id not in open_tasks:
+                    del self._tasks[id]  # it ended while nobody listened
             for id, task in open_tasks.items():
                 self._tasks.setdefault(id, task)
 
@@ -113,7 +114,7 @@ class FleetRobot:
         return 0.0 if self._away_since_s is None else self._clock() - self._away_since_s
 
     def reasons(self) -> list[str]:
-        """Why a task would not start now; empty if it would."""
+        """Reasons why the robot cannot do a task now; empty if it can."""
         return self.served.monitor.not_ready_reasons()
 
     def state(self) -> FleetRobotState:

@@ -44,14 +44,15 @@ async def healthz() -> api_models.HealthAnswer:
     | {
         503: {
             "model": api_models.Readiness,
-            "description": "a task would not start now, with the reasons",
+            "description": "a robot cannot do a task now, with the reasons",
         }
     },
 )
 async def readyz(state: State, response: Response) -> api_models.Readiness:
-    """Report if a task would start now, and the reasons if not.
+    """Report if every robot of this gateway can do a task now, and the reasons if not.
 
-    A stopped robot is a reason, too.
+    Reasons are a service that a task needs and that handles no requests, and a stopped robot. A
+    `degraded` service that still handles requests is no reason.
     """
     reasons = state.robots.not_ready_reasons()
     served = state.robots.robots.values()

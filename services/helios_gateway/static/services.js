@@ -1,4 +1,4 @@
-// State of each service, and the reasons why a task could not start.
+// State of each service, and the reasons why the robot cannot do a task.
 import { $, element } from "./api.js";
 
 const ORDER = ["router", "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway"];

@@ -324,6 +324,36 @@ def test_a_confirmed_fault_is_recorded_and_a_short_one_is_not(
     faults.close()
 
 
+def test_a_restart_that_two_supervisors_alternate_with_is_one_occurrence(
+    told: list[Fault],
+) -> None:
+    faults = monitor(None, told, Clock())
+    for restarts in (0, 1, 1, 1):
+        faults.on_supervisor(supervised("bridge", restarts))
+        faults.on_supervisor(supervised("map2d", 3))
+    assert [(f.id, f.count) for f in faults.faults()] == [("bridge-restarted", 1)]
+
+
+def test_the_recording_of_a_process_with_any_name_is_kept_and_can_be_read(
+    saved: Saved, tmp_path: Path, told: list[Fault]
+) -> None:
+    faults = monitor(tmp_path, told, Clock())
+    for restarts in (0, 1):
+        faults.on_supervisor(supervised("My_driver/v2", restarts))
+    (note,) = faults.recordings()
+    assert note.name.endswith("Z-my-driver-v2-restarted.mcap")
+    wait_until(lambda: faults.path(note.name), SAVED_WITHIN_S, "the recording is written")
+    wait_until(lambda: faults.recordings()[0].bytes, SAVED_WITHIN_S, "its size is known")
+    faults.close()
+    again = monitor(tmp_path, told, Clock())
+    assert [n.name for n in again.recordings()] == [note.name]
+    again.close()
+
+
+def supervised(name: str, restarts: int) -> pb.SupervisorStatus:
+    return pb.SupervisorStatus(processes=[pb.ProcessStatus(name=name, restarts=restarts)])
+
+
 def test_a_full_disk_does_not_stop_the_monitor(
     saved: Saved, tmp_path: Path, told: list[Fault]
 ) -> None:

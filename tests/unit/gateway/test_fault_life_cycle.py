@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import pytest
 from helios_core import proto as pb
 from helios_gateway.faults import findings
 from helios_gateway.faults.life_cycle import (
@@ -124,14 +127,26 @@ def test_the_order_of_states_and_times_holds_for_any_sequence(
     assert sum(fault.count for fault in book.faults()) == occurrences
 
 
-def test_only_new_restarts_are_findings() -> None:
-    def status(**restarts: int) -> pb.SupervisorStatus:
-        return pb.SupervisorStatus(processes=[
-            pb.ProcessStatus(name=name, restarts=count, reason="ended by SIGKILL")
-            for name, count in restarts.items()
-        ])  # fmt: skip
+def status(**restarts: int) -> pb.SupervisorStatus:
+    """Process table of one supervisor, with the number of restarts of each process."""
+    return pb.SupervisorStatus(processes=[
+        pb.ProcessStatus(name=name, restarts=count, reason="ended by SIGKILL")
+        for name, count in restarts.items()
+    ])  # fmt: skip
 
-    found, known = findings.restarts(None, status(map2d=4, planner=0))
+
+def found_in(statuses: Iterable[pb.SupervisorStatus]) -> list[list[str]]:
+    """Ids of the findings in each of the statuses."""
+    known: dict[str, int] = {}
+    out = []
+    for one in statuses:
+        found, known = findings.restarts(known, one)
+        out.append([finding.id for finding in found])
+    return out
+
+
+def test_only_new_restarts_are_findings() -> None:
+    found, known = findings.restarts({}, status(map2d=4, planner=0))
     assert not found
     found, known = findings.restarts(known, status(map2d=5, planner=0))
     assert [(f.id, f.message) for f in found] == [("map2d-restarted", "ended by SIGKILL")]
@@ -139,10 +154,24 @@ def test_only_new_restarts_are_findings() -> None:
     assert not found
 
 
-def test_a_gateway_that_was_restarted_finds_itself() -> None:
-    status = pb.SupervisorStatus(processes=[pb.ProcessStatus(name="gateway", restarts=2)])
-    found, _ = findings.restarts(None, status)
-    assert [f.id for f in found] == ["gateway-restarted"]
+def test_two_supervisors_of_one_robot_find_each_restart_once() -> None:
+    on_robot, on_server = status(bridge=1), status(map2d=3, planner=0)
+    before = [on_robot, on_server, on_robot, on_server]
+    assert found_in(before) == [[], [], [], []]
+    restarted = [status(bridge=2), on_server, status(bridge=2), status(map2d=4, planner=0)]
+    assert found_in([*before, *restarted])[4:] == [
+        ["bridge-restarted"], [], [], ["map2d-restarted"],
+    ]  # fmt: skip
+
+
+def test_a_supervisor_that_begins_anew_is_counted_from_its_own_table() -> None:
+    tables = [status(map2d=3), status(map2d=0), status(map2d=1)]
+    assert found_in(tables) == [[], [], ["map2d-restarted"]]
+
+
+def test_a_gateway_that_was_restarted_finds_itself_once_in_whichever_table_it_is() -> None:
+    tables = [status(bridge=1), status(gateway=2), status(bridge=1), status(gateway=2)]
+    assert found_in(tables) == [[], ["gateway-restarted"], [], []]
 
 
 def test_failed_tasks_are_one_fault_per_cause() -> None:
@@ -152,3 +181,9 @@ def test_failed_tasks_are_one_fault_per_cause() -> None:
     assert found.message.startswith("task c0ffee: no mug")
     assert "\n" not in found.message
     assert findings.failed_task(pb.Task(cause="")).id == "task-unknown-cause"
+
+
+@pytest.mark.parametrize("name", ["my_driver/v2", "My Driver: v2", "../my driver\x1b/v2/"])
+def test_an_id_has_only_small_letters_digits_and_hyphens(name: str) -> None:
+    found = findings.restart(pb.ProcessStatus(name=name))
+    assert (found.id, found.source) == ("my-driver-v2-restarted", name)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
 from helios_gateway.error_responses import NotFound
 from helios_gateway.fleet import dispatcher as dispatching
+from helios_gateway.fleet import fleet_robot
 from helios_gateway.fleet.records import Stage
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -156,6 +158,30 @@ def test_a_start_without_answer_stays_with_the_robot_until_it_answers(tmp_path: 
     first.here, first.bridge, first.reach = True, True, "ok"
     fleet.cycle(3)
     assert fleet.begun("find the mug") == ["robot-1"]
+
+
+def test_a_task_that_is_heard_while_the_robot_lists_its_tasks_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fleet = fleet_of(1)
+    made_up, robot = fleet.robots["robot-1"], fleet.dispatcher.robots["robot-1"]
+    made_up.tasks["a1"] = pb.Task(id="a1", state="running")
+    robot.refresh()
+    original = made_up.call
+
+    def submitted_meanwhile(method, request, timeout_s):
+        listed = original(method, request, timeout_s)
+        assert made_up.hear is not None
+        made_up.hear(pb.Task(id="b2", state="running"))
+        return listed
+
+    monkeypatch.setattr(made_up, "call", submitted_meanwhile)
+    monkeypatch.setattr(fleet_robot, "REFRESH_S", -1.0)
+    del made_up.tasks["a1"]  # it ended, and the gateway did not hear it
+    robot.refresh()
+    assert robot.newest("a1") is None
+    assert robot.newest("b2") is not None
+    assert robot.state() == "busy"
 
 
 def test_a_waiting_task_outlives_the_gateway(tmp_path: Path) -> None:

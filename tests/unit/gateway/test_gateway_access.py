@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import re
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -186,6 +188,30 @@ def test_no_key_is_accepted_while_the_key_file_is_empty_or_missing(
     assert answer() == 200
     file.write_bytes(b"\xff\xfe no text")
     assert answer() == 200
+
+
+@pytest.mark.parametrize("step", ["read_text", "stat"])
+def test_a_removed_key_is_refused_as_soon_as_the_file_can_be_read_again(
+    gateway: GatewayApp, keys: dict[str, str], file: Path, step: str,
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    def answer() -> int:
+        return gateway.client(keys["read"]).get("/v1/tasks").status_code
+
+    def fails(path: Path, *args: Any, **kwargs: Any) -> Any:
+        if path == file:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return works(path, *args, **kwargs)
+
+    assert answer() == 200
+    remove_key(file, "read")
+    works = getattr(Path, step)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, step, fails)
+        assert (answer(), answer()) == (200, 200)  # the keys of before
+    assert answer() == 401
+    said = [r.message for r in caplog.records if "Too many open files" in r.message]
+    assert len(said) == 1
 
 
 def test_the_key_file_contains_no_key_and_is_readable_only_by_its_owner(
