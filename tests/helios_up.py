@@ -38,7 +38,7 @@ class Up:
         return f"tcp/127.0.0.1:{self.router_port}"
 
     def ready(self) -> bool:
-        """Return whether a task would start. Raises AssertionError if the process has ended."""
+        """Return whether a task can be done. Raises AssertionError if the process has ended."""
         ended = self.process.poll()
         assert ended is None, f"ended with {ended}: {(self.state / 'up.log').read_text()[-2000:]}"
         return is_ready(self.port)

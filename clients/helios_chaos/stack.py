@@ -90,7 +90,7 @@ class Stack:
         return 0
 
     def wait_ready(self, within_s: float = READY_WITHIN_S) -> None:
-        """Wait until a task would start. Raises Unavailable after the limit, or if it ends."""
+        """Wait until a task can be done. Raises Unavailable after the limit, or if it ends."""
         deadline_s = time.monotonic() + within_s
         with self.client() as helios:
             while not _ready(helios):

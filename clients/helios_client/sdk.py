@@ -330,7 +330,7 @@ class Helios:
         return self._do(requests.service_settings(service))
 
     def ready(self) -> bool:
-        """True if a task submitted now would start; False if the gateway does not answer."""
+        """True if a task submitted now can be done; False if the gateway does not answer."""
         try:
             status = self.status()
             return status["ready"]

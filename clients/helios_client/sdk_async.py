@@ -331,7 +331,7 @@ class AsyncHelios:
         return await self._do(requests.service_settings(service))
 
     async def ready(self) -> bool:
-        """True if a task submitted now would start; False if the gateway does not answer."""
+        """True if a task submitted now can be done; False if the gateway does not answer."""
         try:
             status = await self.status()
             return status["ready"]

@@ -18,7 +18,7 @@ class RobotTools(Tools):
 
     @tool("Get readiness and health", READS)
     async def status(self) -> Status:
-        """Check whether a task would start now, and the health of every service, with reasons."""
+        """Check whether a task can be done now, and the health of every service, with reasons."""
         return Status.model_validate(await self.helios.status())
 
     @tool("Make one short move", ACTS)
