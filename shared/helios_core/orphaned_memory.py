@@ -55,18 +55,17 @@ def mapped_segments() -> set[Path]:
 
 def orphans() -> list[Path]:
     """Records of this user's dead processes."""
-    return [path for path in FOLDER.glob(f"*{SUFFIX}") if _is_dead(path)]
+    return [path for path in FOLDER.glob(f"*{SUFFIX}") if _names_of_dead(path) is not None]
 
 
 def free(record: Path) -> int:
     """Give back the memory that the record of a dead process names. Returns the bytes freed."""
-    if not _is_dead(record):  # seen before its process had locked it
+    names = _names_of_dead(record)
+    if names is None:  # seen before its process had locked it
         return 0
-    freed = 0
+    segments = [n for n in names if n == Path(n).name and n.endswith(SEGMENT)]
+    freed = sum(_emptied(FOLDER / name) for name in segments)
     with suppress(OSError):
-        for name in record.read_text().split():
-            if name == Path(name).name and name.endswith(SEGMENT):
-                freed += _emptied(FOLDER / name)
         record.unlink()
     return freed
 
@@ -86,15 +85,19 @@ def free_orphans_later() -> None:
     timer.start()
 
 
-def _is_dead(record: Path) -> bool:
-    with suppress(OSError):  # of another user, or gone
-        file = os.open(record, os.O_RDWR)
-        try:
+def _names_of_dead(record: Path) -> list[str] | None:
+    """Content of the record of a dead process of this user; None for any other file.
+
+    Every user may write to the folder, and a record of another user may name memory in use.
+    """
+    try:
+        with open(os.open(record, os.O_RDWR | os.O_NOFOLLOW), "rb") as file:
+            if os.fstat(file.fileno()).st_uid != os.getuid():
+                return None
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return True
-        finally:
-            os.close(file)
-    return False
+            return file.read().decode(errors="replace").split()
+    except OSError:  # locked, gone, a link, or not readable
+        return None
 
 
 def _emptied(segment: Path) -> int:

@@ -125,7 +125,7 @@ def renew(
 
 
 def remove(folder: Path, which: Iterable[str], now: dt.datetime) -> None:
-    """Remove certificates and their rights. Whoever kept a copy may do nothing with it.
+    """Remove certificates and their rights. Copies have no rights once the router restarts.
 
     Raises UsageError for an unknown name, InvalidInput for a folder that cannot be used.
     """
@@ -169,9 +169,10 @@ def stale_rules(folder: Path) -> bool:
 
 def credentials_of(file: Path) -> Credentials:
     """Certificates and key in a session file or the router's. Raises InvalidInput."""
-    tls = _values(file).get("transport", {}).get("link", {}).get("tls", {})
-    kind = "listen" if "listen_certificate_base64" in tls else "connect"
+    values = _values(file)
     try:
+        tls = values["transport"]["link"]["tls"]
+        kind = "listen" if "listen_certificate_base64" in tls else "connect"
         return Credentials(
             *(
                 base64.b64decode(tls[field], validate=True)

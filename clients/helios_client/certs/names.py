@@ -36,6 +36,7 @@ SIMULATION = ("world", "evaluation")
 SHARED = ("detector", "gateway")  # one process may serve several robots
 OPERATOR, PROGRAM = "operator", "program"  # for all robots
 LONGEST = 64  # characters of a name in a certificate
+MOST_DAYS = 36500  # as for --days
 _PART = re.compile(r"[A-Za-z0-9]([A-Za-z0-9_.-]*[A-Za-z0-9_-])?")
 _HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]*\.)*[A-Za-z0-9_-]*")
 
@@ -144,6 +145,11 @@ def from_toml(text: str) -> Names:
         raise InvalidInput(f"names.toml is wrong: {where}: {first['msg']}") from error
     entries = tuple(Identity(c.name, c.service, tuple(c.robots)) for c in file.certificate)
     for entry in entries:
+        if not _PART.fullmatch(entry.name) or len(entry.name) > LONGEST:  # it names a file
+            raise InvalidInput(
+                f"names.toml has a certificate {entry.name[:100]!r}; wanted letters, digits, - _ "
+                f"and dots, at most {LONGEST} characters; correct the name, or remove the entry"
+            )
         if entry.service not in ACCESS:
             raise InvalidInput(
                 f"names.toml has a service {entry.service!r}; known are {', '.join(ACCESS)}"
@@ -168,7 +174,7 @@ def to_toml(names: Names) -> str:
 class _Certificate(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    name: str = Field(pattern=_PART.pattern, max_length=LONGEST)
+    name: str
     service: str
     robots: list[str]
 
@@ -178,7 +184,7 @@ class _File(BaseModel):
 
     hosts: list[str]
     port: int = Field(ge=1, le=65535)
-    days: int = Field(ge=1)
+    days: int = Field(ge=1, le=MOST_DAYS)
     certificate: list[_Certificate] = []
 
 

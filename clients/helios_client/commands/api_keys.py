@@ -19,6 +19,7 @@ from helios_core.private_file import FILE_MODE, alone_in
 from helios_client.usage_errors import UsageError
 
 BYTES = 32
+HASH = re.compile(r"[0-9a-f]{64}")
 SCOPES = ("read", "task", "robot", "admin")
 OLD_SCOPE = "operate"  # in earlier versions; files may still have it
 
@@ -65,7 +66,15 @@ def replace_key(file: Path, name: str) -> str:
     Raises UsageError without such a name, InvalidInput if the file cannot be used.
     """
     key, digest = _new_key()
-    _change(file, lambda text, entries: text.replace(_hash(file, name, entries), digest))
+
+    def replaced(text: str, entries: list[dict[str, Any]]) -> str:
+        out = text.replace(_hash(file, name, entries), digest)
+        wanted = [e | {"sha256": digest} if e.get("name") == name else e for e in entries]
+        if tomllib.loads(out).get("key", []) != wanted:
+            raise ValueError(f"another entry has the name or the sha256 of {name!r}")
+        return out
+
+    _change(file, replaced)
     return key
 
 
@@ -94,11 +103,18 @@ def _new_key() -> tuple[str, str]:
 
 
 def _hash(file: Path, name: str, entries: list[dict[str, Any]]) -> str:
-    """Hash of the key of a name. Raises UsageError without such a key."""
-    found = [str(entry.get("sha256")) for entry in entries if entry.get("name") == name]
+    """Hash of the key of a name. Raises UsageError without such a key, InvalidInput if its entry
+    has no hash."""
+    found = [entry.get("sha256") for entry in entries if entry.get("name") == name]
     if not found:
         names = ", ".join(str(entry.get("name")) for entry in entries) or "none"
         raise UsageError(f"{file} has no key {name!r}; it has: {names}")
+    if not (isinstance(found[0], str) and HASH.fullmatch(found[0])):
+        came = "no sha256" if found[0] is None else f"the sha256 {str(found[0])[:80]!r}"
+        raise InvalidInput(
+            f"the key {name!r} in {file} has {came}; wanted 64 digits 0-9 and a-f; remove its "
+            "[[key]] entry with an editor, then add the key anew with helios key"
+        )
     return found[0]
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,7 +19,7 @@ from helios_core.models.catalogue import (
     size_text,
 )
 from helios_core.models.model_folder import (
-    FIRST_DOWNLOAD,
+    LOCK,
     LockedFile,
     LockedModel,
     place_of,
@@ -101,9 +100,15 @@ def _fetch_onnx(model: CatalogueModel, folder: Path, say: Say, progress: Progres
         return before
     say(f"{model.id}: about {size_text(model.about_mb)}, licence {model.licence}, from {url}")
     download(url, place / model.id, progress)
-    expected = before.files[model.id] if before else None
-    published = Published(model.id, sha256=expected.sha256 if expected else None)
-    file = replace(_checked(place / model.id, published, model.id), checked_by=FIRST_DOWNLOAD)
+    file = locked(place / model.id, Published(model.id))
+    first = before.files.get(model.id) if before else None
+    if first is not None and file.sha256 != first.sha256:
+        (place / model.id).unlink()
+        raise Conflict(
+            f"{url} sent another file than the first download: its SHA-256 is {file.sha256}, and "
+            f"{folder / LOCK} has {first.sha256}; it was deleted; run the command again, or, to "
+            f"accept a new version, first delete the entry {model.id!r} from that lock file"
+        )
     return LockedModel(url, "", model.licence, _now(), {model.id: file})
 
 

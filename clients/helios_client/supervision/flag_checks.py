@@ -5,6 +5,7 @@ They load no model and run no plug-in code. The service does that, and reports f
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 from helios_core import plugins
@@ -21,7 +22,9 @@ from helios_client.usage_errors import UsageError
 
 ROBOTS = ("sim", "replay", "spot", "ros2", "bus", "push", REMOTE)
 _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
-_SCORERS = ("lexical", "minilm")
+_SIMULATED = "simulated"  # scorer; also simulated:TABLE
+_SCORERS = ("lexical", "minilm", _SIMULATED)
+_WITH_A_WORLD = ("sim", REMOTE)  # robots; the simulator may run on the other machine
 ROUTER_HOSTS = (LOOPBACK, "0.0.0.0", "::")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
@@ -84,11 +87,13 @@ def check_detector(detector: str) -> str:
     return detector
 
 
-def check_scorer(scorer: str) -> str:
-    """Scorer as the services spell it. Raises UsageError."""
+def check_scorer(scorer: str, robot: str) -> str:
+    """Scorer as the services spell it. robot: as `check_robot` returns it. Raises UsageError."""
     kind, _, model = scorer.partition(":")
     if kind == "transformers" and model:
         return scorer
+    if same_name(kind, (_SIMULATED,)):
+        return _check_simulated(scorer, model, robot)
     return _check(plugins.SCORERS, scorer, _SCORERS, "transformers:ID, ")
 
 
@@ -157,6 +162,36 @@ def check_plan(
     except HeliosError as error:
         raise UsageError(f"--home: {error.message}") from error
     return source.kind, remarks
+
+
+def _check_simulated(scorer: str, table: str, robot: str) -> str:
+    if robot not in _WITH_A_WORLD:
+        raise UsageError(
+            f"--scorer {scorer} needs the simulator, and --robot is {robot}; choose --robot sim, "
+            "or another scorer"
+        )
+    shipped = _scorer_tables()
+    if not table or not shipped:  # without the detector here, another machine checks the table
+        return f"{_SIMULATED}:{table}" if table else _SIMULATED
+    if table not in shipped and Path(table).is_file():
+        return f"{_SIMULATED}:{table}"
+    known = same_name(table, shipped)
+    if known is None:
+        near = nearest(table, shipped)
+        hint = f"; did you mean {near}?" if near else ""
+        raise UsageError(
+            f"--scorer {scorer}: no table of the simulated scorer is called {table!r}; wanted "
+            f"{', '.join(shipped)}, or a TOML file{hint}"
+        )
+    return f"{_SIMULATED}:{known}"
+
+
+def _scorer_tables() -> list[str]:
+    """Names of the shipped tables; empty if the detector is not installed. Imports nothing."""
+    spec = find_spec("helios_detector")
+    folders = (spec.submodule_search_locations or ()) if spec else ()
+    tables = (file for folder in folders for file in Path(folder, "scorer_tables").glob("*.toml"))
+    return sorted(file.stem for file in tables)
 
 
 def _check_model(file: str) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from helios_client.supervision.child_process import ProcessSpec
 from helios_client.supervision.service_specs import NEEDED, StackOptions
 
-OF_A_SIMULATOR = ("simulated", "ground-truth")  # detectors that know one world
+OF_A_SIMULATOR = ("simulated", "ground-truth")  # detectors and scorers that know one world
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,8 @@ class FleetOptions(StackOptions):
     @property
     def shared(self) -> tuple[str, ...]:
         """Services of which one process serves all robots."""
-        detector = () if self.detector in OF_A_SIMULATOR else ("detector",)
+        scorer = (self.scorer or "").partition(":")[0]
+        detector = () if {self.detector, scorer} & set(OF_A_SIMULATOR) else ("detector",)
         return ("router", "gateway", *detector)
 
     def processes(self) -> tuple[ProcessSpec, ...]:

@@ -79,7 +79,7 @@ class ForkServer:
         try:
             answer = self._ask(request)
         except OSError as error:
-            self.close()  # the next call must not read the answer to this one
+            self.close()  # else a late answer stays in the socket, and the next call reads it
             raise Unavailable(f"the fork server does not answer: {error}") from error
         if "pid" not in answer:
             raise Unavailable(answer["error"])

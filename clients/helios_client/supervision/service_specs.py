@@ -236,12 +236,13 @@ def free_port() -> int:
         return int(s.getsockname()[1])
 
 
-def port_bind_error(port: int) -> OSError | None:
-    """Error of listening on a loopback port, for example a port in use; None if it is free."""
-    with socket.socket() as s:
-        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do
-        try:
-            s.bind((LOOPBACK, port))
-        except OSError as error:
-            return error
+def port_bind_error(port: int, host: str = LOOPBACK) -> OSError | None:
+    """Error of listening on a port of an address of this machine, for example a port in use; None
+    if it is free."""
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:
+            s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do
+            s.bind((host, port))
+    except OSError as error:
+        return error
     return None

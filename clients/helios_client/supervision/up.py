@@ -20,7 +20,7 @@ from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import ProcessExit
 from helios_client.supervision.forked_process import ForkServer
 from helios_client.supervision.router_watch import RouterWatch
-from helios_client.supervision.service_specs import StackOptions, port_bind_error
+from helios_client.supervision.service_specs import LOOPBACK, StackOptions, port_bind_error
 from helios_client.supervision.service_table import (
     WITHOUT_STATUS,
     ServiceRow,
@@ -57,12 +57,11 @@ def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) ->
     wrong flags.
     """
     assert stack.port is not None
-    here = {spec.name for spec in stack.processes()}
-    for service, port, flag in (
-        ("gateway", stack.port, "--port"), ("router", stack.router_port, "--router-port"),
-    ):  # fmt: skip
-        if service in here:
-            check_port(port, flag)
+    here = {name for spec in stack.processes() for name in spec.services}
+    if "gateway" in here:
+        check_port(stack.port, "--port")
+    if "router" in here:
+        check_port(stack.router_port, "--router-port", stack.router_host)
     stack = replace(stack, state_dir=stack.state_dir.resolve())
     try:
         held = state_file.lock(stack.state_dir)
@@ -81,19 +80,25 @@ def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) ->
         _Run(stack, screen, server).run(stopping)
 
 
-def check_port(port: int, flag: str) -> None:
-    """Raise Conflict if nothing can listen on the port. `flag`: the option that sets another
-    one."""
-    error = port_bind_error(port)
+def check_port(port: int, flag: str, host: str = LOOPBACK) -> None:
+    """Raise Conflict if nothing can listen on the port of this address. `flag`: the option that
+    sets another port."""
+    error = port_bind_error(port, host)
     if error is None:
         return
+    where = f"port {port}" if host == LOOPBACK else f"port {port} at {host}"
     if error.errno == errno.EADDRINUSE:
         raise Conflict(
-            f"port {port} is in use; stop the process that uses it, or choose another with {flag}"
+            f"{where} is in use; stop the process that uses it, or choose another with {flag}"
+        )
+    if error.errno in (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT):
+        raise Conflict(
+            f"this machine has no address {host} ({error.strerror}); choose another with "
+            "--router-host"
         )
     low = " (ports below 1024 are reserved for the system)" if error.errno == errno.EACCES else ""
     raise Conflict(
-        f"no process can listen on port {port}: {error.strerror}{low}; choose another with {flag}"
+        f"no process can listen on {where}: {error.strerror}{low}; choose another with {flag}"
     )
 
 
@@ -102,8 +107,8 @@ class _Run:
         assert stack.port is not None
         specs = stack.processes()
         self._stack, self._screen = stack, screen
-        self._board = ServiceTable()
-        self._router = RouterWatch(self._board)
+        self._service_table = ServiceTable()
+        self._router = RouterWatch(self._service_table)
         self._names = [name for spec in specs for name in spec.services]
         self._elsewhere = stack.elsewhere()
         for name in self._names:
@@ -128,7 +133,7 @@ class _Run:
             self._say(f"[yellow]{escape(sentence)}[/]")
         self._supervisor.start()
         links = [
-            BusLink(link, robot, self._board, self._rows_of(robot))
+            BusLink(link, robot, self._service_table, self._rows_of(robot))
             for robot, link in self._links.items()
         ]
         said_waiting = False
@@ -140,7 +145,7 @@ class _Run:
                 table = self._supervisor.table()
                 for link in links:
                     link.publish(table)
-                rows = self._board.rows(table, self._elsewhere)
+                rows = self._service_table.rows(table, self._elsewhere)
                 self._say_endings(ended, table)
                 self._say_ready(rows)
                 self._say_degraded(rows)

@@ -63,7 +63,7 @@ def stack_options(given: UpFlags) -> StackOptions:
     flag_checks.check_together(robot, given.spot_host, given.source)
     certs, router_port = _router(given)
     detector = flag_checks.check_detector(given.detector)
-    scorer = None if given.scorer is None else flag_checks.check_scorer(given.scorer)
+    scorer = None if given.scorer is None else flag_checks.check_scorer(given.scorer, robot)
     check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
     agent = None if given.agent is None else flag_checks.check_agent(given.agent)
     preset, furniture = flag_checks.check_home(robot, given.preset, given.furniture)

@@ -14,7 +14,7 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from helios_client.certs import folder as files
 from helios_client.certs.folder import WARN_DAYS, create, credentials_of
-from helios_client.certs.names import Names, checked_hosts, from_toml, to_toml
+from helios_client.certs.names import MOST_DAYS, Names, checked_hosts, from_toml, to_toml
 from helios_client.cli import run
 from helios_client.commands.certs import warnings
 from helios_client.commands.doctor import examine
@@ -264,7 +264,9 @@ def test_a_key_of_another_authority_issues_nothing(folder: Path, tmp_path: Path)
 
 
 @pytest.mark.parametrize("name", ["ca.pem", "ca.key", "names.toml", "router.json5"])
-@pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"{}", b"[1]", b"-----BEGIN"])
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff\xfe", b"{}", b"[1]", b"-----BEGIN", b'{"transport": 1}']
+)
 def test_damaged_files_are_refused_with_a_sentence(folder: Path, name: str, content: bytes) -> None:
     (folder / name).write_bytes(content)
     with pytest.raises(HeliosError):
@@ -360,6 +362,36 @@ def test_any_text_is_a_host_or_refused(text: str) -> None:
         return
     assert host == text
     assert not set(text) & set(" /#;=?\n\"'")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../x", "/x", "a/b", "a\\b", "", ".", "..", "-", "map2d.robot\n", "größe", "a b", "x" * 65],
+)
+def test_renew_refuses_a_name_that_is_no_file_name_and_writes_nothing(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listed = folder / "names.toml"
+    entry = f'\n[[certificate]]\nname = {json.dumps(name)}\nservice = "map2d"\nrobots = ["robot"]\n'
+    listed.write_text(listed.read_text() + entry)
+    before = {p: p.read_bytes() for p in folder.parent.rglob("*") if p.is_file()}
+    assert run(["certs", "renew", str(folder)]) == 1
+    assert f"names.toml has a certificate {name!r}; wanted letters" in capsys.readouterr().err
+    assert {p: p.read_bytes() for p in folder.parent.rglob("*") if p.is_file()} == before
+
+
+def test_the_file_and_the_command_line_take_the_same_days(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = to_toml(NAMES)
+    assert from_toml(text.replace("days = 365", f"days = {MOST_DAYS}")).days == MOST_DAYS
+    assert run(["certs", "init", str(tmp_path / "long"), "--days", str(MOST_DAYS)]) == 0
+    (folder / "names.toml").write_text(text.replace("days = 365", f"days = {MOST_DAYS + 1}"))
+    assert run(["certs", "renew", str(folder)]) == 1
+    assert f"names.toml is wrong: days: Input should be less than or equal to {MOST_DAYS}" in (
+        capsys.readouterr().err
+    )
+    assert run(["certs", "init", str(tmp_path / "longer"), "--days", str(MOST_DAYS + 1)]) == 2
 
 
 def test_a_robot_or_operator_cannot_be_added_twice() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from helios_client import cli
 from helios_client.supervision import flag_checks
 from helios_client.supervision.service_specs import StackOptions
 from helios_client.usage_errors import UsageError
+from helios_detector.simulation.table_files import SCORERS, shipped_tables
 
 from scripts.generate_example_flat import OUT as FLAT
 from tests.support import free_port
@@ -33,7 +35,8 @@ def test_valid_flags_pass_without_importing_a_plug_in() -> None:
     ):  # fmt: skip
         flag_checks.check_detector(detector)
     for scorer in ("lexical", "minilm", "transformers:a/b", "mine_of_a_test:Scorer"):
-        flag_checks.check_scorer(scorer)
+        for robot in ("sim", "spot"):
+            assert flag_checks.check_scorer(scorer, robot) == scorer
     for agent in ("helios", "vlfm", "mine_of_a_test:agent"):
         flag_checks.check_agent(agent)
     flag_checks.check_home("sim", "ovmm-v1", None)
@@ -46,7 +49,7 @@ def test_names_ignore_case_and_are_returned_in_their_canonical_spelling() -> Non
     assert flag_checks.check_agent("VLFM_Helios_Stop") == "vlfm-helios-stop"
     assert flag_checks.check_detector("Ground Truth") == "ground-truth"
     assert flag_checks.check_detector("Paint") == "paint"  # from an installed package
-    assert flag_checks.check_scorer("MiniLM") == "minilm"
+    assert flag_checks.check_scorer("MiniLM", "sim") == "minilm"
     assert flag_checks.check_home("sim", "OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
     for own in ("mine_of_a_test:Robot", "mine_of_a_test:ROBOT"):
         assert flag_checks.check_robot(own) == own
@@ -65,6 +68,8 @@ def test_names_ignore_case_and_are_returned_in_their_canonical_spelling() -> Non
         ("--detector", "mine_of_a_tset:X", "there is no package or module 'mine_of_a_tset'"),
         ("--detector", "mine_of_a_test:", "is no package:attribute"),
         ("--scorer", "lexicla", "no scorer is called 'lexicla'.*did you mean lexical"),
+        ("--scorer", "simulate", "no scorer is called 'simulate'.*did you mean simulated"),
+        ("--scorer", "simulated:itc-v2", "'itc-v2'; wanted itc-exact, itc-v1, .*mean itc-v1"),
         ("--scorer", "none_of_a_test:X", "no package or module 'none_of_a_test'"),
         ("--agent", "heliso", "no agent is called 'heliso'.*did you mean helios"),
         ("--agent", "none_of_a_test:agent", "no package or module 'none_of_a_test'"),
@@ -97,6 +102,39 @@ def test_the_scorer_flag_is_passed_to_the_detector_only_if_it_is_given() -> None
 
     assert " ".join(argv("a:B")).endswith("--scorer a:B")
     assert "--scorer" not in argv(None)
+
+
+def test_the_simulated_scorer_is_accepted_with_every_table_that_the_detector_has() -> None:
+    tables = shipped_tables(SCORERS)
+    assert "itc-v1" in tables
+    for scorer in ("simulated", *(f"simulated:{table}" for table in tables)):
+        assert flag_checks.check_scorer(scorer, "sim") == scorer
+        assert flag_checks.check_scorer(scorer, "remote") == scorer  # it may run elsewhere
+    assert flag_checks.check_scorer("Simulated:ITC_V1", "sim") == "simulated:itc-v1"
+    Path("mine.toml").touch()
+    assert flag_checks.check_scorer("simulated:mine.toml", "sim") == "simulated:mine.toml"
+
+
+@pytest.mark.parametrize("robot", [r for r in flag_checks.ROBOTS if r not in ("sim", "remote")])
+def test_the_simulated_scorer_is_refused_where_no_simulator_runs(robot: str) -> None:
+    for scorer in ("simulated", "simulated:itc-v1", "simulated:unknown"):
+        with pytest.raises(
+            UsageError, match=f"--scorer {scorer} needs the simulator, and --robot is {robot}"
+        ):
+            flag_checks.check_scorer(scorer, robot)
+
+
+def test_checking_the_simulated_scorer_imports_no_service() -> None:
+    program = (
+        "import sys\n"
+        "from helios_client.supervision.flag_checks import check_scorer\n"
+        "check_scorer('simulated:itc-v1', 'sim')\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert not [name for name in done.stdout.split() if name.startswith("helios_detector")]
 
 
 def test_an_unknown_detector_error_lists_the_installed_entry_points() -> None:

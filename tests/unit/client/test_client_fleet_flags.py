@@ -47,6 +47,12 @@ def test_a_detector_with_models_serves_all_robots_and_a_simulated_one_does_not()
     assert flags(fleet(), "robot-2/detector")["--detector"] == "simulated"
 
 
+def test_each_robot_has_its_own_detector_if_the_scorer_is_simulated() -> None:
+    stack = fleet(detector="onnx:yolox_nano.onnx", scorer="simulated:itc-v1")
+    assert flags(stack, "robot-2/detector")["--scorer"] == "simulated:itc-v1"
+    assert "detector" not in [spec.name for spec in stack.processes()]
+
+
 def test_a_machine_runs_only_the_services_it_is_told_to_and_waits_for_the_rest() -> None:
     stack = StackOptions(
         "spot", 0, Path("state"), port=8080, name="spot-2", router_at="tcp/10.0.0.2:7447",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import stat
 import tomllib
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -125,6 +126,40 @@ def test_keys_are_added_replaced_and_removed_one_at_a_time(
         read = tomllib.loads(file.read_text("utf-8")).get("key", []) if file.exists() else []
         hashes = {entry["name"]: entry["sha256"] for entry in read}
         assert hashes == {n: hashlib.sha256(k.encode()).hexdigest() for n, k in keys.items()}
+
+
+@pytest.mark.parametrize(
+    ("line", "came"),
+    [("", "no sha256"), ('sha256 = "a"\n', "the sha256 'a'"), ("sha256 = 3\n", "the sha256 '3'")],
+)
+@pytest.mark.parametrize("change", [replace_key, remove_key])
+def test_an_entry_without_a_hash_is_neither_replaced_nor_removed(
+    change: Callable[[Path, str], object], line: str, came: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "keys.toml"
+    file.write_text(f'# None\n[[key]]\nname = "tablet"\nscope = "read"\n{line}')
+    before = file.read_bytes()
+    with pytest.raises(InvalidInput, match=f"'tablet' in .* has {came}; wanted 64 .*; remove its"):
+        change(file, "tablet")
+    assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize("same", ["name", "sha256"])
+def test_a_key_is_not_replaced_if_another_entry_has_its_name_or_hash(
+    same: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "keys.toml"
+    other = {"name": "phone", "sha256": "0" * 64} | {
+        same: {"name": "tablet", "sha256": "f" * 64}[same]
+    }
+    file.write_text(
+        f'[[key]]\nname = "tablet"\nscope = "read"\nsha256 = "{"f" * 64}"\n'
+        f'[[key]]\nname = "{other["name"]}"\nscope = "read"\nsha256 = "{other["sha256"]}"\n'
+    )
+    before = file.read_bytes()
+    with pytest.raises(InvalidInput, match="another entry has the name or the sha256 of 'tablet'"):
+        replace_key(file, "tablet")
+    assert file.read_bytes() == before
 
 
 def test_comments_and_other_entries_survive_a_removal(tmp_path: Path) -> None:

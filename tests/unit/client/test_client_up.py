@@ -16,7 +16,7 @@ import psutil
 import pytest
 from helios_client.supervision import state_file
 from helios_client.supervision.service_specs import StackOptions
-from helios_client.supervision.up import Screen
+from helios_client.supervision.up import Screen, check_port
 from helios_client.supervision.up import up as run_up
 from helios_core.errors import Conflict
 
@@ -163,6 +163,45 @@ def test_a_path_that_the_terminal_cannot_encode_does_not_end_the_stack(tmp_path:
         assert "K?che" in out
     finally:
         up.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has 127.0.0.2")
+def test_the_routers_port_is_tested_at_the_address_that_it_listens_on(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.2", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        check_port(port, "--router-port")  # free at 127.0.0.1
+        stack = StackOptions("sim", port, tmp_path, port=free_port(), router_host="0.0.0.0")
+        with pytest.raises(Conflict, match=rf"port {port} at 0\.0\.0\.0 is in use.*--router-port"):
+            run_up(stack, Screen())
+    check_port(port, "--router-port", "0.0.0.0")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this machine has no IPv6")
+def test_a_port_in_use_is_found_at_all_addresses_of_ipv6() -> None:
+    with socket.socket(socket.AF_INET6) as other:
+        other.bind(("::1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(Conflict, match=f"port {port} at :: is in use"):
+            check_port(port, "--router-port", "::")
+
+
+def test_an_address_that_this_machine_lacks_is_reported_as_such() -> None:
+    with pytest.raises(Conflict, match=r"has no address 192\.0\.2\.1 .*with --router-host"):
+        check_port(0, "--router-port", "192.0.2.1")  # an address for documents, RFC 5737
+
+
+def test_the_gateways_port_is_tested_also_if_all_services_share_a_process(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        stack = StackOptions("sim", free_port(), tmp_path, port=port, compact=True)
+        with pytest.raises(Conflict, match=rf"port {port} is in use; .* with --port"):
+            run_up(stack, Screen())
 
 
 def test_a_forbidden_port_is_reported_differently_from_a_port_in_use(

@@ -21,9 +21,12 @@ class LocalHub:
     files: dict[str, bytes] = field(default_factory=dict)  # of the model ID
     large: frozenset[str] = frozenset()  # files with a published SHA-256; others have a git id
     onnx: bytes = b""
+    onnx_version: dict[str, str] | None = None  # its headers; None: an ETag of the content
+    ignores_if_range: bool = False
     gated: bool = False
     cut_after: int | None = None  # bytes after which the next answer with content breaks off
     ranges: list[str] = field(default_factory=list)  # the Range headers that came
+    if_ranges: list[str] = field(default_factory=list)  # the If-Range headers that came
     gets: list[str] = field(default_factory=list)  # paths of downloads
 
     def __post_init__(self) -> None:
@@ -87,7 +90,8 @@ class _Handler(BaseHTTPRequestHandler):
             headers = {"ETag": f'"{hub.etag(name)}"', "X-Repo-Commit": COMMIT}
             self._content(hub.files[name], headers, body)
         elif path == ONNX_PATH:
-            self._content(hub.onnx, {}, body)
+            version = {"ETag": f'"{sha256(hub.onnx)}"'}
+            self._content(hub.onnx, version if hub.onnx_version is None else hub.onnx_version, body)
         else:
             self._send(b"", {"X-Error-Code": "RepoNotFound"}, body, 404)
 
@@ -95,13 +99,22 @@ class _Handler(BaseHTTPRequestHandler):
         hub, status = self.served, 200
         if body:
             hub.gets.append(self.path)
-            if asked := self.headers.get("Range"):
-                hub.ranges.append(asked)
+            if asked := self._range(headers):
                 begin = int(asked.removeprefix("bytes=").partition("-")[0])
                 total = len(data)
-                data, status = data[begin:], 206
-                headers = headers | {"Content-Range": f"bytes {begin}-{total - 1}/{total}"}
+                data, status = data[begin:], 206 if begin < total else 416
+                sent = f"{begin}-{total - 1}" if begin < total else "*"
+                headers = headers | {"Content-Range": f"bytes {sent}/{total}"}
         self._send(data, headers | {"Accept-Ranges": "bytes"}, body, status)
+
+    def _range(self, headers: dict[str, str]) -> str | None:
+        """Range to send; None for all, also when If-Range names another version."""
+        hub = self.served
+        asked, version = self.headers.get("Range"), self.headers.get("If-Range")
+        hub.ranges += [asked] if asked else []
+        hub.if_ranges += [version] if version else []
+        is_other = version is not None and version not in headers.values()
+        return None if is_other and not hub.ignores_if_range else asked
 
     def _send(self, data: bytes, headers: dict[str, str], body: bool, status: int = 200) -> None:
         self.send_response(status)

@@ -117,6 +117,29 @@ def test_an_interrupted_onnx_download_continues(hub: LocalHub, models: Run, tmp_
     assert lock["files"]["yolox_nano.onnx"]["checked_by"] == "first download"
 
 
+def test_a_new_version_of_a_locked_onnx_file_is_refused_until_its_entry_is_deleted(
+    hub: LocalHub, models: Run, tmp_path: Path
+) -> None:
+    assert models("models", "fetch", "yolox_nano").returncode == 0
+    stored = tmp_path / "models" / "onnx" / "yolox_nano.onnx"
+    lock = tmp_path / "models" / LOCK
+    stored.unlink()
+    first, hub.onnx = hub.onnx, b"a new version"
+    for _ in range(2):
+        refused = models("models", "fetch", "yolox_nano")
+        assert refused.returncode == 1
+        assert f"its SHA-256 is {sha256(hub.onnx)}, and {lock} has {sha256(first)}" in (
+            refused.stderr
+        )
+        assert "delete the entry 'yolox_nano.onnx' from that lock file" in refused.stderr
+        assert not stored.exists()
+    entries = json.loads(lock.read_text())
+    del entries["models"]["yolox_nano.onnx"]
+    lock.write_text(json.dumps(entries))
+    assert models("models", "fetch", "yolox_nano").returncode == 0
+    assert stored.read_bytes() == hub.onnx
+
+
 def test_an_interrupted_hub_download_continues(hub: LocalHub, models: Run) -> None:
     hub.files["model.safetensors"] = WEIGHTS * 8  # larger than the library's block
     hub.cut_after = 15_000_000
