@@ -7,7 +7,6 @@ nodes that start later. Missing answers are counted; without a map the others go
 from __future__ import annotations
 
 import logging
-import re
 import threading
 from typing import Any, TypeVar
 
@@ -18,7 +17,6 @@ from helios_core.bus import Bus
 from helios_core.codec import transform_from_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.topics import (
     ANY_STATUS,
     GAUSSIANS,
@@ -31,6 +29,7 @@ from helios_core.topics import (
 )
 
 from helios_ros2 import map_arrays, ros_messages
+from helios_ros2.map_output import PATH, MapOutput
 from helios_ros2.offered_qos import Qos
 from helios_ros2.rclpy_loading import has_interface, interface
 from helios_ros2.robot_input import TF_MESSAGE
@@ -62,8 +61,7 @@ class OutputService:
             )
         self._radius_m = DEFAULT_RADIUS_M
         self._statuses: dict[str, pb.ServiceStatus] = {}
-        self._map_version = self._object_version = 0
-        self._values: dict[str, tuple[Any, Any]] = {}  # layer -> publishers of picture and grid
+        self._object_version = 0
         self._ending = threading.Event()
         self._ros = RosNode(settings.node, THREADS, settings.sim_time)
         self._make_publishers()
@@ -88,11 +86,8 @@ class OutputService:
         def publisher(kind: str, name: str, qos: Qos = kept) -> Any:
             return self._ros.node.create_publisher(interface(kind), name, qos_profile(qos, 1))
 
-        self._publisher = publisher
-        self._map = publisher("nav_msgs/msg/OccupancyGrid", "~/map")
-        self._costmap = publisher("nav_msgs/msg/OccupancyGrid", "~/costmap")
-        self._path = publisher("nav_msgs/msg/Path", "~/path")
-        self._trajectory = publisher("nav_msgs/msg/Path", "~/trajectory")
+        self._map = MapOutput(publisher, self._send, self._ros.now_ns)
+        self._path = publisher(PATH, "~/path")
         self._objects = publisher("visualization_msgs/msg/MarkerArray", "~/objects")
         self._points = publisher("sensor_msgs/msg/PointCloud2", "~/points")
         self._classes = publisher("std_msgs/msg/String", "~/classes")
@@ -123,7 +118,6 @@ class OutputService:
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._radius_m = description.footprint_radius_m or DEFAULT_RADIUS_M
-        self._map_version = 0  # its costs depend on the radius
         if not self._frame:
             self._frame = description.world_frame or "map"
             log.info("publishes in the frame %s", self._frame)
@@ -150,7 +144,7 @@ class OutputService:
             try:
                 self._publish_diagnostics()
                 if self._frame:
-                    self._publish_map()
+                    self._map.update(self._ask_snapshot, self._radius_m, self._frame)
                     self._publish_objects()
             except HeliosError as error:  # a map with impossible content; the next may be valid
                 self._health.count("unpublishable_maps")
@@ -164,35 +158,6 @@ class OutputService:
     def _publish_diagnostics(self) -> None:
         statuses = list(self._statuses.values())
         self._send(self._diagnostics, ros_messages.diagnostics(statuses, self._ros.now_ns()))
-
-    def _publish_map(self) -> None:
-        request = pb.SnapshotRequest(layers=True, if_newer=self._map_version)
-        snapshot = self._ask(SNAPSHOT, request)
-        if snapshot is None or snapshot.unchanged or not snapshot.width:
-            return
-        view = decode_snapshot(snapshot)
-        ns = self._ros.now_ns()
-        self._send(self._map, ros_messages.grid(view, view.occupancy, ns, self._frame))
-        costs = map_arrays.costs(view, self._radius_m)
-        self._send(self._costmap, ros_messages.grid(view, costs, ns, self._frame))
-        trail = ((float(x), float(y)) for x, y in view.trajectory_m)
-        self._send(self._trajectory, ros_messages.path(trail, ns, self._frame))
-        for name, value in view.values.items():
-            self._publish_value(view, name, value, ns)
-        self._map_version = snapshot.version
-
-    def _publish_value(self, view: MapView, name: str, value: Any, ns: int) -> None:
-        if name not in self._values:
-            topic = f"~/value/{topic_name(name)}"
-            self._values[name] = (
-                self._publisher("sensor_msgs/msg/Image", topic),
-                self._publisher("nav_msgs/msg/OccupancyGrid", f"{topic}/grid"),
-            )
-        picture, grid = self._values[name]
-        rgb = map_arrays.value_picture(view, value, name)
-        self._send(picture, ros_messages.picture(rgb, ns, self._frame))
-        cells = map_arrays.value_cells(value)
-        self._send(grid, ros_messages.grid(view, cells, ns, self._frame))
 
     def _publish_objects(self) -> None:
         reply = self._ask(OBJECTS, pb.ObjectsRequest())
@@ -212,6 +177,9 @@ class OutputService:
         self._send(self._classes, names)
         self._object_version = reply.version
 
+    def _ask_snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot | None:
+        return self._ask(SNAPSHOT, request)
+
     def _ask(self, method: Method[Req, Rep], request: Req) -> Rep | None:
         try:
             return self._bus.call(method, request, CALL_S)
@@ -224,9 +192,3 @@ class OutputService:
         if not self._ending.is_set():
             publisher.publish(message)
             self._health.count("messages")
-
-
-def topic_name(text: str) -> str:
-    """Part of a ROS topic's name for any text."""
-    out = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "layer"
-    return out if out[0].isalpha() else f"_{out}"

@@ -18,6 +18,7 @@ from helios_core.topics import (
     STORED_OBJECTS,
     VOCABULARY,
 )
+from helios_core.viewing.newest_map import newest_snapshot
 
 from helios_gateway import api_map_models, map_arrays, message_conversion, viewer_scene
 from helios_gateway.cached_responses import NPZ, PNG, Encoded
@@ -243,8 +244,11 @@ class MapCache:
 
     def _ask_snapshot(self) -> MapView:
         known = self._snapshot
-        request = pb.SnapshotRequest(layers=True, if_newer=known.version if known else 0)
-        reply = self._bus.call(SNAPSHOT, request, self._timeout_s)
+        reply = newest_snapshot(
+            lambda request: self._bus.call(SNAPSHOT, request, self._timeout_s),
+            known.version if known else 0,
+            known.map_id if known else "",
+        )
         if reply.unchanged and known is not None:
             return known
         if reply.cell_m <= 0:
@@ -265,8 +269,8 @@ class MapCache:
         return view
 
 
-def _state(view: MapView) -> tuple[int, str, str]:
-    return view.version, str(view.frame_id), view.context_id
+def _state(view: MapView) -> tuple[str, int, str, str]:
+    return view.map_id, view.version, str(view.frame_id), view.context_id
 
 
 def _fits(

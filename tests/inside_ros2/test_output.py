@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -25,6 +26,7 @@ from helios_core.topics import (  # noqa: E402
     PLAN,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
+    SNAPSHOT,
     SUBMIT,
     TASK,
 )
@@ -131,6 +133,27 @@ def test_the_frame_is_that_of_the_robots_poses_unless_it_is_set(told: str, frame
         bus.publish(PLAN, pb.Plan(path_m=[0, 0, 1, 0, 2, 0]))
         wait_until(lambda: got)
         assert (got[0].header.frame_id, len(got[0].poses)) == (frame, 3)
+
+
+def test_a_reset_empties_the_retained_grids_of_the_map() -> None:
+    with output(frame="map", map_period_s=0.05) as (bus, user):
+        cells = np.array([[0, 100, 0], [0, 0, -1]], "i1")
+        replies = [pb.MapSnapshot(
+            version=1, map_id="a", cell_m=0.05, width=3, height=2,
+            occupancy=zlib.compress(cells.tobytes()),
+            values={"pick": zlib.compress(np.full((2, 3), 0.5, "<f2").tobytes())},
+        )]  # fmt: skip
+        bus.serve(SNAPSHOT, lambda request: replies[-1])
+        kind = "nav_msgs/msg/OccupancyGrid"
+        topics = ("/helios/map", "/helios/costmap", "/helios/value/pick/grid")
+        got = [heard(user, topic, kind, retained=True) for topic in topics]
+        wait_until(lambda: all(got))
+        assert list(got[0][-1].data) == cells.ravel().tolist()
+        replies.append(pb.MapSnapshot())
+        wait_until(lambda: all(list(messages[-1].data) == [-1] for messages in got))
+        for late in (heard(user, topic, kind, retained=True) for topic in topics):
+            wait_until(lambda late=late: late)
+            assert (late[0].info.height, late[0].info.width) == (1, 1)
 
 
 def test_odom_is_not_published_below_itself() -> None:

@@ -1,8 +1,8 @@
 """Encoding and decoding of the map file, which holds a complete map.
 
 The file consists of a head line, the SHA-256 of the rest, and a `KeptMap` message, joined from the
-encoded tiles of a published version. So the cost of writing depends on the changes since the last
-file, and truncated, altered or foreign files are recognised.
+encoded tiles of a published version. So truncated, altered or foreign files are recognised. Each
+tile is encoded once, but every file is joined and hashed as a whole.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps, Sought
 from helios_map2d.files.map_file import FILE_NAME, decode_map, encode_map, map_from_content
 from helios_map2d.files.npz_and_ros import decode_exported, decode_ros, encode_ros
-from helios_map2d.map_queries import DEFAULT_PICTURE_PX, known
+from helios_map2d.map_queries import DEFAULT_PICTURE_PX, known, published_of
 from helios_map2d.pictures.map_picture import OCCUPANCY, png_of, render
 from helios_map2d.settings import Settings
 from helios_map2d.snapshots.snapshot import MapSnapshot, encode_npz
@@ -255,11 +255,13 @@ class MapFiles:
         log.warning("%s", reason)
 
     def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
-        try:
-            file = self._file()
-        except Unavailable:  # no map yet
+        published = published_of(self._maps())
+        if published is None or published.empty or published.version == kept_version:
             return None
-        return None if file[0] == kept_version else file
+        try:
+            return self._file()
+        except Unavailable:  # the map was reset meanwhile
+            return None
 
     def _troubled(self, reason: str) -> None:
         reason = reason or self._refused

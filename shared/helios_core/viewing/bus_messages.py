@@ -24,6 +24,7 @@ from helios_core.topics import (
     OBJECTMAP_ACK,
     OBSERVATION,
     PREVIEW,
+    RELOCALISATION,
     RETIRED,
     TOPICS,
     QoS,
@@ -39,6 +40,7 @@ CHANGES = {  # topic -> maps that change after its messages
     OBJECTMAP_ACK.name: ("objectmap",),
     RETIRED.name: ("objectmap",),
     CONTEXT.name: ("map2d", "objectmap"),
+    RELOCALISATION.name: ("map2d", "objectmap"),  # also after a reset, a load or a restart of map2d
 }
 
 

@@ -19,6 +19,7 @@ from helios_gateway.class_colors import class_rgb
 from helios_gateway.request_coalescing import RequestCoalescer
 
 from tests.gateway_backend import Backend
+from tests.gateway_home import snapshot
 
 
 def image(data: bytes) -> np.ndarray:
@@ -85,6 +86,27 @@ def test_a_lower_version_of_a_restarted_map2d_is_accepted(
     backend.map_version = 3
     backend.bus.publish(CONTEXT, pb.SearchContext(id="c2"))
     assert client.get("/v1/map").json()["version"] == 3
+
+
+def test_a_map_of_another_process_with_the_same_version_is_served(
+    hub: MemoryHub, backend: Backend, client: TestClient
+) -> None:
+    before = client.get("/v1/map").json(), client.get("/v1/map/cells.png").content
+    other = snapshot(backend.map_version, (0.0, 0.0, 0.0))
+    other.map_id = "m2"
+    other.occupancy = other.explored  # another ground
+
+    def answer(request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        if request.if_newer == other.version:
+            return pb.MapSnapshot(version=other.version, map_id=other.map_id, unchanged=True)
+        return other
+
+    MemoryBus(hub).serve(SNAPSHOT, answer)
+    backend.bus.publish(CONTEXT, pb.SearchContext(id="c2"))
+    after = client.get("/v1/map").json()
+    assert (before[0]["map_id"], after["map_id"]) == ("m1", "m2")
+    assert before[0]["version"] == after["version"]
+    assert client.get("/v1/map/cells.png").content != before[1]
 
 
 def test_map_images_have_an_entity_tag_and_are_not_sent_twice(

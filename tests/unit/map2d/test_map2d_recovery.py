@@ -5,13 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helios_core import proto as pb
 from helios_core.map_autosave import AutosavedFile
 from helios_core.map_snapshot import decode_snapshot
-from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
-from helios_map2d.files.map_file import FILE_NAME
+from helios_core.topics import MAP_CHANGES, PICTURE, RELOCALISATION, RESET_MAP2D, SNAPSHOT
+from helios_core.viewing.newest_map import newest_snapshot
+from helios_map2d.files import persistence
+from helios_map2d.files.map_file import FILE_NAME, encode_map
+from helios_map2d.snapshots.snapshot import MapSnapshot
 from map2d_kept import assert_same_state, load, saved, state_of, walked
 from map2d_rig import Rig
 
@@ -61,6 +65,32 @@ def test_a_killed_service_restores_its_map_when_the_robot_is_still_in_the_same_w
     again.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
     assert again.health.state == ("ready", "")  # the map has changed since
+
+
+def test_an_unchanged_map_is_not_encoded_again_for_the_next_autosave(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoded: list[int] = []
+
+    def counted(published: MapSnapshot, *args: Any) -> bytes:
+        encoded.append(published.version)
+        return encode_map(published, *args)
+
+    monkeypatch.setattr(persistence, "encode_map", counted)
+    rig = Rig(*autosave_flags(tmp_path))
+    rig.say_epoch("boot")
+    assert not autosaved_file(rig).write()  # there is no map
+    rig.settle()
+    assert autosaved_file(rig).write()
+    for _ in range(3):
+        assert not autosaved_file(rig).write()
+    first = rig.snapshot().version
+    assert encoded == [first]
+    rig.keyframe(rig.walk.frame(2.0, 1.5, 0.1))
+    assert autosaved_file(rig).write()
+    assert encoded == [first, rig.snapshot().version]
+    rig.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    assert not autosaved_file(rig).write()
 
 
 def test_an_autosaved_map_of_another_world_is_not_used(tmp_path: Path) -> None:
@@ -202,6 +232,28 @@ def test_a_client_with_a_version_of_an_earlier_process_gets_the_whole_map() -> N
     rig = walked()
     assert rig.snapshot(if_newer=rig.snapshot().version).unchanged
     assert not rig.snapshot(if_newer=10**6).unchanged
+
+
+def test_a_client_gets_the_whole_map_of_a_new_process_that_has_reached_the_same_version() -> None:
+    before, other = walked().snapshot(), walked()
+    assert other.snapshot().version == before.version
+    newest = newest_snapshot(
+        lambda request: other.bus.call(SNAPSHOT, request, 5), before.version, before.map_id
+    )
+    assert newest == other.snapshot()
+    assert newest.map_id != before.map_id
+
+
+def test_a_reset_and_a_load_are_announced_after_the_map_has_changed() -> None:
+    """Recorders and viewers then poll the map."""
+    rig = walked()
+    files, announced = saved(rig, "map"), []
+    rig.bus.subscribe(RELOCALISATION, lambda _: announced.append(rig.snapshot().width > 0))
+    announced.clear()
+    rig.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    assert announced == [False]
+    load(rig, files)
+    assert announced == [False, True]
 
 
 def test_a_running_search_uses_the_views_of_a_loaded_map() -> None:

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.topics import GAUSSIANS, MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT
+from helios_core.topics import (
+    GAUSSIANS,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    OBJECTS,
+    RELOCALISATION,
+    SNAPSHOT,
+)
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import NonSeekingReader
 from mcap_protobuf.decoder import DecoderFactory
@@ -64,11 +71,12 @@ class FakeMaps:
         self.bus, self.snapshot = bus, snapshot
         self.objects = pb.ObjectsReply(version=1)
         self.gaussians = gaussians_of(3)
-        self.asked = self.at_once = self.most_at_once = 0
-        self.before: Callable[[], None] = lambda: None  # runs before each answer
+        self.asked = self.asked_objects = self.at_once = self.most_at_once = 0
+        self.before: Callable[[], None] = lambda: None  # runs before each answer of map2d
+        self.before_objects: Callable[[], None] = lambda: None
         self._lock = threading.Lock()
         bus.serve(SNAPSHOT, self._snapshot)
-        bus.serve(OBJECTS, lambda _: self.objects)
+        bus.serve(OBJECTS, self._objects)
         bus.serve(GAUSSIANS, lambda _: self.gaussians)
 
     def announce(self) -> None:
@@ -82,6 +90,16 @@ class FakeMaps:
         self.objects.version += 1
         self.announce()
 
+    def reset(self) -> None:
+        """Discards the 2D map and announces it, as map2d does."""
+        self.snapshot = pb.MapSnapshot()
+        self.bus.publish(RELOCALISATION, pb.Relocalisation())
+
+    def _objects(self, _: pb.ObjectsRequest) -> pb.ObjectsReply:
+        self.asked_objects += 1
+        self.before_objects()
+        return self.objects
+
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         with self._lock:
             self.asked += 1
@@ -89,8 +107,10 @@ class FakeMaps:
             self.most_at_once = max(self.most_at_once, self.at_once)
         try:
             self.before()
-            if request.if_newer == self.snapshot.version:
-                return pb.MapSnapshot(version=self.snapshot.version, unchanged=True)
+            if request.if_newer and request.if_newer == self.snapshot.version:
+                return pb.MapSnapshot(
+                    version=self.snapshot.version, map_id=self.snapshot.map_id, unchanged=True
+                )
             return self.snapshot
         finally:
             with self._lock:

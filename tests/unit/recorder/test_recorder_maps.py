@@ -10,9 +10,10 @@ import pytest
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from helios_core import proto as pb
+from helios_core.errors import Unavailable
 from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, decode_snapshot
 from helios_core.recording_format import MAPS
-from helios_core.topics import CONTEXT, DECISION, PLAN
+from helios_core.topics import CONTEXT, DECISION, PLAN, RETIRED
 from helios_core.viewing.map_entries import map_entries, object_entry
 from helios_core.viewing.plan_entries import candidate_entry, plan_entries
 from hypothesis import given
@@ -39,6 +40,26 @@ def with_objects(maps: FakeMaps) -> None:
     o = maps.objects.objects.add(id=3, class_name="cup", score=0.82, class_score=0.9)
     o.center_m.x, o.center_m.y, o.center_m.z = 0.2, 0.6, 0.8
     o.size_m.x, o.size_m.y, o.size_m.z = 0.1, 0.1, 0.12
+
+
+def last_of_recording(recorded: Recorded, channel: str) -> object:
+    """The newest entry of a channel that the recording has taken."""
+    return recorded.service.recording._last.get(channel)
+
+
+def news(recorded: Recorded) -> set[str]:
+    """The maps that are to be polled."""
+    watch = recorded.service._messages._maps
+    assert watch is not None
+    with watch._changed:
+        return set(watch._times._news)
+
+
+def poll_objects(recorded: Recorded, maps: FakeMaps) -> None:
+    """Have the object map polled once."""
+    so_far = maps.asked_objects
+    recorded.bus.publish(RETIRED, pb.Retired())
+    wait_until(lambda: maps.asked_objects > so_far, 20, "the objects are asked")
 
 
 def asked(recorded: Recorded, maps: FakeMaps, more_than: int = 0) -> None:
@@ -203,15 +224,76 @@ def test_an_unchanged_map_is_not_requested_again(tmp_path: Path) -> None:
     maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
     maps.announce()
     asked(recorded, maps)
-    watch = recorded.service._messages._maps
-    assert watch is not None
-    wait_until(lambda: not watch._wake.is_set(), 20, "it waits for news")
+    wait_until(lambda: "map2d" not in news(recorded), 20, "it waits for news")
+    poll_objects(recorded, maps)  # after it no earlier poll goes on
     before = maps.asked
-    assert not watch._wake.wait(20 * FAST)
+    for _ in range(5):
+        poll_objects(recorded, maps)
     assert maps.asked == before
     recorded.bus.publish(CONTEXT, context())  # resets the explored area of the last search
     asked(recorded, maps, before)
     recorded.close()
+
+
+def test_a_map_that_does_not_reply_does_not_slow_the_polls_of_the_other(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+
+    def refuse() -> None:
+        raise Unavailable("the map does not reply")
+
+    maps.before = refuse
+    maps.before_objects = lambda: recorded.bus.publish(RETIRED, pb.Retired())  # always news
+    maps.announce()
+    wait_until(lambda: maps.asked_objects > 100, 60, "the objects are asked")
+    assert recorded.health.metrics()["missed_maps"] >= 1
+    assert maps.asked < maps.asked_objects / 4  # its pauses double
+    recorded.close()
+
+
+def test_a_map_of_another_process_with_the_same_version_is_recorded(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+    maps.snapshot.map_id = "first"
+    maps.announce()
+    wait_until(lambda: last_of_recording(recorded, "/map/trajectory"), 20, "it is recorded")
+    drawn = last_of_recording(recorded, "/map/trajectory")
+    other = snapshot_of(small_map((0, 0)))
+    other.map_id = "second"
+    maps.snapshot = other
+    maps.announce()
+    wait_until(lambda: last_of_recording(recorded, "/map/trajectory") is not drawn, 20,
+               "the other map is recorded")  # fmt: skip
+    recorded.close()
+    grid = messages(only_file(tmp_path))["/map/occupancy"][-1]
+    np.testing.assert_array_equal(cells_of(grid)["occupancy"], small_map((0, 0)))
+
+
+def test_a_reset_empties_the_recorded_map_and_its_layers_once(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    value = np.full((4, 6), 0.5, np.float32)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map(), values={"pick": value}))
+    maps.announce()
+    wait_until(lambda: last_of_recording(recorded, "/map/trajectory"), 20, "it is recorded")
+    drawn = last_of_recording(recorded, "/map/trajectory")
+    maps.reset()
+    wait_until(lambda: last_of_recording(recorded, "/map/trajectory") is not drawn, 20,
+               "the empty map is recorded")  # fmt: skip
+    for _ in range(2):  # further replies without a map
+        before = maps.asked
+        maps.announce()
+        asked(recorded, maps, before)
+    recorded.close()
+    said = messages(only_file(tmp_path))
+    for channel in ("/map/occupancy", "/map/value/pick"):
+        full, empty = said[channel]
+        assert len(cells_of(full)) == 4
+        assert cells_of(empty).shape == (1, 1)
+        assert cells_of(empty)["alpha"] == 0
+    assert cells_of(said["/map/occupancy"][-1])["occupancy"] == UNKNOWN
+    assert not said["/map/obstacles"][-1].data
+    assert not said["/map/frontiers"][-1].entities
+    assert not [line for e in said["/map/trajectory"][-1].entities for line in e.lines]
 
 
 def test_missing_and_broken_maps_are_counted_and_the_recorder_stays_ready(

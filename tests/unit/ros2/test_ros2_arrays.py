@@ -18,7 +18,7 @@ from helios_ros2.action_call import filled, set_fields
 from helios_ros2.interface_build import corrected
 from helios_ros2.interface_definitions import DISTRIBUTIONS, packages
 from helios_ros2.map_arrays import LEGEND_PX, SCALE, cloud, costs, value_cells, value_picture
-from helios_ros2.output_service import topic_name
+from helios_ros2.map_output import topic_name
 from helios_ros2.rclpy_loading import interface
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.task_interface import submit_request
