@@ -27,7 +27,8 @@ class RosAction:
         self.name, self._kind = name, kind
         self._type = interface(kind)
         self._client = rclpy_module("action").ActionClient(ros.node, self._type, name)
-        self._goal: Any = None
+        self._sent: Any = None  # future of a goal that is not accepted yet
+        self._goal: Any = None  # handle of the running goal
 
     def is_there(self) -> bool:
         """True if the robot serves the action."""
@@ -44,19 +45,21 @@ class RosAction:
         end_s = time.monotonic() + within_s
         if not self.is_there():
             raise NotDone(f"nobody serves the action {self.name} ({self._kind}); start it")
-        sent = self._client.send_goal_async(goal)
+        self._sent = sent = self._client.send_goal_async(goal)
         try:
             handle = self._wait(sent, latch, end_s)
-        except NotDone:
-            sent.add_done_callback(_cancel_if_accepted)
+        except NotDone:  # `_sent` stays: it may be accepted yet
+            sent.add_done_callback(lambda _: _cancel_if_accepted(sent, threading.Event()))
             raise
+        if handle.accepted:
+            self._goal = handle  # before `_sent` is cleared: `cancel` finds one of them
+        self._sent = None
         if not handle.accepted:
             raise NotDone(f"the action {self.name} refused the goal")
-        self._goal = handle
         try:
             answer = self._wait(handle.get_result_async(), latch, end_s)
         except NotDone:
-            self.cancel(wait=True)
+            self.cancel(time.monotonic() + CANCEL_WITHIN_S)
             raise
         finally:
             self._goal = None
@@ -65,13 +68,19 @@ class RosAction:
             raise NotDone(f"the action {self.name} failed: {how}{_said(answer.result)}")
         return answer.result
 
-    def cancel(self, wait: bool = False) -> None:
-        """Cancel the running goal, if there is one."""
-        if (handle := self._goal) is not None:
-            done = threading.Event()
-            handle.cancel_goal_async().add_done_callback(lambda _: done.set())
-            if wait:
-                done.wait(CANCEL_WITHIN_S)
+    def cancel(self, until_s: float = 0.0) -> None:
+        """Cancel the running goal, if there is one, also if it is only accepted later.
+
+        Waits for the answer until the monotonic time `until_s`.
+        """
+        sent, handle, answered = self._sent, self._goal, threading.Event()
+        if handle is not None:
+            handle.cancel_goal_async().add_done_callback(lambda _: answered.set())
+        elif sent is not None:
+            sent.add_done_callback(lambda _: _cancel_if_accepted(sent, answered))
+        else:
+            return
+        answered.wait(max(0.0, until_s - time.monotonic()))
 
     def _wait(self, future: Any, latch: StopLatch, end_s: float) -> Any:
         while not future.done():
@@ -81,11 +90,16 @@ class RosAction:
         return future.result()
 
 
-def _cancel_if_accepted(sent: Any) -> None:
-    """Cancel a goal that is accepted only after nobody waits for it any more."""
+def _cancel_if_accepted(sent: Any, answered: threading.Event) -> None:
+    """Cancel a goal that is accepted only after nobody waits for it any more.
+
+    answered: set once it is cancelled or refused.
+    """
     handle = sent.result()
     if handle is not None and handle.accepted:
-        handle.cancel_goal_async()
+        handle.cancel_goal_async().add_done_callback(lambda _: answered.set())
+    else:
+        answered.set()
 
 
 def set_fields(message: Any, fields: Mapping[str, Any], what: str) -> None:

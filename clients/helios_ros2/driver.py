@@ -11,6 +11,7 @@ import math
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.geometry import invert, tilt_of, wrap_angle, yaw_of
@@ -47,6 +48,7 @@ log = logging.getLogger(__name__)
 REMEMBERED = 256
 CONNECT_WITHIN_S = 3.0
 REST_WITHIN_S = 3.0
+CANCEL_WITHIN_S = 0.5  # wait for cancelled goals at the end; the bridge allows 1.2 s for all
 NODE = "helios_bridge"
 
 
@@ -150,18 +152,32 @@ class Ros2Driver(RobotDriver):
 
     def stop(self, reason: str) -> None:
         self._latch.stop(reason)
-        self._velocity.halt()
-        self._manipulation.cancel()
-        if self._nav2 is not None:
-            self._nav2.halt()
+        for halt in self._halts():
+            halt()
 
     def clear_stop(self) -> None:
         self._latch.clear()
 
     def close(self) -> None:
+        """End the running motion and the node. A ROS that does not answer delays it by at most
+        `CANCEL_WITHIN_S`."""
         self._latch.stop("the driver has ended")
-        self._velocity.halt()
+        until_s = time.monotonic() + CANCEL_WITHIN_S
+        for halt in self._halts(until_s):
+            try:
+                halt()
+            except Exception as error:  # the others are halted all the same
+                log.warning("a motion could not be ended before the driver: %s", error)
         self._ros.close()
+
+    def _halts(self, until_s: float = 0.0) -> list[Callable[[], None]]:
+        """Calls that end each kind of motion, and wait for the answer until a monotonic time."""
+        halts: list[Callable[[], None]] = [
+            self._velocity.halt, lambda: self._manipulation.cancel(until_s)
+        ]  # fmt: skip
+        if (nav2 := self._nav2) is not None:
+            halts.append(lambda: nav2.halt(until_s))
+        return halts
 
     # --- one action ---------------------------------------------------------------------------
     def _reason_not_done(self, action: Action) -> str:
@@ -221,9 +237,12 @@ class Ros2Driver(RobotDriver):
         self._steps += 1
         moved_m = turned_rad = 0.0
         try:
-            now = self._senses.here().T_world_base
-            moved_m = math.hypot(*(now - start.T_world_base)[:2, 3])
-            turned_rad = wrap_angle(yaw_of(now) - yaw_of(start.T_world_base))
+            now = self._senses.here()
+            if now.world_epoch == start.world_epoch:
+                moved_m = math.hypot(*(now.T_world_base - start.T_world_base)[:2, 3])
+                turned_rad = wrap_angle(yaw_of(now.T_world_base) - yaw_of(start.T_world_base))
+            else:
+                log.warning("how far it came is not known: the robot's poses jumped meanwhile")
         except HeliosError as error:
             log.warning("how far it came is not known: %s", error.message)
         result = ActionResult(not why, why, moved_m, turned_rad, steps=self._steps)

@@ -89,10 +89,10 @@ class Manipulation:
             self._run("carry", self._s.carry, self._world_point(self._shown_at_m), self.held)
         self._shown_at_m = None
 
-    def cancel(self) -> None:
-        """End the running action. From any thread."""
+    def cancel(self, until_s: float = 0.0) -> None:
+        """End the running action; wait for the answer until a monotonic time. From any thread."""
         for action in self._actions.values():
-            action.cancel()
+            action.cancel(until_s)
 
     def _do(
         self, what: str, given: UserAction | None, point_m: Point, name: str, words: str

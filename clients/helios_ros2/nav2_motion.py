@@ -57,10 +57,11 @@ class Nav2Motion:
         """True if the robot serves Spin and DriveOnHeading."""
         return all(self._actions[name].is_there() for name in ("spin", "drive_on_heading"))
 
-    def halt(self) -> None:
-        """Cancel the running behaviour. From any thread."""
+    def halt(self, until_s: float = 0.0) -> None:
+        """Cancel the running behaviour; wait for the answer until a monotonic time. From any
+        thread."""
         for action in self._actions.values():
-            action.cancel()
+            action.cancel(until_s)
 
     def forward(self, distance_m: float) -> None:
         """Drive straight ahead; back if negative. Raises NotDone."""

@@ -84,6 +84,16 @@ class TfPoses(Poses):
         for frame in (self._base, camera_frame):
             self._tf.newest_ns(self.world_frame, frame)
 
+    def frames(self) -> set[str]:
+        """Frames on the chains from world to base and from base to camera, without their common
+        ancestors. Empty as long as TF does not connect them."""
+        try:
+            return self._tf.frames_between(self.world_frame, self._base) | self._tf.frames_between(
+                self._base, self._camera
+            )
+        except Unavailable:
+            return set()
+
     def newest_ns(self) -> int:
         return self._tf.newest_ns(self.world_frame, self._base)
 

@@ -54,6 +54,7 @@ class BasePose:
 
     stamp_ns: int
     T_world_base: Matrix
+    world_epoch: int = 0  # poses of different epochs have different origins
 
 
 class RobotInput:
@@ -135,7 +136,7 @@ class RobotInput:
         with self._news:
             newest = self._pairs.newest
             if newest is not None and ns < newest.stamp_ns - BACK_NS:
-                self._begin_anew()
+                self._begin_anew("the images")
             if add(ns, message) is not None:
                 self._news.notify_all()
 
@@ -155,18 +156,19 @@ class RobotInput:
             track = self._topic_poses.track
             going_on = track.add(stamp_ns(message.header), pose_of(pose.position, pose.orientation))
             if self._poses in (None, self._topic_poses):
-                self._note(self._topic_poses, going_on)
+                self._note(self._topic_poses, "" if going_on else f"the poses of {self._s.odom}")
 
     def _on_tf(self, message: Any, is_static: bool) -> None:
         with self._news:
-            going_on = True
+            back: set[str] = set()  # frames whose stamps went back
             for t in message.transforms:
                 pose = pose_of(t.transform.translation, t.transform.rotation)
-                going_on &= self._tf.add(
-                    t.header.frame_id, t.child_frame_id, stamp_ns(t.header), pose, is_static
-                )
+                child, ns = t.child_frame_id.lstrip("/"), stamp_ns(t.header)
+                if not self._tf.add(t.header.frame_id, child, ns, pose, is_static):
+                    back.add(child)
             if isinstance(self._poses, TfPoses):
-                self._note(self._poses, going_on)
+                ours = sorted(back & self._poses.frames()) if back else []
+                self._note(self._poses, f"the TF frame {', '.join(ours)}" if ours else "")
 
     def _on_joints(self, message: Any) -> None:
         s = self._s
@@ -180,31 +182,34 @@ class RobotInput:
         charge = float(message.percentage)  # NaN if the robot does not measure it
         self.battery = charge if 0 <= charge <= 1 else None
 
-    def _note(self, poses: Poses, going_on: bool) -> None:
-        """Note the newest pose; count a new world if it cannot follow the one before."""
-        if not going_on:
-            self._begin_anew()
+    def _note(self, poses: Poses, went_back: str) -> None:
+        """Note the newest pose; count a new world if it cannot follow the one before.
+
+        went_back: what has stamps that went back; "" if nothing has.
+        """
+        if went_back:
+            self._begin_anew(went_back)
         try:
             ns = poses.newest_ns()
-            now = BasePose(ns, poses.base(ns))
+            T_world_base = poses.base(ns)
         except HeliosError:  # not all transforms are there yet
             return
         before = self._history[-1] if self._history else None
         if before is not None and before.stamp_ns == ns:
             return
         if before is not None and is_new_origin(
-            before.T_world_base, before.stamp_ns, now.T_world_base, ns, self._s.jump_m
+            before.T_world_base, before.stamp_ns, T_world_base, ns, self._s.jump_m
         ):
             log.warning("the robot's poses have jumped: a new world begins")
             self.world_epoch += 1
             self._history.clear()
-        self._history.append(now)
+        self._history.append(BasePose(ns, T_world_base, self.world_epoch))
         self._newest_came_s = time.monotonic()
         self.clock.note(ns)
         self._news.notify_all()
 
-    def _begin_anew(self) -> None:
-        log.warning("the robot's clock went back: a new world begins")
+    def _begin_anew(self, went_back: str) -> None:
+        log.warning("the clock of %s went back: a new world begins", went_back)
         self._pairs.clear()
         self._history.clear()
         self.after_ns = 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
+from collections import deque
 from typing import Any
 
 from google.protobuf.json_format import MessageToDict
@@ -26,6 +27,7 @@ log = logging.getLogger(__name__)
 DO_TASK = "helios_msgs/action/DoTask"
 CALL_S = 5.0
 LOOK_S = 2.0  # period of the look at tasks whose end was not heard
+REMEMBERED = 64  # goals whose cancel is remembered
 
 
 class TaskInterface:
@@ -96,6 +98,7 @@ class DoTaskAction:
         self._kind = interface(DO_TASK)
         self._lock = threading.Lock()
         self._goals: dict[str, tuple[Any, Any]] = {}  # task id -> goal handle, future of its end
+        self._cancelled: deque[Any] = deque(maxlen=REMEMBERED)  # ids of goals
         self._accept = action.CancelResponse.ACCEPT
         self._server = action.ActionServer(
             ros.node, self._kind, "~/do_task", self._execute,
@@ -130,9 +133,10 @@ class DoTaskAction:
         ended = rclpy_module("task").Future(executor=self._ros.executor)
         with self._lock:
             self._goals[task.id] = (handle, ended)
+            cancelled = self._is_cancelled(handle)  # `_on_cancel` found no task until now
         try:
-            if handle.is_cancel_requested:
-                self._bus.call(CANCEL, pb.TaskRequest(id=task.id), CALL_S)
+            if cancelled:
+                self._cancel(task.id)
             task = await ended
         finally:
             with self._lock:
@@ -150,22 +154,37 @@ class DoTaskAction:
 
     def _on_cancel(self, handle: Any) -> Any:
         with self._lock:
+            self._cancelled.append(handle.goal_id)
             ids = [id for id, (goal, _) in self._goals.items() if goal.goal_id == handle.goal_id]
         for id in ids:
-            try:
-                self._bus.call(CANCEL, pb.TaskRequest(id=id), CALL_S)
-            except HeliosError as error:
-                log.warning("the task %s could not be cancelled: %s", id, error.message)
+            self._cancel(id)
         return self._accept
+
+    def _is_cancelled(self, handle: Any) -> bool:
+        """True if a cancel has come. `is_cancel_requested` is true only after `_on_cancel`."""
+        return handle.goal_id in self._cancelled or handle.is_cancel_requested
+
+    def _cancel(self, id: str) -> None:
+        """Cancel a task; `_look` repeats it until the task has ended."""
+        try:
+            self._bus.call(CANCEL, pb.TaskRequest(id=id), CALL_S)
+        except HeliosError as error:
+            log.warning(
+                "the task %s could not be cancelled, it is tried again: %s", id, error.message
+            )
 
     def _look(self) -> None:
         with self._lock:
-            ids = list(self._goals)
-        for id in ids:
+            goals = [(id, self._is_cancelled(goal)) for id, (goal, _) in self._goals.items()]
+        for id, cancelled in goals:
             try:
-                self.on_task(self._bus.call(GET_TASK, pb.TaskRequest(id=id), CALL_S))
+                task = self._bus.call(GET_TASK, pb.TaskRequest(id=id), CALL_S)
             except HeliosError as error:  # the planner may come back
                 log.info("the task %s cannot be asked: %s", id, error.message)
+                continue
+            self.on_task(task)
+            if cancelled and task.state not in ENDED:
+                self._cancel(id)
 
 
 def submit_request(text: str) -> pb.SubmitRequest:

@@ -113,16 +113,16 @@ class Transforms:
 
         Raises Unavailable if no transforms connect them.
         """
-        tracks = [self._tracks[name] for name in self._between(frame, child)]
+        tracks = [self._tracks[name] for name in self.frames_between(frame, child)]
         moving = [track.newest_ns for track in tracks if track.newest_ns is not None]
         return min(moving, default=0)
 
     def at(self, frame: str, child: str, stamp_ns: int) -> Matrix:
         """T_frame_child at a time. Raises Unavailable if it is not known."""
-        self._between(frame, child)
+        self.frames_between(frame, child)
         return invert(self._to_root(frame, stamp_ns)) @ self._to_root(child, stamp_ns)
 
-    def _between(self, frame: str, child: str) -> set[str]:
+    def frames_between(self, frame: str, child: str) -> set[str]:
         """Frames whose pose in their parent counts. Raises Unavailable without a connection."""
         one, other = self._chain(frame), self._chain(child)
         if one[-1] != other[-1]:

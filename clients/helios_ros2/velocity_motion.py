@@ -100,12 +100,12 @@ class VelocityMotion:
             steer = max(-MOST_STEER_RAD_S, min(MOST_STEER_RAD_S, STEER_PER_S * off_rad))
             return sign * speed, steer
 
-        self._drive(left_m, command, NEAR_M, abs(distance_m) / self._s.speed_m_s, "m")
+        self._drive(start, left_m, command, NEAR_M, abs(distance_m) / self._s.speed_m_s, "m")
 
     def turn(self, angle_rad: float) -> None:
         """Turn in place. Raises NotDone, Unavailable."""
-        last_rad, turned_rad = yaw_of(self._senses.here().T_world_base), 0.0
-        sign = math.copysign(1.0, angle_rad)
+        start, sign = self._senses.here(), math.copysign(1.0, angle_rad)
+        last_rad, turned_rad = yaw_of(start.T_world_base), 0.0
 
         def left_rad(here: BasePose) -> float:
             nonlocal last_rad, turned_rad
@@ -118,12 +118,18 @@ class VelocityMotion:
             rate = min(self._s.turn_rad_s, max(self._s.min_turn_rad_s, SLOW_PER_S * left))
             return 0.0, sign * rate
 
-        self._drive(left_rad, command, NEAR_RAD, abs(angle_rad) / self._s.turn_rad_s, "rad")
+        least_s = abs(angle_rad) / self._s.turn_rad_s
+        self._drive(start, left_rad, command, NEAR_RAD, least_s, "rad")
 
-    def _drive(self, left_of: Any, command: Any, near: float, least_s: float, unit: str) -> None:
-        """Command velocities until the distance left is small. Then the base is told to stand."""
+    def _drive(
+        self, start: BasePose, left_of: Any, command: Any, near: float, least_s: float, unit: str
+    ) -> None:
+        """Command velocities until the distance left is small. Then the base is told to stand.
+
+        start: pose from which `left_of` measures. Raises NotDone when a new world begins.
+        """
         self._velocity.begin()
-        here = self._senses.here()
+        here = self._here(start)
         whole = best = left_of(here)
         best_ns, end_ns = here.stamp_ns, here.stamp_ns + int((3 * least_s + 3) * 1e9)
         try:
@@ -142,6 +148,16 @@ class VelocityMotion:
                     )
                 self._velocity.send(*command(here, left))
                 self._latch.rest(PERIOD_S)
-                here = self._senses.here()
+                here = self._here(start)
         finally:
             self._velocity.halt()
+
+    def _here(self, start: BasePose) -> BasePose:
+        """Newest pose. Raises NotDone if its origin is not that of `start`."""
+        here = self._senses.here()
+        if here.world_epoch != start.world_epoch:
+            raise NotDone(
+                "the robot's poses jumped during the motion, so how far it came is not known; "
+                "look, and plan the way again"
+            )
+        return here

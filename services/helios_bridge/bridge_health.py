@@ -19,7 +19,7 @@ class BridgeHealth:
         self._stop = ""  # fault of the driver's stop, "" for none
         self._faults: dict[str, str] = {}  # method of the driver -> its fault
         self._setup = ""  # what is wrong with the robot's set-up
-        self._said = health.state  # last state without regard to driver faults
+        self._said = health.state  # last state without regard to images and driver faults
         self._without_image: tuple[str, str] | None = None  # state while no image comes
 
     def ready(self, note: str = "") -> None:
@@ -33,14 +33,16 @@ class BridgeHealth:
 
     def no_image(self, state: HealthState, reason: str) -> None:
         """Report that no image comes, until `image_came` or another state."""
-        self._without_image = (state, reason)
-        self._say(state, reason)
+        with self._lock:
+            self._without_image = (state, reason)
+            self._tell()
 
     def image_came(self) -> None:
-        """End the report of `no_image`, whichever thread took the image."""
+        """End the report of `no_image`, whichever thread took the image: the state before it
+        holds again."""
         with self._lock:
-            if self._said == self._without_image:
-                self._said = ("ready", "")
+            if self._without_image is not None:
+                self._without_image = None
                 self._tell()
 
     def stop_fails(self, reason: str) -> None:
@@ -81,12 +83,12 @@ class BridgeHealth:
 
     def _say(self, state: str, reason: str) -> None:
         with self._lock:
-            self._said = (state, reason)
+            self._said, self._without_image = (state, reason), None
             self._tell()
 
     def _tell(self) -> None:
         fault = self._stop or (list(self._faults.values())[-1] if self._faults else "")
-        state, reason = ("degraded", fault) if fault else self._said
+        state, reason = ("degraded", fault) if fault else self._without_image or self._said
         if state == "ready":
             reason = "; ".join(filter(None, (reason, self._setup)))
         {"waiting": self._health.waiting, "degraded": self._health.degraded}.get(

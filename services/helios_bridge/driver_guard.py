@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from helios_core.codec import description_to_proto, result_to_proto, state_to_proto
@@ -63,14 +63,37 @@ class GuardedDriver(RobotDriver):
     def act_and_watch(
         self, action: Action, action_id: str, hz: float
     ) -> tuple[ActionResult, tuple[Capture, ...]]:
-        def encode(out: tuple[ActionResult, tuple[Capture, ...]]) -> None:
-            result_to_proto(out[0], action_id)
-            for capture in out[1]:
-                check_capture(capture)
+        """As the driver's, without the images that are wrong: the robot has moved, so its result
+        must not be lost."""
+
+        def encode(out: tuple[ActionResult, object]) -> None:
+            result, _ = out
+            result_to_proto(result, action_id)
 
         shown = f"act_and_watch({type(action).__name__})"
         call = lambda: self._driver.act_and_watch(action, action_id, hz)  # noqa: E731
-        return self._call("act_and_watch", shown, call, tuple, encode)
+        result, images = self._call("act_and_watch", shown, call, tuple, encode)
+        return result, self._good_images(shown, images)
+
+    def _good_images(self, shown: str, images: object) -> tuple[Capture, ...]:
+        """Images that are right; a warning names what is wrong with the others."""
+        good: list[Capture] = []
+        wrong: list[str] = []
+        if not isinstance(images, Sequence):
+            wrong.append(f"they are {_a(type(images))}; give a tuple of Capture")
+            images = ()
+        for image in images:
+            try:
+                check_capture(image)
+                good.append(image)
+            except Exception as error:
+                wrong.append(error.message if isinstance(error, HeliosError) else repr(error))
+        if wrong:
+            log.warning(
+                "the driver %s returned wrong images from %s: %s (%d left out, %d used)",
+                self.name, shown, wrong[0], len(wrong), len(good),
+            )  # fmt: skip
+        return tuple(good)
 
     def stop(self, reason: str) -> None:
         self._call("stop", "stop()", lambda: self._driver.stop(reason))

@@ -121,6 +121,8 @@ class BridgeService:
         self._stop_lock = threading.Lock()
         self._stops, self._clearing = 0, False
         self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
+        self._state_lock = threading.RLock()
+        self._states_begun = self._state_out = 0  # number of the newest state; of the last one out
         self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
@@ -219,7 +221,7 @@ class BridgeService:
             self._stops += 1
             log.warning("stopped: %s", self._stopped_why)
             if not self._stop_hangs():
-                self._stop_call = self._executor.begin("stop", self._stop)
+                self._begin_stop()
             call = self._stop_call
             self._latch.keep(self._stopped_why)
         assert call is not None
@@ -339,6 +341,16 @@ class BridgeService:
         if not ack.accepted:
             self._acks.add_for(ack, full_names(FROM_DETECTIONS))
 
+    def _begin_stop(self) -> None:
+        """Call the driver's stop in a thread. The state follows in another one: state() may be
+        slow, and a caller waits for the stop."""
+        self._stop_call = self._executor.begin("stop", self._stop)
+        self._stop_call.add_done_callback(self._on_stop_ended)
+
+    def _on_stop_ended(self, call: Future[None]) -> None:
+        if call.exception() is None:
+            self._executor.start("state after a stop", self._publish_state)
+
     def _stop(self) -> None:
         try:
             self._driver.stop(self._stopped_why)
@@ -352,13 +364,12 @@ class BridgeService:
             self._stop_late = False
             log.warning("the driver has come back from its stop after all")
         self._health.stop_works()
-        self._publish_state()
 
     def _stop_again(self) -> None:
         with self._stop_lock:
             unconfirmed = bool(self._stopped_why) and not self._stop_confirmed
             if unconfirmed and not self._clearing and not self._stop_hangs():
-                self._stop_call = self._executor.begin("stop", self._stop)
+                self._begin_stop()
 
     def _stop_hangs(self) -> bool:
         return self._stop_call is not None and not self._stop_call.done()
@@ -399,7 +410,7 @@ class BridgeService:
         self._driver.clear_stop()
         with self._stop_lock:
             if self._stops != stops and not self._stop_hangs():
-                self._stop_call = self._executor.begin("stop", self._stop)
+                self._begin_stop()
 
     def _clear_old_halt(self) -> None:
         """Clear the halt of a bridge that died before it could do so itself."""
@@ -460,7 +471,7 @@ class BridgeService:
             )
 
     def _driver_act(self, action: Action, action_id: str) -> ActionResult:
-        """Result of the driver's action; during a turn for `helios doctor` with images."""
+        """Result of the driver's action. Notes whether the robot shows a held object."""
         publisher = self._publisher
         if isinstance(action, Show) and publisher.show_base_m is None:
             return ActionResult(False, CANNOT_SHOW, steps=0)
@@ -472,6 +483,7 @@ class BridgeService:
         return result
 
     def _watched_act(self, action: Action, action_id: str) -> ActionResult:
+        """Result of the driver's action; the checks of `helios doctor` get images of a turn."""
         setup = self._setup
         hz = setup.watch_hz() if setup is not None and isinstance(action, Turn) else 0.0
         if setup is None or hz == 0.0:
@@ -512,7 +524,6 @@ class BridgeService:
                 continue  # an action runs; its keyframe follows
             try:
                 self._publisher.capture_and_wait(keyframe=self._publisher.last_keyframe == 0)
-                self._health.ready()
             except EndOfRecording:
                 return
             except HeliosError as error:
@@ -541,8 +552,16 @@ class BridgeService:
                     log.exception("the robot did not take the stop")
 
     def _publish_state(self) -> None:
+        """Publish the state, unless one that was asked for later is out already."""
+        with self._state_lock:
+            self._states_begun += 1
+            number = self._states_begun
         try:
-            self._bus.publish(ROBOT_STATE, state_to_proto(self.state()))
+            state = state_to_proto(self.state())
+            with self._state_lock:
+                if number > self._state_out:
+                    self._state_out = number
+                    self._bus.publish(ROBOT_STATE, state)
         except DriverFault:
             pass  # reported in the health until the driver's state works again
         except HeliosError as error:

@@ -16,7 +16,7 @@ from helios_core import proto as pb
 from helios_core.robot import Capture
 from helios_core.robot_checks.checks import SETTLED, RobotChecks
 from helios_core.robot_checks.finding import Finding, warning
-from helios_core.robot_checks.routine import free_ahead_m
+from helios_core.robot_checks.routine import MoveLimits, free_ahead_m
 from helios_core.types import RobotDescription
 
 from helios_bridge.bridge_health import BridgeHealth
@@ -42,7 +42,7 @@ class SetupMonitor:
         self._lock = threading.Lock()  # on all below; held for moments only
         self._queue: deque[list[Capture]] = deque()  # one keyframe, or the images of a turn
         self._wake = threading.Event()
-        self._checks = RobotChecks(robot.camera)
+        self._checks = self._new_checks()
         self._world: object = None
         self._search, self._left = "", PER_SEARCH
         self._active_until_s, self._turns = 0.0, 0
@@ -112,9 +112,12 @@ class SetupMonitor:
                 except Exception:  # a check must not end the bridge
                     log.exception("the robot's set-up could not be checked")
 
+    def _new_checks(self) -> RobotChecks:
+        return RobotChecks(self._robot.camera, MoveLimits.of(self._robot).lacks_turns)
+
     def _begin(self, keyframes: int) -> None:
         self._queue.clear()
-        self._checks = RobotChecks(self._robot.camera)
+        self._checks = self._new_checks()
         self._left = keyframes
 
     def _process(self) -> None:

@@ -107,7 +107,8 @@ class RobotMonitor:
     def robot_when(self, stopped: bool, within_s: float) -> api_models.Robot:
         """Robot as soon as its last known state is stopped or not; as it is after `within_s`.
 
-        The bridge publishes its state before it answers a call, but the answer may arrive first.
+        After a stop the bridge publishes its state directly after the answer, after other calls before
+        it; that answer may still arrive first.
         """
         with self._lock:
             self._lock.wait_for(

@@ -85,7 +85,7 @@ class HeartbeatMonitor:
             yield
         finally:
             ended.set()
-            watch.join()  # so that no halt meets the next action
+            watch.join()  # after this, nothing calls `halt` for this action
 
     def _on_beat(self, beat: pb.Heartbeat) -> None:
         with self._lock:

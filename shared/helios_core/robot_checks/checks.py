@@ -36,6 +36,10 @@ SETTLED = 6  # images from which a warning may come while more are on their way
 LEAST_DRIVE_M = 0.15  # between two images whose distance is compared
 LEAST_DRIVES = 4
 LEAST_TURN_RAD, LEAST_TURNED_RAD = math.radians(4), math.radians(80)  # of a pair; in all
+NO_TURNS = (
+    "the robot offers no turns: max_turn_rad is below 1 deg in its description; if it can turn, "
+    "give max_turn_rad in its driver's describe()"
+)
 LARGEST_MOVE_M, LARGEST_TURN_RAD = 1.2, math.radians(40)  # between two images that are compared
 YAW_ERROR_RAD, ALONG_ERROR_M = math.radians(0.6), 0.01  # larger errors say nothing
 
@@ -53,9 +57,12 @@ class _Pairs:
 class RobotChecks:
     """Checks of one robot: see the module."""
 
-    def __init__(self, described: Pinhole | None = None) -> None:
-        """described: intrinsics in the robot's description, to compare with those of images."""
-        self._described = described
+    def __init__(self, described: Pinhole | None = None, lacks_turns: bool = False) -> None:
+        """described: intrinsics in the robot's description, to compare with those of images.
+
+        lacks_turns: `MoveLimits.lacks_turns` of the robot; the checks that need turns are left out.
+        """
+        self._described, self._lacks_turns = described, lacks_turns
         self._last: tuple[Capture, PlaneField] | None = None
         self._floor: list[FloorView] = []
         self._shifts: list[ImageShift] = []
@@ -147,7 +154,7 @@ class RobotChecks:
     # --- results ------------------------------------------------------------------------------
     def _tilts(self) -> tuple[Finding, Finding]:
         if len(self._floor) < LEAST_VIEWS:
-            why = f"too little floor is seen: in {len(self._floor)} of {self.views} images"
+            why = self._too_few("too little floor is seen", len(self._floor))
             return not_measured(f.PITCH, why), not_measured(f.ROLL, why)
         none = [0.0] * len(self._floor)
         down = combined([math.degrees(v.down_rad) for v in self._floor], none, f.PITCH.floor)
@@ -182,7 +189,7 @@ class RobotChecks:
 
     def _registration(self) -> Finding:
         if len(self._shifts) < LEAST_VIEWS:
-            why = f"too few edges in common: in {len(self._shifts)} of {self.views} images"
+            why = self._too_few("too few edges in common", len(self._shifts))
             return not_measured(f.REGISTRATION, why)
         none = [0.5] * len(self._shifts)
         right = combined([s.right_px for s in self._shifts], none, f.REGISTRATION.floor)
@@ -197,7 +204,15 @@ class RobotChecks:
             far, more, less = down, f"{lies} below {of}", f"{lies} above {of}"
         return judged(f.REGISTRATION, far, more, less, "colour and depth lie on each other")
 
+    def _too_few(self, what: str, images: int) -> str:
+        """Why a check of single images has no result: too few of them show something."""
+        if self._lacks_turns and self.views < LEAST_VIEWS:
+            return f"{self.views} of {LEAST_VIEWS} images came; a task brings more; {NO_TURNS}"
+        return f"{what}: in {images} of {self.views} images"
+
     def _offset(self) -> Finding:
+        if self._lacks_turns:
+            return not_measured(f.TIME_OFFSET, f"left out: {NO_TURNS}")
         found = time_offset(self._turns)
         if found is None:
             why = (
@@ -215,6 +230,8 @@ class RobotChecks:
         )  # fmt: skip
 
     def _heading(self) -> Finding:
+        if self._lacks_turns:
+            return not_measured(f.HEADING, f"left out: {NO_TURNS}")
         claimed, excess = np.array(self._pairs.claimed_rad), np.array(self._pairs.excess_rad)
         if np.abs(claimed).sum() < LEAST_TURNED_RAD or len(claimed) < LEAST_VIEWS:
             return not_measured(f.HEADING, "the robot has turned too little")

@@ -26,10 +26,11 @@ def check_driver(
     each image at rest. Raises HeliosError.
     """
     robot = driver.describe()
-    checks = RobotChecks(robot.camera)
+    limits = MoveLimits.of(robot)
+    checks = RobotChecks(robot.camera, limits.lacks_turns)
     capture = driver.capture()
     checks.add(capture)
-    routine, watched = moves(MoveLimits.of(robot), drive), 0
+    routine, watched = moves(limits, drive), 0
     action = next(routine, None)
     while action is not None:
         if isinstance(action, Turn) and watched < WATCHED_TURNS:

@@ -13,6 +13,7 @@ from helios_core.robot import Action, Capture, Forward, Turn
 from helios_core.types import RobotDescription
 
 TURN_RAD = math.radians(30)
+LEAST_TURN_RAD = math.radians(1)  # a robot that turns less far at a time has no turns
 DRIVE_M, DRIVES, LONGEST = 0.3, 8, 4  # one drive; drives in all, and one after another
 MARGIN_M = 0.35  # beyond the footprint, left free at the end of a drive
 LOW_M = 0.06  # lower points are floor
@@ -34,14 +35,19 @@ class MoveLimits:
     def of(cls, robot: RobotDescription) -> MoveLimits:
         return cls(robot.can_move, robot.max_turn_rad, robot.min_forward_m, robot.max_forward_m)
 
+    @property
+    def lacks_turns(self) -> bool:
+        """True for a robot that moves but offers no turns. The routine has no motion for it."""
+        return self.can_move and not self.max_turn_rad >= LEAST_TURN_RAD
+
 
 def moves(robot: MoveLimits, drive: bool) -> Moves:
     """Actions of the routine. Send the free distance ahead (m) after each action.
 
     A full turn to the left; then, with `drive`, a turn to where most room is, and short drives
-    there and back, as far as there is room.
+    there and back, as far as there is room. Nothing if the robot does not move or lacks turns.
     """
-    if not robot.can_move:
+    if not robot.can_move or robot.lacks_turns:
         return
     step = min(TURN_RAD, robot.max_turn_rad)
     turns = math.ceil(2 * math.pi / step - 1e-6)

@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helios_bridge.bridge_health import BridgeHealth
+from helios_bridge.driver_guard import GuardedDriver
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
+from helios_core import proto as pb
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import Action, ActionResult, Capture
+from helios_core.robot import Action, ActionResult, Capture, Turn
+from helios_core.topics import FRAME, STOP
 from helios_core.types import RobotDescription, RobotState
 
 from tests.support import wait_until
@@ -48,6 +52,12 @@ class Misbehaving(LineRobot):
 
     def act(self, action: Action, action_id: str) -> ActionResult:
         return self.answer("act", super().act(action, action_id))
+
+    def act_and_watch(
+        self, action: Action, action_id: str, hz: float
+    ) -> tuple[ActionResult, tuple[Capture, ...]]:
+        result = self.act(action, action_id)
+        return self.answer("act_and_watch", (result, (LineRobot().capture(),)))
 
     def stop(self, reason: str) -> None:
         super().stop(reason)
@@ -131,9 +141,6 @@ def test_a_fault_in_describe_names_driver_and_method(gives: Any) -> None:
 
 def test_a_fault_in_stop_is_reported_to_the_caller() -> None:
     stage = Stage(Misbehaving(stop=OSError("no route")))
-    from helios_core import proto as pb
-    from helios_core.topics import STOP
-
     with pytest.raises(Internal, match=r"failed in stop\(\): OSError: no route"):
         stage.other.call(STOP, pb.StopRequest(reason="a cat"), 5)
     assert stage.health.state[0] == "degraded"
@@ -184,3 +191,61 @@ def test_an_image_after_an_action_ends_the_report_that_no_image_comes() -> None:
     assert stage.health.state[0] == "waiting"
     stage.drive("after the outage")
     assert stage.health.state == ("ready", "")
+
+
+RIGHT = LineRobot().capture()
+
+
+@pytest.mark.parametrize(
+    ("images", "used", "said"),
+    [
+        ((RIGHT, replace(RIGHT, T_world_cam=np.zeros((4, 4))), RIGHT), 2, "T_world_cam"),
+        ([RIGHT, RIGHT, None], 2, "AttributeError"),
+        (None, 0, "they are a NoneType; give a tuple of Capture"),
+    ],
+)
+def test_a_wrong_image_of_an_action_is_left_out_and_its_result_is_kept(
+    images: Any, used: int, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    result, health = ActionResult(True, turned_rad=0.4), Health()
+    robot = Misbehaving(act_and_watch=(result, images))
+    guard = GuardedDriver(robot, BridgeHealth(health))
+    with caplog.at_level(logging.WARNING):
+        kept, seen = guard.act_and_watch(Turn(0.4), "a", 12.0)
+    assert kept is result
+    assert seen == (RIGHT,) * used
+    assert f"the driver {ME} returned wrong images from act_and_watch(Turn): " in caplog.text
+    assert said in caplog.text
+    assert health.state[0] == "starting"  # no fault of the driver is reported
+
+
+def test_a_repeated_turn_with_a_wrong_image_moves_the_robot_once() -> None:
+    robot = Misbehaving()
+    robot.gives["act_and_watch"] = ActionResult(True), (RIGHT, None)
+    stage = Stage(robot)
+    assert stage.bridge._setup is not None
+    stage.bridge._setup.restart()  # the next turns are watched
+    turn = pb.Action(turn=pb.Action.Turn(angle_rad=0.4))
+    for _ in range(2):
+        assert stage.drive("a", action=turn).succeeded
+    assert robot.done == [Turn(0.4)]
+
+
+def test_stream_frames_do_not_hide_a_keyframe_that_no_map_answered() -> None:
+    silent = Unavailable("/color is silent")
+    robot = Misbehaving(capture=silent)
+    stage = Stage(robot, stream_hz=50.0, lockstep=True, ack_timeout_s=0.05)
+    streamed = list[pb.Frame]()
+    stage.other.subscribe(FRAME, streamed.append)
+    stage.bridge.start()
+    try:
+        robot.gives.clear()  # the first frame is a keyframe, which no map answers here
+        wait_until(lambda: len(streamed) > 3, 10, "the stream goes on")
+        assert stage.health.state[0] == "degraded"
+        assert "was not answered by map2d/occupancy" in stage.health.state[1]
+        robot.gives["capture"] = silent
+        wait_until(lambda: "/color is silent" in stage.health.state[1], 10, "no image comes")
+        robot.gives.clear()
+        wait_until(lambda: "was not answered" in stage.health.state[1], 10, "an image comes")
+    finally:
+        stage.bridge.close()

@@ -6,13 +6,15 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
-from helios_core.topics import CLEAR_STOP, GET_STATE, STOP
+from helios_core.topics import CLEAR_STOP, GET_STATE, ROBOT_STATE, STOP
+from helios_core.types import RobotState
 
 from tests.support import free_port, wait_until
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -69,6 +71,54 @@ def test_a_robot_whose_stop_hangs_is_not_told_as_stopped() -> None:
         assert "may still move" in stage.bridge.state().message
         robot.go_on.set()
         wait_until(lambda: stage.bridge.state().stopped, 5, "it is confirmed")
+    finally:
+        robot.go_on.set()
+        stage.bridge.close()
+
+
+class SlowState(LineRobot):
+    """Its state returns when `go_on` is set, as it was when it was asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked, self.go_on = threading.Event(), threading.Event()
+
+    def state(self) -> RobotState:
+        state = super().state()
+        if not self.asked.is_set():  # only the first one is slow
+            self.asked.set()
+            self.go_on.wait(30)
+        return state
+
+
+def test_a_confirmed_stop_is_answered_although_the_state_is_slow_and_the_state_follows() -> None:
+    robot = SlowState()
+    stage, told = Stage(robot, stop_timeout_s=5.0), list[pb.RobotState]()
+    stage.other.subscribe(ROBOT_STATE, told.append)
+    try:
+        stop(stage, None)
+        assert robot.stopped == "a child"
+        assert robot.asked.wait(10)
+        assert not told
+        robot.go_on.set()
+        wait_until(lambda: told and told[-1].stopped, 10, "the state is published")
+    finally:
+        robot.go_on.set()
+        stage.bridge.close()
+
+
+def test_a_slow_state_from_before_a_clear_does_not_follow_the_state_after_it() -> None:
+    robot = SlowState()
+    stage, told = Stage(robot), list[pb.RobotState]()
+    stage.other.subscribe(ROBOT_STATE, told.append)
+    try:
+        stop(stage, None)
+        assert robot.asked.wait(10)
+        stage.other.call(CLEAR_STOP, pb.Empty(), 10)
+        assert [state.stopped for state in told] == [False]
+        robot.go_on.set()
+        assert stage.bridge._executor.wait(10) == []
+        assert [state.stopped for state in told] == [False]
     finally:
         robot.go_on.set()
         stage.bridge.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import cast
 
 import pytest
@@ -19,8 +20,7 @@ CAPTURE = cast(Capture, None)  # no check looks at it here
 CAMERA = Pinhole(100.0, 100.0, 32.0, 24.0, 64, 48)
 
 
-class Robot:
-    camera = CAMERA
+ROBOT = RobotDescription("r", 0.3, 1.4, CAMERA, 1.2, 0.0, 5.0)
 
 
 def test_a_running_check_does_not_hold_up_the_next_keyframe(
@@ -34,7 +34,7 @@ def test_a_running_check_does_not_hold_up_the_next_keyframe(
 
     monkeypatch.setattr(RobotChecks, "add", long_check)
     monkeypatch.setattr("helios_bridge.setup_monitor.free_ahead_m", lambda *_: 0.5)
-    monitor = SetupMonitor(cast(RobotDescription, Robot()), cast(BridgeHealth, None))
+    monitor = SetupMonitor(ROBOT, cast(BridgeHealth, None))
     ending = threading.Event()
     checking = threading.Thread(target=monitor.run, args=(ending,))
     checking.start()
@@ -49,3 +49,13 @@ def test_a_running_check_does_not_hold_up_the_next_keyframe(
         ending.set()
         checking.join(10)
     assert monitor.results().free_ahead_m == 0.5
+
+
+def test_the_checks_of_a_robot_that_moves_but_cannot_turn_say_what_is_left_out() -> None:
+    monitor = SetupMonitor(
+        replace(ROBOT, min_turn_rad=0.0, max_turn_rad=0.0), cast(BridgeHealth, None)
+    )
+    monitor.restart()
+    words = {check.name: check.words for check in monitor.results().checks}
+    for name in ("heading drift", "time offset"):
+        assert words[name].startswith("left out: the robot offers no turns")

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from helios_core.errors import Unavailable
 from helios_core.geometry import Pinhole, camera_on_base, invert, se2_to_se3
-from helios_core.robot import Action, ActionResult, Capture, Forward, Turn
+from helios_core.robot import Action, ActionResult, Capture, Forward, RobotDriver, Turn
 from helios_core.robot_checks import finding as f
 from helios_core.robot_checks.attribution import scale_findings
+from helios_core.robot_checks.direct_run import check_driver
 from helios_core.robot_checks.finding import Estimate, combined, judged, shown, warning
 from helios_core.robot_checks.floor_plane import floor_in_view
 from helios_core.robot_checks.image_shift import image_shift
@@ -20,7 +21,7 @@ from helios_core.robot_checks.routine import MoveLimits, free_ahead_m, moves
 from helios_core.robot_checks.scan_alignment import align, plane_field
 from helios_core.robot_checks.time_offset import WatchedTurn, time_offset
 from helios_core.robot_checks.watching import watched
-from helios_core.types import RobotDescription
+from helios_core.types import RobotDescription, RobotState
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -220,6 +221,42 @@ def test_the_routine_never_turns_farther_than_the_robot_can(max_turn_rad: float)
     turns = [a for a in moves(MoveLimits(max_turn_rad=max_turn_rad), False) if isinstance(a, Turn)]
     assert all(a.angle_rad <= max_turn_rad + 1e-6 for a in turns)
     assert sum(a.angle_rad for a in turns) == pytest.approx(2 * math.pi)
+
+
+@pytest.mark.parametrize("max_turn_rad", [0.0, 5e-324])
+@pytest.mark.parametrize("drive", [False, True])
+def test_a_robot_that_moves_but_cannot_turn_stands_and_its_findings_say_so(
+    max_turn_rad: float, drive: bool
+) -> None:
+    class Sliding(RobotDriver):
+        """Drives straight ahead and cannot turn."""
+
+        def describe(self) -> RobotDescription:
+            return RobotDescription(
+                "s", 0.3, 1.4, CAMERA, CLAIMED_M, 0.0, 5.0, min_turn_rad=0.0,
+                max_turn_rad=max_turn_rad,
+            )  # fmt: skip
+
+        def state(self) -> RobotState:
+            return RobotState(np.eye(4))
+
+        def capture(self) -> Capture:
+            color = np.zeros((240, 320, 3), np.uint8)
+            return Capture(0, color, room(camera_at()), CAMERA, camera_at(), np.eye(4))
+
+        def act(self, action: Action, action_id: str) -> ActionResult:
+            raise AssertionError(f"the robot was to do {action}")
+
+        def stop(self, reason: str) -> None: ...
+
+        def clear_stop(self) -> None: ...
+
+    found = {finding.name: finding for finding in check_driver(Sliding(), drive)}
+    for check in (f.HEADING, f.TIME_OFFSET):
+        assert found[check.name].verdict == "not measured"
+        assert found[check.name].words.startswith("left out: the robot offers no turns")
+        assert "give max_turn_rad in its driver's describe()" in found[check.name].words
+    assert found[f.PITCH.name].words.startswith("1 of 3 images came; a task brings more")
 
 
 def test_the_free_way_ahead_ends_at_the_wall() -> None:

@@ -6,7 +6,6 @@ import itertools
 import json
 import threading
 import time
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,72 +16,16 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, Forward
 from helios_core.topics import CANCEL
-from helios_ros2.action_call import RosAction
 from helios_ros2.driver import Ros2Driver
-from helios_ros2.offered_qos import Qos
 from helios_ros2.robot_input import RobotInput
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.stop_latch import NotDone, StopLatch
 from helios_ros2.task_interface import TaskInterface
 from helios_ros2.velocity_motion import VelocityMotion
 
-MS = 1_000_000
+from tests.unit.ros2.ros2_stage import CAMERA, MS, Future, Graph, camera_info, ros_action, transform
+
 SILENT_S = 0.2
-CAMERA = "camera"
-
-
-def xyz(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> SimpleNamespace:
-    return SimpleNamespace(x=x, y=y, z=z)
-
-
-def transform(parent: str, child: str, ns: int, x_m: float = 0.0) -> SimpleNamespace:
-    stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
-    return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp, frame_id=parent), child_frame_id=child,
-        transform=SimpleNamespace(
-            translation=xyz(x_m), rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
-        ),
-    )  # fmt: skip
-
-
-class Graph:
-    """Stands for a ROS node: every topic has a publisher, and the test sends its messages."""
-
-    domain = "ROS_DOMAIN_ID is 0"
-
-    def __init__(self) -> None:
-        self.handlers: dict[str, Callable[[Any], None]] = {}
-        self.sent: list[tuple[float, float]] = []
-
-    def every(self, _period_s: float, look: Callable[[], None]) -> None:
-        look()
-
-    def has_interface(self, _kind: str) -> bool:
-        return True
-
-    def graph(self) -> dict[str, list[str]]:
-        return {"/camera/color/image_raw": ["x"], "/camera/color/camera_info": ["y"]}
-
-    def offered(self, topic: str) -> list[tuple[str, Qos]]:
-        kinds = {"/tf": "tf2_msgs/msg/TFMessage", "/tf_static": "tf2_msgs/msg/TFMessage"}
-        return [(kinds[topic], Qos())] if topic in kinds else []
-
-    def start(self) -> None: ...
-
-    def close(self) -> None: ...
-
-    def requested(self, _topic: str) -> list[tuple[str, Qos]]:
-        return [("geometry_msgs/msg/Twist", Qos())]
-
-    def subscribe(self, topic: str, _kind: str, handler: Callable[[Any], None], *_: Any) -> Any:
-        self.handlers[topic] = handler
-        return SimpleNamespace(close=lambda: None)
-
-    def publisher(self, *_: Any) -> Any:
-        return SimpleNamespace(publish=lambda m: self.sent.append((m.linear.x, m.angular.z)))
-
-    def interface(self, _kind: str) -> Any:
-        return lambda: SimpleNamespace(linear=xyz(), angular=xyz())
 
 
 class Robot:
@@ -97,13 +40,7 @@ class Robot:
 
     def __enter__(self) -> Robot:
         self._thread.start()
-        info = SimpleNamespace(
-            header=SimpleNamespace(frame_id=CAMERA), k=[300.0, 0, 160, 0, 300, 120, 0, 0, 1],
-            d=[], width=320, height=240, distortion_model="plumb_bob", r=[], p=[],
-            binning_x=0, binning_y=0,
-            roi=SimpleNamespace(width=0, height=0, x_offset=0, y_offset=0),
-        )  # fmt: skip
-        self.senses._on_info("color", info)
+        self.senses._on_info("color", camera_info())
         self.senses.connect(10.0)
         return self
 
@@ -157,43 +94,22 @@ def test_the_pose_comes_back_with_the_odometry() -> None:
         assert robot.senses.here().stamp_ns > newest
 
 
-class Future:
-    """Future of rclpy, as far as `RosAction` uses it."""
-
-    def __init__(self) -> None:
-        self._result: Any = None
-        self._callbacks: list[Callable[[Any], None]] = []
-
-    def done(self) -> bool:
-        return self._result is not None
-
-    def result(self) -> Any:
-        return self._result
-
-    def add_done_callback(self, call: Callable[[Any], None]) -> None:
-        self._callbacks.append(call)
-
-    def set(self, result: Any) -> None:
-        self._result = result
-        for call in self._callbacks:
-            call(self)
-
-
 @pytest.mark.parametrize("accepted", [True, False])
 @pytest.mark.parametrize("ends", ["stop", "timeout"])
 def test_a_goal_accepted_after_a_stop_is_cancelled(accepted: bool, ends: str) -> None:
     sent, cancelled = Future(), []
-    client = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=lambda _: sent)
-    action = RosAction.__new__(RosAction)
-    action.name, action._kind, action._client, action._goal = "/spin", "x/action/Spin", client, None
-    latch = StopLatch()
+    action, latch = ros_action(sent), StopLatch()
     latch.begin()
     if ends == "stop":
         latch.stop("a person")
     with pytest.raises(NotDone):
         action.run(object(), latch, 0.05)
-    handle = SimpleNamespace(accepted=accepted, cancel_goal_async=lambda: cancelled.append(True))
-    sent.set(handle)
+
+    def cancel() -> Future:
+        cancelled.append(True)
+        return Future()
+
+    sent.set_result(SimpleNamespace(accepted=accepted, cancel_goal_async=cancel))
     assert cancelled == ([True] if accepted else [])
 
 
