@@ -107,8 +107,8 @@ class RobotMonitor:
     def robot_when(self, stopped: bool, within_s: float) -> api_models.Robot:
         """Robot as soon as its last known state is stopped or not; as it is after `within_s`.
 
-        After a stop the bridge publishes its state directly after the answer, after other calls before
-        it; that answer may still arrive first.
+        The bridge publishes its state directly after the answer to a stop, and before the answer to
+        other calls; even then the answer may arrive first.
         """
         with self._lock:
             self._lock.wait_for(
