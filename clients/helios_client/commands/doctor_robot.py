@@ -25,11 +25,12 @@ def check_robot(
     """Results after the motion of the routine, and why it ended early; empty if it did not.
 
     The robot turns once on the spot; with `drive` it also drives a little. A robot that cannot move
-    keeps its results so far. Raises HeliosError.
+    or turn keeps its results so far. Raises HeliosError.
     """
     limits = _limits(helios)
-    if not limits.can_move:
-        tell("this robot offers no motion: these are the checks of the images so far")
+    if not limits.can_move or limits.lacks_turns:
+        lacks = "turns" if limits.can_move else "motion"
+        tell(f"this robot offers no {lacks}: these are the checks of the images so far")
         return helios.robot_checks(), ""
     drives = " and drives to and fro where it sees free floor" if drive else ""
     tell(f"the robot turns once on the spot{drives}; keep clear, helios stop stops it")
