@@ -60,11 +60,14 @@ class EpochMaps:
 
     @property
     def confirmed(self) -> WorldId | None:
-        """World that the robot or its frames have told; None before."""
+        """World that the robot or a frame has reported; None before."""
         return self.robot_world or (None if self.from_disk else self.world)
 
     def use_anywhere(self) -> None:
-        """Let the current map count in any world that the robot will tell, if none is known yet."""
+        """Forget the world of a map that was read from disk, if no frame has come since.
+
+        The current map then belongs to the world of the next frame.
+        """
         if self.from_disk:
             self.world, self.newest, self.from_disk = None, None, False
 

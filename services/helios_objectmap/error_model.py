@@ -65,7 +65,10 @@ class ErrorModelInUse:
         try:
             self._model = opened(settings.error_model)
         except InvalidInput as error:
-            self._refused = f"{error.message}; broad prior until then"
+            self._refused = (
+                f"{error.message}; the object map uses the broad prior until you set another "
+                "error_model and restart it"
+            )
             log.warning("%s", self._refused)
         self.settings = (
             settings.model_copy(update={"error_model": ""}) if self._refused else settings

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
-from helios_core.types import AlignedBox, Detection, ObjectInstance, Observation, SearchContext
+from helios_core.types import AlignedBox, ObjectInstance, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_objectmap import export, placed
@@ -52,6 +52,7 @@ from helios_objectmap.viewpoint_weights import NEVER, ViewpointMatch, Viewpoints
 
 SEEN_BEYOND_M = 1.0  # margin beyond max_depth_m: Gaussians within it still occlude
 HELD_OBJECT_M = 1.0  # while the gripper holds an object, nearer pixels of objects belong to it
+PICKED_M = 0.1  # half the width of a thing that a gripper picks, or more
 OPACITY = 0.99  # of a new Gaussian
 RADIUS_PX = 1.0  # standard deviation of a new Gaussian in the image
 CARVE_VIEWS = 2.0  # distinct views through a Gaussian that remove it
@@ -136,13 +137,10 @@ class ObjectMap:
             return UpdateReport(0, 0, 0, 0, len(store))
         reading = self._read(observation, context, held)
         look = self._viewpoints.locate(reading.view.T_world_cam)
-        if s.look_alikes != "ignored" and self._is_new(look):
-            detections = (*observation.detections, *observation.others)
-            self._sightings.note(reading, s.stride_px, detections)
-        if s.image_text != "ignored" and self._is_new(look):
-            self._image_text.note(reading, self._classes.among(observation.class_scores))
-        if s.joined_by == "detections" and self._is_new(look):
-            self._note_co_detections(reading, observation)
+        weights = self._viewpoints.weights_of_view(look, self._names)
+        new_for = {name for name, w in zip(self._names, weights.tolist(), strict=True) if w > 0}
+        if new_for:
+            self._note_names(reading, observation, new_for)
         projection = self._project(reading.view)
         self._beliefs.drop_rows(np.unique(store.instance[projection.rows]).tolist())
         gone = np.empty(0, np.int32)
@@ -159,9 +157,8 @@ class ObjectMap:
         seen = reobserved(reading.depth_m, rendering, created_mask)
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
         eye_m = reading.view.T_world_cam[:3, 3]
-        weights = self._hindsight_weights(look)
         fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
-        if weights is not None:
+        if s.evidence == "hindsight":
             self._past.note(reading, self._names, weights)
         self._updates += 1
         if len(gone):
@@ -186,11 +183,16 @@ class ObjectMap:
         ]
         inside &= ~np.isin(store.class_column[near], receptacles)
         gone = np.union1d(member, near[inside])
-        self._sightings.forget_at(store.means[member])
-        self._image_text.forget_at(store.means[member])
+        self._forget_views_of(store.means[member])
         self._remove(gone)
-        self._past.forget(lambda name: not self._classes.is_receptacle(name))
         return len(gone)
+
+    def forget_place(self, point_m: NDArray[np.float64]) -> None:
+        """Forget what earlier views say about a point [3] where an unknown thing was picked."""
+        steps_m = np.linspace(-PICKED_M, PICKED_M, 5)
+        near_m = np.stack(np.meshgrid(*(x + steps_m for x in point_m)), -1).reshape(-1, 3)
+        self._forget_views_of(near_m.astype(np.float32))
+        self._beliefs.drop_all()
 
     # Queries ----------------------------------------------------------------------------------
 
@@ -410,6 +412,13 @@ class ObjectMap:
             self._registry.separations.pop(name, None)
             del self._classes.roles[name]
 
+    def _forget_views_of(self, points: NDArray[np.float32]) -> None:
+        """Forget the names and scores of views at points [n, 3] where a thing was picked, and the
+        evidence of past views on objects anywhere."""
+        self._sightings.forget_at(points)
+        self._image_text.forget_at(points)
+        self._past.forget(lambda name: not self._classes.is_receptacle(name))
+
     def _carve(
         self, projection: Projection, reading: LabelImage, look: ViewpointMatch
     ) -> tuple[Projection, NDArray[np.int32]]:
@@ -448,21 +457,26 @@ class ObjectMap:
         labels = self._classes.labels_off_floor()
         return without_labels_below(reading, labels, s.furniture_from_m)
 
-    def _note_co_detections(self, reading: LabelImage, observation: Observation) -> None:
-        """Note which neighbouring voxels the detections of each class show together."""
-        by_class: dict[str, list[Detection]] = {}
-        reading = without_depth_below(reading, self._settings.furniture_from_m)
-        context = self._classes.context
-        assert context is not None
-        large = [c for c in context.distinct() if c.role.is_receptacle]
-        least = {c.name: c.threshold for c in large}
-        for d in observation.detections:
-            if d.score >= least.get(d.class_name, 2.0):
-                by_class.setdefault(d.class_name, []).append(d)
-        for name, detections in by_class.items():
-            pairs = self._registry.co_detections(name, self._classes.voxel_m(name))
-            changed = pairs.note(reading, self._settings.stride_px, detections)
-            self._registry.cluster_again(name, changed)
+    def _note_names(self, reading: LabelImage, observation: Observation, new_for: set[str]) -> None:
+        """Note the names, the image-text scores and the co-detections of a view.
+
+        new_for: classes for which the view differs from all earlier ones; there is at least one.
+        Image-text scores and co-detections of other classes are left out. Detections count under
+        all names, because the map compares each name with all others.
+        """
+        s, classes = self._settings, self._classes
+        if s.look_alikes != "ignored":
+            detections = (*observation.detections, *observation.others)
+            self._sightings.note(reading, s.stride_px, detections)
+        if s.image_text != "ignored":
+            scores = classes.among(observation.class_scores)
+            self._image_text.note(reading, {n: v for n, v in scores.items() if n in new_for})
+        if s.joined_by == "detections":
+            sure = classes.sure_receptacles(observation.detections)
+            self._registry.note_co_detections(
+                without_depth_below(reading, s.furniture_from_m), s.stride_px,
+                [d for d in sure if d.class_name in new_for], classes.voxel_m,
+            )  # fmt: skip
 
     def _creation_mask(self, reading: LabelImage, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
@@ -475,21 +489,6 @@ class ObjectMap:
         radius_m = reading.depth_m[mask] * np.float32(RADIUS_PX / reading.view.fx)
         self._store.append(means, radius_m, OPACITY, reading.color[mask], self._updates)
         return len(means)
-
-    def _hindsight_weights(self, look: ViewpointMatch) -> NDArray[np.float32] | None:
-        """Weight of a view [names] for Gaussians that it sees later, by hindsight; None without
-        it."""
-        if self._settings.evidence != "hindsight":
-            return None
-        return self._weights_at_first_sight(look)
-
-    def _is_new(self, look: ViewpointMatch) -> bool:
-        """True for a view that differs from all earlier ones of the search."""
-        return bool(self._weights_at_first_sight(look).any())
-
-    def _weights_at_first_sight(self, look: ViewpointMatch) -> NDArray[np.float32]:
-        """Weight of a view [names] beside all earlier ones."""
-        return self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
 
     def _add_hindsight_votes(self, rows: NDArray[np.int32]) -> None:
         """Give new Gaussians the evidence of past views that show their positions."""

@@ -13,6 +13,7 @@ from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import MapPart
 from helios_core.printable_text import counted
 from helios_core.types import AlignedBox, FrameId, ObjectInstance, Observation
+from numpy.typing import NDArray
 
 from helios_objectmap.instances.registry import Moment
 from helios_objectmap.instances.summary import Grasp
@@ -64,6 +65,27 @@ def boxes_of(request: pb.NamesAtRequest) -> list[AlignedBox]:
                 f"{MOST_SIDE_M:g} m, and a centre within {MOST_AWAY_M:g} m of the origin"
             )
     return boxes
+
+
+def point_of(request: pb.RetireRequest) -> NDArray[np.float64]:
+    """Point [3] at which a thing was picked; world, m. Raises InvalidInput."""
+    point_m = vector_from_proto(request.point_m)
+    if not (np.abs(point_m) < MOST_AWAY_M).all():
+        raise InvalidInput(
+            f"point_m is {point_m.tolist()}; wanted a point within {MOST_AWAY_M:g} m of the "
+            "origin, in metres"
+        )
+    return point_m
+
+
+def nothing_retired(request: pb.RetireRequest) -> str:
+    """Why no object was retired."""
+    reasons = []
+    if request.object_id:
+        reasons.append(f"there is no object {request.object_id}")
+    if request.radius_m > 0:
+        reasons.append(f"no object lies within {request.radius_m:g} m of the point")
+    return ", and ".join(reasons)
 
 
 def detail_message(

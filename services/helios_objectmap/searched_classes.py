@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from helios_core.types import Role, SearchContext
+from helios_core.types import Detection, Role, SearchContext
 
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.furniture import is_flat, is_furniture
@@ -30,6 +30,13 @@ class SearchedClasses:
     def among(self, scores: Mapping[str, float]) -> dict[str, float]:
         """The scores of classes of the current search."""
         return {name: scores[name] for name in self.names if name in scores}
+
+    def sure_receptacles(self, detections: Iterable[Detection]) -> list[Detection]:
+        """The detections of receptacles of the current search with a score from the threshold of
+        their class on."""
+        wanted = self.context.distinct() if self.context is not None else ()
+        least = {c.name: c.threshold for c in wanted if c.role.is_receptacle}
+        return [d for d in detections if d.class_name in least and d.score >= least[d.class_name]]
 
     @property
     def prior_classes(self) -> int:

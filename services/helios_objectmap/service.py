@@ -9,7 +9,6 @@ import time
 from collections import deque
 from dataclasses import dataclass
 
-import numpy as np
 from helios_core import proto as pb
 from helios_core import tracing
 from helios_core.bus import Bus
@@ -18,7 +17,6 @@ from helios_core.codec import (
     frame_id_to_proto,
     observation_from_proto,
     state_from_proto,
-    vector_from_proto,
 )
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
@@ -58,7 +56,9 @@ from helios_objectmap.object_messages import (
     boxes_of,
     detail_message,
     held_message,
+    nothing_retired,
     object_message,
+    point_of,
     with_own_color,
 )
 from helios_objectmap.settings import ObjectMapSettings
@@ -70,6 +70,7 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 4  # observations that wait for their search context
 MOST_POSES = 256
+CLOSE_WITHIN_S = 1.0  # longest wait at `close` for a query that compiles kernels
 FILE_NAME = "objects.npz"
 MOST_PIXELS = 1920 * 1200
 _FORMATS = {"ply": export.ply, "npz": export.npz}
@@ -91,6 +92,9 @@ class ObjectMapService:
         self._errors = ErrorModelInUse(settings)
         settings = self._errors.settings
         self._bus, self._settings, self._health = bus, settings, health
+        # Held while the kernels are compiled, and by each message that changes the map. A thread
+        # that needs both locks takes this one first.
+        self._compiling = threading.Lock()
         self._lock = threading.Lock()  # guards every attribute below
         stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
         self._stored = StoredObjects(settings, stored_file)
@@ -131,11 +135,11 @@ class ObjectMapService:
     def warm_up(self) -> None:
         """Compile the kernels, then report ready.
 
-        Observations wait during the compilation; none is lost.
+        Messages that change the map wait during the compilation; no observation is lost.
         """
 
         def compile() -> None:
-            with self._lock:
+            with self._compiling:
                 warm_up(self._settings)
 
         if until_warm(self._health, compile, self._ending):
@@ -143,10 +147,22 @@ class ObjectMapService:
             self._say()
 
     def close(self) -> None:
-        """Save the map. The bus closes with the process."""
+        """Save the map. The bus closes with the process.
+
+        A query during the compilation can hold the map for long. Then the map is not saved; no
+        observation has changed it.
+        """
         self._ending.set()
-        if self._kept is not None:
-            self._kept.close()
+        if self._kept is None:
+            return
+        if not self._warm:
+            if not self._lock.acquire(timeout=CLOSE_WITHIN_S):
+                log.warning("the map is not saved, because a query still compiles kernels")
+                return
+            self._lock.release()
+        self._kept.close()
+        if self._stored.untidy:
+            self._kept.write()  # the map is saved; this removes the files that it contains
 
     def _say(self) -> None:
         if self._warm:
@@ -154,21 +170,25 @@ class ObjectMapService:
 
     # Messages ---------------------------------------------------------------------------------
     def on_context(self, message: pb.SearchContext) -> None:
-        """Switch to a new search context and integrate the observations that waited for it."""
+        """Switch to a new search context and integrate the observations that waited for it.
+
+        Those of a context that is still unknown wait on.
+        """
         try:
             context = context_from_proto(message)
         except InvalidInput as error:
             self._health.count("contexts_refused")
             log.warning("search context %.100s refused: %s", message.id, error.message)
             return
-        with self._lock:
+        with self._compiling, self._lock:
             if self._context is not None and self._context.id != context.id:
                 self._over.append(self._context.id)
             self._context = context
             self._maps.current.set_context(context)
             self._changed()
-            waiting, self._waiting = self._waiting, deque()
-        for raw, observation in waiting:
+            known = [w for w in self._waiting if self._knows(w[1].context_id)]
+            self._waiting = deque(w for w in self._waiting if not self._knows(w[1].context_id))
+        for raw, observation in known:
             self._integrate(raw, observation)
 
     def on_robot_state(self, message: pb.RobotState) -> None:
@@ -179,7 +199,7 @@ class ObjectMapService:
             self._health.count("states_refused")
             log.warning("robot state refused: %s", error.message)
             return
-        with self._lock:
+        with self._compiling, self._lock:
             self._held = held
             parked = replaced = False
             if boot_id := message.robot_boot_id:
@@ -200,7 +220,8 @@ class ObjectMapService:
     def on_observation(self, message: ObservationMessage) -> None:
         """Integrate an observation, or publish a refusal with its reason. Never raises.
 
-        An observation whose search context is unknown waits for that context.
+        An observation whose search context is unknown waits for that context. At most MOST_WAITING
+        wait; one more, and the oldest is refused.
         """
         try:
             observation = observation_from_proto(message)
@@ -212,18 +233,15 @@ class ObjectMapService:
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
         dropped = None
-        with self._lock:
-            current = self._context.id if self._context is not None else None
-            is_unknown = observation.context_id != current and (
-                observation.context_id not in self._over
-            )
-            if is_unknown:
+        with self._compiling, self._lock:
+            is_known = self._knows(observation.context_id)
+            if not is_known:
                 self._waiting.append((apart(message).head, with_own_color(observation)))
                 if len(self._waiting) > MOST_WAITING:
                     dropped = self._waiting.popleft()[0]
         if dropped is not None:
             self._refuse(dropped, f"search context {dropped.context_id!r} never came")
-        if not is_unknown:
+        if is_known:
             self._integrate(message, observation)
 
     # Queries ----------------------------------------------------------------------------------
@@ -284,17 +302,20 @@ class ObjectMapService:
         )
 
     def retire(self, request: pb.RetireRequest) -> pb.RetireReply:
-        """Remove a picked object: the one with the given id, or the nearest one around a point."""
+        """Remove a picked object: the one with the given id, or else the nearest around a point.
+
+        Without such an object, the map only forgets what earlier views say about the point.
+        """
         if not request.object_id and not request.radius_m > 0:
             raise InvalidInput("give an object_id, or point_m with a radius_m above 0")
         with self._lock:
             present = self._maps.current
             label: int | None = request.object_id
-            if not request.object_id:
-                point = vector_from_proto(request.point_m)
-                if not np.isfinite(point).all():
-                    raise InvalidInput(f"point_m is {point.tolist()}; wanted finite metres")
+            if not present.class_of(request.object_id) and request.radius_m > 0:
+                point = point_of(request)
                 label = present.nearest_object(point, request.radius_m)
+                if label is None:
+                    present.forget_place(point)
             class_name = present.class_of(label) if label is not None else ""
             count = present.retire(label) if label is not None else 0
             after = self._maps.newest
@@ -304,11 +325,7 @@ class ObjectMapService:
             reply.object_id, reply.class_name = label or 0, class_name
             log.info("retired %s %s (%d): %s", class_name, label, count, request.reason)
         else:
-            reply.reason = (
-                f"there is no object {request.object_id}"
-                if request.object_id
-                else f"no object lies within {request.radius_m:g} m of the point"
-            )
+            reply.reason = nothing_retired(request)
             log.warning("nothing was retired (%s): %s", request.reason, reply.reason)
         retired = pb.Retired(
             request=request, retired_gaussians=count, object_id=reply.object_id,
@@ -415,6 +432,11 @@ class ObjectMapService:
         return detail_message(found, history, grasp)
 
     # Parts ------------------------------------------------------------------------------------
+    def _knows(self, context_id: str) -> bool:
+        """True for the present search context and for those before it."""
+        present = self._context is not None and self._context.id == context_id
+        return present or context_id in self._over
+
     def _integrate(self, message: ObservationMessage, observation: Observation) -> None:
         keyframe, context_id = str(observation.frame.id), observation.context_id
         with tracing.span("update of objects", keyframe=keyframe, task=context_id):
@@ -423,9 +445,9 @@ class ObjectMapService:
     def _fuse(self, message: ObservationMessage, observation: Observation) -> None:
         began = time.perf_counter()
         try:
-            with self._lock:
+            with self._compiling, self._lock:
                 report = self._update(observation)
-                version = self._version
+                version, noted = self._version, self._maps.drop_restored_note()
         except HeliosError as error:
             self._refuse(message, error.message)
             return
@@ -434,7 +456,7 @@ class ObjectMapService:
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
         update_ms = (time.perf_counter() - began) * 1e3
-        if self._maps.drop_fate() | self._errors.hear(observation.detector):
+        if self._errors.hear(observation.detector) or noted:
             self._say()
         self._take_over_stored()
         self._health.count("observations_accepted")
@@ -457,15 +479,17 @@ class ObjectMapService:
         return report
 
     def _take_over_stored(self) -> None:
-        """Add the stored map to the present one if it is relocalised, and save the result."""
-        with self._lock:
+        """Add the stored map to the present one if it is relocalised, and save the result.
+
+        If that save fails, the stored file stays until a later save succeeds.
+        """
+        with self._compiling, self._lock:
             if not self._stored_added():
                 return
             self._changed()
-        if self._kept is not None:
-            self._kept.write()
-        with self._lock:
-            self._stored.tidy()
+        if self._kept is None or self._kept.write():
+            with self._lock:
+                self._stored.tidy()
         self._say()
 
     def _stored_added(self) -> bool:
@@ -504,16 +528,13 @@ class ObjectMapService:
 
     @property
     def _map_said(self) -> str:
-        """Why the map cannot be saved, and the fate of the saved map.
-
-        The fate of the saved map is part of it until another map replaces that one.
-        """
+        """Why the map cannot be saved, and what became of the map of an earlier process."""
         waits = (
             "stored objects are not in use until the robot has found its place"
             if self._stored.waits
             else ""
         )
-        parts = (self._trouble, self._refused, self._maps.fate(), waits)
+        parts = (self._trouble, self._refused, self._maps.restored_note(), waits)
         return "; ".join(part for part in parts if part)
 
     def _take_up_kept_map(self) -> None:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from helios_core.agent_presets import DEFAULT_AGENT, AgentSetting
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 
 class ObjectMapSettings(ServiceSettings):
@@ -28,7 +28,9 @@ class ObjectMapSettings(ServiceSettings):
         ge=0,
         description="nearer depth is ignored: the robot's own body, or what it holds",
     )
-    max_depth_m: float = Field(default=8.0, gt=0, description="farther depth is ignored")
+    max_depth_m: float = Field(
+        default=8.0, gt=0, validate_default=True, description="farther depth is ignored"
+    )
 
     prior_concentration: float = Field(
         default=1.0,
@@ -99,8 +101,9 @@ class ObjectMapSettings(ServiceSettings):
         ge=0,
         lt=1,
         description="share of the evidence from which a Gaussian belongs to the core of an "
-        "instance; Gaussians with less form instances of their own, which are not reported beside "
-        "a core; up to `named_from`: all belong to the core",
+        "instance. Gaussians with less form instances of their own. The map does not report such "
+        "an instance where it touches a core of its class. A value up to that of `named_from` puts "
+        "all Gaussians into cores",
     )
     joined_by: Literal["distance", "detections"] = Field(
         default="distance",
@@ -185,6 +188,17 @@ class ObjectMapSettings(ServiceSettings):
     save_every_s: float = Field(
         default=3.0, gt=0, description="time between two saves of a changed map"
     )
+
+    @field_validator("max_depth_m")
+    @classmethod
+    def _leaves_depth(cls, max_depth_m: float, others: ValidationInfo) -> float:
+        min_depth_m = others.data.get("min_depth_m", 0.0)  # absent if it is wrong itself
+        if not max_depth_m > min_depth_m:
+            raise ValueError(
+                f"max_depth_m is {max_depth_m:g} and min_depth_m is {min_depth_m:g}, so all depth "
+                "would be ignored; give a max_depth_m above min_depth_m"
+            )
+        return max_depth_m
 
     @property
     def furniture_from_m(self) -> float | None:

@@ -19,7 +19,7 @@ from helios_objectmap.settings import ObjectMapSettings
 
 log = logging.getLogger(__name__)
 
-UNKNOWN, RELOCALISED = "unknown", "relocalised"
+UNKNOWN, RELOCALISED = "unknown", "relocalised"  # of the states that map.proto lists
 
 
 class StoredObjects:
@@ -34,7 +34,7 @@ class StoredObjects:
         self._files = StoredMapFile(map_file), StoredMapFile(map_file, "older")
         self._maps: dict[WorldId, ObjectMap] = {}
         self._place = pb.Relocalisation()  # newest message of map2d
-        self.untidy = False  # True while there is a file of a map that was taken
+        self.untidy = False  # True while the file of a map that was taken may still be there
         for file in self._files:
             self._read(file)
 
@@ -114,6 +114,7 @@ class StoredObjects:
         T = place.T_present_stored
         self._maps = {}
         added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
+        self.untidy = True
         log.info("relocalised: %d Gaussians of the stored map are in use", added)
         return added
 

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-NEVER = -1
+FIRST_UPDATE = 0  # number of the first update of a map
+NEVER = -1  # in place of an update or a viewpoint
 # A view counts in full from this distance or turn: just below the smallest steps of the paper.
 MOVED_M, TURNED_RAD = 0.08, math.radians(4)
 # Poses closer than this share of the set distance or turn are the same: jitter adds nothing.
@@ -108,6 +109,13 @@ class Viewpoints:
             share = np.append(np.where(least < SAME, 0.0, least), 1.0)
             out[:, j] = share[np.searchsorted(last[order], born)]
         return out
+
+    def weights_of_view(self, look: ViewpointMatch, class_names: list[str]) -> NDArray[np.float32]:
+        """Weight [classes] in [0, 1] of a view beside all earlier views that counted for the class.
+
+        It is 1 for a class that no search named before.
+        """
+        return self.weights(look, class_names, np.array([FIRST_UPDATE]))[0]
 
     def mark(self, look: ViewpointMatch, class_names: list[str], update: int) -> None:
         """Note that a view counted for these classes at this update."""

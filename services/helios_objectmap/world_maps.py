@@ -1,4 +1,4 @@
-"""The object map in use, and the maps that came from files: which of them counts in which world."""
+"""The object map in use, and the maps that came from files: which one is used in which world."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ class _Restored:
 class WorldMaps:
     """Current object map, parked maps of former worlds, and stored map files.
 
-    A map file names its world. It counts in that world; in another one it waits until map2d has
-    found its place. Before the robot tells its world, it is used until the robot tells another.
-    Not thread-safe: the owner locks.
+    A map file names the world that its coordinates belong to. In that world the map is used as it
+    is. In another world it is stored, and it is used once map2d has found its place there. A map
+    that is read before the robot has reported its world is used at once. If the robot then reports
+    another world, the map is stored. Not thread-safe: the owner locks.
     """
 
     def __init__(self, settings: ObjectMapSettings, stored: StoredObjects) -> None:
         self._maps, self._stored = EpochMaps(settings), stored
         self._restored: _Restored | None = None
-        self._file: bytes | None = None  # of the current map, until the robot tells its world
+        self._file: bytes | None = None  # of the current map, until the robot reports its world
 
     @property
     def current(self) -> ObjectMap:
@@ -116,8 +117,8 @@ class WorldMaps:
         self._restored = self._file = None
 
     # What there is to say ---------------------------------------------------------------------
-    def fate(self) -> str:
-        """Fate of the map of an earlier process until that map changes; "" without one."""
+    def restored_note(self) -> str:
+        """What became of the map of an earlier process; "" without one, or once it has changed."""
         restored = self._restored
         if restored is None:
             return ""
@@ -126,8 +127,8 @@ class WorldMaps:
             return f"the map was restored as it was written at {written}: {content}"
         return map_autosave.of_another_world(restored.written)
 
-    def drop_fate(self) -> bool:
-        """Drop that note, because the map changes now; True if there was one."""
+    def drop_restored_note(self) -> bool:
+        """Drop that note, because the map has changed. Returns True if there was one."""
         was, self._restored = self._restored, None
         return was is not None
 
@@ -135,7 +136,7 @@ class WorldMaps:
     def _use(self, found: persistence.LoadedMap, data: bytes | None) -> None:
         """Replace the content of the current map with that of a file.
 
-        data: the file, if it counts in its own world alone.
+        data: the file, if the map may be used in its own world only; else None.
         """
         self.current.load_content(found.content)
         if data is not None and self._maps.world is None:
@@ -143,12 +144,17 @@ class WorldMaps:
         self._file = data if found.world is not None else None
 
     def _settle(self) -> bool:
-        """Put aside a map of another world, use a stored one of this world; True if one is used."""
+        """Store the current map if its file is of another world, and use a stored map of this one.
+
+        Returns True if a stored map is used.
+        """
         file, self._file = self._file, None
         if file is not None and persistence.world_of(file) != self._maps.world:
             self._stored.store(file)
         world = self._maps.confirmed
         if world is None or (len(self.current) and self._restored is None):
+            return False
+        if self._maps.world not in (None, world):  # the current map is still of another world
             return False
         own = self._stored.take(world)
         if own is None or len(self.current):  # a map that was saved later contains it

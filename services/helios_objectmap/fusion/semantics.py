@@ -60,26 +60,28 @@ def entropy(concentration: Floats) -> Floats:
 
 
 def marginal(
-    positive: Floats, asked: Floats, prior: float, n_classes: int
+    positive: Floats, total_evidence: Floats, prior: float, n_classes: int
 ) -> tuple[Floats, Floats]:
     """Mean and standard deviation of theta^c from the evidence for c (eq. 4), same shape.
 
-    positive: evidence for c; asked: all evidence of the views that searched for c. prior:
+    positive: evidence for c; total_evidence: all evidence of the views that searched for c. prior:
     concentration of each class before any view. n_classes: number of classes with "other".
     """
-    total = asked + prior * n_classes
+    total = total_evidence + prior * n_classes
     mean = (positive + prior) / total
     return mean, np.sqrt(mean * (1 - mean) / (1 + total))  # eq. 4
 
 
-def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:
+def concentration_of(
+    positive: Floats, total_evidence: Floats, prior: float, n_classes: int = 0
+) -> Floats:
     """Concentration [n, max(1 + C, n_classes)] of eq. 2: "other", the listed classes, the others.
 
-    positive: [n, C] evidence for each listed class; asked: [n] all evidence of the views that
-    searched for the wanted class. "other" gets the evidence that is for no listed class. n_classes:
-    number of classes with "other"; those that are not listed have only their prior.
+    positive: [n, C] evidence for each listed class; total_evidence: [n] all evidence of the views
+    that searched for the wanted class. "other" gets the evidence that is for no listed class.
+    n_classes: number of classes with "other"; those that are not listed have only their prior.
     """
-    other = np.maximum(asked - positive.sum(axis=-1), 0)
+    other = np.maximum(total_evidence - positive.sum(axis=-1), 0)
     concentration = np.concatenate([other[..., None], positive], axis=-1) + prior
     n_unlisted = max(n_classes - concentration.shape[-1], 0)
     unlisted = np.full((*concentration.shape[:-1], n_unlisted), prior, concentration.dtype)
@@ -110,7 +112,7 @@ def accumulate(
     classes; columns: [C] store columns of those classes; weights: [k, C] share in [0, 1] that the
     view gives a Gaussian and class. For class c, eq. 3 with the factor α_cpa (section 6.1) and the
     view's weight, which is not the paper's, is
-        positive_c += weight_c * alpha_cpa * kappa_c,    asked_c += weight_c * alpha_cpa * sum kappa
+        positive_c += weight_c * alpha_cpa * kappa_c,    total_c += weight_c * alpha_cpa * sum kappa
     so evidence never falls, and is linear in alpha_cpa.
     """
     took = np.empty(len(rows), np.int64)
@@ -123,7 +125,7 @@ def accumulate(
 
 def most_likely_columns(
     positive: NDArray[np.float32],
-    asked: NDArray[np.float32],
+    total_evidence: NDArray[np.float32],
     rows: NDArray[np.integer],
     context_columns: list[int],
     prior: float,
@@ -133,19 +135,20 @@ def most_likely_columns(
 ) -> tuple[NDArray[np.int16], NDArray[np.bool_]]:
     """Column [k] of the most likely class of each of the rows [k], or OTHER, and its core flag [k].
 
-    positive, asked: [n, classes in the store]; n_classes: classes of the prior with "other". The
-    classes of the current context compete with each other, where the first of equal ones wins, and
-    with "other", the evidence that the views of a class gave to no class. The winner's evidence
-    must exceed the share `named_from` of the sum of its evidence and that of "other". If no class
-    of the context wins, a class of an earlier context wins while its probability is above
-    `named_from`. The flag says whether the winner exceeds `core_from` in the same way.
+    positive, total_evidence: [n, classes in the store]; n_classes: classes of the prior with
+    "other". The classes of the current context compete with each other, where the first of equal
+    ones wins, and with "other", the evidence that the views of a class gave to no class. The
+    winner's evidence must exceed the share `named_from` of the sum of its evidence and that of
+    "other". If no class of the context wins, a class of an earlier context wins while its
+    probability is above `named_from`. The flag says whether the winner exceeds `core_from` in the
+    same way.
     """
-    parked = [c for c in range(positive.shape[1]) if c not in context_columns]
+    present = np.array(context_columns, np.int64)
+    earlier = np.setdiff1d(np.arange(positive.shape[1]), present)
     believed, in_core = np.empty(len(rows), np.int16), np.empty(len(rows), np.bool_)
     believe_kernel(
-        positive, asked, rows, np.array(context_columns, np.int64), np.array(parked, np.int64),
-        prior, prior * n_classes, named_from, max(core_from, named_from), TIE, OTHER, believed,
-        in_core,
+        positive, total_evidence, rows, present, earlier, prior, prior * n_classes, named_from,
+        max(core_from, named_from), TIE, OTHER, believed, in_core,
     )  # fmt: skip
     return believed, in_core
 
@@ -172,8 +175,8 @@ def score_from(class_score: float, uncertainty: float, alpha_cs: float) -> Score
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, asked, took):
-    """Add evidence (eq. 3) to positive and asked [., columns].
+def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, total_evidence, took):
+    """Add evidence (eq. 3) to positive and total_evidence [., columns].
 
     Lists in took [k] the indices into `rows` that received evidence, and returns their number.
     """
@@ -187,7 +190,7 @@ def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, asked,
             share = weights[k, j] * alpha_cpa
             if share * total > 0:
                 positive[row, columns[j]] += share * kappa[k, 1 + j]
-                asked[row, columns[j]] += share * total
+                total_evidence[row, columns[j]] += share * total
                 some = True
         took[n] = k
         n += some
@@ -197,10 +200,10 @@ def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, asked,
 @njit(cache=True, nogil=True, error_model="numpy")
 def believe_kernel(
     positive,
-    asked,
+    total_evidence,
     rows,
     present,
-    parked,
+    earlier,
     prior,
     prior_total,
     named_from,
@@ -210,29 +213,32 @@ def believe_kernel(
     believed,
     in_core,
 ):
-    """Fill believed [k] and in_core [k] for rows [k]. present, parked: columns of the store."""
+    """Fill believed [k] and in_core [k] for rows [k].
+
+    present, earlier: store columns of the classes of the current context, and of all others.
+    """
     # Evidence that a class needs for each unit of evidence for "other".
     per_other, core_per_other = named_from / (1 - named_from), core_from / (1 - core_from)
     for k in range(rows.size):
         row = rows[k]
         believed[k], in_core[k] = other, True
         best, highest = 0, -1.0
-        for column in parked:
-            mean = (positive[row, column] + prior) / (asked[row, column] + prior_total)
+        for column in earlier:
+            mean = (positive[row, column] + prior) / (total_evidence[row, column] + prior_total)
             if mean > highest:
                 best, highest = column, mean
         if highest > named_from + tie:
             believed[k], in_core[k] = best, highest > core_from + tie
-        highest, spoken = -1.0, 0.0
+        highest, for_present = -1.0, 0.0
         for j in range(present.size):
             column = present[j]
-            spoken += positive[row, column]
-            mean = (positive[row, column] + prior) / (asked[row, column] + prior_total)
+            for_present += positive[row, column]
+            mean = (positive[row, column] + prior) / (total_evidence[row, column] + prior_total)
             if mean - j * tie * 0.01 > highest:
                 best, highest = column, mean - j * tie * 0.01
         if present.size:
-            everything = asked[row, best]
-            unnamed, margin = max(everything - spoken, 0.0), tie * (1 + everything)
-            if positive[row, best] > per_other * unnamed + margin:
+            everything = total_evidence[row, best]
+            for_other, margin = max(everything - for_present, 0.0), tie * (1 + everything)
+            if positive[row, best] > per_other * for_other + margin:
                 believed[k] = best
-                in_core[k] = positive[row, best] > core_per_other * unnamed + margin
+                in_core[k] = positive[row, best] > core_per_other * for_other + margin

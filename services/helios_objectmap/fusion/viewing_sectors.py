@@ -146,15 +146,15 @@ def add_votes_kernel(
     alpha_side,
     votes,
     positive,
-    asked,
+    total_evidence,
     took,
 ):
     """Add votes to votes [., columns, sectors, (own, all)], in place of eq. 3.
 
     may: [m] indices into the rows [k] that may vote, rising; sectors: [m] their viewing sectors;
     unit: stored value of one vote; full: votes with which a sector counts in full; most: limit of a
-    sector. Adds the resulting changes to positive and asked [., columns]. Lists in took [k] the
-    indices into `rows` that received votes, and returns their number.
+    sector. Adds the resulting changes to positive and total_evidence [., columns]. Lists in took
+    [k] the indices into `rows` that received votes, and returns their number.
     """
     n = 0
     for m in range(may.size):  # `took` may be the memory of `may`: it is written behind m
@@ -170,7 +170,7 @@ def add_votes_kernel(
                 own_more = min(int(weights[k, j] * kappa[k, 1 + j] * scale + 0.5), more)
                 _vote(
                     row, columns[j], side, own_more, more, most, full, alpha_side, votes, positive,
-                    asked,
+                    total_evidence,
                 )  # fmt: skip
                 some = True
         took[n] = k
@@ -181,7 +181,7 @@ def add_votes_kernel(
 @njit(cache=True, nogil=True, error_model="numpy")
 def past_votes_kernel(
     rows, view, labels, columns, weights, sectors, unit, most, full, alpha_side, votes, positive,
-    asked,
+    total_evidence,
 ):  # fmt: skip
     """Add the votes of past views: entry k is row rows[k], seen by view view[k] with labels[k] (0:
     "other", 1 + i: class i) from sector sectors[k].
@@ -197,20 +197,22 @@ def past_votes_kernel(
                 own_more = more if labels[k] == 1 + i else 0
                 _vote(
                     rows[k], columns[v, i], sectors[k], own_more, more, most, full, alpha_side,
-                    votes, positive, asked,
+                    votes, positive, total_evidence,
                 )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _vote(row, column, side, own_more, more, most, full, alpha_side, votes, positive, asked):
+def _vote(
+    row, column, side, own_more, more, most, full, alpha_side, votes, positive, total_evidence
+):
     """Add `more` units of votes, own_more of them for the class, and the change of the evidence."""
     own, all_votes = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
     own_before = own / max(all_votes, full)
-    asked_before = all_votes / max(all_votes, full)
+    total_before = all_votes / max(all_votes, full)
     if all_votes + more > most:
         own, all_votes = own // 2, all_votes // 2
     own += own_more
     all_votes += more
     votes[row, column, side, 0], votes[row, column, side, 1] = own, all_votes
     positive[row, column] += alpha_side * (own / max(all_votes, full) - own_before)
-    asked[row, column] += alpha_side * (all_votes / max(all_votes, full) - asked_before)
+    total_evidence[row, column] += alpha_side * (all_votes / max(all_votes, full) - total_before)

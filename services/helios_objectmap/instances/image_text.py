@@ -34,6 +34,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.geometry import Matrix, yaw_of
+from helios_core.printable_text import counted
 from numba import njit
 from numpy.typing import NDArray
 
@@ -57,7 +58,9 @@ SIDES_CORRELATE = 0.1
 FEW_VIEWS = 20.0  # views of the search at which L counts in half
 LEAST_DEVIATION = 0.01  # of scores in 0 to 1; with less, L is 0
 MOST_NATS = 6.0  # largest L, both ways
-MOST_SUMS = 2**22  # voxels times classes: 400 MB
+# Voxels times classes: 400 MB in use. Arrays grow by doubling, so twice that may be reserved; the
+# operating system gives memory only to the part in use.
+MOST_SUMS = 2**22
 _LEAST = 1e-4  # score in the odds; also 1 minus the largest one
 
 
@@ -102,10 +105,11 @@ class ImageTextScores:
         self._voxels = VoxelNumbers()
         self._sums: dict[str, NDArray[np.float32]] = {}  # class -> [voxels, SECTORS, 2]
         self._scores: dict[str, _Distribution] = {}
+        self._told_full = False
 
     def note(self, reading: LabelImage, scores: Mapping[str, float]) -> None:
         """Add a view. scores: class -> image-text score, 0 to 1. A view that would exceed
-        `MOST_SUMS` is left out."""
+        `MOST_SUMS` is left out; the log tells the first one."""
         if not scores:
             return
         coarse = max(1, -(-reading.view.width // WIDTH_PX))
@@ -116,6 +120,7 @@ class ImageTextScores:
         if not self._has_room(len(keys), scores) and not self._has_room(
             len(np.unique(keys[self._voxels.known(keys) == NO_VOXEL])), scores
         ):
+            self._tell_full()
             return
         voxels = self._voxels.of_keys(keys)
         for name, score in scores.items():
@@ -191,6 +196,16 @@ class ImageTextScores:
             self.add_arrays(arrays, T_here_there)
         else:
             log.warning("image-text scores of a stored map are left out: both maps are too large")
+
+    def _tell_full(self) -> None:
+        """Log the first view that is left out."""
+        if not self._told_full:
+            self._told_full = True
+            log.warning(
+                "image-text scores fill %s of %s: views that show more of the home add no scores "
+                "from now on; to begin anew, run `helios map reset`",
+                counted(len(self._voxels), "voxel"), counted(len(self._scores), "class", "classes"),
+            )  # fmt: skip
 
     def _has_room(self, new_voxels: int, names: Iterable[str]) -> bool:
         classes = self._scores.keys() | set(names)

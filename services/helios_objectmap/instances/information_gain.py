@@ -43,7 +43,7 @@ class InstanceEvidence:
     radius_m: Float32  # [n]
     opacity: Float32  # [n]
     positive: Float32  # [n, C] evidence for each class of the context
-    asked: Float32  # [n] all evidence of the views that searched for the wanted class
+    total_evidence: Float32  # [n] all evidence of the views that searched for the wanted class
     votes_so_far: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class
 
 
@@ -113,7 +113,7 @@ def expected(
         shown |= kappa != 0
     before = np.empty(len(base))
     before[shown] = entropy(
-        concentration_of(base[shown], member.asked[shown], rates.prior, n_classes)
+        concentration_of(base[shown], member.total_evidence[shown], rates.prior, n_classes)
     )
     out = []
     for kappa in kappas:
@@ -121,13 +121,13 @@ def expected(
         evidence = rates.alpha_cpa * kappa[seen].astype(np.float64)
         positive = base[seen]
         positive[:, wanted] += rates.trust * (1 - rates.other) * evidence  # eq. 3
-        asked = member.asked.astype(np.float64)
-        asked[seen] += evidence
-        after = entropy(concentration_of(positive, asked[seen], rates.prior, n_classes))
+        total_evidence = member.total_evidence.astype(np.float64)
+        total_evidence[seen] += evidence
+        after = entropy(concentration_of(positive, total_evidence[seen], rates.prior, n_classes))
         gain = float((before[seen] - after).sum())  # eq. 6 as eq. 12; a share may be negative
         own = base[:, wanted].copy()
         own[seen] = positive[:, wanted]
-        mean, deviation = marginal(own, asked, rates.prior, n_classes)
+        mean, deviation = marginal(own, total_evidence, rates.prior, n_classes)
         psi = with_evidence(
             score(mean, deviation, rates.alpha_cs), rates.image_text_nats
         ).psi  # eq. 11

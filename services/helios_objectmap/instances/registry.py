@@ -6,14 +6,16 @@ between the other voxels do not change, so the partition equals that of clusteri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from helios_core.types import Detection
 from numba import njit
 from numpy.typing import NDArray
 
+from helios_objectmap.fusion.label_image import LabelImage
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.instances.clustering import (
     Regrouped,
@@ -179,6 +181,18 @@ class InstanceRegistry:
         self._voxels[group] = Voxels(voxel_m, separations)
         self._voxels[group].fill(store.means[rows], labels)
 
+    def note_co_detections(
+        self, reading: LabelImage, stride: int, detections: Iterable[Detection], voxel_m: VoxelSize
+    ) -> None:
+        """Note which neighbouring voxels the detections of each class show together. stride: that
+        of the reading, in pixels of the masks."""
+        by_class: dict[str, list[Detection]] = {}
+        for d in detections:
+            by_class.setdefault(d.class_name, []).append(d)
+        for name, own in by_class.items():
+            changed = self.co_detections(name, voxel_m(name)).note(reading, stride, own)
+            self.cluster_again(name, changed)
+
     def co_detections(self, class_name: str, voxel_m: float) -> CoDetections:
         """Co-detections of a class; the voxels where they change belong to `cluster_again`."""
         known = self._separations_of(class_name, voxel_m)
@@ -278,8 +292,12 @@ class InstanceRegistry:
     def _renew_records(
         self, group: Group, regrouped: Regrouped, taken_out: bool, crossed: Container[int] = ()
     ) -> None:
-        """Replace the records of instances that changed. crossed: those that do not end, because
-        some of their Gaussians join the other part of the class."""
+        """Replace the records of instances that changed.
+
+        An instance without a successor has ended, and its detections are added to `ended`. crossed:
+        instances that have not ended although they have no successor in this group. Some of their
+        Gaussians join the other part of the class: its core, or the rest.
+        """
         fresh: dict[int, InstanceRecord] = {}
         for label, ancestors in regrouped.ancestors.items():
             record = fresh[label] = InstanceRecord(group.class_name, in_core=group.in_core)

@@ -186,10 +186,10 @@ def gaussians_of(
     store: GaussianStore, rows: NDArray[np.integer], prior: float, n_classes: int
 ) -> InstanceGaussians:
     """Copies of some Gaussians of the store. n_classes: see `concentration_of`."""
-    asked = store.total_evidence[rows]
-    most_asked = asked.max(axis=1, initial=0)
+    total_evidence = store.total_evidence[rows]
+    most_evidence = total_evidence.max(axis=1, initial=0)
     concentration = merged_into_other(
-        concentration_of(store.class_evidence[rows], most_asked, prior, n_classes),
+        concentration_of(store.class_evidence[rows], most_evidence, prior, n_classes),
         len(store.class_names),
     )
     return InstanceGaussians(
@@ -233,7 +233,7 @@ def grasp(points_m: NDArray[np.float32]) -> Grasp:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def beliefs_kernel(
-    rows, positive, asked, columns, own, prior, prior_total, trust, means, deviations, mine
+    rows, positive, total_evidence, columns, own, prior, prior_total, trust, means, deviations, mine
 ):
     """Sum the mean and standard deviation of theta (eq. 4) over rows [n].
 
@@ -244,7 +244,7 @@ def beliefs_kernel(
     for k in range(rows.size):
         for j in range(columns.size):
             row, column = rows[k], columns[j]
-            total = asked[row, column] + prior_total
+            total = total_evidence[row, column] + prior_total
             mean = (positive[row, column] + prior) / total
             if j == own:
                 mine[k] = mean

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from helios_core.types import Detection
+from helios_core.types import Detection, SearchContext
 from helios_objectmap.fusion.label_image import LabelImage, read
 from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.clustering import components, connected, distinct, voxel_keys
@@ -15,7 +17,7 @@ from helios_objectmap.persistence import read as read_map
 from helios_objectmap.settings import ObjectMapSettings
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from objectmap_scene import CONTEXT, FLOOR, SETTINGS, WALL, looking_at, observe
+from objectmap_scene import CONTEXT, FLOOR, MUG, SETTINGS, TABLE, WALL, looking_at, observe
 
 LEFT = ("table", (1.2, 0.04, 0.0), (1.7, 0.6, 0.6))
 RIGHT = ("table", (1.2, -0.6, 0.0), (1.7, -0.04, 0.6))  # 8 cm beside the other
@@ -52,6 +54,17 @@ def test_two_tables_that_are_detected_one_by_one_are_two_instances() -> None:
     two = instances(TOLD_APART, views)
     assert len(two) == 2
     assert sorted(round(float(o.center_m[1]), 1) for o in two) == [-0.3, 0.3]
+
+
+def test_a_search_for_a_new_class_counts_no_pair_of_tables_again() -> None:
+    cup_sought = SearchContext("c2", (replace(MUG, name="cup"), TABLE))
+    objects = ObjectMap(TOLD_APART)
+    counted = []
+    for context in (CONTEXT, cup_sought):
+        for k, eye in enumerate(EYES):
+            objects.update(replace(seen(*eye, k), context_id=context.id), context)
+        counted.append(objects._registry.separations["table"]._shown.sum())
+    assert counted[0] == counted[1] > 0
 
 
 def test_a_table_that_is_detected_in_one_piece_is_one_instance() -> None:

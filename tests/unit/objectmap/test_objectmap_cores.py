@@ -25,9 +25,9 @@ VIEWS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9)
 )
 def test_a_gaussian_is_in_the_core_from_a_share_of_the_evidence(mine, others, named, core):
     positive = np.array([[mine]], np.float32)
-    asked = positive + np.float32(others)
+    total_evidence = positive + np.float32(others)
     (column,), (in_core,) = most_likely_columns(
-        positive, asked, np.arange(1), [0], 1.0, 2, named, core
+        positive, total_evidence, np.arange(1), [0], 1.0, 2, named, core
     )
     share = mine / (mine + others)
     if abs(share - named) > 1e-3 and abs(share - max(named, core)) > 1e-3:

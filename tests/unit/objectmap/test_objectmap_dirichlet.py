@@ -102,9 +102,9 @@ def test_score_is_the_mean_less_the_mean_deviation():
     assert got.psi == pytest.approx(0.7 - 2.0 * 0.2)  # eq. 7
 
 
-def most_likely_class(positive, asked, context):
-    positive, asked = np.array([positive], np.float32), np.array([asked], np.float32)
-    return most_likely_columns(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0][0]
+def most_likely_class(positive, total, context):
+    positive, total = np.array([positive], np.float32), np.array([total], np.float32)
+    return most_likely_columns(positive, total, np.arange(1), context, 1.0, len(context) + 1)[0][0]
 
 
 def test_ties_go_to_other_and_then_to_the_first_class():
@@ -118,18 +118,18 @@ def test_a_class_of_an_earlier_context_holds_until_the_present_context_names_one
     assert most_likely_class([9, 9], [10, 10], [1]) == 1
 
 
-def reference_belief(positive, asked, context, prior, named_from):
+def reference_belief(positive, total, context, prior, named_from):
     """The most likely class in float64, plain Python: (column, by how much it leads)."""
     n_classes = len(context) + 1
-    mean = (positive + prior) / (asked + prior * n_classes)
-    parked = [c for c in range(len(positive)) if c not in context]
+    mean = (positive + prior) / (total + prior * n_classes)
+    earlier = [c for c in range(len(positive)) if c not in context]
     best, lead = OTHER, np.inf
-    if parked:
-        top = max(parked, key=mean.__getitem__)
+    if earlier:
+        top = max(earlier, key=mean.__getitem__)
         best, lead = (top if mean[top] > named_from else OTHER), abs(mean[top] - named_from)
     ranked = sorted(mean[context])
     top = max(context, key=mean.__getitem__)
-    other = max(asked[top] - positive[context].sum(), 0)
+    other = max(total[top] - positive[context].sum(), 0)
     named = positive[top] - named_from * (positive[top] + other)
     if named > 0:
         best = top
@@ -148,14 +148,14 @@ def test_the_most_likely_class_equals_the_reference(columns, seed, prior, named_
     rng = np.random.default_rng(seed)
     context = rng.permutation(columns)[: rng.integers(1, columns + 1)].tolist()
     share = rng.dirichlet(np.ones(columns + 1), 40)[:, 1:]
-    asked = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
-    positive, asked = (share * asked).astype(np.float32), asked.astype(np.float32)
+    total = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
+    positive, total = (share * total).astype(np.float32), total.astype(np.float32)
     rows = rng.permutation(40)
     got, _ = most_likely_columns(
-        positive, asked, rows, context, prior, len(context) + 1, named_from
+        positive, total, rows, context, prior, len(context) + 1, named_from
     )
     for row, column in zip(rows, got, strict=True):
         expected, lead = reference_belief(
-            positive[row].astype(float), asked[row].astype(float), context, prior, named_from
+            positive[row].astype(float), total[row].astype(float), context, prior, named_from
         )
         assert column == expected or lead < 1e-3  # near-ties go to the first, or to "other"

@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helios_core.types import SearchContext
 from helios_objectmap.camera import View
 from helios_objectmap.fusion.label_image import read
 from helios_objectmap.fusion.semantics import score_from
 from helios_objectmap.fusion.viewing_sectors import SECTORS
+from helios_objectmap.instances import image_text
 from helios_objectmap.instances.image_text import (
     USUAL_RISE,
     ImageTextScores,
@@ -23,7 +25,19 @@ from helios_objectmap.instances.voxel_numbers import NO_VOXEL
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, Box, looking_at, mug_at, observe, pose
+from objectmap_scene import (
+    CAMERA,
+    CONTEXT,
+    MUG,
+    ROOM,
+    SETTINGS,
+    TABLE,
+    Box,
+    looking_at,
+    mug_at,
+    observe,
+    pose,
+)
 
 COMPARED = SETTINGS.model_copy(update={"image_text": "compared"})
 SCENE = (*ROOM, mug_at(1.2, 0.0))
@@ -62,6 +76,17 @@ def test_an_instance_gains_if_its_views_score_higher_than_others() -> None:
     like_others = table_score(COMPARED, lambda shows, seq: noisy(0.3, seq))
     assert without < high
     assert like_others < (without + high) / 2
+
+
+def test_a_second_search_from_the_same_spots_rates_its_new_class_alone() -> None:
+    objects = ObjectMap(COMPARED)
+    cup_sought = SearchContext("c2", (replace(MUG, name="cup"), TABLE))
+    for context, new in ((CONTEXT, "mug"), (cup_sought, "cup")):
+        for seq, eye in enumerate(EYES):
+            seen = observe(SCENE, looking_at(*eye, (1.4, 0.0, 0.7)), context=context, seq=seq)
+            objects.update(replace(seen, class_scores={new: 0.3, "table": 0.6}), context)
+    views = {name: scores.views for name, scores in objects._image_text._scores.items()}
+    assert views == dict.fromkeys(("mug", "cup", "table"), len(EYES))
 
 
 def test_of_two_instances_the_one_with_the_higher_views_gains() -> None:
@@ -193,6 +218,21 @@ def test_the_sums_of_an_instance_count_each_of_its_voxels_once() -> None:
     known = np.unique(voxels[(voxels != NO_VOXEL) & (voxels < len(sums))])
     assert n == len(known)
     assert total == pytest.approx(sums[known].sum(axis=0, dtype=np.float64))
+
+
+def test_the_log_tells_once_that_full_scores_take_no_new_voxels(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    noted = ImageTextScores()
+    readings = [read(observe(SCENE, T), CONTEXT, 1, 0.1, 8.0) for T in AWAY[:4]]
+    noted.note(readings[0], {"table": 0.5})
+    assert not caplog.messages
+    monkeypatch.setattr(image_text, "MOST_SUMS", len(noted._voxels))
+    for reading in readings:
+        noted.note(reading, {"table": 0.5})
+    assert noted._scores["table"].views == 2  # the first view shows no new voxel
+    (told,) = caplog.messages
+    assert f"fill {len(noted._voxels)} voxels of 1 class:" in told
 
 
 def test_of_a_small_thing_a_view_shows_a_small_share() -> None:

@@ -27,7 +27,7 @@ def reference(
     """(Psi', information gain) after some views, in plain float64; "other" is class 0. rendered:
     Y* is the rendered coverage of a pixel."""
     hits = member.positive.astype(float)
-    other = np.maximum(member.asked - hits.sum(axis=1), 0)[:, None]
+    other = np.maximum(member.total_evidence - hits.sum(axis=1), 0)[:, None]
     gamma = rates.prior + np.concatenate([other, hits], axis=1)
     unlisted = np.full((len(gamma), max(rates.n_classes - gamma.shape[1], 0)), rates.prior)
     gamma = np.concatenate([gamma, unlisted], axis=1)
@@ -56,8 +56,8 @@ def test_expected_scores_and_information_gains_equal_the_papers_formulas(
     rng = np.random.default_rng(seed)
     means, radius_m, opacity = scene
     hits = rng.uniform(0, 10, (len(means), classes)).astype(np.float32)
-    asked = (hits.sum(axis=1) + rng.uniform(0, 10, len(means))).astype(np.float32)
-    member = InstanceEvidence(means, radius_m, opacity, hits, asked)
+    total_evidence = (hits.sum(axis=1) + rng.uniform(0, 10, len(means))).astype(np.float32)
+    member = InstanceEvidence(means, radius_m, opacity, hits, total_evidence)
     wanted = int(rng.integers(classes))
     shifted = np.eye(4)
     shifted[:3, 3] = rng.uniform(-0.2, 0.2, 3)

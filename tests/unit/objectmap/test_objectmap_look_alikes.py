@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helios_core.types import Detection
+from helios_core.types import Detection, SearchContext
 from helios_objectmap.fusion.label_image import read
 from helios_objectmap.instances import beliefs
 from helios_objectmap.instances.name_sightings import (
@@ -19,7 +19,7 @@ from helios_objectmap.instances.name_sightings import (
 from helios_objectmap.object_map import ObjectMap
 from hypothesis import given
 from hypothesis import strategies as st
-from objectmap_scene import CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe
+from objectmap_scene import CONTEXT, MUG, ROOM, SETTINGS, TABLE, looking_at, mug_at, observe
 
 COMPARED = SETTINGS.model_copy(update={"look_alikes": "compared", "side_views": 1.0})
 SCENE = (*ROOM, mug_at(1.2, 0.0))
@@ -129,6 +129,16 @@ def test_a_camera_at_rest_repeats_no_name() -> None:
     assert len(once._sightings) == len(often._sightings) == 2
 
 
+def test_a_search_for_a_new_class_counts_the_names_of_its_views_from_known_spots() -> None:
+    objects = ObjectMap(COMPARED)
+    cup_sought = SearchContext("c2", (replace(MUG, name="cup"), TABLE))
+    for context, views in ((CONTEXT, 2), (cup_sought, 4), (cup_sought, 4)):
+        for eye in EYES[:2]:
+            seen = observe(SCENE, looking_at(*eye, (1.2, 0.0, 0.8)), context=context)
+            objects.update(seen, context)
+        assert len(objects._sightings) == views
+
+
 def test_names_at_the_place_of_a_picked_object_are_forgotten() -> None:
     objects = ObjectMap(COMPARED)
     views_of_mug(objects, EYES)
@@ -137,6 +147,17 @@ def test_names_at_the_place_of_a_picked_object_are_forgotten() -> None:
     assert objects._sightings.rates(points, np.arange(len(points)), "mug", 1.0) is not None
     objects.retire(mug.id)
     assert objects._sightings.rates(points, np.arange(len(points)), "mug", 1.0) is None
+
+
+def test_names_around_the_point_of_an_unknown_picked_thing_are_forgotten() -> None:
+    objects = ObjectMap(COMPARED)
+    views_of_mug(objects, EYES)
+    box = np.array([1.2, 0.0, 0.8]), np.full(3, 0.1)
+    beside = np.array([1.6, 0.4, 0.73]), np.full(3, 0.1)
+    before = [objects.probability_in(name, b) for name, b in (("mug", box), ("table", beside))]
+    objects.forget_place(box[0])
+    assert objects.probability_in("mug", box) == 0.5 != before[0]
+    assert objects.probability_in("table", beside) == before[1] != 0.5
 
 
 @pytest.mark.parametrize("most_views", [2, 4, 6])

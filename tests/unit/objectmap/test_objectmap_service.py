@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from collections.abc import Callable, Iterator
+
 import numpy as np
 import pytest
 from helios_core import proto as pb
@@ -75,11 +79,85 @@ def rig() -> Rig:
     return Rig()
 
 
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("--min-depth-m=9",),
+        ("--max-depth-m=0.2",),
+        ("--min-depth-m=1", "--max-depth-m=1"),
+    ],
+)
+def test_depth_limits_that_leave_no_depth_are_refused(flags, capsys):
+    with pytest.raises(SystemExit):
+        ObjectMapSettings.load(flags)
+    assert "give a max_depth_m above min_depth_m" in capsys.readouterr().err
+
+
 def test_warm_up_makes_the_service_ready(rig):
     assert rig.health.state[0] == "starting"
     rig.service.warm_up()
     assert rig.health.state[0] == "ready"
     assert not rig.objects()
+
+
+DEADLINE_S = 30.0
+
+
+@pytest.fixture
+def compiling(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """The kernels are compiled until this event is set."""
+    compiled = threading.Event()
+    monkeypatch.setattr("helios_objectmap.service.warm_up", lambda _: compiled.wait(DEADLINE_S))
+    yield compiled
+    compiled.set()
+
+
+def in_thread(call: Callable[[], object]) -> threading.Thread:
+    thread = threading.Thread(target=call, daemon=True)
+    thread.start()
+    return thread
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + DEADLINE_S
+    while not holds():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_queries_are_answered_and_the_service_ends_while_kernels_are_compiled(tmp_path, compiling):
+    rig = Rig(SETTINGS.model_copy(update={"state_dir": tmp_path, "save_every_s": 3600.0}))
+    warming = in_thread(rig.service.warm_up)
+    wait_until(rig.service._compiling.locked)
+    assert not rig.objects()
+    ending = in_thread(rig.service.close)
+    ending.join(DEADLINE_S)
+    assert not ending.is_alive()
+    assert warming.is_alive()
+    assert not compiling.is_set()
+
+
+def test_the_service_ends_while_a_query_compiles_kernels(tmp_path, monkeypatch):
+    monkeypatch.setattr("helios_objectmap.service.CLOSE_WITHIN_S", 0.01)
+    rig = Rig(SETTINGS.model_copy(update={"state_dir": tmp_path, "save_every_s": 3600.0}))
+    with rig.service._lock:  # as a query holds it
+        ending = in_thread(rig.service.close)
+        ending.join(DEADLINE_S)
+        assert not ending.is_alive()
+
+
+def test_all_observations_that_come_while_kernels_are_compiled_count_afterwards(rig, compiling):
+    rig.ask_for()
+    warming = in_thread(rig.service.warm_up)
+    wait_until(rig.service._compiling.locked)
+    poses = [(0.3 * k, 0.1 * k) for k in range(MOST_WAITING + 2)]
+    looking = in_thread(lambda: [rig.see(*pose, seq=k) for k, pose in enumerate(poses)])
+    assert not rig.acks
+    compiling.set()
+    for thread in (warming, looking):
+        thread.join(DEADLINE_S)
+    assert [(a.accepted, a.id.seq) for a in rig.acks] == [(True, k) for k in range(len(poses))]
+    assert rig.health.state[0] == "ready"
 
 
 def test_every_observation_is_acknowledged_and_its_objects_can_be_queried(rig):
@@ -107,12 +185,21 @@ def test_an_observation_waits_for_its_search_context(rig):
     assert [a.accepted for a in rig.acks] == [True]
 
 
-def test_observations_of_a_context_that_never_comes_are_refused_with_the_reason(rig):
+def test_an_observation_waits_for_its_search_context_while_another_one_comes(rig):
+    rig.see(seq=1)
+    rig.ask_for(SearchContext("another", (MUG,)))
+    assert not rig.acks
+    rig.ask_for()
+    assert [(a.accepted, a.id.seq) for a in rig.acks] == [(True, 1)]
+
+
+def test_of_observations_of_a_context_that_never_comes_the_oldest_are_refused_with_the_reason(rig):
     for seq in range(MOST_WAITING + 1):
         rig.see(seq=seq)
     assert [(a.accepted, a.id.seq) for a in rig.acks] == [(False, 0)]
     rig.ask_for(SearchContext("another", (MUG,)))
-    assert [a.accepted for a in rig.acks] == [False] * (MOST_WAITING + 1)
+    rig.see(seq=MOST_WAITING + 1)
+    assert [(a.accepted, a.id.seq) for a in rig.acks] == [(False, 0), (False, 1)]
     assert "c1" in rig.acks[-1].reason
 
 
@@ -272,6 +359,62 @@ def test_retire_by_id_or_point_removes_the_object(rig):
         assert "no object" in again.reason
     with pytest.raises(InvalidInput):
         rig.bus.call(RETIRE, pb.RetireRequest(), 1.0)
+
+
+UNNAMED = 10**9 + 123  # the planner's id of a thing that the map does not know
+
+
+def retire_unnamed(rig: Rig, x: float, y: float, z: float) -> pb.RetireReply:
+    point = pb.Vector3(x=x, y=y, z=z)
+    request = pb.RetireRequest(object_id=UNNAMED, point_m=point, radius_m=0.15, reason="picked")
+    return rig.bus.call(RETIRE, request, 1.0)
+
+
+def test_retire_with_an_unknown_id_removes_the_object_at_the_point(rig):
+    rig.ask_for()
+    rig.see()
+    (mug,) = rig.objects("mug")
+    reply = retire_unnamed(rig, *MUG_CENTER)
+    assert (reply.object_id, reply.class_name) == (mug.id, "mug")
+    assert not rig.objects("mug")
+
+
+def test_retire_with_an_unknown_id_and_nothing_at_the_point_only_forgets_past_views():
+    rig = Rig(SETTINGS.model_copy(update={"evidence": "hindsight"}))
+    rig.ask_for()
+    rig.see(called={})
+    rig.see(0.2, 0.3)
+    known = rig.objects()
+    past = rig.service._maps.current._past._views
+    assert [view.names for view in past] == [("mug", "table")] * 2
+    reply = retire_unnamed(rig, 1.6, 0.5, 0.8)
+    assert reply.retired_gaussians == 0
+    assert str(UNNAMED) in reply.reason
+    assert "no object lies within 0.15 m of the point" in reply.reason
+    assert [o.id for o in rig.objects()] == [o.id for o in known]
+    assert [view.names for view in past] == [("", "table")] * 2
+
+
+def test_a_known_id_counts_more_than_the_point(rig):
+    rig.ask_for()
+    rig.see()
+    (mug,) = rig.objects("mug")
+    for x in (50.0, float("nan")):
+        request = pb.RetireRequest(
+            object_id=mug.id, point_m=pb.Vector3(x=x), radius_m=0.15, reason="picked"
+        )
+        reply = rig.bus.call(RETIRE, request, 1.0)
+        assert (reply.object_id, reply.class_name) == (mug.id, "mug")
+        rig.see(0.3, 0.4)
+        (mug,) = rig.objects("mug")
+
+
+@pytest.mark.parametrize("x", [float("nan"), 1e30])
+def test_retire_with_an_impossible_point_is_refused(rig, x):
+    for object_id in (0, UNNAMED):
+        request = pb.RetireRequest(object_id=object_id, point_m=pb.Vector3(x=x), radius_m=0.15)
+        with pytest.raises(InvalidInput, match="wanted a point within 10000 m"):
+            rig.bus.call(RETIRE, request, 1.0)
 
 
 def test_gaussian_arrays_agree_in_length_and_a_reset_clears_them(rig):

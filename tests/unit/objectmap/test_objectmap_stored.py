@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,12 +49,26 @@ class Robot:
             update={"state_dir": folder, "save_every_s": 3600.0, "evidence": evidence}
         )
         self.service = ObjectMapService(MemoryBus(hub), kept, self.health)
-        self.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), robot_boot_id=boot)))
+        self.tells(boot)
         self.bus.publish(CONTEXT, context_to_proto(SOUGHT))
 
-    def see(self, T_now_home: Matrix, views: list[tuple[float, float]] = VIEWS) -> Robot:
+    def tells(self, boot: str) -> None:
+        """The robot reports its world, in which its next frames are."""
+        self.boot = boot
+        self.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), robot_boot_id=boot)))
+
+    def sees_nothing(self) -> None:
+        """One frame in which the detector finds nothing."""
+        self.see(np.eye(4), VIEWS[:1], called={})
+
+    def see(
+        self,
+        T_now_home: Matrix,
+        views: list[tuple[float, float]] = VIEWS,
+        called: dict[int, str] | None = None,
+    ) -> Robot:
         for seq, (x, y) in enumerate(views):
-            seen = observe(SCENE, looking_at(x, y, MUG), seq=seq + 1)
+            seen = observe(SCENE, looking_at(x, y, MUG), seq=seq + 1, called=called)
             frame = replace(
                 seen.frame, id=replace(seen.frame.id, robot_boot_id=self.boot),
                 T_world_cam=T_now_home @ seen.frame.T_world_cam,
@@ -228,6 +244,75 @@ def test_a_stored_map_that_goes_on_stays_on_the_disk_until_the_next_save(
     later = Robot("monday", tmp_path)
     assert later.mugs()
     assert not later.stored().objects
+
+
+def test_a_stored_map_waits_for_a_frame_of_its_world_while_the_map_is_of_another(
+    tmp_path: Path, monday: Robot
+) -> None:
+    """The robot tells its world before the first frame of it arrives."""
+    stored = tmp_path / f"stored-{FILE_NAME}"
+    stored.write_bytes(monday.saved())
+    robot = Robot("sunday", tmp_path)
+    robot.sees_nothing()
+    robot.tells("monday")
+    assert not robot.objects()
+    assert robot.stored().objects
+    robot.see(np.eye(4), VIEWS[:1])
+    assert [o.id for o in robot.mugs()] == [o.id for o in monday.mugs()]
+    assert not robot.stored().objects
+
+
+def test_a_restored_map_of_another_world_keeps_the_stored_map_of_the_robots_world(
+    tmp_path: Path, monday: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No frame has changed the restored map, because the only one of its world failed."""
+    sunday = Robot("sunday").see(np.eye(4))
+    (tmp_path / FILE_NAME).write_bytes(sunday.saved())
+    (tmp_path / f"stored-{FILE_NAME}").write_bytes(monday.saved())
+    robot = Robot("sunday", tmp_path)
+    with monkeypatch.context() as broken:
+        broken.setattr(ObjectMap, "update", lambda *_: 1 / 0)
+        robot.see(np.eye(4), VIEWS[:1])
+    assert robot.mugs()
+    robot.tells("monday")
+    assert robot.stored().objects
+    robot.see(np.eye(4), VIEWS[:1])
+    assert [o.id for o in robot.mugs()] == [o.id for o in monday.mugs()]
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+    """The map of the service cannot be written until the patch is undone."""
+
+    def no_room(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left on the device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("helios_core.map_autosave.write_file", no_room)
+        yield patch
+
+
+@pytest.mark.parametrize("saved_by", ["the periodic save", "the end of the process"])
+def test_the_file_of_a_relocalised_map_stays_while_the_disk_is_full(
+    tmp_path: Path, monday: Robot, full_disk: pytest.MonkeyPatch, saved_by: str
+) -> None:
+    stored = tmp_path / f"stored-{FILE_NAME}"
+    stored.write_bytes(monday.saved())
+    today = Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    today.is_told("relocalised")
+    assert any(o.relocalised for o in today.mugs())
+    assert stored.exists()
+    full_disk.undo()
+    kept = today.service._kept
+    assert kept is not None
+    if saved_by == "the periodic save":
+        assert kept.write()
+        kept.write()
+    else:
+        today.service.close()
+    assert not stored.exists()
+    again = Robot("tuesday", tmp_path)
+    assert again.mugs() == today.mugs()
 
 
 def test_stored_objects_that_cannot_be_used_are_told_and_stop_no_observation(

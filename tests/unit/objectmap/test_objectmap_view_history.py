@@ -82,6 +82,23 @@ def test_past_views_without_a_class_in_their_context_do_not_count_for_that_class
     assert mugs(asked_late)[0] > mugs(asked_early)[0] + 0.05
 
 
+def test_views_from_spots_of_an_earlier_search_count_for_a_class_that_is_new() -> None:
+    """The mug of the first search was not sought any more when the second one began."""
+    mug_sought = SearchContext("c1", (MUG, TABLE))
+    cup_sought = SearchContext("c2", (replace(MUG, name="cup"), TABLE))
+    around, found = EYES[:3], [EYES[3]]
+    named = [NOTHING] * 3 + [{3: "cup"}]
+    twice = map_after_views(
+        [NOTHING] * 3 + named, LOOKING_BACK, [mug_sought] * 3 + [cup_sought] * 4,
+        [*around, *around, *found],
+    )  # fmt: skip
+    once = map_after_views(named, LOOKING_BACK, [cup_sought] * 4, [*around, *found])
+    (cup,) = (o.score for o in twice.objects() if o.class_name == "cup")
+    assert [cup] == [o.score for o in once.objects() if o.class_name == "cup"]
+    repeated = [past.weights.tolist() for past in list(twice._past._views)[3:6]]
+    assert repeated == [[1.0, 0.0]] * 3  # the table was sought before: no view counts twice
+
+
 def test_views_before_a_pick_do_not_count_for_objects() -> None:
     """An object that is detected there later may have arrived since."""
     context = SearchContext("c1", (MUG, TABLE))
@@ -96,6 +113,17 @@ def test_views_before_a_pick_do_not_count_for_objects() -> None:
         mugs(fresh)[0]
         > mugs(map_after_views([NOTHING] * 3 + [MUG_NAMED], LOOKING_BACK, [context] * 4))[0]
     )
+
+
+def test_views_before_an_unknown_thing_was_picked_do_not_count_for_objects() -> None:
+    context = SearchContext("c1", (MUG, TABLE))
+    object_map = map_after_views([NOTHING] * 3, LOOKING_BACK, [context] * 3)
+    object_map.forget_place(np.array(MUG_AT))
+    seen = observe(HOME, looking_at(*EYES[3], MUG_AT), context=context, seq=4, called=MUG_NAMED)
+    object_map.update(seen, context)
+    fresh = ObjectMap(LOOKING_BACK)
+    fresh.update(seen, context)
+    assert mugs(object_map) == mugs(fresh)
 
 
 def test_a_second_object_can_be_retired_after_the_first() -> None:

@@ -57,8 +57,8 @@ def take(store, view) -> None:
 
 
 def reference(means, views, classes):
-    """(positive, asked) [n, classes] of eq. 3 by viewing sectors, in plain Python."""
-    positive, asked = np.zeros((len(means), classes)), np.zeros((len(means), classes))
+    """(positive, total_evidence) [n, classes] of eq. 3 by viewing sectors, in plain Python."""
+    positive, total_evidence = np.zeros((len(means), classes)), np.zeros((len(means), classes))
     for i, place in enumerate(means):
         for c in range(classes):
             own, everything = [0.0] * SECTORS, [0.0] * SECTORS
@@ -70,8 +70,8 @@ def reference(means, views, classes):
                 everything[side] += weights[i, c] * vote.sum()
             for v_c, v in zip(own, everything, strict=True):
                 positive[i, c] += ALPHA * v_c / max(v, FULL)
-                asked[i, c] += ALPHA * v / max(v, FULL)
-    return positive, asked
+                total_evidence[i, c] += ALPHA * v / max(v, FULL)
+    return positive, total_evidence
 
 
 @settings(max_examples=20, deadline=None)
@@ -82,10 +82,10 @@ def test_evidence_equals_the_reference(seed, classes, count):
     store, views = store_of(means, classes), list(views_of(rng, 4, classes, count))
     for view in views:
         take(store, view)
-    positive, asked = reference(means, views, classes)
+    positive, total_evidence = reference(means, views, classes)
     rounding = ALPHA / FULL * count / UNIT  # of a vote to a whole number of UNIT
     assert np.allclose(store.class_evidence, positive, atol=rounding)
-    assert np.allclose(store.total_evidence, asked, atol=rounding)
+    assert np.allclose(store.total_evidence, total_evidence, atol=rounding)
 
 
 def test_viewing_sectors_span_30_degrees_around_a_gaussian_at_any_height():

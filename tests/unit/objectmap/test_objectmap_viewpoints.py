@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from helios_objectmap import viewpoint_weights as module
-from helios_objectmap.viewpoint_weights import NEVER, Viewpoints
+from helios_objectmap.viewpoint_weights import FIRST_UPDATE, NEVER, Viewpoints
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import looking_at, pose
@@ -78,6 +78,13 @@ def test_a_view_counts_once_per_class_and_again_for_gaussians_created_later():
     look = points.locate(pose())
     weights = points.weights(look, ["mug", "bowl"], np.array([0, 3, 4]))
     assert weights.tolist() == [[0, 1], [0, 1], [1, 1]]
+
+
+def test_a_view_that_counted_at_the_first_update_counts_again_for_a_new_class_alone():
+    points = new_viewpoints()
+    points.mark(points.locate(pose()), ["mug"], FIRST_UPDATE)
+    look = points.locate(pose())
+    assert points.weights_of_view(look, ["mug", "cup"]).tolist() == [0, 1]
 
 
 def test_only_viewpoints_since_a_gaussians_creation_reduce_its_weight():
