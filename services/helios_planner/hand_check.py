@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from helios_core.robot import Action, Pick, Place, Show
+from helios_core.robot import Place, Show
 from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
@@ -39,8 +39,8 @@ def bottom_of(thing: ObjectInstance) -> NDArray[np.float64]:
     return np.array([x, y, z - float(thing.size_m[2]) / 2])
 
 
-def in_odds(probability: float, factor: float) -> float:
-    """Probability with the odds multiplied by a factor."""
+def with_odds_times(probability: float, factor: float) -> float:
+    """Probability after its odds are multiplied by a factor."""
     odds = factor * probability / max(1 - probability, 1e-6)
     return odds / (1 + odds)
 
@@ -56,6 +56,7 @@ class HandCheck:
     cannot_show: bool = False  # True once the robot failed to show what it holds
     returning_m: NDArray[np.float64] | None = None  # place [3] of a wrong object still in the hand
     unseen_m: NDArray[np.float64] | None = None  # place [3] of an unnamed thing, until it is seen
+    unchecked: bool = False  # True from a successful pick until the look at it is over
     refuted: RefutedThings = field(default_factory=RefutedThings)  # of earlier tasks, too
 
     # --- restart -------------------------------------------------------------------------------
@@ -63,20 +64,21 @@ class HandCheck:
         """State that must outlive a crash of the planner, as JSON, for `restore`."""
         places = {"returning_m": self.returning_m, "unseen_m": self.unseen_m}
         listed = {name: None if at is None else at.tolist() for name, at in places.items()}
-        return {"put_back": self.put_back} | listed
+        return {"put_back": self.put_back, "unchecked": self.unchecked} | listed
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self.put_back = int(checkpoint.get("put_back", 0))
+        self.unchecked = bool(checkpoint.get("unchecked", False))  # older journals lack it
         for name in ("returning_m", "unseen_m"):
             at = checkpoint.get(name)
             setattr(self, name, None if at is None else np.array(at, float))
 
-    def returns_unseen(self, last: Action | None) -> bool:
-        """True if a restart interrupted the look at an unnamed thing. It goes back to its place,
-        where it is tried again. last: newest action."""
-        if self.unseen_m is None or not isinstance(last, Pick | Show):
+    def returns_unseen(self) -> bool:
+        """True if the held thing is an unnamed one, and a restart interrupted the look at it. It
+        goes back to its place, where it is tried again."""
+        if self.unseen_m is None:
             return False
-        self.returning_m, self.unseen_m = self.unseen_m, None
+        self.returning_m, self.unseen_m, self.unchecked = self.unseen_m, None, False
         return True
 
     def resume(self) -> bool:
@@ -109,17 +111,18 @@ class HandCheck:
         x, y, z = (float(v) for v in found.center_m)
         if search.was_set_aside(found) or not self.can_look or (last and not unnamed):
             self.refuted.forget(search.name, (x, y, z))  # it is taken away
+            self.unchecked = False
             return False
         self._tell(search, f"looking at the picked {search.name} from {s.hand_sides} sides")
         held = self._look(search.name)
-        self.unseen_m = None
+        self.unseen_m, self.unchecked = None, False
         search.note_seen(found)
         if held is None:
             return unnamed and self._returns_unshown(search, found)
         if unnamed:
             known = held.sides > 0 or held.image_text_nats is not None
             before = held.probability if known else 0.5
-            held = replace(held, probability=in_odds(before, UNNAMED_ODDS))
+            held = replace(held, probability=with_odds_times(before, UNNAMED_ODDS))
         decision = self._publish(search, check_in_hand(found, held, s.hand_from))
         if decision.do is Do.ACT:
             self.refuted.forget(search.name, (x, y, z))

@@ -2,18 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from helios_core.agent_presets import DEFAULT_AGENT, AgentSetting
 from helios_core.errors import InvalidInput
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field, SecretStr, ValidationError
+from pydantic import AfterValidator, Field, SecretStr, ValidationError
+
+
+def _with_class(prompt: str) -> str:
+    """The prompt itself. Raises ValueError unless it has a place for the class."""
+    try:
+        has_place = prompt.format("mug") != prompt.format("cup")
+    except (LookupError, ValueError, AttributeError):
+        has_place = False
+    if not has_place:
+        raise ValueError(
+            f"the prompt is {prompt[:80]!r}; wanted a text with {{}} where the class stands and no "
+            "other braces, such as 'a {} ahead'"
+        )
+    return prompt
+
+
+def _clearances(margins_m: tuple[float, ...]) -> tuple[float, ...]:
+    """The margins themselves. Raises ValueError for none, or for one that is no distance."""
+    if not margins_m or not all(0 <= m < math.inf for m in margins_m):
+        raise ValueError(
+            f"the margins are {list(margins_m)} m; wanted at least one, each 0 m or more, such as "
+            "[0.08, 0.05, 0.025]"
+        )
+    return margins_m
+
 
 PlaceRule = Literal["flat", "paper"]
 GainNorm = Literal["per_gaussian", "per_area", "per_pixel", "sum"]
-# How it decides and when it gives up; not how it moves, nor how long others are waited for.
+Prompt = Annotated[str, AfterValidator(_with_class)]
+Margins = Annotated[tuple[float, ...], AfterValidator(_clearances)]
+LEAST_TAU = -0.5  # every score is higher: S is at least 0, and U is below 0.5
+# Settings that a task may set for itself: those of its decisions and of its limits. It may not set
+# how the robot moves, or how long the planner waits for other services.
 OWN = (
     "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
@@ -98,10 +128,14 @@ class Settings(ServiceSettings):
         default=0.001, ge=0, description="cost of a metre in the objective (α_d, eq. 8, 10)"
     )
     tau_g: float = Field(
-        default=0.5, description="score from which the planner picks an object (τ_g)"
+        default=0.5,
+        ge=LEAST_TAU,
+        description="score from which the planner picks an object (τ_g)",
     )
     tau_b: float = Field(
-        default=0.5, description="score from which the planner places on a receptacle (τ_b)"
+        default=0.5,
+        ge=LEAST_TAU,
+        description="score from which the planner places on a receptacle (τ_b)",
     )
     tau_inc: float = Field(
         default=0.05, ge=0, description="least gain in score that is worth an extra view (τ_inc)"
@@ -140,7 +174,7 @@ class Settings(ServiceSettings):
         "surface seen so far (m²), or by the number of pixels that show the candidate in the "
         "expected views; sum: not divided, as in the paper",
     )
-    prompt: str = Field(
+    prompt: Prompt = Field(
         default="Seems like there is a {} ahead",
         description="text prompt of the value layers; {} stands for the class",
     )
@@ -227,7 +261,7 @@ class Settings(ServiceSettings):
     )
 
     # --- moving ---
-    margins_m: tuple[float, ...] = Field(
+    margins_m: Margins = Field(
         default=(0.08, 0.05, 0.025),
         description="clearance between footprint and obstacles: tried in this order",
     )

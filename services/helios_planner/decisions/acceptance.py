@@ -52,7 +52,8 @@ class AcceptanceThresholds:
     thresholds for a class that the image-text scorer does not rate, whose scores stay lower.
     in_known_home: index of the first threshold if a candidate of a stored map reaches it: its home
     has been searched before; None: no difference. at_last: share of the task's budget from which
-    the last threshold applies, which `patience` never reaches.
+    the last threshold applies; None: no such share. With `at_last`, `patience` lowers the threshold
+    only to the last but one.
     """
 
     steps: tuple[AcceptanceThreshold, ...]

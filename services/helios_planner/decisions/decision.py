@@ -9,7 +9,9 @@ from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.gain import Gain
 
-ANY_SCORE = -1.0  # below every score; no threshold can be set to it
+# Threshold that every score reaches. It marks the last resort in stored decisions: no other
+# threshold is as low, since `Settings` has a lower limit for τ.
+ANY_SCORE = -1.0
 
 
 class DecisionRule(StrEnum):

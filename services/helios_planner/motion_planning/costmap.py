@@ -95,6 +95,15 @@ class GroundMap:
         row, column = cells[:, 0], cells[:, 1]
         return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
+    def distance_m(self, point_m: tuple[float, float]) -> float:
+        """Distance from a world point (x, y) to the map's rectangle; 0 within it."""
+        rows, columns = self.occupancy.shape
+        beyond = [
+            max(low - value, value - low - n * self.cell_m, 0.0)
+            for value, low, n in zip(point_m, self.origin_m, (columns, rows), strict=True)
+        ]
+        return math.hypot(*beyond)
+
     def window(self, cell: tuple[int, int], radius_m: float) -> tuple[slice, slice]:
         """Rows and columns of the square within `radius_m` of a cell, cut to the map; empty if it
         lies off the map."""

@@ -89,7 +89,9 @@ class MotionRules:
     margin_m: float = 0.05
     saturation_m: float = 0.30
     speck_m2: float = SPECK_M2
-    leave_m: float = 0.60  # distance from the start within which it may be as narrow as there
+    # Distance from the start over which the required clearance rises to the full margin. At the
+    # start it is the clearance that the robot has there.
+    leave_m: float = 0.60
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0
     min_turn_rad: float = math.radians(5)

@@ -178,7 +178,8 @@ class BaseController:
         self.blind_zone.discs[:] = [(x, y, r) for x, y, r in checkpoint["trusted"]]
 
     def _covering(self, ground: GroundMap) -> GroundMap:
-        """Map that also covers the rings taken as free."""
+        """The map, enlarged where it does not reach around the discs of ground that the robot takes
+        as free without having seen it."""
         for x_m, y_m, radius_m in self.blind_zone.discs:
             ground = ground.padded(x_m, y_m, radius_m + 0.1)
         return ground

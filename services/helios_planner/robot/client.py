@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -57,6 +57,8 @@ from helios_planner.task import Cause, TaskFailed
 log = logging.getLogger(__name__)
 
 ACK_PATIENCE_S = 6.0  # then a new keyframe is taken: a service that restarted has lost it
+MOST_REFUSALS = 5  # keyframes in a row that a map refuses before the task fails
+MOST_OFF_MAP_M = 50.0  # the map holds the place of every keyframe, so a right pose is on it
 ANSWERED_BY = {  # part of a keyframe's acknowledgements -> service to check when it is missing
     DETECTIONS: "detector",
     MapPart.OCCUPANCY: MapPart.OCCUPANCY.service,
@@ -93,13 +95,14 @@ class RobotClient(RobotInterface):
         """bus: for subscriptions; line: for requests; parts: of a keyframe that must be
         acknowledged before the next action (`ANSWERED_BY`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
-        self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
+        self.description = description_from_proto(description)
+        most_m = self.description.max_depth_m
+        self._inbox = MessageBuffer(bus, acks, context_id, most_m) if DETECTIONS in parts else None
         self._detector, self._returns = DetectorStatus(bus), ServiceReturns(bus)
         self._line = line
         self._driver = ActionSender(
             line, settings, task_id, self._on_pause, HeartbeatSender(bus, PLANNER_HEARTBEAT)
         )
-        self.description = description_from_proto(description)
         self._context_id, self._max_steps = context_id, max_steps
         self.listener = self._listener = listener
         self.steps, self.collisions = 0, 0
@@ -117,11 +120,7 @@ class RobotClient(RobotInterface):
         deadline = time.monotonic() + self._settings.ack_timeout_s + self._settings.away_s
         while True:
             _, answers, missing = self._do(Observe(), ACK_PATIENCE_S)
-            foreign = [
-                part for part, ack in answers.items()
-                if not ack.accepted
-                or (part != MapPart.OCCUPANCY and ack.context_id != self._context_id)
-            ]  # fmt: skip
+            foreign = self._not_taken_up(answers)
             if not missing and not foreign:
                 self._line.waits_for("")
                 self._detector.note_from_now()
@@ -155,27 +154,64 @@ class RobotClient(RobotInterface):
 
     # --- acting --------------------------------------------------------------------------------
     def act(self, action: Action) -> ActionResult:
-        """See `RobotInterface`. A keyframe that a map lost, for example by a restart,
+        """See `RobotInterface`. A keyframe that a map lost, for example by a restart, or refused
         is taken again."""
-        result, _, missing = self._do(action, ACK_PATIENCE_S)
+        result, answers, missing = self._do(action, ACK_PATIENCE_S)
         cut_short = self.cut_short
         deadline = time.monotonic() + self._settings.ack_timeout_s
-        while missing:
-            whom, why = self._whom(missing)
-            what = f"to answer keyframe {self._frame}"
-            self._line.waits_for(f"{whom}: {why}" if why else f"{whom} {what}")
-            if time.monotonic() > deadline:
-                waited = ACK_PATIENCE_S + self._settings.ack_timeout_s
-                raise TaskFailed(
-                    Cause.SYSTEM_ERROR,
-                    f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s"
-                    + (f": {why}" if why else "; see `helios status`"),
-                )
-            log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
-            _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
+        refusals = 0
+        while True:
+            refused = self._not_taken_up(answers)
+            if missing:
+                self._wait_for_answer(missing, deadline)
+            elif refused:
+                refusals += 1
+                self._wait_after_refusal(answers[refused[0]], refusals)
+            else:
+                break
+            _, answers, missing = self._do(Observe(), ACK_PATIENCE_S)
         self.cut_short = cut_short  # of the action, not of a repeated keyframe
         self._line.waits_for("")
         return result
+
+    def _wait_for_answer(self, missing: Sequence[str], deadline: float) -> None:
+        """Report the parts that did not answer the newest keyframe. Raises TaskFailed after the
+        deadline."""
+        whom, why = self._whom(missing)
+        what = f"to answer keyframe {self._frame}"
+        self._line.waits_for(f"{whom}: {why}" if why else f"{whom} {what}")
+        if time.monotonic() > deadline:
+            waited = ACK_PATIENCE_S + self._settings.ack_timeout_s
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s"
+                + (f": {why}" if why else "; see `helios status`"),
+            )
+        log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
+
+    def _wait_after_refusal(self, ack: pb.Ack, refusals: int) -> None:
+        """Report a refusal of the newest keyframe, and wait a moment. refusals: keyframes that were
+        refused so far. Raises TaskFailed at the limit."""
+        whom = ack.service or ANSWERED_BY[ack.part]
+        why = ack.reason or f"it took the keyframe up for another search, {ack.context_id!r:.80}"
+        log.warning("%s refused keyframe %s (%s); looking again", whom, self._frame, why)
+        if refusals >= MOST_REFUSALS:
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                f"{whom} did not take up keyframe {self._frame} and the {refusals - 1} before it: "
+                f"{why}; see `helios status`",
+            )
+        self._line.waits_for(f"{whom} to take up a keyframe: {why}")
+        self._line.rest(RETRY_S)
+
+    def _not_taken_up(self, answers: Mapping[str, pb.Ack]) -> list[str]:
+        """Parts that refused a keyframe, or took it up for another search. No refusal is harmless:
+        the maps accept a keyframe that they already hold."""
+        return [
+            part for part, ack in answers.items()
+            if not ack.accepted
+            or (part != MapPart.OCCUPANCY and ack.context_id != self._context_id)
+        ]  # fmt: skip
 
     def _do(
         self, action: Action, ack_s: float
@@ -201,6 +237,7 @@ class RobotClient(RobotInterface):
         self._objects.clear()
         self._state = None
         result = result_from_proto(reply)
+        self.on_result(action, result)
         self.collisions += int(result.collided)
         self.cut_short = not result.succeeded and (
             self._driver.wait_while_stopped() or HALTED in result.reason
@@ -251,8 +288,19 @@ class RobotClient(RobotInterface):
         return self._now().held
 
     def ground(self) -> GroundMap:
+        """See `RobotInterface`. Raises TaskFailed if the robot is so far off the map that one with
+        room for it would be too large."""
         self._refresh()
         assert self._ground is not None
+        off_m = self._ground.distance_m(self.pose().xy)
+        if not off_m <= MOST_OFF_MAP_M:
+            x_m, y_m = self.pose().xy
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                f"the robot's localisation is {off_m:.0f} m off the map, at ({x_m:.0f}, {y_m:.0f}) "
+                f"m; wanted at most {MOST_OFF_MAP_M:.0f} m: see what its pose comes from, and "
+                "submit the task again once it is right",
+            )
         return self._ground
 
     def frontiers(self) -> Sequence[Frontier]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from dataclasses import dataclass
 
@@ -43,12 +44,15 @@ class Sighting:
         return float(self.center_m[2] + self.size_m[2] / 2)
 
 
-def sightings_of(observation: Observation) -> list[Sighting]:
-    """Sightings of all detections that have depth, in the detector's order."""
+def sightings_of(observation: Observation, max_depth_m: float = math.inf) -> list[Sighting]:
+    """Sightings of all detections that have depth, in the detector's order. max_depth_m: depth
+    beyond it is not used; a saturated sensor reports its highest value, for example 65.535 m."""
     frame = observation.frame
     found = []
     for detection in observation.detections:
-        points = mask_points_m(detection, frame.depth_m, frame.camera, frame.T_world_cam)
+        points = mask_points_m(
+            detection, frame.depth_m, frame.camera, frame.T_world_cam, max_depth_m
+        )
         if len(points) >= MIN_POINTS:
             left, _, right, _ = detection.box_xyxy
             found.append(
@@ -61,7 +65,11 @@ def sightings_of(observation: Observation) -> list[Sighting]:
 
 
 def mask_points_m(
-    detection: Detection, depth_m: NDArray[np.float32], camera: Pinhole, T_world_cam: Matrix
+    detection: Detection,
+    depth_m: NDArray[np.float32],
+    camera: Pinhole,
+    T_world_cam: Matrix,
+    max_depth_m: float = math.inf,
 ) -> NDArray[np.float64]:
     """World points [n, 3] under a mask. Its rim, where depth mixes with the background, is left out
     if enough points remain."""
@@ -73,8 +81,10 @@ def mask_points_m(
         borderType=cv2.BORDER_CONSTANT,
         borderValue=(0.0,),
     )
+    within = depth_m[y0:y1, x0:x1]
+    usable = (within > 0) & (within <= max_depth_m)
     for part in (inner != 0, mask):
-        v, u = np.nonzero(part & (depth_m[y0:y1, x0:x1] > 0))
+        v, u = np.nonzero(part & usable)
         if len(v) >= MIN_POINTS:
             break
     else:
@@ -123,8 +133,9 @@ class MessageBuffer:
     """Collects the sightings of a task, and acknowledges each keyframe with an
     observation. Thread-safe."""
 
-    def __init__(self, bus: Bus, acks: KeyframeAcks, context_id: str) -> None:
-        self._acks, self._context_id = acks, context_id
+    def __init__(self, bus: Bus, acks: KeyframeAcks, context_id: str, max_depth_m: float) -> None:
+        """max_depth_m: greatest depth that the robot's sensor measures."""
+        self._acks, self._context_id, self._max_depth_m = acks, context_id, max_depth_m
         self._lock = threading.Lock()
         self._sightings: list[Sighting] = []
         self._registration = bus.subscribe_in_place(OBSERVATION, self._on_observation)
@@ -144,7 +155,8 @@ class MessageBuffer:
         )  # fmt: skip
         if message.context_id == self._context_id:
             try:
-                found = sightings_of(observation_from_proto(message, with_others=False))
+                observation = observation_from_proto(message, with_others=False)
+                found = sightings_of(observation, self._max_depth_m)
             except HeliosError as error:
                 log.warning("observation %d refused: %s", message.frame.id.seq, error.message)
                 ack.accepted, ack.reason = False, error.message

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -61,12 +61,18 @@ class ProgressListener(Protocol):
         """Publish the number of picks so far."""
 
 
+def _ignored(action: Action, result: ActionResult) -> None:
+    """Do nothing with a result."""
+
+
 class RobotInterface(ABC):
     """The robot and its maps. Every method may raise TaskFailed or TaskCancelled."""
 
     description: RobotDescription
     listener: ProgressListener
     cut_short: bool = False  # True if a stop ended the last action early
+    # Receives each action with its result, before a keyframe that a map lost is taken again.
+    on_result: Callable[[Action, ActionResult], None] = staticmethod(_ignored)
 
     @abstractmethod
     def act(self, action: Action) -> ActionResult:

@@ -285,7 +285,9 @@ class Search(ABC):
                 return o
         raise TaskFailed(
             Cause.SYSTEM_ERROR,
-            f"{self.name} {decision.chosen.id} was lost between two questions",
+            f"the object map no longer holds {self.name} {decision.chosen.id}, which was just "
+            "chosen; see whether the object map restarted (`helios status`), and submit the task "
+            "again",
         )
 
     # --- frontiers -----------------------------------------------------------------------------

@@ -33,7 +33,9 @@ from helios_planner.search.view_selection import BestView, PlaceSet
 from helios_planner.task import Phase
 
 MOST_WRITTEN = 16
-LEAST_IN_HAND = 1e-6  # keeps the score that a candidate needs finite
+# Least factor by which a score is divided. A candidate with probability 0 in the hand would need an
+# infinite score.
+LEAST_IN_HAND = 1e-6
 
 
 class ScoredSearch(Search):
@@ -242,7 +244,8 @@ class ScoredSearch(Search):
         )
 
     def relax(self) -> bool:
-        again = self._round + 1 < self.settings.rounds  # first search everything once more
+        rounds = min(self.settings.rounds, self.rounds)
+        again = self._round + 1 < rounds  # first search everything once more
         last = self._thresholds.strict_count if again else len(self._thresholds.steps)
         if self._step >= last - 1:
             return False

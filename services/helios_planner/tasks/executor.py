@@ -11,8 +11,9 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError
+from helios_core.heartbeat import HeartbeatSender
 from helios_core.keyframe_acks import KeyframeAcks, MapPart
-from helios_core.topics import CONTEXT, VOCABULARY
+from helios_core.topics import CONTEXT, PLANNER_HEARTBEAT, VOCABULARY
 from helios_core.types import WorldId
 
 from helios_planner.agents import agent_named
@@ -110,6 +111,7 @@ class TaskExecutor:
         """Message about the held object; empty if there is none, or if it is not queried."""
         if robot is None or not self._journal.is_settled:
             return ""
+        self._calls.task_over = True
         try:
             thing = robot.held()
         except (TaskCancelled, TaskFailed):
@@ -152,7 +154,10 @@ class TaskExecutor:
     def _take_up(self, mission: Mission | MoveMission) -> None:
         """Settle the action in flight, and restore the mission's state."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
-        last = last_action(self._line(), self._settings, self._journal, lambda: self._calls.held_s)
+        last = last_action(
+            self._line(), self._settings, self._journal, lambda: self._calls.held_s,
+            HeartbeatSender(self._bus, PLANNER_HEARTBEAT),
+        )  # fmt: skip
         if self._journal.entry.checkpoint:
             mission.restore(self._journal.entry.checkpoint, last)
 

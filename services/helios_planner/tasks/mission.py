@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from helios_core.robot import Pick, Place, Show
+from helios_core.robot import Action, ActionResult, Observe, Pick, Place, Show
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
@@ -58,44 +58,58 @@ class Mission:
         self._fell = ""  # message about a fall, for the next search
         self.search: Search | None = None  # the current one
         self._restored: Mapping[str, Any] | None = None  # checkpoint of the interrupted search
+        robot.on_result = self._note_result
 
     def run(self) -> str:
         """Run the task; returns its message. Raises TaskFailed and TaskCancelled."""
         i = self.instruction
         if self.hand.returning_m is not None and not self.hand.resume():
             self.picked_at_m = self.target_m
-        if i.kind is Kind.MOVE and self.picked_at_m is None and not self.placed:
-            self._take_over(i.object or "")
-        if not self.looked_around:
-            phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
-            self.robot.listener.on_phase(phase, i.object or i.goal or "", "looking around")
-            self.tools.base.look_around(self._remembers_it)
-            self.looked_around = True
+        if i.kind is Kind.MOVE:
+            return self._bring()
+        self._look_around()
         if i.kind is Kind.GO_TO:
             assert i.goal
             self._go_to(i.goal)
             return f"stands at the {i.goal}"
         assert i.object
-        if i.kind is Kind.FIND:
-            search = self.agent.seek_object(self.tools, i.object, i.start)
-            if isinstance(search, ScoredSearch):
-                search.action = Act.STOP  # for its explanations
-            return self._show(self._begun(search))
+        search = self.agent.seek_object(self.tools, i.object, i.start)
+        if isinstance(search, ScoredSearch):
+            search.action = Act.STOP  # for its explanations
+        return self._show(self._begun(search))
+
+    def _bring(self) -> str:
+        """Pick the object and place it, also after it fell; returns the message of the task."""
+        i = self.instruction
+        assert i.object
         assert i.goal
         if self.placed:  # placed before a restart: nobody looked since
             self.seen_at_goal = False
+        elif self.picked_at_m is None:
+            self._take_over(i.object)
         while not self.placed:
             try:
+                self._look_around()
                 if self.picked_at_m is None:
                     self.picked_at_m = self._pick(i.object, i.start)
                 self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
                 self.placed = True
             except Dropped as fall:
                 self.skills.count_fall(fall, i.object)
-                self.picked_at_m = None
+                self.picked_at_m, self.hand.unchecked = None, False
                 self._fell = f"the {i.object} fell: {fall}"
         seen = "it is seen there" if self.seen_at_goal else "it was not seen there yet"
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
+
+    def _look_around(self) -> None:
+        """Look around once in a task. Raises Dropped."""
+        if self.looked_around:
+            return
+        i = self.instruction
+        phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
+        self.robot.listener.on_phase(phase, i.object or i.goal or "", "looking around")
+        self.tools.base.look_around(self._remembers_it)
+        self.looked_around = True
 
     def _remembers_it(self) -> bool:
         """True if the search would act at once on what a stored map has, found again."""
@@ -135,11 +149,19 @@ class Mission:
         return search
 
     # --- restart -------------------------------------------------------------------------------
+    def _note_result(self, action: Action, result: ActionResult) -> None:
+        """Record a successful pick or place for the checkpoint, before any other action begins."""
+        if isinstance(action, Pick):
+            self.hand.unchecked = bool(result.succeeded)
+        elif isinstance(action, Place) and self.picked_at_m is not None:
+            self.placed = bool(result.succeeded)
+
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a crash of the planner, as JSON, for `restore`."""
         search = self.search
         return {
             "looked_around": self.looked_around,
+            "placed": self.placed,
             "target_m": _listed(self.target_m),
             "picked_at_m": _listed(self.picked_at_m),
             "unsure": list(self.unsure.items()),
@@ -152,6 +174,7 @@ class Mission:
     def restore(self, checkpoint: Mapping[str, Any], last: LastAction) -> None:
         """Restore the state; `last`: outcome of the newest action. Raises TaskFailed."""
         self.looked_around = checkpoint["looked_around"]
+        self.placed = checkpoint.get("placed", False) and not last.held  # older journals lack it
         self.target_m = _array(checkpoint["target_m"])
         self.picked_at_m = _array(checkpoint["picked_at_m"])
         self.unsure = {Phase(phase): said for phase, said in checkpoint["unsure"]}
@@ -159,24 +182,35 @@ class Mission:
         self.hand.restore(checkpoint)
         self.tools.restore(checkpoint)
         self._restored = checkpoint["search"]
-        name = self.instruction.object or ""
-        if self.picked_at_m is None and last.held and self.hand.returns_unseen(last.action):
+        if self.picked_at_m is None:
+            self._restore_pick(last)
+        elif not self.placed and not last.held:
+            self._restore_place(last)
+        self.tools.base.monitor.carrying = self.picked_at_m is not None and not self.placed
+
+    def _restore_pick(self, last: LastAction) -> None:
+        """Find out whether an object was picked; `picked_at_m` is None before."""
+        if last.held and self.hand.returns_unseen():
             return  # `run` puts it back and searches on
-        if isinstance(last.action, Show) and self.picked_at_m is None and last.held:
-            if self.hand.returning_m is None:
-                self.picked_at_m, self._restored = self.target_m, None
-        elif isinstance(last.action, Pick) and self.picked_at_m is None:
+        if isinstance(last.action, Pick):
             if last.succeeded or (last.succeeded is None and last.held):
-                self._was_picked(name)
+                self._was_picked(self.instruction.object or "")
             elif last.reason:
                 self.skills.last_reason = last.reason
-        elif self.picked_at_m is not None and not last.held:
-            self.placed = isinstance(last.action, Place) and last.succeeded is not False
-            if not self.placed:
-                fall = Dropped(self.robot.pose().xy, last.reason or "the planner was away")
-                self.skills.count_fall(fall, name)
-                self.picked_at_m = self._restored = None
-        self.tools.base.monitor.carrying = self.picked_at_m is not None and not self.placed
+        elif last.held and self.hand.returning_m is None:
+            if self.hand.unchecked and isinstance(last.action, Observe):
+                self._was_picked(self.instruction.object or "")
+            elif self.hand.unchecked or isinstance(last.action, Show):
+                self.picked_at_m, self._restored = self.target_m, None
+
+    def _restore_place(self, last: LastAction) -> None:
+        """Find out whether the carried object was placed or fell. Raises TaskFailed after too many
+        falls."""
+        self.placed = isinstance(last.action, Place) and last.succeeded is not False
+        if not self.placed:
+            fall = Dropped(self.robot.pose().xy, last.reason or "the planner was away")
+            self.skills.count_fall(fall, self.instruction.object or "")
+            self.picked_at_m = self._restored = None
 
     def _was_picked(self, name: str) -> None:
         """Record a pick that succeeded while the planner was away."""

@@ -215,8 +215,7 @@ class TaskRegistry:
                 return self._tasks[id]
             task = self._tasks[id] = self._tasks[id].with_(**changes)
         self._keep(id, safe="on_hold" in changes)
-        self.publish(TASK, task_to_proto(task))
-        return task
+        return self._publish_present(id) or task
 
     def cancel(self, id: str) -> None:
         """Mark a running task to end. This is stored at once: if the planner dies before the task
@@ -249,9 +248,9 @@ class TaskRegistry:
             if id not in self._ends:  # it was published meanwhile
                 return
             waits = f"{message}; told as {state} once that is kept: {self._store.fault}"
-            present = self._tasks[id] = self._tasks[id].with_(message=waits, eta_s=None)
+            self._tasks[id] = self._tasks[id].with_(message=waits, eta_s=None)
             self._unkept.add(id)
-        self.publish(TASK, task_to_proto(present))
+        self._publish_present(id)
 
     def has_ended(self, id: str) -> bool:
         """True if a task has ended, even if that is not published yet."""
@@ -292,6 +291,15 @@ class TaskRegistry:
             with self._lock:
                 self._late.append(decision)
         self.publish(DECISION, decision)
+
+    def _publish_present(self, id: str) -> Task | None:
+        """Publish a task as it is now, and return it. An ended one is not published again: its end
+        may have come while its earlier state was stored."""
+        with self._lock:
+            task = self._tasks.get(id)
+        if task is not None and not task.state.ended:
+            self.publish(TASK, task_to_proto(task))
+        return task
 
     def publish(self, topic: Topic[M], message: M) -> None:
         try:

@@ -11,12 +11,14 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import action_from_proto, state_from_proto
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
+from helios_core.heartbeat import HeartbeatSender
 from helios_core.robot import Action
 from helios_core.topics import ACT, GET_STATE, LEASE, Method, Rep, Req
 from helios_core.types import RobotState
@@ -82,13 +84,16 @@ class TaskCalls:
         self._bus, self._journal, self._hold, self._reporter = bus, journal, hold, reporter
         self._keep_within_s = keep_within_s
         self.held_s = 0.0  # duration of the pauses that calls waited for
+        self.task_over = False  # True once the task has ended: reads then have no time limit
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
         if isinstance(request, pb.LeaseRequest) and request.release_token:
             return self._bus.call(method, request, timeout_s)  # also after the time limit
-        self._hold.check()
         if not isinstance(request, pb.ActionRequest) or method.name != ACT.name:
+            if not self.task_over:
+                self._hold.check()
             return self._bus.call(method, request, timeout_s)
+        self._hold.check()
         since_s = time.monotonic()
         self._written_down(request)
         self.held_s += time.monotonic() - since_s
@@ -196,9 +201,10 @@ def last_action(
     settings: Settings,
     journal: Journal,
     held_s: Callable[[], float] = lambda: 0.0,
+    heart: HeartbeatSender | None = None,
 ) -> LastAction:
     """Settle the action in flight and return its outcome. held_s: duration of pauses so far, which
-    do not count as waiting.
+    do not count as waiting. heart: sends heartbeats meanwhile; None sends and promises none.
 
     Raises TaskFailed if the robot is not in the journal's world, or has done more of this task than
     the journal holds.
@@ -208,7 +214,7 @@ def last_action(
     entry = journal.entry
     request, result = entry.request, entry.result
     if request is not None and result is None:
-        result = _again(line, settings, journal, request, held_s)
+        result = _again(line, settings, request, held_s, heart)
     held = _state(line).held
     action = action_from_proto(request.action) if request is not None else None
     if result is None:
@@ -249,21 +255,23 @@ def _state(line: RobotConnection) -> RobotState:
 def _again(
     line: RobotConnection,
     settings: Settings,
-    journal: Journal,
     request: pb.ActionRequest,
     held_s: Callable[[], float],
+    heart: HeartbeatSender | None,
 ) -> pb.ActionResult | None:
     """Send the action under the same id until it is answered; None if it is refused and so was not
-    done, for example because stop-now is latched."""
+    done, for example because stop-now is latched. The bridge begins it now if it had not before, so
+    that it needs heartbeats."""
     began_s, within_s = time.monotonic(), settings.away_s + settings.action_timeout_s
     again = pb.ActionRequest()
     again.CopyFrom(request)
-    again.time_remaining_s = settings.action_timeout_s
+    again.time_remaining_s, again.beats = settings.action_timeout_s, heart is not None
     while True:
         try:
             lease = line.call(LEASE, pb.LeaseRequest(holder=HOLDER), refusals=(Conflict,))
             again.lease_token = lease.token
-            result = line.bus.call(ACT, again, settings.action_timeout_s + 5.0)
+            with heart.beating(request.action_id) if heart else nullcontext():
+                result = line.bus.call(ACT, again, settings.action_timeout_s + 5.0)
             log.info("action %s was settled", request.action_id)
             return result
         except (Conflict, Unavailable, DeadlineExceeded) as error:

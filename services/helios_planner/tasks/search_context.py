@@ -41,7 +41,8 @@ def search_context(id: str, instruction: Instruction, settings: Settings) -> Sea
 def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> Instruction:
     """The instruction in the detector's names: the name itself, its singular, or the known name
     that it ends with ("red coffee mug" is a mug, "bowl of oranges" a bowl); other words count as
-    unused. Raises InvalidInput for an unknown name."""
+    unused. Raises InvalidInput for an unknown name, and for an object with the same name as a
+    place."""
     if vocabulary.open:
         return instruction
     known = {name.replace("_", " ").lower(): name for name in vocabulary.names}
@@ -51,6 +52,13 @@ def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> I
         if said := getattr(instruction, role):
             named[role], rest = _known(role, said, known, vocabulary.detector)
             unused += rest
+    for role in ("start", "goal"):
+        if role in named and named[role] == named.get("object"):
+            raise InvalidInput(
+                f"the detector ({vocabulary.detector}) knows the object “{instruction.object}” and "
+                f"the place “{getattr(instruction, role)}” only as “{named[role]}”, so it cannot "
+                f"tell them apart; name another place, of {ALL_NAMES}"
+            )
     return replace(instruction, unused=(*instruction.unused, *unused), **named)
 
 
@@ -60,6 +68,11 @@ def check_able(instruction: Instruction, robot: pb.RobotDescription) -> None:
         raise InvalidInput(
             f"the robot {robot.name!r} cannot move (it plays a recording, or is fixed), so it can "
             "do no task; start one that can, for example `helios up --robot sim`"
+        )
+    if not robot.max_turn_rad > 0:
+        raise InvalidInput(
+            f"the robot {robot.name!r} cannot turn (max_turn_rad is {robot.max_turn_rad:g}), so it "
+            "can do no task; give max_turn_rad in its driver's describe()"
         )
     if instruction.kind is Kind.MOVE and not (robot.can_pick and robot.can_place):
         raise InvalidInput(

@@ -42,8 +42,8 @@ from helios_planner.robot.detections import Sighting
 from planner_world import FakeWorld
 
 SIZE = (400, 480)  # of the images, [h, w]
-CAMERA = Pinhole(fx=500.0, fy=500.0, cx=240.0, cy=200.0, width=480, height=400)
-BELOW_M = 10.0  # a camera under the floor that looks up sees the whole flat, 2 cm per pixel
+CAMERA = Pinhole(fx=200.0, fy=200.0, cx=240.0, cy=200.0, width=480, height=400)
+BELOW_M = 4.0  # a camera under the floor that looks up sees the whole flat, 2 cm per pixel
 
 
 def observation(id: FrameId, context_id: str, sightings: list[Sighting]) -> Observation:
@@ -69,7 +69,8 @@ def observation(id: FrameId, context_id: str, sightings: list[Sighting]) -> Obse
 
 class Peers:
     """Fake bridge, detector, objectmap and map2d. `gate`: an event that every action waits for;
-    `silent`: parts of a keyframe that are not acknowledged."""
+    `silent`: parts of a keyframe that are not acknowledged; `refusing`: reasons of refusals, by
+    part."""
 
     def __init__(
         self, hub: MemoryHub, world: FakeWorld, names: tuple[str, ...] = (), robot: str = "robot"
@@ -83,6 +84,7 @@ class Peers:
         self.released = 0  # the newest lease that was released
         self.done: dict[str, pb.ActionResult] = {}
         self.silent: set[str] = set()
+        self.refusing: dict[str, str] = {}
         self._reported = 0
         self.blank_maps = 0  # number of snapshots without a map that still come
         self.gate: threading.Event | None = None
@@ -143,8 +145,12 @@ class Peers:
         for part, topic in (("occupancy", MAP2D_ACK), ("value", MAP2D_ACK),
                             ("objects", OBJECTMAP_ACK)):  # fmt: skip
             if part not in self.silent:
-                self.bus.publish(topic, pb.Ack(part=part, id=out.keyframe, accepted=True,
-                                               context_id=self.context.id))  # fmt: skip
+                reason = self.refusing.get(part, "")
+                ack = pb.Ack(
+                    part=part, id=out.keyframe, accepted=not reason, reason=reason,
+                    context_id=self.context.id,
+                )  # fmt: skip
+                self.bus.publish(topic, ack)
         return out
 
     def _observe(self) -> None:

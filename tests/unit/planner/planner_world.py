@@ -99,6 +99,7 @@ class FakeWorld(RobotInterface):
         self.steps += 1
         self.log.append(action)
         result = self._do(action)
+        self.on_result(action, result)
         self.look()
         return result
 

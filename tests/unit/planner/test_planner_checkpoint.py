@@ -33,7 +33,7 @@ KEPT_AND_LOST = {
     ),
     "SearchTools": ("given_up rng belief looking base", ""),
     "Manipulation": ("picks falls last_reason _failed", "near surface_m placed_on"),
-    "HandCheck": ("put_back returning_m unseen_m", "cannot_show refuted"),
+    "HandCheck": ("put_back returning_m unseen_m unchecked", "cannot_show refuted"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
     "ViewPlanner": ("_looked", "_other_share _views _gains"),
     "ObjectSearch": (
@@ -74,9 +74,17 @@ def test_every_field_is_in_the_checkpoint_or_listed_as_lost(name: str) -> None:
     assert kept | lost <= vars(found).keys(), "the table names what is not there"
 
 
+def test_a_checkpoint_of_an_earlier_planner_without_the_newer_fields_is_read() -> None:
+    checkpoint = Mission(flat_with_mug(), parse(MOVE), Settings()).checkpoint()
+    del checkpoint["placed"], checkpoint["unchecked"]
+    again = Mission(flat_with_mug(), parse(MOVE), Settings())
+    again.restore(checkpoint, LastAction(Observe(), True, "", ""))
+    assert (again.placed, again.hand.unchecked) == (False, False)
+
+
 def test_a_restored_mission_gives_the_same_checkpoint() -> None:
     mission = Mission(flat_with_mug(), parse(MOVE), Settings())
-    mission.looked_around = True
+    mission.looked_around = mission.placed = mission.hand.unchecked = True
     mission.skills.picks, mission.skills.last_reason = 2, "it slipped"
     mission.hand.put_back, mission.hand.returning_m = 1, np.array([1.0, 2.0, 0.5])
     mission.tools.base.felt_obstacles.append((1.0, 2.0, 0.08))

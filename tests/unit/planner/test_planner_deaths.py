@@ -11,7 +11,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import CANCEL, DECISIONS, PAUSE, RESUME
+from helios_core.topics import CANCEL, DECISIONS, PAUSE, RESUME, TASK
 from helios_planner.instruction.parser import parse
 from helios_planner.robot.rpc import number_of
 from helios_planner.service import PlannerService
@@ -201,6 +201,29 @@ def test_the_duration_of_a_pause_does_not_count_as_absence_of_the_planner(
     task_registry = TaskRegistry(bus, settings, Health(), store)
     assert task_registry.restore() == []
     assert task_registry.known("a").state is State.FAILED
+
+
+def test_no_earlier_state_of_a_task_is_published_after_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its end comes while a change of it waits to be stored."""
+    bus, store = MemoryBus(MemoryHub()), Store(tmp_path)
+    task_registry = TaskRegistry(bus, hasty(tmp_path), Health(), store)
+    go = Task("a", "go", parse("go to the sofa"), State.RUNNING, 9, time.time())
+    task_registry.add(go)
+    told: list[str] = []
+    bus.subscribe(TASK, lambda message: told.append(message.state))
+    told.clear()  # a retained one
+    wait = task_registry._keep
+
+    def ends_meanwhile(id: str, safe: bool = False) -> None:
+        task_registry.end("a", State.SUCCEEDED, "done")
+        wait(id, safe)
+
+    monkeypatch.setattr(task_registry, "_keep", ends_meanwhile)
+    changed = task_registry.change("a", message="a step further")
+    assert told == ["succeeded"]
+    assert changed.state is State.SUCCEEDED
 
 
 def test_a_task_queued_when_the_planner_was_stopped_waits_to_be_resumed(

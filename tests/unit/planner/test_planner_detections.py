@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helios_core.codec import observation_to_proto
 from helios_core.geometry import Pinhole, camera_on_base, project, se2_to_se3
+from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import OBSERVATION
 from helios_core.types import Detection, Frame, FrameId, Observation
-from helios_planner.robot.detections import Sighting, sighting_of, sightings_of
+from helios_planner.robot.detections import MessageBuffer, Sighting, sighting_of, sightings_of
 from helios_planner.search.candidate_beliefs import TrustingBelief
 from helios_planner.settings import Settings
 from hypothesis import given
@@ -56,6 +60,28 @@ def test_a_mask_rim_on_the_wall_behind_does_not_move_the_object() -> None:
     observation.frame.depth_m[rim] = 6.0
     (found,) = sightings_of(observation)
     assert np.linalg.norm(found.center_m - point) < 0.02
+
+
+@pytest.mark.parametrize("share", [0.1, 1.0])
+def test_saturated_depth_neither_stretches_nor_makes_a_sighting(share: float) -> None:
+    observation = observation_of(np.array([2.0, 0.0, 1.0]), camera_on_base(np.eye(4), 1.31, 0.0))
+    rows, columns = np.nonzero(observation.detections[0].mask)
+    n = int(share * len(rows))
+    observation.frame.depth_m[rows[:n], columns[:n]] = 65.535
+    found = sightings_of(observation, max_depth_m=5.0)
+    assert len(found) == (share < 1)
+    assert all(s.size_m.max() < 0.1 for s in found)
+
+
+def test_the_client_uses_no_depth_beyond_what_the_robot_measures() -> None:
+    hub, acks = MemoryHub(), KeyframeAcks()
+    inbox = MessageBuffer(MemoryBus(hub), acks, "c", max_depth_m=1.0)
+    T = camera_on_base(np.eye(4), 1.31, 0.0)
+    for away_m in (3.0, 0.9):
+        seen = observation_of(np.array([away_m, 0.0, 1.31]), T)
+        MemoryBus(hub).publish(OBSERVATION, observation_to_proto(seen))
+    (found,) = inbox.sightings()
+    assert found.center_m[0] == pytest.approx(0.9, abs=0.02)
 
 
 def test_a_detection_without_depth_is_no_sighting() -> None:

@@ -62,6 +62,17 @@ def test_an_object_that_fell_on_the_way_is_picked_up_again() -> None:
     assert "; looking" not in fell[-1]  # the next decision's message repeats it
 
 
+def test_an_object_that_falls_during_the_first_look_around_is_picked_up_again() -> None:
+    """An earlier task has left the mug in the gripper."""
+    world = troubled(flat([coffee_table(), counter(), mug()]), falling(1, after=3))
+    world._held = world.things[3]
+    bring(world)
+    hands = [type(a) for a in world.log if isinstance(a, Pick | Place)]
+    assert hands == [Pick, Place]
+    assert world.released is world.things[3]
+    assert any(message.startswith("the mug fell: ") for _, message in world.said)
+
+
 def test_a_single_wrong_gripper_reading_does_not_count_as_a_drop() -> None:
     world = flat([coffee_table(), counter(), mug()])
     honest, asked = world.held, [0]

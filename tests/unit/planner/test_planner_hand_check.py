@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helios_core.robot import ActionResult, Pick, Place, Show
+from helios_core.robot import ActionResult, Pick, Place, Show, Tilt
 from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.decisions.held_object import HeldObject
 from helios_planner.hand_check import NEARER_M
@@ -172,8 +172,11 @@ def test_an_object_that_cannot_be_put_back_is_brought() -> None:
     assert "which cannot be put back where it was" in kept
 
 
-def restarted(world: FakeWorld, before: type[Place] | type[Show], **settings: float) -> Mission:
-    """Mission after a death of the planner before its first action of that kind."""
+def restarted(
+    world: FakeWorld, before: type[Place] | type[Show] | type[Tilt], **settings: float
+) -> Mission:
+    """Mission after a death of the planner before its first action of that kind with the object in
+    the gripper."""
     first = mission(world, **settings)
     stored: dict = {}
 
@@ -183,8 +186,9 @@ def restarted(world: FakeWorld, before: type[Place] | type[Show], **settings: fl
     acting = world.act
 
     def act(action):
-        if isinstance(action, before) and not stored:
+        if isinstance(action, before) and world.held() and not stored:
             stored.update(first.checkpoint())
+            stored["action"] = action
             raise Died
         return acting(action)
 
@@ -193,7 +197,8 @@ def restarted(world: FakeWorld, before: type[Place] | type[Show], **settings: fl
         first.run()
     assert world.held() == "mug"
     again = mission(world, **settings)
-    again.restore(stored, LastAction(Show(0.0), True, "", "mug"))
+    last = stored.pop("action") if before is Tilt else Show(0.0)
+    again.restore(stored, LastAction(last, True, "", "mug"))
     return again
 
 
@@ -217,9 +222,14 @@ def test_a_restart_after_the_return_forgets_it() -> None:
     assert (again.hand.put_back, again.hand.returning_m) == (1, None)
 
 
-def test_a_restart_while_the_object_is_shown_keeps_it() -> None:
+@pytest.mark.parametrize("before", [Show, Tilt])
+def test_a_restart_between_the_pick_and_the_look_keeps_a_named_object(
+    before: type[Show] | type[Tilt],
+) -> None:
     world = world_of(looks(mug(3), RIGHT))
-    restarted(world, before=Show).run()
+    again = restarted(world, before=before)
+    assert again.picked_at_m is not None
+    again.run()
     assert world.released is world.things[3]
     assert sum(isinstance(action, Pick) for action in world.log) == 1
 
@@ -362,13 +372,14 @@ def test_a_named_thing_beside_an_unnamed_one_does_not_take_its_place() -> None:
     assert world.released is right
 
 
+@pytest.mark.parametrize("before", [Show, Tilt])
 @pytest.mark.parametrize(("held", "is_brought"), [(WRONG, False), (RIGHT, True)])
 def test_a_restart_in_the_look_at_an_unnamed_thing_repeats_it(
-    held: HeldObject, is_brought: bool
+    held: HeldObject, is_brought: bool, before: type[Show] | type[Tilt]
 ) -> None:
     thing = unseen_mug(held)
     world = bumps(world_of(thing), thing)
-    again = restarted(world, before=Show, unnamed_picks=4)
+    again = restarted(world, before=before, unnamed_picks=4)
     if is_brought:
         again.run()
         assert world.released is thing

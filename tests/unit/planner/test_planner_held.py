@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -63,6 +64,31 @@ def test_a_failed_last_pick_is_restored_as_failed_whatever_the_gripper_holds() -
     again.restore(checkpoint, LastAction(Pick((1.0, 1.0, 0.5), "can"), False, "it is full", "mug"))
     assert again.picked_at_m is None
     assert again.skills.last_reason == "it is full"
+
+
+def test_a_task_whose_time_is_up_reports_the_held_object(group: PlannerGroup) -> None:
+    world = flat_with_mug()
+    group.peers(world)
+    bus = group.planner()
+    act = world.act
+
+    def slow_when_carrying(action: Action) -> ActionResult:
+        result = act(action)
+        if world.held():
+            wait_until(lambda: time.time() > ends_s[0], 60, "its time is up")
+        return result
+
+    ends_s = [float("inf")]
+    world.act = slow_when_carrying
+    world._held = world.things[3]
+    limit_s = 0.5
+    id = submit(bus, MOVE, time_limit_s=limit_s).id
+    wait_until(lambda: task(bus, id).started_s > 0, 60, "it runs")
+    ends_s[0] = task(bus, id).started_s + limit_s
+    done = ended(bus, id)
+    assert (done.state, done.cause) == ("failed", "step budget")
+    assert "0.5 s are used up" in done.message
+    assert "it holds a mug (“put the mug on the …” sets it down)" in done.message
 
 
 def test_a_cancelled_task_reports_the_held_object_and_the_next_task_places_it(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import cast
 from unittest.mock import create_autospec
 
@@ -10,10 +11,11 @@ import pytest
 from helios_core import proto as pb
 from helios_core.codec import description_to_proto
 from helios_core.errors import Conflict
+from helios_core.heartbeat import HeartbeatSender
 from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Observe, Turn
-from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
+from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK, PLANNER_HEARTBEAT
 from helios_planner.robot import client
 from helios_planner.robot.client import RobotClient, TaskListener
 from helios_planner.robot.rpc import RobotConnection
@@ -31,12 +33,13 @@ IMPATIENT = Settings(ack_timeout_s=0.1, away_s=0.1)
 @pytest.fixture(autouse=True)
 def short_ack_patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "ACK_PATIENCE_S", 0.05)
+    monkeypatch.setattr(client, "RETRY_S", 0.01)
 
 
 class Scene:
     """A task's client of a fake robot; all peers answer before a call returns."""
 
-    def __init__(self) -> None:
+    def __init__(self, parts: tuple[str, ...] = tuple(MapPart)) -> None:
         hub, acks = MemoryHub(), KeyframeAcks()
         self.peers, self.bus = Peers(hub, flat()), MemoryBus(hub)
         self.bus.subscribe(MAP2D_ACK, acks.add)
@@ -45,7 +48,7 @@ class Scene:
         line = RobotConnection(self.bus, IMPATIENT, threading.Event(), self.listener.on_wait)
         self.robot = RobotClient(
             self.bus, line, IMPATIENT, description_to_proto(self.peers.world.description), acks,
-            "task", "", 100, self.listener, tuple(MapPart),
+            "task", "", 100, self.listener, parts,
         )  # fmt: skip
         self.robot.begin()
 
@@ -97,6 +100,67 @@ def test_a_keyframe_that_a_map_lost_is_taken_again_without_repeating_the_action(
     assert reported[-1] is None
 
 
+@pytest.mark.parametrize("part", MapPart)
+def test_a_keyframe_that_a_map_refused_is_taken_again_without_repeating_the_action(
+    part: str,
+) -> None:
+    scene = Scene()
+    scene.peers.refusing[part] = "the observation answers another search: observe again"
+    scene.listener.on_wait.side_effect = lambda _: scene.peers.refusing.clear()
+    result = scene.robot.act(Turn(0.3))
+    assert result.turned_rad == pytest.approx(0.3)
+    assert scene.done()[-2:] == [Turn, Observe]
+    reported = [cast("str | None", call.args[0]) for call in scene.listener.on_wait.call_args_list]
+    assert "observe again" in (reported[0] or "")
+    assert reported[-1] is None
+
+
+def test_a_keyframe_that_a_map_took_up_for_another_search_is_taken_again() -> None:
+    scene = Scene()
+    scene.peers.context = pb.SearchContext(id="another")
+    scene.listener.on_wait.side_effect = lambda _: setattr(
+        scene.peers, "context", pb.SearchContext()
+    )
+    scene.robot.act(Turn(0.3))
+    assert scene.done()[-2:] == [Turn, Observe]
+
+
+def test_a_map_that_refuses_every_keyframe_ends_the_task_with_its_reason() -> None:
+    scene = Scene()
+    scene.peers.refusing["objects"] = "a fault in the object map: KeyError: 'mug'"
+    with pytest.raises(TaskFailed, match=r"did not take up.*KeyError: 'mug'") as failure:
+        scene.robot.act(Turn(0.3))
+    assert failure.value.cause is Cause.SYSTEM_ERROR
+    assert scene.done()[-client.MOST_REFUSALS :] == [Turn, *[Observe] * (client.MOST_REFUSALS - 1)]
+
+
+def test_a_refusal_by_a_map_that_the_task_does_not_need_is_ignored() -> None:
+    scene = Scene(parts=(MapPart.OCCUPANCY,))
+    scene.peers.refusing["objects"] = "the frame is damaged"
+    scene.robot.act(Turn(0.3))
+    assert scene.done()[-1] is Turn
+
+
+def test_a_late_refusal_of_an_earlier_keyframe_is_ignored() -> None:
+    scene = Scene()
+    scene.robot.act(Turn(0.3))
+    earlier = pb.FrameId(robot_boot_id="boot", world_epoch=1, seq=scene.peers.seq)
+    scene.peers.bus.publish(OBJECTMAP_ACK, pb.Ack(part="objects", id=earlier, reason="too late"))
+    scene.robot.act(Turn(0.3))
+    assert scene.done()[-2:] == [Turn, Turn]
+
+
+def test_the_result_of_an_action_is_known_before_its_lost_keyframe_is_taken_again() -> None:
+    scene = Scene()
+    scene.peers.silent.add("value")
+    scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()
+    before: list[tuple[type, int]] = []
+    scene.robot.on_result = lambda action, _: before.append((type(action), len(scene.done())))
+    already = len(scene.done())
+    scene.robot.act(Turn(0.3))
+    assert before == [(Turn, already + 1), (Observe, already + 2)]
+
+
 def test_a_new_keyframe_after_a_stop_does_not_hide_that_the_action_was_cut_short(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -116,6 +180,48 @@ def test_a_new_keyframe_after_a_stop_does_not_hide_that_the_action_was_cut_short
     assert not scene.robot.act(Turn(0.3)).succeeded
     assert scene.done()[-1] is Observe
     assert scene.robot.cut_short
+
+
+@pytest.mark.parametrize(("away_m", "fails"), [(5000.0, True), (-5000.0, True), (20.0, False)])
+def test_a_pose_far_off_the_map_ends_the_task_before_the_map_is_enlarged(
+    away_m: float, fails: bool
+) -> None:
+    scene = Scene()
+    scene.robot.act(Turn(0.3))
+    pose = scene.peers.world.pose()
+    scene.peers.world._pose = replace(pose, x_m=pose.x_m + away_m, y_m=pose.y_m + away_m)
+    scene.robot._state = None  # the pose jumps after the keyframe
+    if not fails:
+        scene.robot.ground()
+        return
+    with pytest.raises(TaskFailed, match=r"localisation is \d{4} m off the map") as failure:
+        scene.robot.ground()
+    assert failure.value.cause is Cause.SYSTEM_ERROR
+    assert "see what its pose comes from" in failure.value.message
+
+
+@pytest.mark.parametrize("beating", [True, False])
+def test_a_resumed_action_promises_heartbeats_only_if_they_are_sent(beating: bool) -> None:
+    """The bridge, which had not begun it, would halt it after a silence."""
+    peers = Peers(hub := MemoryHub(), flat())
+    bus = MemoryBus(hub)
+    line = RobotConnection(bus, IMPATIENT, threading.Event(), lambda _: None)
+    promised, heard = list[bool](), threading.Event()
+    bus.subscribe(PLANNER_HEARTBEAT, lambda beat: heard.set() if beat.action_id == "t-1" else None)
+
+    def act(request: pb.ActionRequest) -> pb.ActionResult:
+        promised.append(request.beats)
+        assert not beating or heard.wait(10), "the bridge halts it"
+        return pb.ActionResult(action_id=request.action_id, succeeded=True)
+
+    peers.bus.serve(ACT, act)
+    turn = pb.Action(turn=pb.Action.Turn(angle_rad=0.3))
+    entry = Entry(request=pb.ActionRequest(action_id="t-1", action=turn, beats=True))
+    journal = Journal(create_autospec(Store, instance=True), "task", entry)
+    heart = HeartbeatSender(bus, PLANNER_HEARTBEAT) if beating else None
+    patient = Settings(ack_timeout_s=0.1, away_s=0.1, action_timeout_s=20)
+    assert last_action(line, patient, journal, heart=heart).succeeded
+    assert promised == [beating]
 
 
 def test_a_pause_does_not_count_towards_the_time_limit_of_the_last_action(

@@ -91,11 +91,16 @@ def test_a_point_out_of_reach_has_its_own_cause(start: Start) -> None:
     assert "is inside an obstacle; the nearest place" in done.message
 
 
-def test_a_task_that_moves_a_robot_that_cannot_move_is_refused(start: Start) -> None:
+@pytest.mark.parametrize(
+    ("lacks", "said"), [({"can_move": False}, "cannot move"), ({"max_turn_rad": 0}, "cannot turn")]
+)
+def test_a_task_that_moves_a_robot_that_cannot_move_or_turn_is_refused(
+    start: Start, lacks: dict[str, float], said: str
+) -> None:
     world = flat()
-    world.description = replace(world.description, can_move=False)
+    world.description = replace(world.description, **lacks)
     _, bus, _ = start(world)
-    with pytest.raises(InvalidInput, match="cannot move"):
+    with pytest.raises(InvalidInput, match=said):
         submit(bus, "explore")
 
 

@@ -214,6 +214,37 @@ def test_all_rounds_are_searched_before_the_likeliest_candidate_is_accepted() ->
     assert not search.relax()
 
 
+@pytest.mark.parametrize(("rounds", "rounds_held", "relaxes_in"), [(2, 1, 1), (2, 6, 2), (1, 3, 1)])
+def test_the_lower_thresholds_apply_in_the_last_round_that_is_searched_or_in_round_rounds(
+    rounds: int, rounds_held: int, relaxes_in: int
+) -> None:
+    search = ReceptacleSearch(Rig(Looks([]), rounds=rounds).tools, "counter", None, paper)
+    search.accept_any_after_share(0.92)
+    search.rounds = rounds_held  # as a mission sets it once the object is held
+    for number in range(1, relaxes_in + 1):
+        search._round = number - 1
+        assert search.relax() is (number == relaxes_in)
+
+
+def test_a_usable_receptacle_is_used_although_it_is_searched_for_only_once() -> None:
+    doubtful = replace(counter(), rate=0.4)
+    world = flat([coffee_table(), doubtful, mug()])
+    Mission(world, parse(MOVE), Settings(rounds=2, rounds_held=1)).run()
+    assert world.released is world.things[3]
+
+
+def test_a_chosen_candidate_that_the_map_dropped_ends_the_task_with_advice() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), id=7, score=0.9)]
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
+    decision = search.decide()
+    rig.known = []
+    with pytest.raises(TaskFailed, match="the object map no longer holds counter 7") as failure:
+        search.chosen(decision)
+    assert failure.value.cause is Cause.SYSTEM_ERROR
+    assert "submit the task again" in failure.value.message
+
+
 def test_the_paper_rule_ignores_the_place_of_an_object() -> None:
     rig = Rig(Looks([]))
     thing = Thing(4, "mug", np.array([1.0, 1.0, 0.5]), np.array([0.1, 0.1, 0.1]))

@@ -10,7 +10,8 @@ from unittest.mock import create_autospec
 import pytest
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import ACT
+from helios_core.topics import ACT, GET_STATE
+from helios_planner.task import TimeIsUp
 from helios_planner.tasks.registry import TaskReporter
 from helios_planner.tasks.run_control import Journal, PauseControl, TaskCalls
 from helios_planner.tasks.store import Entry, Store
@@ -41,6 +42,7 @@ class CallRecorder:
         hub = MemoryHub()
         self._robot = MemoryBus(hub)
         self._robot.serve(ACT, self._act)
+        self._robot.serve(GET_STATE, lambda _: pb.RobotState(held="mug"))
         store = create_autospec(Store, instance=True, fault="")
         store.keep.side_effect = self._keep
         reporter = create_autospec(TaskReporter, instance=True)
@@ -110,6 +112,17 @@ def test_a_pause_is_acknowledged_after_an_action_that_began_before_it() -> None:
     assert len(notes.acted) == 1
     hold.resume()
     second.join(10)
+
+
+def test_once_a_task_is_over_its_reads_have_no_time_limit_but_its_actions_have() -> None:
+    notes = CallRecorder(PauseControl(1.0, 0.0, threading.Event()))  # its time is over
+    with pytest.raises(TimeIsUp):
+        notes.bus.call(GET_STATE, pb.Empty(), 5)
+    notes.bus.task_over = True
+    assert notes.bus.call(GET_STATE, pb.Empty(), 5).held == "mug"
+    with pytest.raises(TimeIsUp):
+        notes.bus.call(ACT, pb.ActionRequest(action_id="task-1"), 5)
+    assert notes.acted == []
 
 
 @pytest.mark.parametrize("kept", [True, False])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from helios_core.robot import Action, ActionResult, Pick, Place, Turn
+from helios_core.robot import Action, ActionResult, Observe, Pick, Place, Turn
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
@@ -122,6 +122,55 @@ def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
     assert world.steps - steps < 5
 
 
+def test_a_death_in_the_look_after_placing_does_not_pick_the_object_up_again() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    first, act = mission(world), world.act
+    kept: dict = {}
+
+    def unseen_once_placed(action: Action) -> ActionResult:
+        if isinstance(action, Observe) and world.released is not None:
+            kept.update(json.loads(json.dumps(first.checkpoint())))
+            raise TaskCancelled
+        result = act(action)
+        if isinstance(action, Place):
+            world.things[3].views.clear()
+        return result
+
+    world.act = unseen_once_placed
+    with pytest.raises(TaskCancelled):
+        first.run()
+    world.act = act
+    again = mission(world)
+    again.restore(kept, last_action(Observe()))
+    assert again.run() == "put the mug on the counter; it was not seen there yet"
+    assert (again.skills.falls, again.seen_at_goal) == (0, False)
+    assert sum(isinstance(a, Pick) for a in world.log) == 1
+
+
+@pytest.mark.parametrize("kind", [Pick, Place])
+def test_a_death_while_a_lost_keyframe_is_taken_again_repeats_neither_pick_nor_place(
+    kind: type,
+) -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    checkpoint = run_until(world, kind, once_done=True)
+    again = mission(world)
+    again.restore(checkpoint, last_action(Observe(), held=world.held()))
+    assert again.picked_at_m is not None
+    assert again.picked_at_m[:2] == pytest.approx([7.2, 5.35], abs=0.05)  # where the mug was
+    again.run()
+    assert [type(a) for a in world.log if isinstance(a, Pick | Place)] == [Pick, Place]
+    assert world.released is world.things[3]
+    assert again.skills.falls == 0
+
+
+def test_an_object_that_is_still_held_after_a_place_is_placed_again() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    checkpoint = run_until(world, Place) | {"placed": True}
+    again = mission(world)
+    again.restore(checkpoint, last_action(Observe(), held="mug"))
+    assert not again.placed
+
+
 @pytest.mark.parametrize("kind", [Pick, Place])
 def test_an_object_accepted_as_likeliest_is_still_reported_after_the_planner_died(
     kind: type,
@@ -143,8 +192,9 @@ def test_an_object_that_fell_meanwhile_is_searched_again() -> None:
     assert (again.picked_at_m, again.skills.falls) == (None, 1)
 
 
-def run_until(world: FakeWorld, kind: type) -> dict:
-    """Run until an action of a kind is done but not answered; return the checkpoint before it."""
+def run_until(world: FakeWorld, kind: type, once_done: bool = False) -> dict:
+    """Run until an action of a kind is done but not answered; return the checkpoint before it.
+    once_done: that after its result was known."""
     first = mission(world)
     kept: list[dict] = []
     act = world.act
@@ -153,6 +203,8 @@ def run_until(world: FakeWorld, kind: type) -> dict:
         kept.append(json.loads(json.dumps(first.checkpoint())))
         result = act(action)
         if isinstance(action, kind):
+            if once_done:
+                kept.append(json.loads(json.dumps(first.checkpoint())))
             raise TaskCancelled
         return result
 

@@ -44,6 +44,22 @@ def test_a_part_of_a_known_object_is_not_mapped_to_the_object() -> None:
         named("find the mug on the edge of the bed")
 
 
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("put the small mug on the big mug", "big mug"),
+        ("bring the mug from the blue mug to the sofa", "blue mug"),
+        ("find the white bowl on the red bowl", "red bowl"),
+    ],
+)
+def test_an_object_and_a_place_with_one_name_for_the_detector_are_refused(
+    text: str, place: str
+) -> None:
+    assert named(text, ())[0] != place  # an open vocabulary tells them apart
+    with pytest.raises(InvalidInput, match=f"the place “{place}” only as “(mug|bowl)”"):
+        named(text)
+
+
 KNOWN = ("can", "candle", "banana", "scissors", "bookcase", "kitchen counter", "refrigerator")
 
 
