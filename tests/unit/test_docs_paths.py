@@ -31,7 +31,8 @@ OF_THE_READER = {
     "models.lock.json",
     "report.md", "calibration.md", "attributions.md", "realism.md", "beliefs.json",
     "summary.json", "objects.json", "psi.png", "gaussians.png", "map.yaml", "bench.json",
-    "drive.py", "frames/000012.png", "current/ATTRIBUTIONS.md", "memory.json", "memory.md", "memory.png",
+    "drive.py", "frames/000012.png", "current/ATTRIBUTIONS.md",
+    "memory.json", "memory.md", "memory.png",
     "helios_core.proto", "foxglove/RawImage.proto", "names.toml", "router.json5",
     "sessions/NAME.json5", "certs/sessions/NAME.json5", "certs/sessions/bridge.robot.json5",
 }  # fmt: skip
