@@ -55,8 +55,8 @@ def test_the_committed_fleet_has_the_limits_that_the_page_names(
     page = (docs / "how-to/fleets.md").read_text()
     said = {
         "network of 1 Gbit/s": "a network of 1 Gbit/s, if every frame crosses",
-        "processor, simulated": "the processor, with the simulated worlds",
-        "processor": "the processor, without them",
+        "processor, simulated": "the processor's time, with the simulated worlds",
+        "processor": "the processor's time, without them",
         "memory, simulated": "memory, with the simulated worlds",
         "memory": "memory, without them",
         "gateway": "the gateway, one process",

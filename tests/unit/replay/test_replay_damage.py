@@ -250,6 +250,6 @@ def test_a_strict_replay_refuses_a_truncated_recording(
     screen = Console(quiet=True)
     job = ReplayJob(cut, SEARCH, "paint", tmp_path)
     assert examine(job, screen).frames < FRAMES
-    strict = replace(job, pace=PlaybackOptions(strict=True))
+    strict = replace(job, playback=PlaybackOptions(strict=True))
     with pytest.raises(InvalidInput, match=r"is cut off.*without --strict"):
         examine(strict, screen)
