@@ -31,6 +31,7 @@ SOFTWARE = (
 )
 GOLDEN = {
     f"znver3, {SOFTWARE}": "b35f03969a6fd50f",
+    f"znver4, {SOFTWARE}": "b35f03969a6fd50f",
     f"znver5, {SOFTWARE}": "b35f03969a6fd50f",
 }
 
