@@ -6,7 +6,7 @@ run is listed as such; one answered by only some of the homes states their numbe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from helios_eval.episodes.episode_record import Setting
@@ -178,7 +178,8 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
         mine, theirs = in_common(arm, base)
         if not mine:
             continue
-        cells, settled = [], []
+        cells: list[Cell] = []
+        settled: dict[str, list[str]] = {"good": [], "bad": []}
         for metric in IDEA_METRICS:
             d = paired_difference(values(mine, metric), values(theirs, metric))
             k, digits, tone = (
@@ -189,10 +190,9 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
             note = bounds(d.low * k, d.high * k, digits, plus=True) if d.has_bounds else ""
             cells.append(Cell(signed(d.value * k, digits), note, tone))
             if tone:
-                settled.append(f"{metric} {'better' if tone == 'good' else 'worse'}")
+                settled[tone].append(metric)
         of = missing_homes_text(arm, base, len(mine))
-        so = (", ".join(settled) or "nothing settled") + (SO_FAR if of else "")
-        rows.add([arm.label, *cells, Cell(str(len(mine)), of), so])
+        rows.add([arm.label, *cells, Cell(str(len(mine)), of), _settled_words(settled, bool(of))])
     return rows.table(
         "Ideas beyond the paper, against the paper's method",
         ["idea − helios-paper", *IDEA_METRICS, "n", "so"],
@@ -202,6 +202,13 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
         f"any one metric. {number_format.RULE}",
         words=["so"],
     ) if rows.rows else None  # fmt: skip
+
+
+def _settled_words(settled: Mapping[str, Sequence[str]], is_partial: bool) -> str:
+    """Settled metrics in words. settled: names by tone."""
+    words = {"good": "better", "bad": "worse"}
+    parts = [f"{words[tone]}: {', '.join(names)}" for tone, names in settled.items() if names]
+    return ("; ".join(parts) or "nothing settled") + (SO_FAR if is_partial else "")
 
 
 def _own_settings(arm: Arm) -> dict[str, Setting]:

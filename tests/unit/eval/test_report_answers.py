@@ -89,8 +89,7 @@ def test_a_complete_short_run_compared_with_a_long_one_is_not_preliminary() -> N
     (found,) = tables[IDEAS].rows
     assert cell_texts(found)[0] == "helios-paper · new=True"
     assert (cell_texts(found)[-2], found.cells[-2].note) == (str(HOMES), "")
-    assert "SR better" in cell_texts(found)[-1]
-    assert "so far" not in cell_texts(found)[-1]
+    assert cell_texts(found)[-1] == "better: Pick, SR, partial"
 
 
 IDEAS = "Ideas beyond the paper, against the paper's method"
