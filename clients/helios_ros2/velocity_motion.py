@@ -124,7 +124,7 @@ class VelocityMotion:
     def _drive(
         self, start: BasePose, left_of: Any, command: Any, near: float, least_s: float, unit: str
     ) -> None:
-        """Command velocities until the distance left is small. Then the base is told to stand.
+        """Command velocities until the distance left is small. Then command the base to stop.
 
         start: pose from which `left_of` measures. Raises NotDone when a new world begins.
         """

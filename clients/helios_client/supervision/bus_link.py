@@ -30,12 +30,8 @@ class BusLink:
         self, router: RouterLink, robot: str, service_table: ServiceTable, rows: Mapping[str, str]
     ) -> None:
         """rows: name of the row by service, for the services of this robot."""
-        self._router, self._robot, self._service_table, self._rows = (
-            router,
-            robot,
-            service_table,
-            rows,
-        )
+        self._router, self._robot = router, robot
+        self._service_table, self._rows = service_table, rows
         self._services = {row: service for service, row in rows.items()}
         self._ending, self._wake = threading.Event(), threading.Event()
         self._lock = threading.Lock()

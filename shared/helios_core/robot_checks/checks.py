@@ -207,7 +207,7 @@ class RobotChecks:
     def _too_few(self, what: str, images: int) -> str:
         """Why a check of single images has no result: too few of them show something."""
         if self._lacks_turns and self.views < LEAST_VIEWS:
-            return f"{self.views} of {LEAST_VIEWS} images came; a task brings more; {NO_TURNS}"
+            return f"{self.views} of {LEAST_VIEWS} images came; {NO_TURNS}"
         return f"{what}: in {images} of {self.views} images"
 
     def _offset(self) -> Finding:

@@ -225,7 +225,7 @@ def test_the_routine_never_turns_farther_than_the_robot_can(max_turn_rad: float)
 
 @pytest.mark.parametrize("max_turn_rad", [0.0, 5e-324])
 @pytest.mark.parametrize("drive", [False, True])
-def test_a_robot_that_moves_but_cannot_turn_stands_and_its_findings_say_so(
+def test_a_robot_that_cannot_turn_makes_no_move_and_its_findings_say_so(
     max_turn_rad: float, drive: bool
 ) -> None:
     class Sliding(RobotDriver):
@@ -256,7 +256,7 @@ def test_a_robot_that_moves_but_cannot_turn_stands_and_its_findings_say_so(
         assert found[check.name].verdict == "not measured"
         assert found[check.name].words.startswith("left out: the robot offers no turns")
         assert "give max_turn_rad in its driver's describe()" in found[check.name].words
-    assert found[f.PITCH.name].words.startswith("1 of 3 images came; a task brings more")
+    assert found[f.PITCH.name].words.startswith("1 of 3 images came; the robot offers no turns")
 
 
 def test_the_free_way_ahead_ends_at_the_wall() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -46,6 +45,8 @@ from objectmap_scene import (
 from objectmap_scene import (
     CONTEXT as SOUGHT,
 )
+
+from tests.support import wait_until
 
 SCENE = (*ROOM, mug_at(1.2, 0.0))
 MUG_CENTER = (1.2, 0.0, 0.8)
@@ -118,17 +119,10 @@ def in_thread(call: Callable[[], object]) -> threading.Thread:
     return thread
 
 
-def wait_until(holds: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + DEADLINE_S
-    while not holds():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
-
-
 def test_queries_are_answered_and_the_service_ends_while_kernels_are_compiled(tmp_path, compiling):
     rig = Rig(SETTINGS.model_copy(update={"state_dir": tmp_path, "save_every_s": 3600.0}))
     warming = in_thread(rig.service.warm_up)
-    wait_until(rig.service._compiling.locked)
+    wait_until(rig.service._compiling.locked, DEADLINE_S, "the kernels are compiled")
     assert not rig.objects()
     ending = in_thread(rig.service.close)
     ending.join(DEADLINE_S)
@@ -149,7 +143,7 @@ def test_the_service_ends_while_a_query_compiles_kernels(tmp_path, monkeypatch):
 def test_all_observations_that_come_while_kernels_are_compiled_count_afterwards(rig, compiling):
     rig.ask_for()
     warming = in_thread(rig.service.warm_up)
-    wait_until(rig.service._compiling.locked)
+    wait_until(rig.service._compiling.locked, DEADLINE_S, "the kernels are compiled")
     poses = [(0.3 * k, 0.1 * k) for k in range(MOST_WAITING + 2)]
     looking = in_thread(lambda: [rig.see(*pose, seq=k) for k, pose in enumerate(poses)])
     assert not rig.acks
