@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from helios_core.health import Health, HealthState
+from helios_core.health import STOP_FAILS, Health, HealthState
 
 
 class BridgeHealth:
@@ -87,6 +87,7 @@ class BridgeHealth:
             self._tell()
 
     def _tell(self) -> None:
+        self._health.set(STOP_FAILS, float(bool(self._stop) or "stop" in self._faults))
         fault = self._stop or (list(self._faults.values())[-1] if self._faults else "")
         state, reason = ("degraded", fault) if fault else self._without_image or self._said
         if state == "ready":

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from helios_core import proto as pb
-from helios_core.health import is_health_state
+from helios_core.health import STOP_FAILS, is_health_state
 from helios_core.printable_text import printable
 
 from helios_gateway.api_models import Service, ServiceState
@@ -37,8 +37,6 @@ WORKS_DEGRADED: Mapping[str, tuple[str, ...]] = {
     "bridge": ("keyframes",),
     "detector": ("contexts_sought", "contexts_unknown"),
 }
-# Words of a bridge whose robot could not be stopped. Such a robot must get no task.
-STOP_FAULTS = ("the driver's stop has not come back", "the stop failed:", " failed in stop():")
 
 
 class ServiceRegistry:
@@ -177,7 +175,7 @@ class ServiceRegistry:
             and status.state == "degraded"
             and not self._is_silent(heard_s)
             and status.instance in self._begun.get(name, ())
-            and not any(words in status.reason for words in STOP_FAULTS)
+            and not status.metrics.get(STOP_FAILS, 0)
         )
 
     def _why_down(self, name: str) -> str:

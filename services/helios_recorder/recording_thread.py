@@ -144,12 +144,13 @@ class Recording:
     def _repeat(self, file: RecordingFile, item: Item | None, coming: set[str]) -> None:
         """Repeat the retained messages, so that each file is complete by itself.
 
-        coming: channels that the item writes anyway.
+        coming: channels that the item writes anyway. A repetition is logged later than it was
+        published: by this a reader tells it from a new message.
         """
         for channel, (message, log_time_ns) in self._last.items():
             if channel not in coming:
-                now_ns = log_time_ns if item is None else item.log_time_ns
-                file.write(Entry(channel, message), now_ns, log_time_ns)
+                now_ns = 0 if item is None else item.log_time_ns
+                file.write(Entry(channel, message), max(now_ns, log_time_ns + 1), log_time_ns)
 
     def _entries_of(self, item: Item) -> Sequence[Entry]:
         """Entries of an item; empty for a message that cannot be recorded, which is counted."""

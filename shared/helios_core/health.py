@@ -7,6 +7,9 @@ import threading
 from collections import deque
 from typing import Literal, TypeGuard, get_args
 
+# Metric of the bridge: 1 while the robot cannot be stopped, so it must get no task.
+STOP_FAILS = "stop_fails"
+
 HealthState = Literal["starting", "waiting", "ready", "degraded", "stopping"]
 
 

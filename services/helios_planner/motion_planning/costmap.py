@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -68,7 +68,8 @@ class GroundMap:
     """One version of the 2D map; arrays [h, w], row along world y, column along world x.
 
     occupancy: int8 (-1 unknown, 0 free, 100 occupied); top_m: float32, height of the highest
-    obstacle of a cell, 0 without one; origin_m: world x, y of the corner of cell [0, 0].
+    obstacle of a cell, 0 without one; origin_m: world x, y of the corner of cell [0, 0]. Versions
+    begin anew with a new map id.
     """
 
     occupancy: NDArray[np.int8]
@@ -76,6 +77,12 @@ class GroundMap:
     cell_m: float
     origin_m: tuple[float, float]
     version: int = 0
+    map_id: str = ""
+
+    @property
+    def identity(self) -> tuple[str, int]:
+        """Equal for equal maps."""
+        return self.map_id, self.version
 
     def exact_cells_of(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rows and columns [n, 2], not rounded, of world points [n, 2] (x, y)."""
@@ -124,8 +131,8 @@ class GroundMap:
         origin = (
             self.origin_m[0] + column * self.cell_m, self.origin_m[1] + row * self.cell_m
         )  # fmt: skip
-        return GroundMap(
-            self.occupancy[near], self.top_m[near], self.cell_m, origin, self.version
+        return replace(
+            self, occupancy=self.occupancy[near], top_m=self.top_m[near], origin_m=origin
         )  # fmt: skip
 
     def padded(self, x_m: float, y_m: float, margin_m: float) -> GroundMap:
@@ -142,12 +149,11 @@ class GroundMap:
             self.origin_m[0] - before[1] * self.cell_m,
             self.origin_m[1] - before[0] * self.cell_m,
         )
-        return GroundMap(
-            np.pad(self.occupancy, pad, constant_values=-1),
-            np.pad(self.top_m, pad),
-            self.cell_m,
-            origin,
-            self.version,
+        return replace(
+            self,
+            occupancy=np.pad(self.occupancy, pad, constant_values=-1),
+            top_m=np.pad(self.top_m, pad),
+            origin_m=origin,
         )
 
 

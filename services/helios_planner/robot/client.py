@@ -40,6 +40,7 @@ from helios_core.topics import (
     WHAT_IF,
 )
 from helios_core.types import AlignedBox, FrameId, ObjectInstance, RobotState, WorldId
+from helios_core.viewing.newest_map import newest_snapshot
 from numpy.typing import NDArray
 
 from helios_planner.decisions.held_object import HeldObject
@@ -379,12 +380,12 @@ class RobotClient(RobotInterface):
     def _refresh(self) -> None:
         if self._fresh:
             return
-        known = self._ground.version if self._ground is not None else 0
-        reply = self._snapshot(known)
+        map_id, known = self._ground.identity if self._ground is not None else ("", 0)
+        reply = self._snapshot(known, map_id)
         if not reply.unchanged and not reply.width * reply.height:
             # map2d has restarted and has no map yet: a new keyframe gives it one.
             self.act(Observe())
-            reply = self._snapshot(0)
+            reply = self._snapshot()
         if not reply.unchanged or self._ground is None:
             try:
                 view = decode_snapshot(reply)
@@ -397,7 +398,12 @@ class RobotClient(RobotInterface):
                     "and its log, logs/map2d.log in the state folder",
                 )
             self._ground = GroundMap(
-                view.occupancy, view.top_m, view.cell_m, view.origin_m, view.version
+                view.occupancy,
+                view.top_m,
+                view.cell_m,
+                view.origin_m,
+                view.version,
+                view.map_id,
             )
             if len(view.trajectory_m):
                 self._start = float(view.trajectory_m[0, 0]), float(view.trajectory_m[0, 1])
@@ -406,10 +412,11 @@ class RobotClient(RobotInterface):
             )
         self._fresh = True
 
-    def _snapshot(self, known: int) -> pb.MapSnapshot:
-        """Newest map; without arrays if it has the version `known`."""
-        request = pb.SnapshotRequest(layers=False, if_newer=known, ground_only=True)
-        return self._line.call(SNAPSHOT, request)
+    def _snapshot(self, known: int = 0, map_id: str = "") -> pb.MapSnapshot:
+        """Newest map; without arrays if it is that version of that map."""
+        return newest_snapshot(
+            lambda request: self._line.call(SNAPSHOT, request), known, map_id, ground_only=True
+        )
 
     def _on_pause(self, why: str | None) -> None:
         if why is None:

@@ -84,7 +84,7 @@ class Search(ABC):
         self._patrol = RevisitSearch(self.base, REVISIT_SPACING_M)
         self._acted_from: Pose2 | None = None
         self._first = -1.0, ""  # prefix of messages, until the used share of the budget changes
-        self._left_at = 0  # version of the map when a candidate was last found out of reach
+        self._left_at = "", 0  # identity of the map when a candidate was last found out of reach
 
     @abstractmethod
     def decide(self) -> Decision:
@@ -234,7 +234,7 @@ class Search(ABC):
             middle, self._near_enough_m(candidate)
         ):
             self.unreachable.add(candidate)
-            self._left_at = self.robot.ground().version
+            self._left_at = self.robot.ground().identity
 
     def doubt(self, candidate: ObjectInstance) -> None:
         """Count a rejection from near. Further views may make it a candidate again; after
@@ -267,7 +267,7 @@ class Search(ABC):
         """Allow candidates that were out of reach again; True if the map has changed since."""
         waited = bool(self.unreachable.points)
         self.unreachable.clear()
-        return waited and self.robot.ground().version != self._left_at
+        return waited and self.robot.ground().identity != self._left_at
 
     def _near_enough_m(self, candidate: ObjectInstance) -> float:
         """Distance from its centre at which some part of the candidate is in reach."""

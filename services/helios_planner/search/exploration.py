@@ -37,7 +37,7 @@ class Exploration:
         self._before_m2: float | None = None  # known floor at the start
         self._now_m2 = 0.0
         self._left: list[XY] = []  # borders that remain
-        self._cached: tuple[int, list[Border]] = (-1, [])
+        self._cached: tuple[tuple[str, int] | None, list[Border]] = (None, [])
 
     def checkpoint(self) -> dict[str, Any]:
         """State as JSON, for `restore`."""
@@ -108,8 +108,8 @@ class Exploration:
 
     def _borders(self) -> list[Border]:
         ground = self._robot.ground()
-        if self._cached[0] != ground.version:
-            self._cached = ground.version, borders_of(ground, MIN_BORDER_M, SPECK_M2)
+        if self._cached[0] != ground.identity:
+            self._cached = ground.identity, borders_of(ground, MIN_BORDER_M, SPECK_M2)
         return self._cached[1]
 
     def _open(self) -> list[Border]:

@@ -1,4 +1,5 @@
-"""Requests of the newest 2D map by those who show it, and what they show once it is gone. No I/O.
+"""Requests of the newest 2D map by those who hold a copy, and what a display shows once it is gone.
+No I/O.
 
 Versions begin anew when map2d restarts without a state folder. So a map is the one held only if
 its id is the same, too.
@@ -20,16 +21,22 @@ Answer = TypeVar("Answer", pb.MapSnapshot, pb.MapSnapshot | None)  # None: no an
 
 
 def newest_snapshot(
-    ask: Callable[[pb.SnapshotRequest], Answer], version: int, map_id: str
+    ask: Callable[[pb.SnapshotRequest], Answer],
+    version: int,
+    map_id: str,
+    ground_only: bool = False,
 ) -> Answer:
-    """Newest map with its layers; `unchanged`, without arrays, if it is the one held.
+    """Newest map; `unchanged`, without arrays, if it is the one held.
 
-    ask: calls map2d. version, map_id: of the map held; 0 and "" without one. An unchanged reply
-    without an id, which an earlier map2d sends, counts as the map held.
+    ask: calls map2d. version, map_id: of the map held; 0 and "" without one. ground_only: without
+    layers, and fast, for a planner. An unchanged reply without an id, which an earlier map2d
+    sends, counts as the map held.
     """
-    reply = ask(pb.SnapshotRequest(layers=True, if_newer=version))
+    request = pb.SnapshotRequest(layers=not ground_only, if_newer=version, ground_only=ground_only)
+    reply = ask(request)
     if reply is not None and reply.unchanged and reply.map_id not in ("", map_id):
-        return ask(pb.SnapshotRequest(layers=True))
+        request.if_newer = 0
+        return ask(request)
     return reply
 
 

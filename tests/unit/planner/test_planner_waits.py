@@ -116,3 +116,23 @@ def test_a_map2d_that_never_has_a_map_is_named(start: Start) -> None:
     done = ended(bus, submit(bus, "go to the counter").id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "map2d has no map" in done.message
+
+
+def test_a_new_map_with_the_version_of_the_former_one_is_taken_up(start: Start) -> None:
+    """Versions begin anew when map2d starts again without its state folder."""
+    _, bus, peers = start()
+    requests: list[int] = []
+
+    def snapshot(request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        requests.append(request.if_newer)
+        map_id = "former" if len(requests) == 1 else "new"
+        if request.if_newer == 7:
+            return pb.MapSnapshot(version=7, map_id=map_id, unchanged=True)
+        reply = peers._snapshot(request)
+        reply.version, reply.map_id = 7, map_id
+        return reply
+
+    peers.bus.serve(SNAPSHOT, snapshot)
+    assert ended(bus, submit(bus, "go to the counter").id).state == "succeeded"
+    assert requests[:3] == [0, 7, 0]
+    assert set(requests[3:]) == {7}

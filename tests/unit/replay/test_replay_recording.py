@@ -190,6 +190,23 @@ def test_several_files_are_one_recording(tmp_path: Path) -> None:
     assert sum(len(source.contexts_before(i)) for i in range(len(sent))) == 1
 
 
+def test_a_file_that_begins_without_a_message_repeats_the_context_of_the_one_before(
+    tmp_path: Path,
+) -> None:
+    recorded = Recorded(tmp_path, rotate_mb=0.001, flush_s=0.001)
+    recorded.robot()
+    recorded.bus.publish(CONTEXT, context())
+    recorded.look(0)
+    wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 20, "it is written")
+    files = len(list(tmp_path.glob("*.mcap")))
+    wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) > files, 20, "an idle recorder goes on")
+    recorded.look(1)
+    recorded.close()
+    source = open_source(tmp_path)
+    assert len(source.shots) == 2
+    assert [len(source.contexts_before(i)) for i in range(2)] == [1, 0]
+
+
 def test_file_1000_is_sorted_after_file_999(tmp_path: Path) -> None:
     names = [f"20261121-120000-{n}.mcap" for n in ("998", "999", "1000")]
     for name in names:
