@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import functools
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from helios_eval.episodes import episode_record
+from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import (
     absent_targets,
     number_format,
@@ -29,7 +31,7 @@ from helios_eval.report.number_format import scale, signed
 from helios_eval.report.record_metrics import METRICS, NAMES, values
 from helios_eval.report.report_model import Table
 from helios_eval.report.requested_episodes import Identity, seeds_asked
-from helios_eval.report.run_description import missing, run_of
+from helios_eval.report.run_description import is_dirty, missing, run_of
 from helios_eval.studies import search_effort
 from helios_sim.failure_causes import SYSTEM_ERROR
 from helios_sim.home.presets import LARGE
@@ -46,11 +48,12 @@ NONE_COMPLETE = "No run is complete.\n"
 @dataclass(frozen=True)
 class Run:
     """Run in a folder of docs/results, under the title of its table. base: folder of a run of the
-    same homes whose agents it is compared with."""
+    same homes whose agents it is compared with. arms: how many its commands play."""
 
     folder: str
     title: str
     base: str = ""
+    arms: int = 1
 
     @property
     def path(self) -> Path:
@@ -58,24 +61,23 @@ class Run:
 
 
 RUNS = (
-    Run("table-1", "Table 1: components and baselines"),
-    Run("table-2", "Table 2: object navigation"),
-    Run("table-4", "Table 4: ground-truth semantics"),
+    Run("table-1", "Table 1: components and baselines", arms=6),
+    Run("table-2", "Table 2: object navigation", arms=4),
+    Run("table-4", "Table 4: ground-truth semantics", arms=2),
     Run("table-5", "Table 5: assumption of the information gain", "table-1"),
-    Run("tables-6-8", "Tables 6 to 8: sensitivity", "table-1"),
-    Run("realistic-sensor", "Errors of the camera and drift of the pose", "table-1"),
-    Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1"),
-    Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4"),
+    Run("tables-6-8", "Tables 6 to 8: sensitivity", "table-1", 7),
+    Run("realistic-sensor", "Errors of the camera and drift of the pose", "table-1", 2),
+    Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1", 3),
+    Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4", 2),
 )
-SEVERAL_ARMS = {"tables-6-8": 7}  # runs that several commands play, an arm each
-OURS = Run("our-agent", "helios and the paper's agents")
+OURS = Run("our-agent", "helios and the paper's agents", arms=3)
 JUDGE = (
-    Run("judge", "One object in four is not in the home"),
-    Run("judge-ovmm-v2", "With the errors of a real detector, simulated"),
-    Run("judge-real-detector", "With a real detector"),
-    Run("judge-real-furniture", "With a real detector and realistic furniture"),
-    Run("judge-large", "Larger homes"),
-    Run("judge-large-exact", "Larger homes, with a scorer without random errors", "judge-large"),
+    Run("judge", "One object in four is not in the home", arms=3),
+    Run("judge-ovmm-v2", "With the errors of a real detector, simulated", arms=3),
+    Run("judge-real-detector", "With a real detector", arms=3),
+    Run("judge-real-furniture", "With a real detector and realistic furniture", arms=3),
+    Run("judge-large", "Larger homes", arms=5),
+    Run("judge-large-exact", "Larger homes, with a scorer without random errors", "judge-large", 2),
 )
 
 
@@ -88,11 +90,10 @@ def arms(folder: str) -> tuple[Arm, ...]:
     return tuple(arms_of(episode_record.read(path), _asked(folder)))
 
 
-def is_complete(folder: str) -> bool:
-    """True if a run has episodes, all its commands were given, and all that they requested was
-    played."""
-    found, asked = arms(folder), _asked(folder)
-    return bool(found) and len(asked) >= SEVERAL_ARMS.get(folder, 1) and not missing(found, asked)
+def is_complete(run: Run) -> bool:
+    """True if all agents of a run were requested, and all that was requested was played."""
+    found, asked = arms(run.folder), _asked(run.folder)
+    return bool(found) and len(asked) >= run.arms and not missing(found, asked)
 
 
 def _asked(folder: str) -> dict[Identity, set[int]]:
@@ -113,7 +114,7 @@ def _of_run(run: Run) -> str:
     found = arms(run.folder)
     if not found:
         return "Not played yet.\n"
-    if not is_complete(run.folder):
+    if not is_complete(run):
         played = sum(len(arm.records) for arm in found)
         return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
     blocks = [means(found)]
@@ -124,17 +125,34 @@ def _of_run(run: Run) -> str:
     if answers := absent_targets.table(found):
         blocks.insert(0, "Tasks whose object is in the home:\n")
         blocks += ["All tasks:\n", present_and_absent(answers)]
-    if run.base and is_complete(run.base):
-        blocks.append(beside(found, arms(run.base)))
+    base = next((r for r in (*RUNS, *JUDGE) if r.folder == run.base), None)
+    if base is not None and is_complete(base):
+        blocks.append(beside(found, arms(base.folder)))
     records = [record for arm in found for record in arm.records]
     if broken := sum(record.cause == SYSTEM_ERROR for record in records):
         blocks.append(
             f"{number_format.plural(broken, 'episode')} ended by an error of the system and "
             "counts as failed.\n"
         )
+    if told := _of_commits(records):
+        blocks.append(f"{told}\n")
     if said := played_before.sentence(records, run_of(run.path)):
         blocks.append(f"{said}\n")
     return "\n".join(blocks)
+
+
+def _of_commits(records: Sequence[EpisodeRecord]) -> str:
+    """Sentence that names the commits of a run of several, or of changed code; else empty."""
+    commits = Counter(
+        record.commit[: played_before.SHORT_COMMIT] + "-dirty" * is_dirty(record.commit)
+        for record in records
+    )
+    if len(commits) == 1 and not any(map(is_dirty, commits)):
+        return ""
+    named = " and ".join(
+        f"{code(name)} ({number_format.plural(n, 'episode')})" for name, n in commits.most_common()
+    )
+    return f"Played by {named}."
 
 
 def present_and_absent(answers: Table) -> str:
@@ -213,14 +231,14 @@ def means(found: Sequence[Arm]) -> str:
 
 def pick_and_place() -> str:
     """Table of means of Tables 1 and 4."""
-    found = [folder for folder in ("table-1", "table-4") if is_complete(folder)]
-    return means([arm for folder in found for arm in arms(folder)])
+    found = [run for run in RUNS if run.folder in ("table-1", "table-4") and is_complete(run)]
+    return means([arm for run in found for arm in arms(run.folder)])
 
 
 def our_agent() -> str:
     """Means of our own agent and of those beside it, and their differences."""
     text = _of_run(OURS)
-    return f"{text}\n{_answers(arms(OURS.folder))}" if is_complete(OURS.folder) else text
+    return f"{text}\n{_answers(arms(OURS.folder))}" if is_complete(OURS) else text
 
 
 def differences() -> str:
@@ -267,7 +285,7 @@ def relations() -> str:
 
 def _complete() -> list[Arm]:
     """Arms of all runs that are complete."""
-    return [arm for run in RUNS if is_complete(run.folder) for arm in arms(run.folder)]
+    return [arm for run in RUNS if is_complete(run) for arm in arms(run.folder)]
 
 
 def _named(arm: Arm) -> str:

@@ -18,6 +18,7 @@ from typing import Any
 from helios_core.errors import InvalidInput, Unavailable
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from helios_eval.episodes.episode_record import append_line
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.provenance import LEDGER, checkout
 
@@ -70,8 +71,7 @@ def enter(specs: Sequence[EpisodeSpec], out: Path, commit: str, why: str) -> Ent
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a", encoding="utf-8") as file:
-            file.write(entry.model_dump_json() + "\n")
+        append_line(path, entry.model_dump_json())
     except OSError as error:
         raise Unavailable(
             f"the ledger {path} cannot be written ({error}), and homes from seed {FIRST_SEED} on "

@@ -6,12 +6,13 @@ out of steps, or failed internally. The first matching row gives the cause:
  1. success                                                    no cause
  2. a candidate rests on a goal receptacle                     collision
  3. the agent reports it, or did not end with steps left       system error
- 4. the last grasped object is no candidate                    wrong object believed
+ 4. the last object that was grasped and not put back is no    wrong object believed
+    candidate
  5. a released candidate touched a goal receptacle             object rolled off
  6. a candidate was released elsewhere, or the release was     place missed; receptacle not found
     refused                                                    if no goal receptacle was reached
- 7. nothing grasped, but a pick was tried at a candidate       pick failed
- 8. nothing grasped, and the episode ended at a failed pick    wrong object believed
+ 7. no such object, but a pick failed at a candidate           pick failed
+ 8. no such object, and the episode ended at a failed pick     wrong object believed
  9. the agent reports it                                       stuck
 10. the object or receptacle sought last had been found,       step budget
     and the steps are used up
@@ -29,7 +30,7 @@ A task whose object is absent from the home (`absent_cause`) has other rows:
                                                                collision if there was one
 3. the agent reports it, or did not end with steps left        system error
 4. the agent reports success or a failed pick, or the          wrong object believed
-   episode ended at a failed pick
+   episode ended at a failed pick, also with all steps used
 5. the agent reports another cause                             that cause
 6. the steps are used up                                       step budget
 7. otherwise                                                   system error
@@ -37,7 +38,7 @@ A task whose object is absent from the home (`absent_cause`) has other rows:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from helios_core.task_states import ENDED
@@ -83,8 +84,12 @@ def failure_cause(
     events: Iterable[Event],
     said: AgentReport,
     max_steps: int,
+    put_back: Collection[str] = (),
 ) -> str:
-    """Failure cause of a move task, one of CAUSES; empty on success. See the module."""
+    """Failure cause of a move task, one of CAUSES; empty on success. See the module.
+
+    put_back: names of the grasped objects that lie where they were.
+    """
     if progress.success:
         return ""
     if progress.placed:
@@ -93,7 +98,7 @@ def failure_cause(
         return SYSTEM_ERROR
     spent = progress.steps >= max_steps or said.cause == STEP_BUDGET
     happened = tuple(events)
-    picks = [event for event in happened if isinstance(event, PickTried)]
+    picks = [e for e in happened if isinstance(e, PickTried) and e.name not in put_back]
     grasp = next((pick for pick in reversed(picks) if pick.name), None)
     if grasp is not None:
         return _after_grasp(progress, grasp, happened, said, spent)

@@ -9,6 +9,8 @@ import pytest
 from scripts import page_of_results
 from scripts.markdown_tables import Block
 
+TABLE_4 = next(run for run in page_of_results.RUNS if run.folder == "table-4")
+
 
 @pytest.mark.parametrize("block", page_of_results.BLOCKS, ids=lambda b: f"{b.page.stem}-{b.name}")
 def test_the_pages_show_the_committed_runs(block: Block) -> None:
@@ -18,13 +20,13 @@ def test_the_pages_show_the_committed_runs(block: Block) -> None:
 
 def test_a_run_with_a_missing_episode_shows_no_figure(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = page_of_results.arms("table-4")
-    assert page_of_results.is_complete("table-4")
+    assert page_of_results.is_complete(TABLE_4)
     first, *rest = whole
     part = (replace(first, records=first.records[1:]), *rest)
 
     monkeypatch.setattr(page_of_results, "arms", lambda folder: part if folder == "table-4" else ())
 
-    assert not page_of_results.is_complete("table-4")
+    assert not page_of_results.is_complete(TABLE_4)
     assert "Being played: 199 episodes so far" in page_of_results.tables()
     assert "| `helios-paper`" not in page_of_results.tables()
     assert page_of_results.relations() == page_of_results.NONE_COMPLETE
@@ -36,15 +38,12 @@ def test_a_run_whose_second_agent_has_no_episode_is_not_complete(
 ) -> None:
     first, *_ = page_of_results.arms("table-4")
     monkeypatch.setattr(page_of_results, "arms", lambda folder: (first,))
-    assert not page_of_results.is_complete("table-4")
+    assert not page_of_results.is_complete(TABLE_4)
 
 
-def test_a_run_of_several_commands_is_not_complete_before_the_last_command(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    assert page_of_results.is_complete("table-4")
-    monkeypatch.setitem(page_of_results.SEVERAL_ARMS, "table-4", 3)
-    assert not page_of_results.is_complete("table-4")
+def test_a_run_of_several_commands_is_not_complete_before_the_last_command() -> None:
+    assert page_of_results.is_complete(TABLE_4)
+    assert not page_of_results.is_complete(replace(TABLE_4, arms=3))
 
 
 def test_tasks_whose_object_is_absent_are_not_in_the_means_and_differences() -> None:

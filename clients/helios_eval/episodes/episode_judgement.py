@@ -58,12 +58,18 @@ def episode_for(
     return objectnav_episode_of(home, seed, description().footprint_radius_m)
 
 
-def all_put_back(world: World) -> bool:
-    """True if each object that the robot grasped lies where it was at the start of the episode."""
+def grasped(world: World) -> frozenset[str]:
+    """Names of the objects that the robot grasped."""
+    return frozenset(e.name for e in world.events if isinstance(e, PickTried) and e.name)
+
+
+def put_back(world: World) -> frozenset[str]:
+    """Names of the grasped objects that lie where they were at the start of the episode."""
     first_m = {thing.name: thing.position_m for thing in world.home.objects}
-    grasped = {e.name for e in world.events if isinstance(e, PickTried) and e.name}
-    return not world.held_name and all(
-        math.dist(world.position_m(name), first_m[name]) <= PUT_BACK_M for name in grasped
+    return frozenset(
+        name
+        for name in grasped(world) - {world.held_name}
+        if math.dist(world.position_m(name), first_m[name]) <= PUT_BACK_M
     )
 
 
@@ -76,9 +82,10 @@ def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: in
         shortest_m = world.tracker.shortest_path_m()
         return Verdict(done.find_object, False, False, False, success, cause, shortest_m)
     if world.episode.absent:
-        cause = absent_cause(done, world.events, said, max_steps, all_put_back(world))
+        all_back = put_back(world) == grasped(world)
+        cause = absent_cause(done, world.events, said, max_steps, all_back)
         return Verdict(False, False, False, False, not cause, cause)
-    cause = failure_cause(done, world.events, said, max_steps)
+    cause = failure_cause(done, world.events, said, max_steps, put_back(world))
     shortest_m = world.tracker.shortest_path_m()
     return Verdict(
         done.find_object, done.pick, done.find_receptacle, done.place, done.success, cause,

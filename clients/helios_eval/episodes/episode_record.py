@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.errors import InvalidInput
-from helios_sim.failure_causes import OBJECT_NOT_FOUND
+from helios_sim.failure_causes import OBJECT_NOT_FOUND, SYSTEM_ERROR
 from helios_sim.objectnav_metrics import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -181,6 +181,11 @@ class EpisodeRecord(_Frozen):
             self.noise,
             self.settings,
         )
+
+    @property
+    def was_played(self) -> bool:
+        """False if the episode could not be played, for example since its process was ended."""
+        return bool(self.structure_hash) or self.cause != SYSTEM_ERROR
 
     @property
     def not_found(self) -> bool:

@@ -18,7 +18,7 @@ from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings as BridgeSettings
 from helios_core import proto as pb
 from helios_core.codec import object_from_proto
-from helios_core.errors import DeadlineExceeded
+from helios_core.errors import DeadlineExceeded, Unavailable
 from helios_core.health import Health
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -244,7 +244,13 @@ def _models(
         options = DetectorOptions(
             options.truth, 1, noise.table, seed, noise.level, noise.correlation
         )
-    return Models(open_detector(name, options), open_scorer(s.scorer, options))
+    detector = open_detector(name, options)
+    if noise is not None and not detector.name.endswith(noise.digest):
+        raise Unavailable(
+            f"the noise table {noise.table} has changed since the run began (then {noise.digest}, "
+            f"now {detector.name}); give the command again, into another folder"
+        )
+    return Models(detector, open_scorer(s.scorer, options))
 
 
 def _planner_settings(

@@ -78,6 +78,11 @@ def parse_condition(
         settings[episode_spec.SENSOR] = sensor
     settings |= _of_tasks(known_benchmark, pick_rule, absent)
     inputs = _inputs(known_benchmark, known_semantics, preset, detector, task_classes, absent)
+    if inputs.task_classes is not None and episode_spec.PICK_RULE in settings:
+        raise UsageError(
+            f"--pick-rule {pick_rule} knows the home's own names, and tasks of the classes "
+            f"{inputs.task_classes.name} use the detector's; leave --pick-rule out"
+        )
     inputs = replace(inputs, plans=plans)
     settings |= _named(inputs)
     default_scorer = episode_spec.REAL_SCORER if inputs.detector else episode_spec.DEFAULT_SCORER

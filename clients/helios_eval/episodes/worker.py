@@ -76,13 +76,16 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
     folder: for temporary files; the parent process deletes it.
 
     Each reply is `PlayedEpisode`, the reason why the episode could not be played, or an
-    `Unavailable`.
+    `Unavailable`: also if this process loaded other code than that of the commit.
     """
     threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
     prepare()
     tempfile.tempdir = folder
     from helios_core.errors import Unavailable
 
+    from helios_eval import provenance
+
+    here = provenance.commit()
     answer: Callable[[object], None] = connection.send
     while True:
         try:
@@ -90,6 +93,11 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
         except EOFError:
             return
         try:
+            if here != commit:
+                raise Unavailable(
+                    f"the code is now {here}, and the run began with {commit}; give the command "
+                    "again"
+                )
             answer(play_safely(spec, commit))
         except Unavailable as error:
             answer(error)

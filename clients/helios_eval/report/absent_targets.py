@@ -84,9 +84,9 @@ def table(arms: Sequence[Arm]) -> Table | None:
         "interval. Picks are unlimited. A target is absent if the home has no object of the asked "
         "class. False not found: the agent reported that it found no object, although the home "
         "has it. Right not found: the same report with an absent target, and what was picked lies "
-        "where it was. Wrong object: the agent picked an object, or believed to the end in one "
-        "that it could not pick. The other episodes with an absent target ended otherwise, such "
-        "as by the step budget.",
+        "where it was. Wrong object: the agent picked an object and left it elsewhere, or ended "
+        "with the report of success or of a failed pick, or at a failed pick. The other episodes "
+        "with an absent target ended otherwise, such as by the step budget.",
     )  # fmt: skip
 
 

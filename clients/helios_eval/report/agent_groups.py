@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
 from helios_eval.episodes.episode_spec import (
     DETECTOR,
+    MAX_STEPS,
+    SENSOR,
     TASK_CLASSES,
     absent_share_of,
     pick_rule_of,
@@ -71,9 +73,11 @@ class Arm:
     @property
     def condition(self) -> tuple[object, ...]:
         """Conditions without agent and settings: arms of one condition play the same episodes."""
+        settings = dict(self.settings)
         return (
             self.benchmark, self.preset, self.semantics, self.noise, self.scorer, self.pick_rule,
             self.absent_share, self.detector, self.task_classes,
+            settings.get(SENSOR), settings.get(MAX_STEPS),
         )  # fmt: skip
 
     @property
@@ -261,8 +265,8 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
 def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[EpisodeRecord]]:
     """Records of both arms for the seeds that both played, by seed.
 
-    Seeds with homes known to differ are left out, and those whose object is absent for one arm
-    alone. An episode that never began has no home hash and stays, as a failure.
+    Seeds with homes or tasks known to differ are left out. An episode that never began has no home
+    hash and no task, and stays, as a failure.
     """
     mine = {r.seed: r for r in first.records}
     theirs = {r.seed: r for r in second.records}
@@ -271,8 +275,16 @@ def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[Episod
         for s in sorted(mine.keys() & theirs.keys())
         if len({mine[s].structure_hash, theirs[s].structure_hash} - {""}) < 2
         and mine[s].absent == theirs[s].absent
+        and len({_task(mine[s]), _task(theirs[s])} - {_NO_TASK}) < 2
     ]
     return [mine[s] for s in seeds], [theirs[s] for s in seeds]
+
+
+_NO_TASK = ("", "", "")
+
+
+def _task(record: EpisodeRecord) -> tuple[str, str, str]:
+    return record.object_class, record.start_receptacle_class, record.goal_receptacle_class
 
 
 def _bare(key: str) -> str:

@@ -223,7 +223,7 @@ def _condition(record: EpisodeRecord) -> list[str]:
         words += ["--noise-correlation", f"{record.noise.correlation:g}"]
     default = REAL_SCORER if record.semantics == "detector" else DEFAULT_SCORER
     if (scorer := scorer_of(settings)) == default:
-        del settings[SCORER]
+        settings.pop(SCORER, None)  # a record lacks a setting that is the service's own
     else:
         settings[SCORER] = scorer
     for name in CONDITIONS:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from helios_sim.home.presets import LARGE
+
+from helios_eval.episodes import home_presets
 from helios_eval.report import number_format, paper_figures
 from helios_eval.report.agent_groups import Arm, in_common, plain_arm, swept_arm
 from helios_eval.report.interval_statistics import Interval, mean_sem, paired_ratio, why_unbounded
@@ -58,6 +61,17 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         TAG,
         words=["so"],
     )
+
+
+def has_conditions_of_the_paper(arm: Arm) -> bool:
+    """True if homes and noise of an arm are those meant to resemble the paper's: no larger homes,
+    and the noise table of the preset."""
+    return arm.preset != LARGE and not has_other_table(arm)
+
+
+def has_other_table(arm: Arm) -> bool:
+    """True if the noise of an arm is not of its preset's table."""
+    return arm.noise is not None and arm.noise.table != home_presets.noise_of(arm.preset)
 
 
 def verdict_of(ratio: Interval, published: float) -> str:

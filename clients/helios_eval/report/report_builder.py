@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from helios_sim.home.presets import LARGE
-
 from helios_eval import calibration
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import (
@@ -46,14 +44,13 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
     """Report on a folder's episodes; `run` is the content of `run.json`."""
     arms = arms_of(records, seeds_asked(run))
     title, lead = run_description.title(records, arms)
-    as_paper = _with_tasks_of_the_paper(arms)
     sections = [
-        *filter(None, [research_questions.section(as_paper)]),
+        *filter(None, [research_questions.section(_with_tasks_of_the_paper(arms))]),
         run_description.section(records, arms, run),
         _glance(arms),
         our_results.metrics_section(arms),
         our_results.paired_section(arms),
-        *filter(None, [paper_comparison.section(_in_homes_of_the_paper(as_paper))]),
+        *filter(None, [paper_comparison.section(_under_conditions_of_the_paper(arms))]),
         failure_causes.causes_section(arms),
         step_timing.section(arms),
         _calibration(records),
@@ -72,9 +69,10 @@ def _with_tasks_of_the_paper(arms: Sequence[Arm]) -> list[Arm]:
     return [arm for arm in arms if not absent_targets.has_any(arm) and not arm.task_classes]
 
 
-def _in_homes_of_the_paper(arms: Sequence[Arm]) -> list[Arm]:
-    """Arms without those in larger homes than the paper's."""
-    return [arm for arm in arms if arm.preset != LARGE]
+def _under_conditions_of_the_paper(arms: Sequence[Arm]) -> list[Arm]:
+    return list(
+        filter(paper_comparison.has_conditions_of_the_paper, _with_tasks_of_the_paper(arms))
+    )
 
 
 def _glance(arms: Sequence[Arm]) -> Section:
@@ -88,14 +86,14 @@ def _glance(arms: Sequence[Arm]) -> Section:
                     "show all."
                 )
             )
-    as_paper = _in_homes_of_the_paper(_with_tasks_of_the_paper(arms))
+    as_paper = _under_conditions_of_the_paper(arms)
     blocks.append(
         paper_comparison.relations(as_paper)
         or Paragraph(
             "No two agents were run that the paper relates."
             if as_paper
-            else "The paper has no tasks like these: absent objects, chosen classes or larger "
-            "homes. So nothing is compared with it."
+            else "The paper has no conditions like these: absent objects, chosen classes, larger "
+            "homes or another noise. So nothing is compared with it."
         )
     )
     return Section("glance", "At a glance", tuple(blocks))

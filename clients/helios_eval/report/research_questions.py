@@ -22,6 +22,7 @@ from helios_eval.report.interval_statistics import (
 )
 from helios_eval.report.number_format import bounds, interval, number, scale, signed
 from helios_eval.report.our_results import missing_homes_text, tone_of
+from helios_eval.report.paper_comparison import has_conditions_of_the_paper, has_other_table
 from helios_eval.report.record_metrics import METRICS, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
@@ -122,6 +123,7 @@ def _row(
     published = [
         r.published for r in paper_figures.RELATIONS
         if (r.metric, r.top, r.bottom) == (metric, question.first, question.second)
+        and has_conditions_of_the_paper(top)
     ]  # fmt: skip
     of = missing_homes_text(top, bottom, len(mine))
     rows.add([
@@ -163,7 +165,10 @@ def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
 
 def _noise_of(arm: Arm) -> list[str]:
     """Differences from the preset's noise, as text."""
-    return [] if arm.noise is None else noise_parts(arm.noise)
+    if arm.noise is None:
+        return []
+    table = [f"noise {arm.noise.table}"] if has_other_table(arm) else []
+    return table + noise_parts(arm.noise)
 
 
 def _ideas(arms: Sequence[Arm]) -> Table | None:

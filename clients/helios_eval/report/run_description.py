@@ -61,13 +61,18 @@ def run_of(folder: Path) -> dict[str, Any]:
     return run
 
 
+def machines_of(run: Mapping[str, Any]) -> list[str]:
+    """Machines that played the episodes of a `run.json`, oldest first."""
+    return [str(m) for m in run.get("machines") or [run[k] for k in ("machine",) if k in run]]
+
+
 def section(
     records: Sequence[EpisodeRecord], arms: Sequence[Arm], run: Mapping[str, Any]
 ) -> Section:
     """Section with the notices, facts and commands of the run."""
     blocks: list[Block] = [Notice(text) for text in notices_of(records)]
     commits = most_common(r.commit for r in records)
-    warnings = [f"Commit {c} had changes that were not committed." for c in commits if _dirty(c)]
+    warnings = [f"Commit {c} had changes that were not committed." for c in commits if is_dirty(c)]
     if len(commits) > 1:
         warnings.append(_versions(arms))
     if len({(r.preset, r.preset_hash) for r in records}) > len({r.preset for r in records}):
@@ -180,7 +185,8 @@ def _changed_homes(records: Sequence[EpisodeRecord]) -> list[int]:
     return sorted({seed for (_, seed), found in homes.items() if len(found - {""}) > 1})
 
 
-def _dirty(commit: str) -> bool:
+def is_dirty(commit: str) -> bool:
+    """True if files differed from the commit."""
     return commit.endswith(("-dirty", "+"))
 
 
@@ -218,8 +224,8 @@ def _facts(
         ("settings that differ", _settings(arms)),
         ("commit", ", ".join(_marked(c) for c in commits)),
     ]
-    if "machine" in run:
-        facts.append(("machine", str(run["machine"])))
+    if machines := machines_of(run):
+        facts.append(("machine", "; ".join(machines)))
     for name in ("jobs", "cores", "started", "date"):
         if name in run:
             facts.append((name, str(run[name])))
@@ -232,7 +238,7 @@ def _facts(
 
 
 def _marked(commit: str) -> str:
-    return f"{commit} (not committed in full)" if _dirty(commit) else commit
+    return f"{commit} (not committed in full)" if is_dirty(commit) else commit
 
 
 def _hashed(pairs: Sequence[tuple[str, str]]) -> list[str]:

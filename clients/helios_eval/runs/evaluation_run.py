@@ -1,8 +1,13 @@
-"""Evaluation run: plays the missing episodes of a folder, and writes results and report."""
+"""Evaluation run: plays the missing episodes of a folder, and writes results and report.
+
+An episode that could not be played counts as a failure by "system error", until a later run into
+the same folder plays it.
+"""
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import platform
 import sys
@@ -17,6 +22,7 @@ from typing import Any
 
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
+from helios_sim.failure_causes import SYSTEM_ERROR
 from rich.console import Console
 
 from helios_eval import ledger, run_folder
@@ -30,13 +36,17 @@ from helios_eval.provenance import commit, machine
 from helios_eval.report import played_before, write_report
 from helios_eval.report.played_before import Folder, folders_of
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
-from helios_eval.report.run_description import RUN, run_of
+from helios_eval.report.run_description import RUN, machines_of, run_of
 from helios_eval.report.skipped_homes import WITHOUT_TASK, SkippedHomes, without_task_key
 from helios_eval.runs import results
 from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
 
+log = logging.getLogger(__name__)
+
+# Keys that describe how the episodes were played.
+OF_THE_PLAYED = ("commit", "machine", "machines", "cores", "versions", "started", "wall_s")
 _KEPT = ("relabelled",)  # keys kept from the former file; written by scripts/relabel_agents.py
 _LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
 
@@ -96,12 +106,12 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     specs = [spec for spec in asked.specs() if spec.seed not in skipped.seeds]
     there = episode_record.read(asked.out)
     check_goes_on(asked, there, run_of(asked.out))
-    known = {r.key: r for r in there}
+    known = {r.key: r for r in there if r.was_played}
     missing = [spec for spec in specs if spec.key not in known]
     here = commit()
     began = time.time()
     with run_folder.write_errors_as_unavailable(asked.out):
-        write_run_description(asked, here, began, None, skipped.seeds)
+        write_run_description(asked, here, began, None, skipped.seeds, plays=bool(missing))
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     try:
@@ -124,15 +134,26 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
                         episode_record.append(asked.out, played)
                     known[spec.key] = played
                     board.add(played)
-    finally:
-        with run_folder.write_errors_as_unavailable(asked.out):
-            write_run_description(asked, here, began, time.time() - began, skipped.seeds)
-            if there := episode_record.read(asked.out):
-                results.write(asked.out, there, asked.picks)
-                write_report(asked.out)
+    except BaseException:
+        try:
+            finish(asked, here, began, skipped.seeds, bool(missing))
+        except Exception:  # the first error is the one to tell
+            log.exception("the report could not be written")
+        raise
+    finish(asked, here, began, skipped.seeds, bool(missing))
     if skipped.seeds:
         console.print(skipped.sentence(), highlight=False, soft_wrap=True)
     return [known[spec.key] for spec in specs if spec.key in known]
+
+
+def finish(asked: Run, here: str, began_s: float, skipped: Collection[int], plays: bool) -> None:
+    """Write the description of a run that ends, its results and its report."""
+    with run_folder.write_errors_as_unavailable(asked.out):
+        wall_s = time.time() - began_s
+        write_run_description(asked, here, began_s, wall_s, skipped, plays)
+        if there := episode_record.read(asked.out):
+            results.write(asked.out, there, asked.picks)
+            write_report(asked.out)
 
 
 def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[str, Any]) -> None:
@@ -191,7 +212,7 @@ def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
         seed=spec.seed, noise=spec.noise, settings=spec.settings, instruction="", object_class="",
         absent=spec.target_absent,
         find_object=False, pick=False, find_receptacle=False, place=False, success=False,
-        collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
+        collisions=0, steps=0, path_m=0.0, picks=0, cause=SYSTEM_ERROR, state="failed",
         message=why, wall_s=0.0, step_ms=0.0, commit=here,
         preset_hash=home_presets.digest_of(spec.preset, spec.inputs.plans),
         structure_hash="", home_file=spec.home_file,
@@ -199,12 +220,18 @@ def failed_record(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
 
 
 def write_run_description(
-    asked: Run, here: str, began_s: float, wall_s: float | None, skipped: Collection[int] = ()
+    asked: Run,
+    here: str,
+    began_s: float,
+    wall_s: float | None,
+    skipped: Collection[int] = (),
+    plays: bool = True,
 ) -> None:
     """Write `run.json`: the request, the commands, the program's version and the machine.
 
     `began_s` is in seconds since 1970. A new folder keeps the time of its first start. skipped:
-    seeds of homes without a task of the run's classes.
+    seeds of homes without a task of the run's classes. plays: False if no episode is missing; the
+    commit and the machine then stay those that played.
     """
     command = ["helios", *sys.argv[1:]]
     former = run_of(asked.out)
@@ -240,6 +267,7 @@ def write_run_description(
             "preset_hash": home_presets.digest_of(asked.preset, asked.inputs.plans),
             "noise_hash": asked.noise.digest if asked.noise else None,
             "machine": machine(),
+            "machines": list(dict.fromkeys([*machines_of(former), machine()])),
             "cores": os.cpu_count(),
             "versions": {
                 "python": platform.python_version(),
@@ -249,6 +277,7 @@ def write_run_description(
             "started": started,
             "wall_s": None if wall_s is None else round(wall_s, 1),
         }
+        | ({} if plays else {key: former[key] for key in OF_THE_PLAYED if key in former})
     )
     write_file(asked.out / RUN, json.dumps(description, indent=1) + "\n")
 

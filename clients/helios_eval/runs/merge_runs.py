@@ -31,9 +31,11 @@ _PASSING = {"wall_s", "step_ms", "cpu_s", "stage_ms", "beliefs", "commit", "repo
 def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
     """Episodes of all folders, each once.
 
-    Raises UsageError if one of several folders holds none, and InvalidInput if two folders differ
-    on an episode.
+    An episode that could not be played gives way to one that was. Raises UsageError if one of
+    several folders holds none, and InvalidInput if two folders differ on an episode, on the content
+    of a preset or noise table, or on the settings of an agent.
     """
+    _check_same_content(folders)
     found: dict[str, tuple[EpisodeRecord, Path]] = {}
     for folder in folders:
         there = read(folder)
@@ -44,12 +46,35 @@ def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
             )
         for record in there:
             first, where = found.setdefault(record.key, (record, folder))
+            if not (first.was_played and record.was_played):
+                if record.was_played:
+                    found[record.key] = record, folder
+                continue
             if first.model_dump(exclude=_PASSING) != record.model_dump(exclude=_PASSING):
                 raise InvalidInput(
                     f"seed {record.seed} of {record.agent} went differently in {where} and in "
                     f"{folder}; leave one of them out"
                 )
     return [record for record, _ in found.values()]
+
+
+def _check_same_content(folders: Sequence[Path]) -> None:
+    known: dict[tuple[str, ...], tuple[object, Path]] = {}
+    for folder in folders:
+        content: dict[tuple[str, ...], object] = {}
+        for record in read(folder):
+            content["preset", record.preset] = record.preset_hash
+            if record.noise is not None:
+                content["noise table", record.noise.table] = record.noise.digest
+        for agent, settings in run_of(folder).get("ran_with", {}).items():
+            content |= {("setting", agent, name): value for name, value in settings.items()}
+        for what, value in content.items():
+            first, where = known.setdefault(what, (value, folder))
+            if first != value:
+                raise InvalidInput(
+                    f"{' '.join(what)} is {first} in {where} and {value} in {folder}; report them "
+                    "apart"
+                )
 
 
 def run(folders: Sequence[Path]) -> dict[str, Any]:

@@ -105,6 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             plots.cost(costs, given.out / "cost.png")
             found["cost"] = costs.summary()
         if "scene" in given.only:
+            homes(given.episode, 1)
             seen = observation_log.play(given.preset, given.episode, given.max_steps, given.stride)
             maps = full_scene_comparison.measure(seen)
             plots.scene(maps, given.out / "scene.png")

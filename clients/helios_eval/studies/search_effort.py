@@ -103,7 +103,8 @@ def _differences(arm: Arm, first: Arm) -> tuple[str, str, str]:
     """Differences of an arm to the first in steps, SPL and the whole task, as text."""
     if arm is first:
         return "", "", ""
-    mine, theirs = in_common(arm, first)
+    pairs = in_common(arm, first)
+    mine, theirs = ([r for r in records if not r.absent] for records in pairs)
     own, other = replace(arm, records=tuple(mine)), replace(first, records=tuple(theirs))
     success, success_of_other = (
         np.array([float(r.success) for r in records]) for records in (mine, theirs)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe, Pick, Place, Show
 from helios_core.types import ObjectInstance
 
@@ -237,7 +238,7 @@ class Mission:
                 failed = self.skills.picks - self.hand.put_back
                 if failure.cause is Cause.OBJECT_NOT_FOUND and failed:
                     reason = self.skills.last_reason or "it was not held afterwards"
-                    message = f"{failed} picks of a {search.name} failed: {reason}"
+                    message = f"{counted(failed, 'pick')} of a {search.name} failed: {reason}"
                     raise TaskFailed(Cause.PICK_FAILED, message) from failure
                 raise
             self.target_m = np.asarray(found.center_m)

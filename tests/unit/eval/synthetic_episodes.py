@@ -35,7 +35,8 @@ def episode(seed: int, agent: str = "helios-paper", **changes: Any) -> EpisodeRe
     """One random episode; the same arguments give the same episode."""
     names = sorted(CHANCES)
     rng = np.random.default_rng([seed, names.index(agent) if agent in names else len(names)])
-    hard = np.random.default_rng([seed, 99]).random() * 0.25  # per home, for all agents
+    home = np.random.default_rng([seed, 99])  # for all agents
+    hard = home.random() * 0.25
     truth = changes.get("semantics") == "ground-truth"
     chances = [min(1.0, c + (0.15 if truth else 0)) for c in CHANCES.get(agent, (0.7,) * 5)]
     met = [bool(rng.random() < c - (hard if i == 0 else 0)) for i, c in enumerate(chances)]
@@ -45,7 +46,7 @@ def episode(seed: int, agent: str = "helios-paper", **changes: Any) -> EpisodeRe
     other = ("step budget", "stuck", "object rolled off", "pick failed", "system error")
     if rng.random() < 0.3 and not place:
         failed = str(rng.choice(other, p=[0.4, 0.25, 0.15, 0.17, 0.03]))
-    thing, start, goal = rng.choice(OBJECTS), *rng.choice(PLACES, 2, replace=False)
+    thing, start, goal = home.choice(OBJECTS), *home.choice(PLACES, 2, replace=False)
     steps = int(rng.gamma(6, 50 if success else 110))
     values: dict[str, Any] = {
         "benchmark": "ovmm", "agent": agent, "semantics": "noisy", "preset": "synthetic",

@@ -149,3 +149,32 @@ def test_the_homes_without_a_task_of_all_parts_are_kept(tmp_path: Path) -> None:
     assert together["without_task"] == {"ovmm-v1|mugs": [3, 4, 5]}
     assert together["why"] == "judge"
     assert "commit" not in together
+
+
+def test_folders_with_another_content_of_one_name_are_refused(tmp_path: Path) -> None:
+    one = folder(tmp_path / "one", [episode(0)])
+    noise = NOISE.model_copy(update={"digest": "1"})
+    for name, changed in (
+        ("preset", episode(1, preset_hash="another")), ("noise", episode(1, noise=noise)),
+    ):  # fmt: skip
+        other = folder(tmp_path / name, [changed])
+        with pytest.raises(InvalidInput, match=f"{name}.* report them apart"):
+            merge_runs.episodes([one, other])
+
+
+def test_folders_whose_agent_had_other_settings_are_refused(tmp_path: Path) -> None:
+    folders = [folder(tmp_path / str(k), [episode(k)]) for k in range(2)]
+    for path, tau_g in zip(folders, (0.5, 0.6), strict=True):
+        run = json.loads((path / "run.json").read_text())
+        run["ran_with"] = {"helios-paper": {"planner.tau_g": tau_g}}
+        (path / "run.json").write_text(json.dumps(run))
+    with pytest.raises(InvalidInput, match=r"setting helios-paper planner\.tau_g is 0\.5"):
+        merge_runs.episodes(folders)
+
+
+def test_an_episode_that_could_not_be_played_gives_way_to_one_that_was(tmp_path: Path) -> None:
+    lost = episode(0, structure_hash="", steps=0, cause="system error", success=False)
+    folders = [folder(tmp_path / "a", [lost]), folder(tmp_path / "b", [episode(0)])]
+    for order in (folders, folders[::-1]):
+        (only,) = merge_runs.episodes(order)
+        assert only.was_played

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import tempfile
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helios_core.errors import Unavailable
+from helios_eval import provenance
 from helios_eval.episodes.episode_player import PlayedEpisode, play
 from helios_eval.episodes.episode_record import EpisodeRecord, Semantics
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
@@ -31,7 +34,7 @@ def played_episode() -> PlayedEpisode:
 
 def test_an_episode_is_the_same_in_any_process(played_episode: PlayedEpisode) -> None:
     """Also as the second episode of a process, and in parallel with another process."""
-    again = [came for _, came in play_all([spec()] * 3, 2, "there")]
+    again = [came for _, came in play_all([spec()] * 3, 2, provenance.commit())]
     assert len(again) == 3
     for came in again:
         assert isinstance(came, PlayedEpisode)
@@ -121,3 +124,14 @@ def test_object_navigation_records_the_shortest_path() -> None:
     assert record.shortest_path_m >= 1.0
     assert record.spl == 0.0
     assert record.goal_receptacle_class == ""
+
+
+def test_a_process_that_loads_other_code_than_the_run_began_with_plays_nothing() -> None:
+    with pytest.raises(Unavailable, match="the run began with abc1234; give the command again"):
+        list(play_all([spec()], 1, "abc1234"))
+
+
+def test_an_episode_refuses_a_noise_table_that_changed_after_the_start_of_the_run() -> None:
+    changed = NOISE.model_copy(update={"digest": "0123456789abcdef"})
+    with pytest.raises(Unavailable, match="demo-v1 has changed since the run began"):
+        play(replace(spec(), noise=changed), "here")

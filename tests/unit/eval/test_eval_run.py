@@ -259,3 +259,50 @@ def test_a_full_disk_is_reported_in_one_sentence(
     assert not (tmp_path / file).exists()
     assert len(run(asked(tmp_path), quiet())) == 6
     assert len(fake_pool.played) == 6
+
+
+def test_an_episode_that_could_not_be_played_is_played_by_the_next_run(
+    fake_pool: FakePool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def outcomes(_: Run, missing: Sequence[EpisodeSpec], __: str) -> Generator[Outcome]:
+        for spec in missing:
+            yield spec, "its process was ended by signal 9, 2 times"
+
+    with monkeypatch.context() as broken:
+        broken.setattr(runs, "_outcomes", outcomes)
+        (lost,) = run(asked(tmp_path, 1, ("trusting",)), quiet())
+    assert (lost.cause, lost.was_played) == ("system error", False)
+    (played,) = run(asked(tmp_path, 1, ("trusting",)), quiet())
+    assert fake_pool.played == [(0, "trusting")]
+    assert played.was_played
+    assert records.read(tmp_path) == [played]
+
+
+def test_a_report_that_fails_does_not_hide_why_the_run_ended(
+    fake_pool: FakePool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_: Path) -> None:
+        raise KeyError("a column")
+
+    monkeypatch.setattr(runs, "write_report", fails)
+    fake_pool.end_before, fake_pool.end = 1, Unavailable("no OpenGL context")
+    with pytest.raises(Unavailable, match="no OpenGL context"):
+        run(asked(tmp_path), quiet())
+    assert len(records.read(tmp_path)) == 1
+
+
+def test_a_command_that_plays_nothing_keeps_the_commit_of_the_episodes(
+    fake_pool: FakePool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runs, "commit", lambda: "abc1234")
+    monkeypatch.setattr(runs, "machine", lambda: "the first machine")
+    run(asked(tmp_path, 1), quiet())
+    monkeypatch.setattr(runs, "commit", lambda: "def5678")
+    monkeypatch.setattr(runs, "machine", lambda: "another machine")
+    run(asked(tmp_path, 1), quiet())
+    described = json.loads((tmp_path / "run.json").read_text())
+    assert (described["commit"], described["machine"]) == ("abc1234", "the first machine")
+    run(asked(tmp_path, 2), quiet())
+    described = json.loads((tmp_path / "run.json").read_text())
+    assert described["commit"] == "def5678"
+    assert described["machines"] == ["the first machine", "another machine"]

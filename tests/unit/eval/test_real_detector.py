@@ -124,10 +124,22 @@ def test_class_names_beside_the_file_are_part_of_the_detector(tmp_path: Path) ->
 
 
 def test_the_command_that_plays_an_episode_again_names_the_detector_without_its_digest() -> None:
-    settings = {episode_spec.DETECTOR: "onnx:tiny.onnx@0123", "detector.scorer": "lexical"}
-    again = replay(record(3, semantics="detector", noise=None, settings=settings))
-    assert "--detector onnx:tiny.onnx " in again
-    assert "--task-classes all" in again
+    found = {episode_spec.DETECTOR: "onnx:tiny.onnx@0123"}
+    for settings in (found, found | {"detector.scorer": "lexical"}):
+        again = replay(record(3, semantics="detector", noise=None, settings=settings))
+        assert "--detector onnx:tiny.onnx " in again
+        assert "--task-classes all" in again
+        assert "scorer" not in again
+
+
+def test_tasks_in_the_words_of_a_detector_have_no_pick_rule_by_the_names_of_the_home(
+    tmp_path: Path,
+) -> None:
+    detector = f"onnx:{model(tmp_path / 'tiny.onnx')}"
+    classes = tmp_path / "mine.toml"
+    classes.write_text(f"[parametric.objects]\n{OBJECTS}\n[parametric.receptacles]\n{HOSTS}")
+    with pytest.raises(UsageError, match="leave --pick-rule out"):
+        condition(detector, task_classes=str(classes), pick_rule="ovmm")
 
 
 # --- the stack ------------------------------------------------------------------------------------
@@ -287,7 +299,7 @@ def test_tasks_of_chosen_classes_do_not_answer_the_questions_of_the_paper(
     assert ("The questions and their answers" in titles) is compared
     assert ("Beside the paper" in titles) is compared
     glance = next(s for s in report.sections if s.title == "At a glance")
-    assert ("The paper has no tasks like these" in str(glance)) is not compared
+    assert ("The paper has no conditions like these" in str(glance)) is not compared
 
 
 def test_a_run_beside_chosen_classes_is_still_compared(tmp_path: Path) -> None:

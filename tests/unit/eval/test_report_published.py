@@ -135,6 +135,20 @@ def test_an_episode_that_never_began_still_counts_against_its_agent():
     assert [r.seed for r in mine] == [r.seed for r in theirs] == [0, 1]
 
 
+def test_pairs_leave_out_homes_with_another_task():
+    other = episode(1, "trusting", object_class="vase")
+    arms = arms_of([episode(0), episode(1), episode(0, "trusting"), other])
+    mine, theirs = in_common(*arms)
+    assert [r.seed for r in mine] == [r.seed for r in theirs] == [0]
+
+
+def test_arms_with_another_camera_error_or_step_limit_are_not_held_together():
+    for settings in ({"sensor": "realistic"}, {"max_steps": 20}):
+        arms = arms_of([episode(0, settings=settings), episode(0, "trusting")])
+        assert arms[0].condition != arms[1].condition
+        assert pairs(arms) == []
+
+
 def test_pairs_use_only_homes_that_both_agents_played():
     arms = arms_of([*(episode(s) for s in range(4)), *(episode(s, "trusting") for s in (2, 3, 5))])
     mine, theirs = in_common(*arms)

@@ -197,3 +197,14 @@ def test_with_an_absent_object_a_pick_for_a_look_is_no_failure_once_it_is_undone
     assert absent_cause(NOTHING, [WRONG], GAVE_UP, MAX, all_put_back=True) == ""
     spent = replace(NOTHING, steps=MAX)
     assert absent_cause(spent, [WRONG], SPENT, MAX, all_put_back=True) == failure_causes.STEP_BUDGET
+
+
+def test_an_object_that_was_put_back_is_not_the_cause() -> None:
+    """Neither a wrong one nor a right one; the cause is what came of the search afterwards."""
+    for grasp in (WRONG, GRASP):
+        back = {grasp.name}
+        cause = failure_cause(FOUND, [grasp], GAVE_UP, MAX, back)
+        assert cause == failure_causes.OBJECT_NOT_FOUND
+        assert failure_cause(FOUND, [grasp], SPENT, MAX, back) == failure_causes.STEP_BUDGET
+    last = failure_cause(FOUND, [WRONG, GRASP], GAVE_UP, MAX, {WRONG.name})
+    assert last == failure_causes.RECEPTACLE_NOT_FOUND
