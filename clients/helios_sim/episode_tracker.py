@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
 from helios_sim.home import Episode, Home
+from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.task_sampling import AMBIGUOUS
 from helios_sim.navigable_area import NavigableArea, Points, clearance_m
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
@@ -54,13 +55,14 @@ def navigable_area_of(home: Home, radius_m: float) -> NavigableArea:
 def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
     """Object-navigation task, such as "Find the sofa".
 
-    The class is any furniture of the home whose nearest viewpoint is at least 1 m from the start.
-    Raises InvalidInput if there is none.
+    The class is any furniture of the home that a catalog names and whose nearest viewpoint is at
+    least 1 m from the start. Raises InvalidInput if there is none.
     """
     ground = navigable_area_of(home, radius_m)
     furniture = {item.class_name for item in home.receptacles}
     furniture |= {item.class_name for item in home.fixtures if item.blocks}
-    names = sorted(furniture - AMBIGUOUS)
+    known = {name for c in CATALOGS.values() for name in (*c.receptacles, *c.fixtures)}
+    names = sorted(furniture & known - AMBIGUOUS)
     np.random.default_rng([seed, 0x0B1A]).shuffle(names)
     for name in names:
         episode = Episode(name, "", "", f"Find the {name}")

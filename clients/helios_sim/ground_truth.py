@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.geometry import Matrix
 from numpy.typing import NDArray
 
 
@@ -28,6 +29,7 @@ class Segmentation:
     stamp_ns: int
     ids: NDArray[np.int32]  # [h, w]
     instances: tuple[VisibleBody, ...]  # visible in the image
+    T_world_cam: Matrix  # [4, 4] true pose of the camera, whatever pose the robot reports
 
 
 @dataclass(frozen=True)

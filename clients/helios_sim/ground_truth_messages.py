@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from helios_core import proto as pb
-from helios_core.codec import vector_to_proto
+from helios_core.codec import transform_to_proto, vector_to_proto
 
 from helios_sim.drive_trace import DriveTrace
 from helios_sim.ground_truth import Segmentation, TrueObjectState
@@ -32,6 +32,7 @@ def segmentation_to_proto(truth: Segmentation) -> pb.TruthSegmentation:
             )
             for instance in truth.instances
         ],
+        T_world_cam=transform_to_proto(truth.T_world_cam),
     )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from helios_sim.ground_truth import Segmentation, VisibleBody
 from helios_sim.home import Home
 from helios_sim.renderer import CameraRenderer
+from helios_sim.robot_model import camera_pose
 
 MAX_STORED_CAPTURES = 64
 _REMEMBERED_PICTURES = 4
@@ -82,10 +83,12 @@ class CaptureHistory:
         ids = self.bodies(taken.qpos)
         self._data.qpos[:] = taken.qpos
         mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
         instances = tuple(
             self._instance(body, taken) for body in _values(ids) if body in self._instances
         )
-        return Segmentation(stamp_ns, ids, instances)
+        pose = camera_pose(self._data, self._painter.camera)
+        return Segmentation(stamp_ns, ids, instances, pose)
 
     def bodies(self, qpos: NDArray[np.float64]) -> NDArray[np.int32]:
         """Body id of each pixel [h, w] for these joint positions. Cached and read-only."""

@@ -44,7 +44,7 @@ class CameraRenderer:
         groups: Sequence[int],
     ) -> None:
         """size: (width, height) in pixels; groups: the geom groups that are drawn."""
-        self._model = model
+        self._model, self.camera = model, camera
         self._width, self._height = size
         try:
             gl = mujoco.GLContext(*size)

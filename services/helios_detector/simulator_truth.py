@@ -6,15 +6,16 @@ import math
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.codec import vector_from_proto
+from helios_core.codec import transform_from_proto, vector_from_proto
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.geometry import Matrix
 from helios_core.topics import TRUTH_SEGMENTATION, WORLD_DESCRIBE
 from helios_core.types import Frame
 from numpy.typing import NDArray
@@ -65,6 +66,11 @@ class Truth:
 
     ids: NDArray[np.uint16]  # [h, w]; 0 is background
     instances: Mapping[int, TruthInstance]
+    T_world_cam: Matrix | None = None  # [4, 4] true pose of the camera; None: as the robot reports
+
+    def in_world(self, frame: Frame) -> Frame:
+        """The frame with the true pose of the camera, in the frame of the instances."""
+        return frame if self.T_world_cam is None else replace(frame, T_world_cam=self.T_world_cam)
 
     @cached_property
     def extents(self) -> Extents:
@@ -125,6 +131,9 @@ def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
             )
             for i in message.instances
         },
+        transform_from_proto(message.T_world_cam, "T_world_cam")
+        if message.HasField("T_world_cam")
+        else None,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import sys
 from collections.abc import Sequence
@@ -135,6 +136,7 @@ class StackOptions:
                 self._service(
                     "detector", "helios_detector", detector=self.detector, scorer=self.scorer,
                     noise=self.noise,
+                    noise_seed=self._noise_seed(),
                 )
             )  # fmt: skip
         kept = self.state_dir if self.port is not None else None  # a replay starts with empty maps
@@ -167,6 +169,13 @@ class StackOptions:
         if self.ros2_output:
             out.append(self._service("ros2", "helios_ros2", python=self.ros2_python))
         return tuple(out)
+
+    def _noise_seed(self) -> int | None:
+        """Seed of the simulated detector's errors: that of the home, unless the environment sets
+        another. Names of objects repeat across homes, so each home needs errors of its own."""
+        if self.robot != "sim" or "HELIOS_DETECTOR_NOISE_SEED" in os.environ:
+            return None
+        return self.seed or None
 
     def _bridge(self) -> ProcessSpec:
         return self._service(

@@ -13,6 +13,11 @@ from helios_sim.home import Episode, Home
 from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.task_sampling import sample_absent
 
+# Object classes that the shapes of furniture contain, as parts that cannot be picked.
+PARTS = {
+    "sofa": ("cushion",), "armchair": ("cushion",), "bed": ("cushion",),
+    "bookcase": ("book", "basket"), "shelf": ("basket",), "towel rail": ("towel",),
+}  # fmt: skip
 _WHETHER, _WHICH = 0xAB5E, 0xAB5F  # streams of the two draws
 
 
@@ -24,10 +29,11 @@ def is_drawn(seed: int, share: float) -> bool:
 def absent_classes(home: Home) -> list[str]:
     """Object classes of the catalog that the home does not have, by name.
 
-    A class is left out if anything in the home, also furniture, has its name, a synonym, a
-    narrower or a wider name ("ball" while there is a tennis ball, and the reverse).
+    A class is left out if anything in the home, also furniture and its `PARTS`, has its name, a
+    synonym, a narrower or a wider name ("ball" while there is a tennis ball, and the reverse).
     """
     there = {thing.class_name for thing in (*home.objects, *home.receptacles, *home.fixtures)}
+    there |= {part for name in there for part in PARTS.get(name, ())}
     accepted = frozenset[str]().union(*map(accepted_names, there))
     names = {normalised(name) for name in there}
     return sorted(

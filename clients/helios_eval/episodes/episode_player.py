@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import cv2
 import numpy as np
 from helios_core import proto as pb
+from helios_core.geometry import invert
 from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_detector.service import PREVIEW_QUALITY
@@ -165,7 +166,13 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
 
     def look(stack: InProcessStack) -> tuple[ObjectInstance, ...]:
         objects = tuple(stack.objects())
-        named = [replace(o, class_name=class_of(o.class_name)) for o in objects]
+        T = invert(thread.run(lambda _: world.T_estimated_true))  # the robot's pose may drift
+        named = [
+            replace(
+                o, class_name=class_of(o.class_name), center_m=T[:3, :3] @ o.center_m + T[:3, 3]
+            )
+            for o in objects
+        ]
         step = world.progress.steps
         beliefs.extend(judge_instances(named, thread.run(lambda w: w.object_states()), roles, step))
         return objects

@@ -86,7 +86,7 @@ def truth_of(shown: Segmentation) -> Truth:
         )
         for i in shown.instances
     }
-    return Truth(shown.ids.astype(np.uint16), instances)
+    return Truth(shown.ids.astype(np.uint16), instances, shown.T_world_cam)
 
 
 class InProcessStack:

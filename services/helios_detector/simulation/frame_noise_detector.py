@@ -45,6 +45,7 @@ class FrameNoiseDetector(DetectorBackend):
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
+        frame = truth.in_world(frame)
         wanted = open_wanted(context)
         shape = frame.depth_m.shape
         detections: list[Detection] = []

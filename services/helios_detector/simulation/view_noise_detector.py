@@ -71,6 +71,7 @@ class ViewNoiseDetector(DetectorBackend):
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
+        frame = truth.in_world(frame)
         search = self._search(context)
         shape = frame.depth_m.shape
         detections: list[Detection] = []
@@ -99,7 +100,7 @@ class ViewNoiseDetector(DetectorBackend):
         self, frame: Frame, truth: Truth, wanted: tuple[SearchTarget, ...]
     ) -> list[SimulatedResult]:
         """Results for every visible object, in the search context or not."""
-        return self._verdicts(frame, truth, Search(wanted, self._table.shares))
+        return self._verdicts(truth.in_world(frame), truth, Search(wanted, self._table.shares))
 
     def _verdicts(self, frame: Frame, truth: Truth, search: Search) -> list[SimulatedResult]:
         things = list(visible(truth))

@@ -145,7 +145,8 @@ class ViewScorer(ScorerBackend):
     def score(
         self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]
     ) -> dict[str, float]:
-        areas = areas_in_view(truth_of(frame, self._source))
+        truth = truth_of(frame, self._source)
+        frame, areas = truth.in_world(frame), areas_in_view(truth)
         return {
             layer: self._similarity(frame, areas, names_in(prompt))
             for layer, prompt in prompts.items()

@@ -9,6 +9,7 @@ import pytest
 from helios_client.supervision.service_specs import StackOptions
 from helios_core.agent_presets import AGENT_NAMES, DEFAULT_AGENT, service_settings
 from helios_core.settings import ServiceSettings
+from helios_detector.settings import Settings as DetectorSettings
 from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.settings import Settings as PlannerSettings
 
@@ -57,3 +58,16 @@ def test_compact_puts_all_services_in_one_process_but_router_world_and_ros() -> 
     command_lines = json.loads(compact[-1].argv[-1])
     of_each = {spec.name: list(spec.argv[2:]) for spec in apart}
     assert command_lines == [of_each[name] for name in compact[-1].services]
+
+
+def test_each_simulated_home_has_errors_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names of objects repeat across homes, and the errors are drawn by name and seed."""
+
+    def noise_seed(seed: int) -> int:
+        specs = StackOptions("sim", 7447, Path("state"), port=8080, seed=seed).processes()
+        (flags,) = (list(spec.argv[3:]) for spec in specs if spec.name == "detector")
+        return DetectorSettings.load(flags).noise_seed
+
+    assert [noise_seed(k) for k in (0, 7)] == [0, 7]
+    monkeypatch.setenv("HELIOS_DETECTOR_NOISE_SEED", "3")
+    assert noise_seed(7) == 3

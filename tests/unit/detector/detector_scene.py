@@ -83,11 +83,13 @@ class SceneTruth:
 
     boxes: tuple[Box, ...] = ROOM
     ids: dict[int, NDArray[np.uint16]] = field(default_factory=dict)
+    poses: dict[int, Matrix] = field(default_factory=dict)
     down: bool = False
 
     def frame(self, T_world_cam: Matrix | None = None, seq: int = 1) -> Frame:
         out = frame_of(self.boxes, T_world_cam, seq)
         self.ids[out.stamp_ns] = render(self.boxes, out.T_world_cam)[1]
+        self.poses[out.stamp_ns] = out.T_world_cam
         return out
 
     def segmentation(self, stamp_ns: int) -> Truth:
@@ -96,7 +98,7 @@ class SceneTruth:
         instances = {
             b.id: TruthInstance(b.id, b.class_name, middle[b.id], b.graspable) for b in self.boxes
         }
-        return Truth(self.ids[stamp_ns], instances)
+        return Truth(self.ids[stamp_ns], instances, self.poses[stamp_ns])
 
     def check(self) -> None:
         if self.down:

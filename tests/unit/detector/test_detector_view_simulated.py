@@ -20,10 +20,11 @@ from detector_scene import (
     context_of,
     looking,
 )
+from helios_core.geometry import se2_to_se3
 from helios_core.types import Detection, Frame, Role, SearchClass, SearchContext
 from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.lexical_scorer import PRIOR, LexicalScorer
-from helios_detector.model_loading import open_detector
+from helios_detector.model_loading import open_detector, open_scorer
 from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector, visible
 from helios_detector.simulation.mask_errors import eroded, leaked, partial
@@ -55,7 +56,7 @@ class NamedTruth(SceneTruth):
             for k, i in truth.instances.items()
         }
         ids = np.where(truth.ids > 0, truth.ids + self.shift, 0).astype(np.uint16)
-        return Truth(ids, moved)
+        return Truth(ids, moved, truth.T_world_cam)
 
 
 def scaled(table: ViewNoiseTable = NOISE, **scale: float) -> ViewNoiseTable:
@@ -124,6 +125,21 @@ def test_body_ids_do_not_change_the_detections():
         there.frame(looking(0.1 * n), n)
         found = [ViewNoiseDetector(t, NOISE, n).detect(frame, CONTEXT) for t in (here, there)]
         assert reported(found[0]) == reported(found[1])
+
+
+@pytest.mark.parametrize("name", ["demo-v1", "ovmm-v1", "ovmm-v1-smooth"])
+def test_a_robot_whose_poses_have_another_origin_meets_the_same_errors(name):
+    """Errors depend on the true place of the camera, not on where the robot thinks that it is."""
+    truth, T = NamedTruth(), se2_to_se3(-7.0, 5.0, 1.5)
+    options = DetectorOptions(truth=truth, noise=name, noise_seed=3)
+    detector, scorer = open_detector("simulated", options), open_scorer("simulated:itc-v1", options)
+    prompts = {"object": "Seems like there is a mug ahead."}
+    for n, x in enumerate(np.linspace(-2, 1, 20), 1):
+        frame = truth.frame(looking(float(x)), n)
+        lost = replace(frame, T_world_cam=T @ frame.T_world_cam)
+        here, there = (detector.detect(f, CONTEXT) for f in (frame, lost))
+        assert reported(here) == reported(there)
+        assert scorer.score(frame, here.seen, prompts) == scorer.score(lost, there.seen, prompts)
 
 
 def test_another_process_gives_the_same_detections():

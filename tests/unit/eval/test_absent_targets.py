@@ -15,7 +15,12 @@ from eval_constructed_records import record
 from helios_client.usage_errors import UsageError
 from helios_detector.vocabulary_matching import accepted_names, normalised
 from helios_eval.episodes import episode_record
-from helios_eval.episodes.absent_targets import absent_classes, absent_episode_of, is_drawn
+from helios_eval.episodes.absent_targets import (
+    PARTS,
+    absent_classes,
+    absent_episode_of,
+    is_drawn,
+)
 from helios_eval.episodes.episode_judgement import Verdict, episode_for, verdict
 from helios_eval.episodes.episode_player import play
 from helios_eval.episodes.episode_record import EpisodeRecord
@@ -117,6 +122,17 @@ def test_the_asked_class_is_not_in_the_home_under_any_name(home: Home) -> None:
             f"Move the {task.object_class} from the {task.start_receptacle_class} "
             f"to the {task.goal_receptacle_class}"
         )
+
+
+def test_no_task_asks_for_an_absent_object_that_the_shapes_of_furniture_show() -> None:
+    shown = set[str]()
+    for seed in range(6):
+        home = generate_home(seed, PRESETS["ovmm-v1"])
+        there = {thing.class_name for thing in (*home.receptacles, *home.fixtures)}
+        parts = {part for name in there for part in PARTS.get(name, ())}
+        shown |= parts - {thing.class_name for thing in home.objects}
+        assert parts.isdisjoint(absent_classes(home))
+    assert shown  # some are absent as objects
 
 
 def test_an_absent_task_has_goals_and_no_candidate(demo_home: Home) -> None:

@@ -40,8 +40,11 @@ def test_reported_poses_drift_together_and_the_truth_does_not(realistic: World, 
     assert np.allclose(realistic.T_estimated_true @ world.state().T_world_base, state.T_world_base)
     assert np.array_equal(world.T_estimated_true, np.eye(4))
     assert realistic.progress == world.progress
-    truth = realistic.segmentation(shot.stamp_ns).ids
-    assert np.array_equal(truth, world.segmentation(world.capture().stamp_ns).ids)
+    exact = world.capture()
+    truth, same = realistic.segmentation(shot.stamp_ns), world.segmentation(exact.stamp_ns)
+    assert np.array_equal(truth.ids, same.ids)
+    assert np.array_equal(same.T_world_cam, exact.T_world_cam)
+    assert np.allclose(truth.T_world_cam, exact.T_world_cam, atol=1e-9)
 
 
 def test_the_description_gives_the_depth_range_of_the_sensor(realistic: World, world: World):

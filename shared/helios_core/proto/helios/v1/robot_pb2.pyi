@@ -306,18 +306,20 @@ class TruthInstance(_message.Message):
     def __init__(self, id: _Optional[int] = ..., name: _Optional[str] = ..., class_name: _Optional[str] = ..., graspable: bool = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., on: _Optional[str] = ..., turn_rad: _Optional[float] = ...) -> None: ...
 
 class TruthSegmentation(_message.Message):
-    __slots__ = ("stamp_ns", "width", "height", "ids", "instances")
+    __slots__ = ("stamp_ns", "width", "height", "ids", "instances", "T_world_cam")
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     WIDTH_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
     IDS_FIELD_NUMBER: _ClassVar[int]
     INSTANCES_FIELD_NUMBER: _ClassVar[int]
+    T_WORLD_CAM_FIELD_NUMBER: _ClassVar[int]
     stamp_ns: int
     width: int
     height: int
     ids: bytes
     instances: _containers.RepeatedCompositeFieldContainer[TruthInstance]
-    def __init__(self, stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., ids: _Optional[bytes] = ..., instances: _Optional[_Iterable[_Union[TruthInstance, _Mapping]]] = ...) -> None: ...
+    T_world_cam: _common_pb2.Transform
+    def __init__(self, stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., ids: _Optional[bytes] = ..., instances: _Optional[_Iterable[_Union[TruthInstance, _Mapping]]] = ..., T_world_cam: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ...) -> None: ...
 
 class TruthEpisode(_message.Message):
     __slots__ = ("seed", "preset", "object_class", "start_receptacle_class", "goal_receptacle_class", "instruction")
