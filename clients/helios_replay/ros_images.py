@@ -89,6 +89,22 @@ def _pixels(message: Any, dtype: np.dtype, channels: int, what: str) -> NDArray:
     return cut.reshape((height, width, channels) if channels > 1 else (height, width))
 
 
+def is_rectified(image_topic: str) -> bool:
+    """True if a topic has the name that image_proc gives to rectified images."""
+    parts = [p for p in image_topic.split("/") if p not in ("compressed", "compressedDepth")]
+    return bool(parts) and parts[-1].startswith("image_rect")
+
+
+def _of_rectified(info: Any, what: str) -> Pinhole:
+    P = [float(v) for v in (info.p if hasattr(info, "p") else info.P)]
+    width, height = int(info.width), int(info.height)
+    if len(P) != 12 or not np.isfinite(P).all() or min(P[0], P[5], width, height) <= 0:
+        raise InvalidInput(
+            f"{what} is no calibration of rectified images: P is {P}, the size {width}x{height}"
+        )
+    return Pinhole(P[0], P[5], P[2], P[6], width, height)
+
+
 @dataclass(frozen=True)
 class Lens:
     """Pinhole camera and distortion from a `sensor_msgs/CameraInfo`."""
@@ -97,8 +113,12 @@ class Lens:
     distortion: NDArray[np.float64]  # OpenCV's coefficients; empty: none
 
     @classmethod
-    def of(cls, info: Any, what: str) -> Lens:
-        """The lens of a CameraInfo. Raises InvalidInput if it is not a pinhole calibration."""
+    def of(cls, info: Any, what: str, image_topic: str) -> Lens:
+        """The lens of a CameraInfo, for the images of a topic: K with distortion for raw ones, P
+        for those that `is_rectified` names. Raises InvalidInput if it is not a pinhole calibration.
+        """
+        if is_rectified(image_topic):
+            return cls(_of_rectified(info, what), np.empty(0))
         K = [float(v) for v in (info.k if hasattr(info, "k") else info.K)]
         d = np.array(info.d if hasattr(info, "d") else info.D, float)
         width, height = int(info.width), int(info.height)
@@ -108,8 +128,8 @@ class Lens:
         known = ("plumb_bob", "rational_polynomial", "")
         if distorted and info.distortion_model not in known:
             raise InvalidInput(
-                f"{what} has the distortion model {info.distortion_model!r}; record rectified "
-                "images"
+                f"{what} has the distortion model {info.distortion_model!r}; take rectified "
+                "images, on a topic such as image_rect_color"
             )
         camera = Pinhole(K[0], K[4], K[2], K[5], width, height)
         return cls(camera, d if distorted else np.empty(0))

@@ -62,7 +62,7 @@ class RosBag(Images):
         colors, frame = self._images(self._color)
         depths, _ = self._images(self._depth)
         pairs = _pairs(colors, depths)
-        self._lens = Lens.of(self._first(info), f"{info.topic} of {path}")
+        self._lens = Lens.of(self._first(info), f"{info.topic} of {path}", self._color.topic)
         camera_frame = named.get("camera", frame)
         poses, world, seen = self._poses(named, camera_frame)
         posed: list[tuple[_Image, _Image, Matrix]] = []

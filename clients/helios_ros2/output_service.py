@@ -78,6 +78,7 @@ class OutputService:
     def close(self) -> None:
         self._ending.set()
         self._thread.join(CALL_S)
+        self._tasks.close()
         self._ros.close()
 
     def _make_publishers(self) -> None:
@@ -118,9 +119,10 @@ class OutputService:
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._radius_m = description.footprint_radius_m or DEFAULT_RADIUS_M
-        if not self._frame:
-            self._frame = description.world_frame or "map"
-            log.info("publishes in the frame %s", self._frame)
+        frame = self._s.frame or self._s.world_frame or description.world_frame or "map"
+        if frame != self._frame:  # a bridge that starts again may take its poses from another
+            self._frame, self._object_version = frame, 0
+            log.info("publishes in the frame %s", frame)
             self._publish_odom()
 
     def _on_state(self, state: pb.RobotState) -> None:

@@ -79,7 +79,9 @@ class TfPoses(Poses):
         """Chooses the frames. Raises Unavailable as long as TF does not connect them."""
         self._s, self._tf = settings, transforms
         self._camera = camera_frame
-        self.world_frame = settings.world_frame or self._known(WORLD_FRAMES, "world")
+        # A named origin belongs to a map: the origin of odometry does not outlive a restart.
+        worlds = WORLD_FRAMES[:1] if settings.origin else WORLD_FRAMES
+        self.world_frame = settings.world_frame or self._known(worlds, "world")
         self._base = settings.base_frame or self._known(BASE_FRAMES, "base")
         for frame in (self._base, camera_frame):
             self._tf.newest_ns(self.world_frame, frame)

@@ -17,7 +17,7 @@ from helios_replay.ros_images import Lens, stamp_ns
 
 from helios_ros2.image_pairs import ImagePair, ImagePairs
 from helios_ros2.pose_jumps import is_new_origin
-from helios_ros2.poses import Poses, TfPoses, TopicPoses
+from helios_ros2.poses import WORLD_FRAMES, Poses, TfPoses, TopicPoses
 from helios_ros2.robot_clock import RobotClock
 from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
@@ -46,6 +46,7 @@ BACK_NS = 1_000_000_000  # a clock that goes back further has begun anew
 REST_NS = 150_000_000  # span over which a base at rest does not move
 REST_M, REST_RAD = 0.004, 0.006
 HISTORY = 400  # poses
+TF_WITHIN_S = 20.0  # longest wait for TF to connect the camera, if TF is heard
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,9 @@ class RobotInput:
         self._history: deque[BasePose] = deque(maxlen=HISTORY)
         self._newest_came_s = 0.0  # when the newest pose came, by a monotonic clock
         self._names: dict[str, str] = {}
+        self._connected = False
+        self._sought_tf_s = 0.0  # when poses by TF were first sought, by a monotonic clock
+        self._told_of_map = False
         self._pose_frame = "odom"
         self.battery: float | None = None  # charge, 0 to 1; None: not known
         self.world_epoch = 0
@@ -85,7 +89,7 @@ class RobotInput:
 
         def named(what: str, find: Callable[[], str]) -> Callable[[], str]:
             def name() -> str:
-                if what not in self._names:  # once found, it stays
+                if what not in self._names or not self._connected:  # more topics may appear
                     self._names[what] = find()
                 return self._names[what]
 
@@ -113,8 +117,9 @@ class RobotInput:
                 ros, lambda: "/tf", (TF_MESSAGE,), lambda m: self._on_tf(m, False), 100
             )
             self._tf_static = TopicReader(
-                ros, lambda: "/tf_static", (TF_MESSAGE,), lambda m: self._on_tf(m, True), 100
-            )
+                ros, lambda: "/tf_static", (TF_MESSAGE,), lambda m: self._on_tf(m, True), 100,
+                retained=True,
+            )  # fmt: skip
         if s.tilt_joint:
             self._joints = TopicReader(
                 ros, lambda: s.joint_states, ("sensor_msgs/msg/JointState",), self._on_joints, 10
@@ -141,7 +146,7 @@ class RobotInput:
                 self._news.notify_all()
 
     def _on_info(self, what: str, message: Any) -> None:
-        lens = Lens.of(message, f"the CameraInfo of {what}")
+        lens = Lens.of(message, f"the CameraInfo of {what}", self._names.get(what, ""))
         with self._news:
             self._lenses[what] = lens
             self._info_frames[what] = message.header.frame_id
@@ -169,6 +174,20 @@ class RobotInput:
             if isinstance(self._poses, TfPoses):
                 ours = sorted(back & self._poses.frames()) if back else []
                 self._note(self._poses, f"the TF frame {', '.join(ours)}" if ours else "")
+                self._tell_of_map(self._poses)
+
+    def _tell_of_map(self, poses: TfPoses) -> None:
+        """Warn once if TF has a better world frame than the one that was chosen at the start."""
+        best = WORLD_FRAMES[0]
+        if self._told_of_map or self._s.world_frame or poses.world_frame == best:
+            return
+        if self._tf.knows(best):
+            self._told_of_map = True
+            log.warning(
+                "TF now has the frame %s; poses stay in %s until the bridge starts again. Set "
+                "HELIOS_ROS2_WORLD_FRAME=%s, so that it waits for that frame",
+                best, poses.world_frame, best,
+            )  # fmt: skip
 
     def _on_joints(self, message: Any) -> None:
         s = self._s
@@ -222,11 +241,16 @@ class RobotInput:
             if not self._news.wait_for(lambda: "color" in self._lenses, within_s):
                 raise self.infos["color"].silence()
             if self._poses is None:
+                for camera in (self.color, self.depth):
+                    _ = camera.topic  # raises Unavailable if there are several by now
                 self._poses = self._choose(within_s)
+                self._connected = True
                 log.info("poses come from %s", type(self._poses).__name__)
             return self._lenses["color"]
 
     def _choose(self, within_s: float) -> Poses:
+        """Source of poses. TF is waited for if frames are named, and for a while if it is heard:
+        a topic brings no mount of the camera."""
         why: list[HeliosError] = []
 
         def by_tf() -> TfPoses | None:
@@ -247,6 +271,17 @@ class RobotInput:
                     "build-interfaces DIR`, or set HELIOS_ROS2_POSE=topic"
                 )
             raise why[-1]
+        if self.tf is not None and self._s.pose == "auto":
+            self._sought_tf_s = self._sought_tf_s or time.monotonic()
+            waited_s = time.monotonic() - self._sought_tf_s
+            is_heard = self.tf.count + self._tf_static.count > 0
+            if self._s.world_frame or self._s.base_frame or (is_heard and waited_s < TF_WITHIN_S):
+                raise why[-1]
+            if is_heard:
+                log.warning(
+                    "poses come from %s, and the camera's mount from the settings, since TF is "
+                    "heard but does not help: %s", self._s.odom, why[-1].message,
+                )  # fmt: skip
         if not self._news.wait_for(lambda: bool(self._topic_poses.track.times_ns), within_s):
             raise self.odom.silence()
         return self._topic_poses
@@ -272,7 +307,7 @@ class RobotInput:
         """Name of the frame of the poses in the robot's own messages."""
         if isinstance(self._poses, TfPoses):
             return self._poses.world_frame
-        return self._s.world_frame or self._pose_frame
+        return self._pose_frame
 
     def tilt_rad(self) -> float:
         """Downward tilt of the camera: measured, else that of the settings."""

@@ -53,14 +53,17 @@ class Ros2Settings(ServiceSettings):
     pose: Literal["auto", "tf", "topic"] = Field(
         default="auto",
         description="source of poses: tf, topic (`odom` and the mount below), or auto: tf where "
-        "tf2_msgs is there and TF knows the camera, else topic",
+        "tf2_msgs is there and TF connects the camera, else topic. auto waits 20 s for TF if it is "
+        "heard, and for ever if world_frame or base_frame is set",
     )
     odom: str = Field(
         default="/odom",
         description="topic of Odometry, PoseStamped or PoseWithCovarianceStamped",
     )
     world_frame: str = Field(
-        default="", description="frame of the poses in TF; empty: map if TF has it, else odom"
+        default="",
+        description="frame of the poses in TF; empty: map if TF has it at the start, else odom; "
+        "with an `origin` always map",
     )
     base_frame: str = Field(
         default="",

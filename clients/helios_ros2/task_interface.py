@@ -1,6 +1,8 @@
 """Tasks and the stop for ROS users: topics with JSON, services, and the action DoTask.
 
 `~/do_task` takes an instruction, or JSON as POST /v1/tasks does. `~/task` has the present task.
+A stop never waits for the planner: calls that do so run in threads of their own, and the threads of
+the ROS node stay free.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import json
 import logging
 import threading
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from google.protobuf.json_format import MessageToDict
@@ -28,13 +31,35 @@ DO_TASK = "helios_msgs/action/DoTask"
 CALL_S = 5.0
 LOOK_S = 2.0  # period of the look at tasks whose end was not heard
 REMEMBERED = 64  # goals whose cancel is remembered
+MOST_CALLS = 16  # at a time
+TOO_MANY = f"{MOST_CALLS} requests wait for the planner; send it again later"
+
+
+class PlannerCalls:
+    """Calls that may wait for the planner, each in a thread of its own."""
+
+    def __init__(self) -> None:
+        self._free = threading.Semaphore(MOST_CALLS)
+
+    def start(self, call: Callable[[], object]) -> bool:
+        """Run a call in the background; False if too many run."""
+        if not self._free.acquire(blocking=False):
+            return False
+        threading.Thread(target=self._run, args=(call,), name="ros task", daemon=True).start()
+        return True
+
+    def _run(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        finally:
+            self._free.release()
 
 
 class TaskInterface:
     """Topics and services of tasks. Callbacks may run at the same time in several threads."""
 
     def __init__(self, ros: RosNode, bus: Bus) -> None:
-        self._bus = bus
+        self._bus, self._calls = bus, PlannerCalls()
         self._text = interface("std_msgs/msg/String")
         trigger = interface("std_srvs/srv/Trigger")
         group = rclpy_module("callback_groups").ReentrantCallbackGroup()
@@ -52,8 +77,15 @@ class TaskInterface:
                 callback_group=group,
             )  # fmt: skip
         self._present = ""  # id of the running task
-        self.action = DoTaskAction(ros, bus, group) if has_interface(DO_TASK) else None
+        self.action = None
+        if has_interface(DO_TASK):
+            self.action = DoTaskAction(ros, bus, group, self._calls)
         bus.subscribe(TASK, self._on_task)
+
+    def close(self) -> None:
+        """End the thread of the action."""
+        if self.action is not None:
+            self.action.close()
 
     def _on_task(self, task: pb.Task) -> None:
         runs = task.state in HOLDS_ROBOT
@@ -67,12 +99,19 @@ class TaskInterface:
             self.action.on_task(task)
 
     def _on_do_task(self, message: Any) -> None:
+        if not self._calls.start(lambda: self._submit(message.data)):
+            self._refuse(message.data, TOO_MANY)
+
+    def _submit(self, text: str) -> None:
         try:
-            self._bus.call(SUBMIT, submit_request(message.data), CALL_S)
+            self._bus.call(SUBMIT, submit_request(text), CALL_S)
         except HeliosError as error:
-            log.warning("the task %r was refused: %s", message.data[:200], error.message)
-            said = {"instruction": message.data, "error": error.message}
-            self._refused.publish(self._text(data=json.dumps(said)))
+            self._refuse(text, error.message)
+
+    def _refuse(self, text: str, why: str) -> None:
+        log.warning("the task %r was refused: %s", text[:200], why)
+        said = {"instruction": text, "error": why}
+        self._refused.publish(self._text(data=json.dumps(said)))
 
     def _stop(self) -> str:
         self._bus.call(STOP, pb.StopRequest(reason="the ROS service ~/stop"), CALL_S)
@@ -92,9 +131,9 @@ class TaskInterface:
 class DoTaskAction:
     """Action server of DoTask: feedback while the task runs; a cancelled goal cancels the task."""
 
-    def __init__(self, ros: RosNode, bus: Bus, group: Any) -> None:
+    def __init__(self, ros: RosNode, bus: Bus, group: Any, calls: PlannerCalls) -> None:
         action = rclpy_module("action")
-        self._ros, self._bus = ros, bus
+        self._ros, self._bus, self._calls = ros, bus, calls
         self._kind = interface(DO_TASK)
         self._lock = threading.Lock()
         self._goals: dict[str, tuple[Any, Any]] = {}  # task id -> goal handle, future of its end
@@ -104,7 +143,13 @@ class DoTaskAction:
             ros.node, self._kind, "~/do_task", self._execute,
             cancel_callback=self._on_cancel, callback_group=group,
         )  # fmt: skip
-        ros.node.create_timer(LOOK_S, self._look, callback_group=group)
+        self._ending = threading.Event()
+        self._looking = threading.Thread(target=self._look_on, name="looks at goals", daemon=True)
+        self._looking.start()
+
+    def close(self) -> None:
+        """End the thread that looks at the tasks."""
+        self._ending.set()
 
     def on_task(self, task: pb.Task) -> None:
         """Tell the goal of this task, if there is one."""
@@ -122,21 +167,23 @@ class DoTaskAction:
 
     async def _execute(self, handle: Any) -> Any:
         goal = handle.request
-        try:
-            request = pb.SubmitRequest(
-                instruction=goal.instruction, time_limit_s=max(0.0, goal.time_limit_s)
-            )
-            task = self._bus.call(SUBMIT, request, CALL_S)
-        except HeliosError as error:
+        request = pb.SubmitRequest(
+            instruction=goal.instruction, time_limit_s=max(0.0, goal.time_limit_s)
+        )
+        answer = rclpy_module("task").Future(executor=self._ros.executor)
+        if not self._calls.start(lambda: answer.set_result(self._submitted(request))):
+            answer.set_result(TOO_MANY)
+        task = await answer
+        if isinstance(task, str):
             handle.abort()
-            return self._kind.Result(state="refused", message=error.message)
+            return self._kind.Result(state="refused", message=task)
         ended = rclpy_module("task").Future(executor=self._ros.executor)
         with self._lock:
             self._goals[task.id] = (handle, ended)
             cancelled = self._is_cancelled(handle)  # `_on_cancel` found no task until now
         try:
             if cancelled:
-                self._cancel(task.id)
+                self._cancel_soon(task.id)
             task = await ended
         finally:
             with self._lock:
@@ -157,21 +204,35 @@ class DoTaskAction:
             self._cancelled.append(handle.goal_id)
             ids = [id for id, (goal, _) in self._goals.items() if goal.goal_id == handle.goal_id]
         for id in ids:
-            self._cancel(id)
+            self._cancel_soon(id)
         return self._accept
 
     def _is_cancelled(self, handle: Any) -> bool:
         """True if a cancel has come. `is_cancel_requested` is true only after `_on_cancel`."""
         return handle.goal_id in self._cancelled or handle.is_cancel_requested
 
+    def _submitted(self, request: pb.SubmitRequest) -> pb.Task | str:
+        """The submitted task, or the reason why it was refused."""
+        try:
+            return self._bus.call(SUBMIT, request, CALL_S)
+        except HeliosError as error:
+            return error.message
+
+    def _cancel_soon(self, id: str) -> None:
+        """Cancel a task in the background; `_look` repeats it until the task has ended."""
+        self._calls.start(lambda: self._cancel(id))
+
     def _cancel(self, id: str) -> None:
-        """Cancel a task; `_look` repeats it until the task has ended."""
         try:
             self._bus.call(CANCEL, pb.TaskRequest(id=id), CALL_S)
         except HeliosError as error:
             log.warning(
                 "the task %s could not be cancelled, it is tried again: %s", id, error.message
             )
+
+    def _look_on(self) -> None:
+        while not self._ending.wait(LOOK_S):
+            self._look()
 
     def _look(self) -> None:
         with self._lock:

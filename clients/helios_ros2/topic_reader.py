@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from helios_core.errors import HeliosError, Unavailable
@@ -32,15 +33,19 @@ class TopicReader:
         types: Sequence[str],
         handler: Callable[[Any], None],
         depth: int,
+        retained: bool = False,
     ) -> None:
-        """topic: gives its name; raises Unavailable while that is not known. types: accepted."""
+        """topic: gives its name; raises Unavailable while that is not known. types: accepted.
+        retained: ask for earlier messages even if one of the publishers keeps none.
+        """
         self._ros, self._name, self._types, self._handler = ros, topic, types, handler
-        self._depth = depth
+        self._depth, self._retained = depth, retained
         self._subscription: Any = None
         self._taken: tuple[str, str, Qos] | None = None  # topic, type, quality of service
         self._arrived_s, self._count = 0.0, 0
         self._stamp_ns: int | None = None
         self._trouble = "not looked for yet"
+        self._refused = ""  # what is wrong with the newest message
         ros.every(LOOK_S, self.look)
 
     @property
@@ -66,7 +71,8 @@ class TopicReader:
             if not fitting:
                 self._trouble = self._unpublished(topic, offered)
                 return
-            wanted = (topic, fitting[0][0], matching([q for k, q in fitting if k == fitting[0][0]]))
+            qos = matching([q for k, q in fitting if k == fitting[0][0]])
+            wanted = (topic, fitting[0][0], replace(qos, retained=qos.retained or self._retained))
             if wanted != self._taken:
                 self._subscribe(wanted)
             self._trouble = ""
@@ -74,11 +80,14 @@ class TopicReader:
             self._trouble = error.message
 
     def silence(self) -> Unavailable:
-        """The fault of a topic without messages: names topic, type, QoS and last stamp."""
+        """The fault of a topic without messages, or of its newest message: names topic, type, QoS
+        and last stamp."""
         if self._taken is None or (self._trouble and not self._count):
             return Unavailable(self._trouble)
         if not self._count:
             return Unavailable(f"no message has come on {self.described()} yet; is it sent?")
+        if self._refused:
+            return Unavailable(f"{self.described()}: {self._refused}")
         gone = "" if not self._trouble else f"; {self._trouble}"
         stamp = ""
         if self._stamp_ns is not None:
@@ -110,10 +119,14 @@ class TopicReader:
     def _on_message(self, message: Any) -> None:
         self._arrived_s, self._count = time.monotonic(), self._count + 1
         self._stamp_ns = newest_stamp_ns(message)
+        refused = ""
         try:
             self._handler(message)
         except HeliosError as error:  # a message with impossible content
-            log.warning("a message of %s was left out: %s", self._taken, error.message)
+            refused = error.message
+            if refused != self._refused:  # once: the next ones may be alike
+                log.warning("a message of %s was left out: %s", self.described(), refused)
+        self._refused = refused
 
 
 def newest_stamp_ns(message: Any) -> int | None:

@@ -38,6 +38,9 @@ _SENTENCES: tuple[tuple[Any, type[HeliosError], str], ...] = (
      "{owner} has taken the robot's lease; it obeys them alone until they release it"),
     (bosdyn_api.power.EstoppedError, Conflict,
      "an e-stop is pressed; release it on the tablet, or set HELIOS_SPOT_ESTOP=endpoint"),
+    (bosdyn_api.estop.MotorsOnError, Conflict,
+     "the motors are on, and an e-stop is set up only while they are off; sit the robot down and "
+     "switch its motors off on the tablet"),
     (bosdyn_api.power.KeepaliveMotorsOffError, Conflict,
      "a keep-alive policy of the robot keeps its motors off; end it on the tablet"),
     (bosdyn_api.power.ShorePowerConnectedError, Conflict,

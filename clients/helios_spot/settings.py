@@ -56,7 +56,8 @@ class SpotSettings(ServiceSettings):
     )
     estop: Literal["none", "endpoint"] = Field(
         default="none",
-        description="none, or endpoint: replace the robot's e-stop configuration by ours",
+        description="none, or endpoint: replace the robot's e-stop configuration by ours, which "
+        "needs its motors off",
     )
     estop_timeout_s: float = Field(
         default=9.0, ge=3, description="silence after which our e-stop endpoint trips"
@@ -126,6 +127,11 @@ class SpotSettings(ServiceSettings):
             raise InvalidInput(f"wrong setting of Spot: {wrong}") from None
         except (OSError, tomllib.TOMLDecodeError) as error:
             raise InvalidInput(f"cannot read the settings of Spot: {error}") from None
+        if settings.estop == "endpoint" and settings.power == "expect":
+            raise InvalidInput(
+                "estop = endpoint is set up while the motors are off, and power = expect wants "
+                "them on; set HELIOS_SPOT_POWER=on, or HELIOS_SPOT_ESTOP=none"
+            )
         if not settings.host:
             raise InvalidInput("no robot is named; give --spot-host, or set HELIOS_SPOT_HOST")
         return settings

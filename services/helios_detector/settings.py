@@ -77,7 +77,8 @@ class Settings(ServiceSettings):
         default=1.0,
         ge=0,
         le=10,
-        description="factor on rate and size of the simulated detector's errors; 0: none",
+        description="factor on rate and size of the simulated detector's errors; 0: none, but "
+        "demo-v1 still misses things below 40 pixels",
     )
     noise_correlation: float | None = Field(
         default=None,

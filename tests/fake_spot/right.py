@@ -124,6 +124,10 @@ class Estop(pb.servicer("EstopService")):
 
     def SetEstopConfig(self, request: Any, _: Any) -> Any:
         reply = pb.estop.SetEstopConfigResponse()
+        if self._w.motors:
+            reply.status = reply.STATUS_MOTORS_ON
+            reply.active_config.CopyFrom(self._config)
+            return pb.answer(reply, request, self._w.robot_ns)
         self._config.CopyFrom(request.config)
         self._config.unique_id = "config-1"
         for i, endpoint in enumerate(self._config.endpoints):

@@ -74,13 +74,17 @@ def _named(found: FaultList, name: str) -> str:
 
 def _write(out: Path | None, name: str, data: bytes) -> Path:
     from helios_core.atomic_file import unwritable_reason, write_file
+    from helios_core.errors import Unavailable
 
     from helios_client.usage_errors import UsageError
 
     path = Path(name) if out is None else out / name if out.is_dir() else out
     if why := unwritable_reason(path):
         raise UsageError(why)
-    write_file(path, data)
+    try:
+        write_file(path, data)
+    except OSError as error:
+        raise Unavailable(f"{path} cannot be written: {error.strerror or error}") from error
     return path
 
 

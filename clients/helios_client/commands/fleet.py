@@ -135,11 +135,23 @@ def submit_to_fleet(
         screen = console(stderr=as_json)
         screen.print(f"task {asked.id} of the fleet: {asked.instruction}",
                      highlight=False, markup=False, soft_wrap=True)  # fmt: skip
+        from helios_core.errors import HeliosError
+
+        from helios_client.commands.task_view import cancel_surely
+
         try:
             ended = _watched(helios, asked, deadline_s, screen)
         except KeyboardInterrupt:
             screen.print("cancelling the task")
-            helios.cancel_fleet_task(asked.id)
+            try:
+                cancel_surely(lambda: helios.cancel_fleet_task(asked.id))
+            except (HeliosError, KeyboardInterrupt):
+                screen.print(
+                    "the cancellation was not confirmed, so the task may continue; end it with: "
+                    f"helios cancel {asked.id} --robot any",
+                    highlight=False, markup=False, soft_wrap=True,
+                )  # fmt: skip
+                raise
             _watched(helios, asked, time.monotonic() + CANCEL_S, screen)
             raise
     if as_json:

@@ -50,7 +50,10 @@ def build_interfaces(
     from helios_client.usage_errors import UsageError
 
     folder = folder.resolve()
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be made: {error.strerror or error}") from error
     if sources:
         print(f"wrote {build.write_our_sources(folder / 'src')}; build it with colcon")
         return

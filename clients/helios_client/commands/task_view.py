@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
 from rich.console import Console
@@ -145,7 +145,7 @@ def watch_task(
             raise
         console.print("cancelling the task")
         try:
-            _cancel(helios, task)
+            cancel_surely(lambda: helios.cancel(task.id))
         except (HeliosError, KeyboardInterrupt):
             console.print(
                 "the cancellation was not confirmed, so the task may continue; end it with: "
@@ -156,12 +156,12 @@ def watch_task(
         raise
 
 
-def _cancel(helios: Helios, task: Task) -> None:
+def cancel_surely(cancel: Callable[[], object]) -> None:
     """Cancel a task; retry for `CANCEL_S` while the gateway does not answer. Raises HeliosError."""
     deadline_s = time.monotonic() + CANCEL_S
     while True:
         try:
-            helios.cancel(task.id)
+            cancel()
             return
         except Conflict:  # it has already ended
             return

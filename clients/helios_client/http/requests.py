@@ -67,6 +67,11 @@ class Call(Generic[T]):
         for."""
         if response.is_error:
             raise response_error(response)
+        if not response.is_success:
+            raise Internal(
+                f"{response.request.url} answered {response.status_code}, which redirects to "
+                f"{response.headers.get('location', 'nowhere')}; give that address (HELIOS_URL)"
+            )
         return self.read(response)
 
 
@@ -219,7 +224,7 @@ def ros_map() -> Call[dict[str, bytes]]:
 
 
 def save_map() -> Call[bytes]:
-    return Call("GET", "/map.zip", _content, timeout_s=MAP_S)
+    return Call("GET", "/map.zip", _content_of("application/zip"), timeout_s=MAP_S)
 
 
 def load_map(data: bytes, same_frame: bool) -> Call[LoadedMaps]:
@@ -246,7 +251,7 @@ def object_views(id: int, limit: int) -> Call[tuple[SeenView, ...]]:
 
 
 def camera() -> Call[bytes]:
-    return Call("GET", "/camera.jpg", _content)
+    return Call("GET", "/camera.jpg", _content_of("image/jpeg"))
 
 
 def robot() -> Call[RobotAnswer]:
@@ -303,6 +308,18 @@ def _part(text: str) -> str:
 
 def _content(response: httpx.Response) -> bytes:
     return response.content
+
+
+def _content_of(kind: str) -> Callable[[httpx.Response], bytes]:
+    """Reader of the content of this media type. Raises Internal for another one."""
+
+    def read(response: httpx.Response) -> bytes:
+        came = response.headers.get("content-type", "nothing")
+        if came.partition(";")[0].strip() != kind:
+            raise Internal(f"{response.request.url} answered {came}, not {kind}; is HELIOS there?")
+        return response.content
+
+    return read
 
 
 def _given(query: dict[str, Any]) -> dict[str, Any]:

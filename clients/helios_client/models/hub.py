@@ -101,7 +101,8 @@ def hub_fault(error: Exception, id: str) -> HeliosError:
         )
     if isinstance(error, errors.OfflineModeIsEnabled):
         return Unavailable("HF_HUB_OFFLINE forbids downloads; unset it to fetch models")
-    if isinstance(error, OSError) and not isinstance(error, httpx.HTTPError):
+    lost = isinstance(error, httpx.HTTPError | errors.LocalEntryNotFoundError)  # the connection
+    if isinstance(error, OSError) and not lost:
         return Unavailable(f"{id} cannot be stored: {error.strerror or error}")
     return Unavailable(
         f"{id} cannot be fetched from {endpoint} ({type(error).__name__}: {_first_line(error)}); "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 from helios_client.supervision.child_process import ProcessSpec
@@ -62,7 +63,8 @@ class FleetOptions(StackOptions):
         """Options of one robot, with a state folder of its own."""
         values = {name: getattr(self, name) for name in StackOptions.__dataclass_fields__}
         values |= {"name": robot, "seed": self.seed + number,
-                   "state_dir": self.state_dir / "robots" / robot}  # fmt: skip
+                   "state_dir": self.state_dir / "robots" / robot,
+                   "ros2_node": re.sub(r"\W", "_", f"helios_{robot}", flags=re.ASCII)}  # fmt: skip
         if self.record is not None:
             values["record"] = self.record / robot
         return StackOptions(**values)

@@ -53,6 +53,7 @@ class StackOptions:
     strict: bool = False  # a replay ends at an unreadable frame
     record: Path | None = None  # folder for recordings; None: no recorder
     ros2_python: str | None = None  # interpreter with rclpy; None: no process uses ROS
+    ros2_node: str | None = None  # None: that of the settings
     ros2_output: bool = False  # publish maps, objects and tasks to ROS
     lockstep: bool = False
     ack_timeout_s: float | None = None  # timeout of the bridge in lockstep; None: its setting
@@ -167,7 +168,11 @@ class StackOptions:
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:
-            out.append(self._service("ros2", "helios_ros2", python=self.ros2_python))
+            out.append(
+                self._service(
+                    "ros2", "helios_ros2", python=self.ros2_python, node=self.ros2_node
+                )
+            )  # fmt: skip
         return tuple(out)
 
     def _noise_seed(self) -> int | None:

@@ -154,7 +154,7 @@ def _add_receptacle(
 
 def _fixture(floor: FurnishedFloor, placed: PlacedPiece) -> Fixture:
     shape = placed.shape
-    if not placed.blocks and placed.top_m <= _FLAT_M:  # the robot drives over it
+    if not placed.blocks:  # the robot drives over it, or below it
         shape = replace(shape, collision_primitives=())
     # Its body may need a name that no receptacle of the class has.
     stem = placed.class_name.replace(" ", "_")

@@ -110,3 +110,10 @@ def test_robots_are_a_number_or_names() -> None:
     ):
         with pytest.raises(UsageError, match=said):
             fleet_names(text, robot, name)
+
+
+def test_each_robot_of_a_fleet_has_ros_topics_of_its_own() -> None:
+    """A stop or a task by ROS must reach one robot."""
+    specs = fleet(ros2_output=True, ros2_python="/ros/python").processes()
+    nodes = [s.argv[s.argv.index("--node") + 1] for s in specs if s.name.endswith("/ros2")]
+    assert nodes == ["helios_robot_1", "helios_robot_2", "helios_robot_3"]

@@ -16,7 +16,7 @@ from helios_core.geometry import R_BODY_CAM, camera_on_base, quaternion_from_rot
 from helios_replay import ReplayDriver
 from helios_replay.format_detection import open_source
 from helios_replay.replay_source import PlaybackRange
-from helios_replay.ros_images import depth_of
+from helios_replay.ros_images import Lens, depth_of
 from helios_replay.ros_poses import slerp
 
 pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
@@ -291,3 +291,26 @@ def test_slerp_interpolates_rotations(share: float) -> None:
     half = 0.4 * share
     np.testing.assert_allclose(slerp(a, b, share), [0, 0, math.sin(half), math.cos(half)])
     np.testing.assert_allclose(np.abs(slerp(a, -b, share)), np.abs(slerp(a, b, share)))
+
+
+@pytest.mark.parametrize(
+    ("topic", "camera", "is_distorted"),
+    [
+        ("/rgb/image_raw", (60.0, 32.0), True),
+        ("/rgb/image_rect_color", (50.0, 30.0), False),
+        ("/rgb/image_rect/compressed", (50.0, 30.0), False),
+    ],
+)
+def test_rectified_images_have_the_camera_of_p_and_no_distortion(
+    topic: str, camera: tuple[float, float], is_distorted: bool
+) -> None:
+    told = info(1, [-0.3, 0.1, 0, 0, 0])
+    told.p = np.array([50, 0, 30, 0, 0, 50, 22, 0, 0, 0, 1, 0], float)
+    lens = Lens.of(told, "its CameraInfo", topic)
+    assert (lens.camera.fx, lens.camera.cx) == camera
+    assert bool(lens.distortion.size) is is_distorted
+
+
+def test_rectified_images_without_a_rectified_calibration_are_refused() -> None:
+    with pytest.raises(InvalidInput, match="is no calibration of rectified images"):
+        Lens.of(info(1, []), "its CameraInfo", "/rgb/image_rect")

@@ -53,7 +53,8 @@ class Graph:
         return True
 
     def graph(self) -> dict[str, list[str]]:
-        return {"/camera/color/image_raw": ["x"], "/camera/color/camera_info": ["y"]}
+        names = ("color", "depth")
+        return {f"/camera/{name}/image_raw": ["sensor_msgs/msg/Image"] for name in names}
 
     def offered(self, topic: str) -> list[tuple[str, Qos]]:
         kinds = {"/tf": "tf2_msgs/msg/TFMessage", "/tf_static": "tf2_msgs/msg/TFMessage"}

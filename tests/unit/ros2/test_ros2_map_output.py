@@ -40,11 +40,13 @@ class Output:
             lambda _kind, topic: topic, lambda topic, m: self.sent.append((topic, m)), lambda: 5
         )
 
-    def update(self, reply: pb.MapSnapshot | None, radius_m: float = RADIUS_M) -> dict[str, Any]:
+    def update(
+        self, reply: pb.MapSnapshot | None, radius_m: float = RADIUS_M, frame: str = "map"
+    ) -> dict[str, Any]:
         """Messages that follow a reply, by topic."""
         self.reply = reply
         self.sent.clear()
-        self.output.update(self._ask, radius_m, "map")
+        self.output.update(self._ask, radius_m, frame)
         said = dict(self.sent)
         assert len(said) == len(self.sent), "a topic got more than one message"
         return said
@@ -147,3 +149,10 @@ def test_another_radius_of_the_robot_changes_the_costs_of_the_same_map(radius_m:
     after = output.update(a_map(), radius_m)["~/costmap"].data
     assert list(after).count(99) > list(before).count(99)
     assert not output.update(a_map(), radius_m)
+
+
+def test_another_frame_publishes_the_same_map_again() -> None:
+    output = Output()
+    assert output.update(a_map())
+    assert not output.update(a_map())
+    assert output.update(a_map(), frame="odom")["~/map"].header.frame_id == "odom"

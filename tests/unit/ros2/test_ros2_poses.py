@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
+import helios_ros2.robot_input
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput, Unavailable
@@ -14,12 +17,19 @@ from helios_core.geometry import (
     tilt_of,
     yaw_of,
 )
+from helios_ros2.offered_qos import Qos
 from helios_ros2.pose_jumps import is_new_origin
 from helios_ros2.poses import TfPoses, TopicPoses
+from helios_ros2.robot_input import RobotInput
 from helios_ros2.settings import Ros2Settings
+from helios_ros2.topic_choice import RAW
+from helios_ros2.topic_reader import TopicReader
 from helios_ros2.transforms import Pose, Transforms, pose_of
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.unit.ros2.ros2_stage import CAMERA as CAMERA_FRAME
+from tests.unit.ros2.ros2_stage import Graph, camera_info, transform
 
 S = 1_000_000_000
 CAMERA = "camera_color_optical_frame"
@@ -147,3 +157,103 @@ def test_driving_begins_no_new_world(seconds: float, speed_m_s: float) -> None:
 def test_a_jump_or_a_clock_that_goes_back_begins_a_new_world() -> None:
     assert is_new_origin(np.eye(4), 0, se2_to_se3(2, 0, 0), S // 50, 0.5)
     assert is_new_origin(np.eye(4), 100 * S, np.eye(4), 3 * S, 0.5)
+
+
+class Heard:
+    """A robot whose odometry speaks, and whose TF has these frames; nothing names a camera."""
+
+    def __init__(self, settings: Ros2Settings, *frames: tuple[str, str]) -> None:
+        self.graph: Any = Graph()
+        self.senses = RobotInput(self.graph, settings)
+        found = [transform(parent, child, S) for parent, child in frames]
+        if found:
+            self.graph.handlers["/tf"](SimpleNamespace(transforms=found))
+        self.senses._on_info("color", camera_info())
+        T = transform("odom", "base_link", S).transform
+        self.senses._on_pose(SimpleNamespace(
+            header=SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0), frame_id="odom"),
+            pose=SimpleNamespace(position=T.translation, orientation=T.rotation),
+        ))  # fmt: skip
+
+    def connect(self) -> str:
+        """World frame of the poses."""
+        self.senses.connect(0.01)
+        return self.senses.world_frame
+
+
+def test_tf_that_is_heard_is_waited_for_before_a_topic_takes_its_place(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Heard(Ros2Settings(), ("odom", "base_link"))
+    with pytest.raises(Unavailable, match="connect"):
+        robot.connect()
+    monkeypatch.setattr(helios_ros2.robot_input, "TF_WITHIN_S", 0.0)
+    assert robot.connect() == "odom"
+    assert "TF is heard but does not help" in caplog.text
+
+
+def test_without_tf_a_topic_is_taken_at_once() -> None:
+    assert Heard(Ros2Settings()).connect() == "odom"
+
+
+@pytest.mark.parametrize("named", [{"world_frame": "map"}, {"base_frame": "base"}])
+def test_named_frames_are_waited_for(named: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(helios_ros2.robot_input, "TF_WITHIN_S", 0.0)
+    robot = Heard(Ros2Settings(**named), ("odom", "base_link"))
+    with pytest.raises(Unavailable):
+        robot.connect()
+
+
+def test_a_named_origin_is_that_of_the_map() -> None:
+    frames = [("odom", "base_link"), ("base_link", CAMERA_FRAME)]
+    assert Heard(Ros2Settings(), *frames).connect() == "odom"
+    with pytest.raises(Unavailable, match="TF has no frame map"):
+        Heard(Ros2Settings(origin="ground floor", pose="tf"), *frames).connect()
+    known = Heard(Ros2Settings(origin="ground floor"), ("map", "odom"), *frames)
+    assert known.connect() == "map"
+
+
+def test_a_better_world_frame_that_comes_later_is_told_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    robot = Heard(Ros2Settings(), ("odom", "base_link"), ("base_link", CAMERA_FRAME))
+    assert robot.connect() == "odom"
+    for k in range(3):
+        later = [transform("map", "odom", 2 * S + k)]
+        robot.graph.handlers["/tf"](SimpleNamespace(transforms=later))
+    assert robot.senses.world_frame == "odom"
+    assert caplog.text.count("TF now has the frame map") == 1
+
+
+def test_a_refused_message_is_the_fault_of_its_topic_and_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    graph: Any = Graph()
+    graph.offered = lambda topic: [("sensor_msgs/msg/CameraInfo", Qos())]
+
+    def refuse(_: object) -> None:
+        raise InvalidInput("K is 0")
+
+    reader = TopicReader(graph, lambda: "/camera_info", ("sensor_msgs/msg/CameraInfo",), refuse, 1)
+    for _ in range(3):
+        graph.handlers["/camera_info"](SimpleNamespace())
+    assert reader.silence().message == "/camera_info (sensor_msgs/msg/CameraInfo, reliable): K is 0"
+    assert caplog.text.count("K is 0") == 1
+
+
+def test_static_transforms_are_kept_for_late_subscribers_whoever_else_publishes() -> None:
+    graph: Any = Graph()
+    taken: dict[str, Qos] = {}
+    graph.offered = lambda topic: [("tf2_msgs/msg/TFMessage", q) for q in (Qos(True, True), Qos())]
+    graph.subscribe = lambda topic, kind, handler, qos, depth: taken.update({topic: qos})
+    RobotInput(graph, Ros2Settings())
+    assert taken["/tf_static"].retained
+    assert not taken["/tf"].retained
+
+
+def test_a_second_camera_that_appears_before_the_connection_must_be_named() -> None:
+    robot = Heard(Ros2Settings())
+    assert robot.senses.color.topic == "/camera/color/image_raw"
+    robot.graph.graph = lambda: {f"/{s}/color/image_raw": [RAW] for s in ("front", "rear")}
+    with pytest.raises(Unavailable, match="/front/color/image_raw, /rear/color/image_raw"):
+        robot.connect()

@@ -15,8 +15,9 @@ from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CANCEL, GET_TASK, SUBMIT
-from helios_ros2.task_interface import DoTaskAction
+from helios_ros2.task_interface import MOST_CALLS, DoTaskAction, PlannerCalls
 
+from tests.support import wait_until
 from tests.unit.ros2.ros2_stage import Future
 
 
@@ -39,6 +40,14 @@ class Goal:
         self.ended = "aborted"
 
 
+class Inline(PlannerCalls):
+    """Runs each call at once."""
+
+    def start(self, call: Callable[[], object]) -> bool:
+        call()
+        return True
+
+
 class Stage:
     """The action on a bus with a planner that has one task."""
 
@@ -53,6 +62,7 @@ class Stage:
         action._kind = SimpleNamespace(Result=SimpleNamespace, Feedback=SimpleNamespace)
         action._lock, action._goals = threading.Lock(), {}
         action._cancelled, action._accept = deque(), "accept"
+        action._calls = Inline()
         self.task = pb.Task(id="a", state="running")
         self.cancels = 0
         self.planner_is_away = False
@@ -124,3 +134,26 @@ def test_a_goal_that_nobody_cancels_runs_to_its_end(monkeypatch: pytest.MonkeyPa
     stage.task.state = "succeeded"
     assert stage.result(running).succeeded
     assert (stage.cancels, stage.goal.ended) == (0, "succeeded")
+
+
+def test_calls_that_wait_for_the_planner_leave_the_caller_free_and_are_bounded() -> None:
+    calls, go_on, running = PlannerCalls(), threading.Event(), threading.Semaphore(0)
+
+    def hangs() -> None:
+        running.release()
+        go_on.wait(20)
+
+    assert all(calls.start(hangs) for _ in range(MOST_CALLS))
+    for _ in range(MOST_CALLS):
+        assert running.acquire(timeout=20)
+    assert not calls.start(hangs)
+    go_on.set()
+    wait_until(lambda: calls.start(lambda: None), 20, "a thread is free again")
+
+
+def test_a_goal_that_finds_too_many_calls_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(monkeypatch)
+    monkeypatch.setattr(stage.action._calls, "start", lambda _: False)
+    with pytest.raises(StopIteration) as end:
+        stage.runs()
+    assert (end.value.value.state, stage.goal.ended) == ("refused", "aborted")

@@ -15,6 +15,7 @@ from helios_core.errors import (
     Unavailable,
 )
 from helios_core.robot import Forward, Observe, Pick, Place, Turn
+from helios_spot.settings import SpotSettings
 from pydantic import SecretStr
 
 from tests.fake_spot import pb
@@ -295,3 +296,19 @@ def test_a_stalled_arm_fails_every_action_before_the_robot_walks(stage: Stage) -
     assert "stalled" in stage.act(driver, Observe()).reason
     assert "stalled" in stage.act(driver, Forward(0.5)).reason
     assert stage.world.x == 0.0  # the robot does not walk without its camera raised
+
+
+def test_an_e_stop_endpoint_is_not_set_up_while_the_motors_are_on(stage: Stage) -> None:
+    stage.world.motors = True
+    driver = stage.driver(estop="endpoint")
+    with pytest.raises(Conflict, match="switch its motors off on the tablet"):
+        stage.act(driver, Forward(0.3))
+
+
+def test_settings_that_want_the_motors_both_off_and_on_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HELIOS_SPOT_ESTOP", "endpoint")
+    monkeypatch.setenv("HELIOS_SPOT_POWER", "expect")
+    with pytest.raises(InvalidInput, match="HELIOS_SPOT_POWER=on, or HELIOS_SPOT_ESTOP=none"):
+        SpotSettings.read("10.0.0.3")
