@@ -93,18 +93,21 @@ def _parsed(data: bytes) -> Summary:
     return Summary(sorted(declared, key=lambda one: one[0]), chunks)
 
 
-def next_chunk(read: Read, begin: int, size: int) -> int | None:
-    """Offset of the first likely chunk record from `begin` on; None without any.
+def next_chunk(read: Read, begin: int, size: int, before: int | None = None) -> int | None:
+    """Offset of the first likely chunk record that starts in [begin, before); None without any.
 
-    The lengths in its header agree, and it ends within the file of `size` bytes.
+    The lengths in its header agree, and it ends within the file of `size` bytes. before: None is
+    the end of the file.
     """
-    for at in range(begin, size, _WINDOW):
+    last = size if before is None else before
+    for at in range(begin, last, _WINDOW):
         window = read(at, min(_WINDOW + _LONGEST_HEAD, size - at))
         for found in _CHUNK_HEAD.finditer(window):
             start = at + found.start()
             length, packed = (int.from_bytes(found[k], "little") for k in (1, 4))
             name = 4 if found[2] else 3 if found[3] else 0
             agree = length == 28 + 4 + name + 8 + packed
-            if found.start() < _WINDOW and agree and start + RECORD.size + length <= size:
+            fits = start < last and start + RECORD.size + length <= size
+            if found.start() < _WINDOW and agree and fits:
                 return start
     return None

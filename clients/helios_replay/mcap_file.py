@@ -42,6 +42,7 @@ MOST_DAMAGES = 10_000  # damaged stretches of one file; after these the walk end
 _KNOWN = frozenset(Opcode)
 _ENDS = (Opcode.DATA_END, Opcode.FOOTER)  # records that end the messages
 _INDEX = struct.Struct("<HI")  # channel, length of the entries in bytes
+_CHUNK_FIELDS = 40  # bytes of a chunk record besides the name of its compression and its data
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 
@@ -166,12 +167,13 @@ class McapFile:
 
     def _unreadable(self, at: int, whole: int) -> tuple[int, int]:
         """(begin, end) of the stretch that is unreadable because of the broken record at `at`: one
-        chunk if a record follows it, else everything up to the next chunk after the last `whole`
-        one, or to the end of the file."""
+        chunk if a record follows it and no chunk begins within the length that it claims, else
+        everything up to the next chunk after the last `whole` one, or to the end of the file."""
         with suppress(Broken):
             opcode, end = self._record(at)
             if opcode == Opcode.CHUNK and self._record(end):
-                return at, end
+                inside = next_chunk(self._bytes, at + 1, self._size, before=end)
+                return at, end if inside is None else inside
         behind = next_chunk(self._bytes, whole if at > whole else at + 1, self._size)
         return min(at, whole), self._size if behind is None else behind
 
@@ -306,6 +308,8 @@ class McapFile:
             raise Broken(
                 f"the chunk at byte {at} cannot be read ({type(error).__name__})"
             ) from error
+        if end - body != _CHUNK_FIELDS + len(chunk.compression) + len(chunk.data):
+            raise Broken(f"the chunk at byte {at} does not have the length it claims")
         data = _unpack(chunk, at)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise Broken(f"the chunk at byte {at} does not have the checksum it claims")

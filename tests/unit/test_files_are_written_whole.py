@@ -47,7 +47,6 @@ ELSEWHERE = {
     ("clients/helios_eval/demo.py", "open"): (1, LOG),
     ("clients/helios_eval/run_folder.py", "open"): (1, LOCK),
     ("clients/helios_eval/episodes/episode_record.py", "open"): (1, LINES),
-    ("clients/helios_eval/ledger.py", "open"): (1, LINES),
     ("clients/helios_eval/studies/fleet.py", "open"): (1, LOG),
     ("clients/helios_eval/studies/relocalisation/recordings.py", "savez_compressed"): (1, MEMORY),
     ("clients/helios_eval/studies/startup.py", "open"): (1, LOG),

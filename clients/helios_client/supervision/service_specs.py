@@ -168,11 +168,8 @@ class StackOptions:
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:
-            out.append(
-                self._service(
-                    "ros2", "helios_ros2", python=self.ros2_python, node=self.ros2_node
-                )
-            )  # fmt: skip
+            flags = {"python": self.ros2_python, "node": self.ros2_node}
+            out.append(self._service("ros2", "helios_ros2", **flags))
         return tuple(out)
 
     def _noise_seed(self) -> int | None:

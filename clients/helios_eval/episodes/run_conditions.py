@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import get_args
@@ -78,13 +78,8 @@ def parse_condition(
         settings[episode_spec.SENSOR] = sensor
     settings |= _of_tasks(known_benchmark, pick_rule, absent)
     inputs = _inputs(known_benchmark, known_semantics, preset, detector, task_classes, absent)
-    if inputs.task_classes is not None and episode_spec.PICK_RULE in settings:
-        raise UsageError(
-            f"--pick-rule {pick_rule} knows the home's own names, and tasks of the classes "
-            f"{inputs.task_classes.name} use the detector's; leave --pick-rule out"
-        )
     inputs = replace(inputs, plans=plans)
-    settings |= _named(inputs)
+    settings |= _named(inputs, settings)
     default_scorer = episode_spec.REAL_SCORER if inputs.detector else episode_spec.DEFAULT_SCORER
     if scorer is not None or episode_spec.SCORER not in settings:
         settings |= service_settings.parsed([f"{episode_spec.SCORER}={scorer or default_scorer}"])
@@ -152,8 +147,14 @@ def _inputs(
     return EpisodeInputs(real, classes)
 
 
-def _named(inputs: EpisodeInputs) -> dict[str, Setting]:
-    """Settings of a record that name the content of the inputs."""
+def _named(inputs: EpisodeInputs, others: Mapping[str, Setting]) -> dict[str, Setting]:
+    """Settings of a record that name the content of the inputs. Raises UsageError if the others
+    have a pick rule by the home's names, and tasks are in a detector's words."""
+    if inputs.task_classes is not None and episode_spec.PICK_RULE in others:
+        raise UsageError(
+            f"--pick-rule {others[episode_spec.PICK_RULE]} knows the home's own names, and tasks "
+            f"of the classes {inputs.task_classes.name} use the detector's; leave --pick-rule out"
+        )
     settings: dict[str, Setting] = {}
     if inputs.detector is not None:
         settings[episode_spec.DETECTOR] = inputs.detector.name

@@ -263,23 +263,30 @@ def write_run_description(
             | {agent: service_settings.default_settings_of(agent) for agent in asked.agents},
             "command": command,
             "commands": [*before, command],
-            "commit": here,
             "preset_hash": home_presets.digest_of(asked.preset, asked.inputs.plans),
             "noise_hash": asked.noise.digest if asked.noise else None,
-            "machine": machine(),
-            "machines": list(dict.fromkeys([*machines_of(former), machine()])),
-            "cores": os.cpu_count(),
-            "versions": {
-                "python": platform.python_version(),
-                "helios-ovmm": version("helios-ovmm"),
-                **{name: version(name) for name in _LIBRARIES},
-            },
+            **_how_played(here, former),
             "started": started,
             "wall_s": None if wall_s is None else round(wall_s, 1),
         }
         | ({} if plays else {key: former[key] for key in OF_THE_PLAYED if key in former})
     )
     write_file(asked.out / RUN, json.dumps(description, indent=1) + "\n")
+
+
+def _how_played(here: str, former: Mapping[str, Any]) -> dict[str, Any]:
+    """Code and machine of this run, for `run.json`."""
+    return {
+        "commit": here,
+        "machine": machine(),
+        "machines": list(dict.fromkeys([*machines_of(former), machine()])),
+        "cores": os.cpu_count(),
+        "versions": {
+            "python": platform.python_version(),
+            "helios-ovmm": version("helios-ovmm"),
+            **{name: version(name) for name in _LIBRARIES},
+        },
+    }
 
 
 def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generator[Outcome]:

@@ -92,6 +92,17 @@ def whole(path: Path, sent: Sequence[pb.Frame], places: Sequence[int]) -> set[in
     return {frame.id.seq for frame, chunks in its if not chunks & hit}
 
 
+def test_a_chunk_that_claims_to_reach_into_the_next_one_loses_itself_alone(
+    tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    path, sent = tour
+    for place in range(3):
+        length_byte = chunks_of(path)[0].start + 1 + place
+        for bit in (0, 3, 7):
+            broken = damaged(path, [length_byte], tmp_path / "long.mcap", 1 << bit)
+            assert played(broken, sent) >= whole(path, sent, [length_byte])
+
+
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), flip=st.integers(1, 255))
 def test_all_keyframes_in_intact_chunks_are_played(
