@@ -170,14 +170,14 @@ class DoTaskAction:
         request = pb.SubmitRequest(
             instruction=goal.instruction, time_limit_s=max(0.0, goal.time_limit_s)
         )
-        answer = rclpy_module("task").Future(executor=self._ros.executor)
+        answer = self._future()
         if not self._calls.start(lambda: answer.set_result(self._submitted(request))):
             answer.set_result(TOO_MANY)
         task = await answer
         if isinstance(task, str):
             handle.abort()
             return self._kind.Result(state="refused", message=task)
-        ended = rclpy_module("task").Future(executor=self._ros.executor)
+        ended = self._future()
         with self._lock:
             self._goals[task.id] = (handle, ended)
             cancelled = self._is_cancelled(handle)  # `_on_cancel` found no task until now
@@ -210,6 +210,12 @@ class DoTaskAction:
     def _is_cancelled(self, handle: Any) -> bool:
         """True if a cancel has come. `is_cancel_requested` is true only after `_on_cancel`."""
         return handle.goal_id in self._cancelled or handle.is_cancel_requested
+
+    def _future(self) -> Any:
+        """A future whose result wakes the executor, which then goes on with what waits for it."""
+        future = rclpy_module("task").Future(executor=self._ros.executor)
+        future.add_done_callback(lambda _: None)
+        return future
 
     def _submitted(self, request: pb.SubmitRequest) -> pb.Task | str:
         """The submitted task, or the reason why it was refused."""
