@@ -155,5 +155,5 @@ def test_a_goal_that_finds_too_many_calls_is_refused(monkeypatch: pytest.MonkeyP
     stage = Stage(monkeypatch)
     monkeypatch.setattr(stage.action._calls, "start", lambda _: False)
     with pytest.raises(StopIteration) as end:
-        stage.runs()
+        _ = stage.runs()
     assert (end.value.value.state, stage.goal.ended) == ("refused", "aborted")
