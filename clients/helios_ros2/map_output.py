@@ -38,7 +38,7 @@ class MapOutput:
         self._values: dict[str, tuple[Any, Any]] = {}  # layer -> publishers of picture and grid
         self._layers: frozenset[str] = frozenset()  # published with content
         self._version, self._map_id = 0, ""
-        self._shown_for = 0.0, ""  # radius and frame of the published maps
+        self._published_with = 0.0, ""  # radius and frame of the published maps
         self._blank: MapView | None = None  # takes the place of the published map once it is gone
         self._empty_replies = 0
 
@@ -53,8 +53,8 @@ class MapOutput:
         ask: calls map2d; None: no answer. radius_m: of the robot, for the costs. Raises
         InvalidInput for a map with impossible content.
         """
-        if self._shown_for != (radius_m, frame):
-            self._version, self._shown_for = 0, (radius_m, frame)
+        if self._published_with != (radius_m, frame):
+            self._version, self._published_with = 0, (radius_m, frame)
         snapshot = newest_snapshot(ask, self._version, self._map_id)
         if snapshot is None:
             return
@@ -78,7 +78,7 @@ class MapOutput:
     def _publish(self, view: MapView, frame: str) -> None:
         ns = self._now_ns()
         self._send(self._map, ros_messages.grid(view, view.occupancy, ns, frame))
-        costs = map_arrays.costs(view, self._shown_for[0])
+        costs = map_arrays.costs(view, self._published_with[0])
         self._send(self._costmap, ros_messages.grid(view, costs, ns, frame))
         trail = ((float(x), float(y)) for x, y in view.trajectory_m)
         self._send(self._trajectory, ros_messages.path(trail, ns, frame))

@@ -137,14 +137,14 @@ def submit_to_fleet(
                      highlight=False, markup=False, soft_wrap=True)  # fmt: skip
         from helios_core.errors import HeliosError
 
-        from helios_client.commands.task_view import cancel_surely
+        from helios_client.commands.task_view import cancel_with_retries
 
         try:
             ended = _watched(helios, asked, deadline_s, screen)
         except KeyboardInterrupt:
             screen.print("cancelling the task")
             try:
-                cancel_surely(lambda: helios.cancel_fleet_task(asked.id))
+                cancel_with_retries(lambda: helios.cancel_fleet_task(asked.id))
             except (HeliosError, KeyboardInterrupt):
                 screen.print(
                     "the cancellation was not confirmed, so the task may continue; end it with: "

@@ -145,7 +145,7 @@ def watch_task(
             raise
         console.print("cancelling the task")
         try:
-            cancel_surely(lambda: helios.cancel(task.id))
+            cancel_with_retries(lambda: helios.cancel(task.id))
         except (HeliosError, KeyboardInterrupt):
             console.print(
                 "the cancellation was not confirmed, so the task may continue; end it with: "
@@ -156,7 +156,7 @@ def watch_task(
         raise
 
 
-def cancel_surely(cancel: Callable[[], object]) -> None:
+def cancel_with_retries(cancel: Callable[[], object]) -> None:
     """Cancel a task; retry for `CANCEL_S` while the gateway does not answer. Raises HeliosError."""
     deadline_s = time.monotonic() + CANCEL_S
     while True:
