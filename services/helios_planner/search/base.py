@@ -120,6 +120,16 @@ class Search(ABC):
         belief no longer holds it."""
         return near is not None
 
+    @property
+    def checks_from_near(self) -> bool:
+        """True if a chosen candidate is checked once more in front of it."""
+        return True
+
+    def may_stop(self, near: ObjectInstance | None) -> bool:
+        """True if a robot in front of the candidate that it was sent to find may stop there. near:
+        as in `confirmed`."""
+        return near is not None and near.score >= self.threshold
+
     def why_not(self, near: ObjectInstance | None) -> str:
         """Reason to reject a candidate after the view from near."""
         if near is None:

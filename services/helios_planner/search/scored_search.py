@@ -136,12 +136,19 @@ class ScoredSearch(Search):
         in the object map needs no score. Its place counts as when it was chosen, or better: the
         furniture below it shrinks in the map while only a part of it is in view.
         """
-        if not self.settings.confirm_from_near:
+        if not self.checks_from_near:
             return True
         if self._from_memory or near is None:
             return self._from_memory
         known = any(o.id == near.id for o in self.candidates())
         return known and self._score_near(near) >= self._least_near and self._is_where_said(near)
+
+    @property
+    def checks_from_near(self) -> bool:
+        return self.settings.confirm_from_near
+
+    def may_stop(self, near: ObjectInstance | None) -> bool:
+        return not self.checks_from_near or super().may_stop(near)
 
     def _score_near(self, near: ObjectInstance) -> float:
         return near.score * max(self._chosen_place, self._place(near))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.manipulation import Manipulation, PlacementCheck, SkillOutcome, look_after
 from helios_planner.match_radii import SAME_THING_M
 from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
-from helios_planner.navigation.base_controller import Outcome, base_controller_for
+from helios_planner.navigation.base_controller import Outcome, base_controller_for, never
 from helios_planner.navigation.motion_monitor import Dropped
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import FRONTIER_REACH_M, Search, SearchTools
@@ -338,32 +338,38 @@ class Mission:
             search.reject_or_postpone(found, out_of_reach=True)
 
     def _show(self, search: Search) -> str:
-        """Find an object and stop in front of it, or as near as a path leads. Its score from there
-        must still reach the threshold."""
+        """Find an object and stop in front of it, or as near as a path leads. If the search checks
+        from near, its score from there must still reach the threshold."""
         looking, near_m = self.tools.looking, max(STOP_RULES.distances_m)
         while True:
             used = self.robot.budget_used()
             found = search.find()
-            stood = self._stand(found, looking.stops_at(found))
+            given_up = self._unsupported(found) if search.checks_from_near else never
+            stood = self._stand(found, looking.stops_at(found), given_up)
             if stood is Outcome.UNREACHABLE:
                 x, y, _ = (float(v) for v in found.center_m)
                 if self.tools.base.clear_way((x, y), near_m):
                     continue
-                self._stand(found, looking.views_of(found))
+                self._stand(found, looking.views_of(found), given_up)
             seen = self.tools.belief.from_near(found, search.name, SAME_THING_M)
-            if seen is not None and seen.score >= search.threshold:
-                x, y, z = seen.center_m
+            if search.may_stop(seen):
+                x, y, z = (seen or found).center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
             search.give_up(Act.STOP, found, worse or search.why_not(None))
             if self.robot.budget_used() == used:  # without a step, another try would end the same
                 search.reject_or_postpone(found, out_of_reach=stood is Outcome.UNREACHABLE)
 
-    def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
-        """Drive to the first reachable gaze point, as long as the belief supports the object."""
+    def _unsupported(self, thing: ObjectInstance) -> Callable[[], bool]:
+        return lambda: not self.tools.belief.still_supports(thing)
+
+    def _stand(
+        self, found: ObjectInstance, points: Sequence[GazePoint], stop: Callable[[], bool]
+    ) -> Outcome:
+        """Drive to the first reachable gaze point, until `stop()` is true."""
         go, purpose = self.tools.looking.go_and_look, f"show the {found.class_name}"
         for gaze in points:
-            outcome = go(found, gaze, purpose, lambda: not self.tools.belief.still_supports(found))
+            outcome = go(found, gaze, purpose, stop)
             if outcome is not Outcome.UNREACHABLE:
                 return outcome
         return Outcome.UNREACHABLE

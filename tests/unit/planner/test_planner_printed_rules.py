@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helios_core.agent_presets import AgentName
 from helios_core.types import ObjectInstance
 from helios_planner.agents import AGENTS
 from helios_planner.decisions.decision import Do
@@ -14,8 +15,10 @@ from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.detections import Sighting, sighting_of
+from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.view_selection import RECEPTACLE_RULES, VIEW_RULES
 from helios_planner.settings import Settings
+from helios_planner.task import TaskFailed
 from helios_planner.tasks.mission import Mission
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Rig, instance
@@ -73,6 +76,29 @@ def test_without_confirmation_every_chosen_candidate_is_acted_on(score: float) -
     rig.search.decide()
     assert rig.search.confirmed(replace(rig.known[1], score=score))
     assert rig.search.confirmed(None)
+
+
+@pytest.mark.parametrize("agent", ["helios-paper", "vlfm-helios-stop"])
+@pytest.mark.parametrize("checks", [True, False], ids=["ours", "printed"])
+def test_a_found_object_is_judged_again_in_front_of_it_only_by_our_rule(
+    checks: bool, agent: AgentName, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In front of the mug its score is always too low."""
+
+    def low(_: MapBelief, thing: ObjectInstance, *__: object) -> ObjectInstance:
+        return replace(thing, score=0.1)
+
+    monkeypatch.setattr(MapBelief, "from_near", low)
+    world = flat([coffee_table(), counter(), mug()])
+    mission = Mission(
+        world, parse("find the mug"), Settings(agent=agent, confirm_from_near=checks, rounds=1)
+    )
+    if checks:
+        with pytest.raises(TaskFailed):
+            mission.run()
+        assert any("from near its score is 0.10" in d.why for d in world.decisions)
+    else:
+        assert "found the mug" in mission.run()
 
 
 def looking(**settings: str) -> tuple[Mission, ObjectInstance]:
