@@ -14,6 +14,7 @@ from pathlib import Path
 
 from helios_eval.episodes import episode_record
 from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_spec import SENSOR
 from helios_eval.report import (
     absent_targets,
     number_format,
@@ -48,7 +49,8 @@ NONE_COMPLETE = "No run is complete.\n"
 @dataclass(frozen=True)
 class Run:
     """Run in a folder of docs/results, under the title of its table. base: folder of a run of the
-    same homes whose agents it is compared with. arms: how many its commands play."""
+    same homes whose agents it is compared with; its own, if it plays each agent with and without
+    errors of the sensors. arms: how many its commands play."""
 
     folder: str
     title: str
@@ -66,7 +68,7 @@ RUNS = (
     Run("table-4", "Table 4: ground-truth semantics", arms=2),
     Run("table-5", "Table 5: assumption of the information gain", "table-1"),
     Run("tables-6-8", "Tables 6 to 8: sensitivity", "table-1", 7),
-    Run("realistic-sensor", "Errors of the camera and drift of the pose", "table-1", 2),
+    Run("realistic-sensor", "Errors of the camera and drift of the pose", "realistic-sensor", 4),
     Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1", 3),
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4", 2),
 )
@@ -120,6 +122,8 @@ def _of_run(run: Run) -> str:
     blocks = [means(found)]
     if run in JUDGE:
         blocks.append(among(found))
+    if any(arm.task_classes for arm in found):
+        blocks.append(by_class(found))
     if any(arm.preset == LARGE for arm in found):
         blocks.append(table(search_effort.HEAD, search_effort.rows(found)))
     if answers := absent_targets.table(found):
@@ -128,31 +132,56 @@ def _of_run(run: Run) -> str:
     base = next((r for r in (*RUNS, *JUDGE) if r.folder == run.base), None)
     if base is not None and is_complete(base):
         blocks.append(beside(found, arms(base.folder)))
+        if told := _other_code(found, arms(base.folder)):
+            blocks.append(told)
     records = [record for arm in found for record in arm.records]
     if broken := sum(record.cause == SYSTEM_ERROR for record in records):
         blocks.append(
             f"{number_format.plural(broken, 'episode')} ended by an error of the system and "
             "counts as failed.\n"
         )
-    if told := _of_commits(records):
-        blocks.append(f"{told}\n")
+    blocks.append(f"Played by {_commits(records)}.\n")
     if said := played_before.sentence(records, run_of(run.path)):
         blocks.append(f"{said}\n")
     return "\n".join(blocks)
 
 
-def _of_commits(records: Sequence[EpisodeRecord]) -> str:
-    """Sentence that names the commits of a run of several, or of changed code; else empty."""
+def _commits(records: Sequence[EpisodeRecord]) -> str:
+    """Commits of a run; of several, or of changed code, with the number of episodes of each."""
     commits = Counter(
         record.commit[: played_before.SHORT_COMMIT] + "-dirty" * is_dirty(record.commit)
         for record in records
     )
     if len(commits) == 1 and not any(map(is_dirty, commits)):
-        return ""
-    named = " and ".join(
+        return code(next(iter(commits)))
+    return " and ".join(
         f"{code(name)} ({number_format.plural(n, 'episode')})" for name, n in commits.most_common()
     )
-    return f"Played by {named}."
+
+
+def _other_code(found: Sequence[Arm], base: Sequence[Arm]) -> str:
+    """Sentence that warns of another commit of the compared run; empty if they have the same."""
+    mine, theirs = (
+        {r.commit[: played_before.SHORT_COMMIT] for arm in side for r in arm.records}
+        for side in (found, base)
+    )
+    if mine == theirs:
+        return ""
+    named = " and ".join(map(code, sorted(theirs)))
+    return f"The compared run was played by {named}: the code differs too.\n"
+
+
+def by_class(found: Sequence[Arm]) -> str:
+    """Table of the whole tasks that succeeded, of how many, for each class of object."""
+    classes = Counter(r.object_class for r in found[0].records)
+    rows = [
+        [name, str(homes), *(
+            str(sum(r.success for r in arm.records if r.object_class == name)) for arm in found
+        )]
+        for name, homes in classes.most_common()
+    ]  # fmt: skip
+    head = ["object", "homes", *(f"{_named(arm)} succeeds" for arm in found)]
+    return table(head, rows)
 
 
 def present_and_absent(answers: Table) -> str:
@@ -165,10 +194,11 @@ def present_and_absent(answers: Table) -> str:
 
 def beside(found: Sequence[Arm], base: Sequence[Arm]) -> str:
     """Table of differences of each arm to the same agent of another run, over the homes of both; an
-    agent that the other run lacks is compared with `helios-paper`."""
-    others = {arm.agent: arm for arm in base}
+    agent that the other run lacks is compared with `helios-paper`. An arm is not compared with
+    itself."""
+    others = {arm.agent: arm for arm in base if not dict(arm.settings).get(SENSOR)}
     pairs = [(arm, others.get(arm.agent, others["helios-paper"])) for arm in found]
-    return _differences(pairs)
+    return _differences([(arm, other) for arm, other in pairs if arm is not other])
 
 
 def among(found: Sequence[Arm]) -> str:
@@ -284,8 +314,12 @@ def relations() -> str:
 
 
 def _complete() -> list[Arm]:
-    """Arms of all runs that are complete."""
-    return [arm for run in RUNS if is_complete(run) for arm in arms(run.folder)]
+    """Arms of all runs that are complete; of arms that were played twice, the first."""
+    found: dict[Identity, Arm] = {}
+    for run in filter(is_complete, RUNS):
+        for arm in arms(run.folder):
+            found.setdefault(arm.identity, arm)
+    return list(found.values())
 
 
 def _named(arm: Arm) -> str:

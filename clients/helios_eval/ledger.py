@@ -45,6 +45,13 @@ class Entry(BaseModel):
     homes: int = Field(description="homes of this range that the command was about to play")
     agents: tuple[str, ...]
     out: str = Field(description="folder of the results")
+    semantics: str | None = Field(default=None, description="None in lines that lack it")
+    noise: dict[str, Any] | None = Field(
+        default=None, description="noise of the detector; None also in lines that lack it"
+    )
+    settings: dict[str, Any] | None = Field(
+        default=None, description="what differs from the defaults; None in lines that lack it"
+    )
 
 
 def ledger_path() -> Path | None:
@@ -62,12 +69,14 @@ def enter(specs: Sequence[EpisodeSpec], out: Path, commit: str, why: str) -> Ent
     path = ledger_path()
     if not kept or path is None:
         return None
-    seeds = {spec.seed for spec in kept}
+    seeds, noise = {spec.seed for spec in kept}, kept[0].noise
     entry = Entry(
         at=datetime.now(UTC).isoformat(timespec="seconds"), by=_account(), commit=commit, why=why,
         benchmark=kept[0].benchmark, preset=kept[0].preset, first_seed=min(seeds),
         last_seed=max(seeds), homes=len(seeds),
         agents=tuple(dict.fromkeys(spec.agent for spec in kept)), out=str(out),
+        semantics=kept[0].semantics, noise=noise.model_dump() if noise else None,
+        settings=dict(sorted(item for spec in kept for item in spec.settings.items())),
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,9 +5,14 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 LEDGER = Path("docs/results/ledger.jsonl")  # ledger of homes, under the root of the checkout
+UNKNOWN = "unknown"  # commit outside a checkout
+DIRTY = "-dirty"  # end of a commit whose files were changed
+_DIGITS = 8
+_CODE = ("services", "shared", "clients")  # folders whose code plays episodes
 
 
 def machine() -> str:
@@ -29,13 +34,24 @@ def checkout() -> Path | None:
 
 
 def commit() -> str:
-    """Git description of this source, or "unknown" outside a checkout. It ends with "-dirty" if
-    tracked files differ from the commit; the ledger of homes may, since each run adds to it."""
-    name = _git("describe", "--always")
+    """Commit of this source, or UNKNOWN outside a checkout. It ends with DIRTY if tracked files
+    differ from the commit, or code is not tracked; the ledger of homes may differ, since each run
+    adds to it."""
+    name = _git("rev-parse", f"--short={_DIGITS}", "HEAD")
     if not name:
-        return "unknown"
+        return UNKNOWN
     changed = _git("status", "--porcelain", "-uno", "--", ":/", f":(top,exclude){LEDGER}")
-    return name if changed == "" else f"{name}-dirty"
+    untracked = _git("ls-files", "--others", "--exclude-standard", "--", *_in_root(_CODE))
+    return name if changed == untracked == "" else f"{name}{DIRTY}"
+
+
+def same_code(one: str, other: str) -> bool:
+    """True if the code of two commits is equal; False also if this checkout lacks one of them."""
+    return _git("diff", "--quiet", one, other, "--", *_in_root(_CODE)) is not None
+
+
+def _in_root(folders: Sequence[str]) -> list[str]:
+    return [f":/{folder}" for folder in folders]
 
 
 def _git(*words: str) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from helios_sim.failure_causes import WRONG_OBJECT
+from helios_sim.failure_causes import PICK_FAILED, WRONG_OBJECT
 from numpy.typing import NDArray
 
 from helios_eval.episodes.episode_record import EpisodeRecord
@@ -58,6 +58,13 @@ def false_not_found(record: EpisodeRecord) -> bool:
     return not record.absent and record.not_found and not record.success
 
 
+def ended_at_failed_pick(record: EpisodeRecord) -> bool:
+    """True if the target is absent, and the agent reported a failed pick without taking
+    anything."""
+    said = record.state == "failed" and record.reported_cause == PICK_FAILED
+    return record.absent and said and record.wrong_picks == 0
+
+
 def table(arms: Sequence[Arm]) -> Table | None:
     """Table of the answers with present and with absent targets; None without such an arm."""
     rows = Rows()
@@ -71,7 +78,8 @@ def table(arms: Sequence[Arm]) -> Table | None:
             _share([false_not_found(r) for r in present]),
             str(len(present)),
             _share([r.success for r in absent]),
-            _share([r.cause == WRONG_OBJECT for r in absent]),
+            _share([ended_at_failed_pick(r) for r in absent]),
+            _share([r.cause == WRONG_OBJECT and not ended_at_failed_pick(r) for r in absent]),
             str(len(absent)),
         ])  # fmt: skip
     if not rows.rows:
@@ -79,14 +87,17 @@ def table(arms: Sequence[Arm]) -> Table | None:
     return rows.table(
         "Present and absent targets",
         ["agent", "all: SR", "present: SR", "present: false not found", "n present",
-         "absent: right not found", "absent: wrong object", "n absent"],
+         "absent: right not found", "absent: only a failed pick", "absent: wrong object",
+         "n absent"],
         "Percent of the episodes with a present, or an absent, target; below it the 95 % Wilson "
         "interval. Picks are unlimited. A target is absent if the home has no object of the asked "
         "class. False not found: the agent reported that it found no object, although the home "
         "has it. Right not found: the same report with an absent target, and what was picked lies "
-        "where it was. Wrong object: the agent picked an object and left it elsewhere, or ended "
-        "with the report of success or of a failed pick, or at a failed pick. The other episodes "
-        "with an absent target ended otherwise, such as by the step budget.",
+        "where it was. Only a failed pick: the agent took nothing, and reported that a pick of the "
+        "object failed; this is no success, since it says that the object is there. Wrong object: "
+        "the agent picked an object and left it elsewhere, reported success, or stopped at a "
+        "failed pick. The other episodes with an absent target ended otherwise, such as by the "
+        "step budget.",
     )  # fmt: skip
 
 

@@ -15,7 +15,6 @@ from typing import Any
 from helios_core.errors import HeliosError
 
 from helios_eval import ledger
-from helios_eval.episodes import home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.ledger import AFTERWARDS, FIRST_SEED, Entry
@@ -24,6 +23,7 @@ from helios_eval.report.requested_episodes import commands_of, requests_of
 
 FACT = "played before"
 NEVER = "never by the ledger"
+NO_LINE = "unknown: the ledger has no line of this run"
 NO_LEDGER = "unknown: an installation outside a checkout has no ledger"
 MOST_FOLDERS = 6  # folders that a sentence names
 SHORT_COMMIT = 7  # digits that tell commits apart; a mark of uncommitted changes follows them
@@ -81,7 +81,7 @@ def fact(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> list[tuple
     except HeliosError as error:
         return [(FACT, f"unknown: {error}")]
     if before is None:
-        return [(FACT, NEVER)]
+        return [(FACT, NO_LINE if lacks_line(records, run) else NEVER)]
     named = before.folders[:MOST_FOLDERS]
     more = len(before.folders) - len(named)
     text = (
@@ -99,6 +99,8 @@ def sentence(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
     if not _kept((r.preset, r.seed) for r in records):
         return ""
     before = _before_run(records, run)
+    if before is None and lacks_line(records, run):
+        return "Whether these homes had been played before is unknown: the ledger lacks this run."
     if before is None:
         return "By the ledger nobody had played these homes before."
     runs = plural(len(before.folders), "earlier run")
@@ -109,8 +111,14 @@ def notice(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
     """Notice for the top of the report; empty if the ledger names no earlier run."""
     try:
         before = _before_run(records, run)
+        unlisted = before is None and lacks_line(records, run)
     except HeliosError:
         return ""
+    if unlisted:
+        return (
+            f"The ledger ({ledger.LEDGER}) has no line of this run, so nothing shows that its "
+            "homes are unseen."
+        )
     if before is None:
         return ""
     said = f"{_share(before)} had been played before this run, by "
@@ -118,6 +126,17 @@ def notice(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
     if before.release:
         return f"{said} of the same release ({before.release}): {', '.join(before.folders)}."
     return f"{said}. So these figures are not those of unseen homes."
+
+
+def lacks_line(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> bool:
+    """True if the ledger has no line of this run for some home from seed 1000 on.
+
+    Raises InvalidInput and Unavailable for a ledger that cannot be read.
+    """
+    own = [e for e in _entries() if _is_own(e, run) or _is_of_a_commit(e, records)]
+    return any(
+        not any(_names(e, home) for e in own) for home in _kept((r.preset, r.seed) for r in records)
+    )
 
 
 def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> str:
@@ -190,11 +209,9 @@ def _before(entries: Iterable[Entry], homes: set[Home]) -> Before | None:
 
 
 def _names(entry: Entry, home: Home) -> bool:
-    """Whether an entry names a home. Realistic furniture changes no room and no place, so a home is
-    one with it and without it."""
+    """Whether an entry names a home. With realistic furniture a seed gives another home."""
     preset, seed = home
-    same = home_presets.layout_of(entry.preset) == home_presets.layout_of(preset)
-    return same and entry.first_seed <= seed <= entry.last_seed
+    return entry.preset == preset and entry.first_seed <= seed <= entry.last_seed
 
 
 def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:
@@ -206,7 +223,17 @@ def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:
         and set(entry.agents) <= set(order["agents"])
         and int(order["seed0"]) <= entry.first_seed
         and entry.last_seed < int(order["seed0"]) + int(order["episodes"])
+        and _under_same_conditions(entry, order)
         for order in requests_of(run)
+    )
+
+
+def _under_same_conditions(entry: Entry, order: Mapping[str, Any]) -> bool:
+    """True also for an entry that lacks its conditions."""
+    if entry.semantics is None:
+        return True
+    return (entry.semantics, entry.noise) == (order["semantics"], order["noise"]) and (
+        (entry.settings or {}).items() <= order["settings"].items()
     )
 
 

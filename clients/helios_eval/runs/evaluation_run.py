@@ -27,6 +27,7 @@ from rich.console import Console
 
 from helios_eval import ledger, run_folder
 from helios_eval.episodes import episode_record, failure_snapshot, home_presets, service_settings
+from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import DETECTOR, TASK_CLASSES, EpisodeInputs, EpisodeSpec
 from helios_eval.episodes.real_detector import equal_but_for_digest
@@ -38,7 +39,7 @@ from helios_eval.report.played_before import Folder, folders_of
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
 from helios_eval.report.run_description import RUN, machines_of, run_of
 from helios_eval.report.skipped_homes import WITHOUT_TASK, SkippedHomes, without_task_key
-from helios_eval.runs import results
+from helios_eval.runs import results, unseen_homes
 from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
@@ -91,10 +92,11 @@ class Run:
 def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play the missing episodes, then write results and report; return the records of this run.
 
-    Results and report are written however the run ends. Raises Unavailable if nothing can be played
-    or written, UsageError if the path is a file, InvalidInput for a folder with other content or
-    with episodes that this run cannot continue, Conflict while another run plays into it, and
-    KeyboardInterrupt after an interruption.
+    Results and report are written however the run ends; those of homes from seed 1000 on only when
+    every episode is played. Raises Unavailable if nothing can be played or written, UsageError if
+    the path is a file, InvalidInput for a folder with other content or with episodes that this run
+    cannot continue, and for unseen homes with changed code, Conflict while another run plays into
+    it, and KeyboardInterrupt after an interruption.
     """
     with run_folder.locked_folder(asked.out):
         return _run(asked, console)
@@ -108,12 +110,15 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     check_goes_on(asked, there, run_of(asked.out))
     known = {r.key: r for r in there if r.was_played}
     missing = [spec for spec in specs if spec.key not in known]
-    here = commit()
-    began = time.time()
+    here, began = commit(), time.time()
+    is_unseen = unseen_homes.has_unseen(spec.seed for spec in specs)
+    if missing and is_unseen:
+        unseen_homes.check_commit(there, here, asked.out)
     with run_folder.write_errors_as_unavailable(asked.out):
         write_run_description(asked, here, began, None, skipped.seeds, plays=bool(missing))
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
-    board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
+    started = [known[s.key] for s in specs if s.key in known]
+    board = Board(console, started, specs, where, shows_figures=not is_unseen)
     try:
         if missing:
             if told := played_before.line_before_a_run(missing, run_of(asked.out)):
@@ -125,20 +130,16 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
                         board.skip(spec, came.reason, told=spec.seed in skipped.seeds)
                         skipped.seeds.add(spec.seed)
                         continue
-                    played = (
-                        failed_record(spec, came, here) if isinstance(came, str) else came.record
-                    )
-                    with run_folder.write_errors_as_unavailable(asked.out):
-                        if not isinstance(came, str) and came.snapshot is not None:
-                            _keep(asked.out, came.snapshot)
-                        episode_record.append(asked.out, played)
-                    known[spec.key] = played
-                    board.add(played)
+                    known[spec.key] = _kept_record(asked.out, spec, came, here)
+                    board.add(known[spec.key])
     except BaseException:
         try:
-            finish(asked, here, began, skipped.seeds, bool(missing))
+            finish(asked, here, began, skipped.seeds, bool(missing), reports=not is_unseen)
         except Exception:  # the first error is the one to tell
             log.exception("the report could not be written")
+        if is_unseen:
+            said = unseen_homes.AT_THE_END.format(done=board.done, total=board.total)
+            console.print(said, highlight=False, soft_wrap=True)
         raise
     finish(asked, here, began, skipped.seeds, bool(missing))
     if skipped.seeds:
@@ -146,12 +147,32 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     return [known[spec.key] for spec in specs if spec.key in known]
 
 
-def finish(asked: Run, here: str, began_s: float, skipped: Collection[int], plays: bool) -> None:
-    """Write the description of a run that ends, its results and its report."""
+def _kept_record(
+    out: Path, spec: EpisodeSpec, came: PlayedEpisode | str, here: str
+) -> EpisodeRecord:
+    """The record of an outcome, appended to the folder's episodes. came: as of `Outcome`."""
+    record = failed_record(spec, came, here) if isinstance(came, str) else came.record
+    with run_folder.write_errors_as_unavailable(out):
+        if not isinstance(came, str) and came.snapshot is not None:
+            _keep(out, came.snapshot)
+        episode_record.append(out, record)
+    return record
+
+
+def finish(
+    asked: Run,
+    here: str,
+    began_s: float,
+    skipped: Collection[int],
+    plays: bool,
+    reports: bool = True,
+) -> None:
+    """Write the description of a run that ends and, if `reports`, its results and its report."""
     with run_folder.write_errors_as_unavailable(asked.out):
         wall_s = time.time() - began_s
         write_run_description(asked, here, began_s, wall_s, skipped, plays)
-        if there := episode_record.read(asked.out):
+        there = episode_record.read(asked.out) if reports else []
+        if there:
             results.write(asked.out, there, asked.picks)
             write_report(asked.out)
 

@@ -27,9 +27,12 @@ class Board:
         known: Sequence[EpisodeRecord],
         specs: Sequence[EpisodeSpec],
         where: str,
+        shows_figures: bool = True,
     ) -> None:
-        """known: episodes of this run that exist already. where: text such as "2 at a time"."""
-        self._console, self._where, self._total = console, where, len(specs)
+        """known: episodes of this run that exist already. where: text such as "2 at a time".
+        shows_figures: False shows how many episodes were played, and nothing of their results."""
+        self._console, self._where, self.total = console, where, len(specs)
+        self._shows_figures = shows_figures
         self._known = len(known)
         self._records = {spec.agent: [] for spec in specs}
         self._wanted = dict.fromkeys(self._records, 0)
@@ -40,7 +43,7 @@ class Board:
         self._began_s = time.monotonic()
         self._live = Live(console=console, get_renderable=self._shown, refresh_per_second=2)
         if known:
-            console.print(f"{len(known)} of {self._total} episodes are there already")
+            console.print(f"{len(known)} of {self.total} episodes are there already")
 
     @property
     def done(self) -> int:
@@ -49,18 +52,16 @@ class Board:
     def add(self, record: EpisodeRecord) -> None:
         self._records[record.agent].append(record)
         if not self._console.is_terminal:
-            how = "success" if record.success else record.cause or "failed"
-            print(
-                f"{self.done}/{self._total} {record.agent} seed {record.seed}: {how}, "
-                f"{record.steps} steps in {record.wall_s:.1f} s; {self._figures(record.agent)}; "
-                f"{self._left()}",
-                file=self._console.file,
-                flush=True,
-            )
+            said = f"{self.done}/{self.total} {record.agent} seed {record.seed}"
+            if self._shows_figures:
+                how = "success" if record.success else record.cause or "failed"
+                said += f": {how}, {record.steps} steps in {record.wall_s:.1f} s; "
+                said += self._figures(record.agent)
+            print(f"{said}; {self._left()}", file=self._console.file, flush=True)
 
     def skip(self, spec: EpisodeSpec, reason: str, told: bool) -> None:
         """Count an episode no longer. told: the reason was printed for another agent."""
-        self._total -= 1
+        self.total -= 1
         self._wanted[spec.agent] -= 1
         if not told:
             said = f"seed {spec.seed} skipped: {reason}"
@@ -93,17 +94,18 @@ class Board:
         fresh = self.done - self._known
         if not fresh:
             return "time left unknown"
-        left_s = (time.monotonic() - self._began_s) / fresh * (self._total - self.done)
+        left_s = (time.monotonic() - self._began_s) / fresh * (self.total - self.done)
         return f"{left_s / 60:.0f} min left" if left_s >= 90 else f"{left_s:.0f} s left"
 
     def _shown(self) -> Group:
         table = Table(box=None, header_style="dim")
-        for heading in ("agent", "n", "SR", "Pick", "steps", "s/step"):
+        figures = ("SR", "Pick", "steps", "s/step") if self._shows_figures else ()
+        for heading in ("agent", "n", *figures):
             table.add_column(heading, justify="left" if heading == "agent" else "right")
         for agent, records in self._records.items():
             n = len(records)
             row = [agent, f"{n}/{self._wanted[agent]}"]
-            if n:
+            if n and self._shows_figures:
                 steps = sum(r.steps for r in records)
                 picks = values(records, "Pick")
                 pace = sum(r.wall_s for r in records) / max(1, steps)
@@ -116,8 +118,8 @@ class Board:
             table.add_row(*row)
         line = Table.grid(padding=(0, 1))
         line.add_row(
-            ProgressBar(self._total, self.done, width=40),
-            Text(f"{self.done}/{self._total}, {self._where}, {self._left()}"),
+            ProgressBar(self.total, self.done, width=40),
+            Text(f"{self.done}/{self.total}, {self._where}, {self._left()}"),
         )
         return Group(table, line)
 

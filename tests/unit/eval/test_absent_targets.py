@@ -288,9 +288,10 @@ RIGHT = NOT_FOUND | {"success": True, "cause": ""}
 
 def mixed(agent: str = "helios-paper") -> list[EpisodeRecord]:
     """Four present targets: 2 successes, 1 false "not found", 1 step budget. Four absent ones: 1
-    right "not found", 2 wrong objects, 1 step budget."""
+    right "not found", 1 wrong object, 1 failed pick without a grasp, 1 step budget."""
     present = [WON, WON, NOT_FOUND | {"cause": "object not found"}, {}]
-    absent = [RIGHT, *[{"cause": "wrong object believed", "picks": 1}] * 2, {}]
+    wrong = {"cause": "wrong object believed", "reported_cause": "pick failed", "picks": 1}
+    absent = [RIGHT, wrong | {"wrong_picks": 1}, wrong | {"wrong_picks": 0}, {}]
     return [outcome(seed, False, agent, **facts) for seed, facts in enumerate(present)] + [
         outcome(4 + seed, True, agent, **facts) for seed, facts in enumerate(absent)
     ]
@@ -319,7 +320,7 @@ def test_the_report_has_a_table_of_present_and_absent_targets(tmp_path: Path) ->
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert row(markdown, "Present and absent targets")[1:] == [
-        "37.5", "50.0", "25.0", "4", "25.0", "50.0", "4"
+        "37.5", "50.0", "25.0", "4", "25.0", "25.0", "25.0", "4"
     ]  # fmt: skip
     assert "4 of 8 episodes (--absent 0.5)" in markdown.replace("\\", "")
     assert "the episodes with a present target alone" in markdown
@@ -339,7 +340,7 @@ def test_a_report_of_absent_targets_alone_has_no_phases(tmp_path: Path) -> None:
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert row(markdown, "Present and absent targets")[1:] == [
-        "25.0", "–", "–", "0", "25.0", "50.0", "4"
+        "25.0", "–", "–", "0", "25.0", "25.0", "25.0", "4"
     ]  # fmt: skip
     assert "nan" not in markdown.lower()
     written = results.rows(episode_record.read(tmp_path), ["unlimited"])

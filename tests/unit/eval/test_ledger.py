@@ -50,12 +50,25 @@ def test_a_line_in_the_ledger_leaves_the_commit_clean_and_another_change_does_no
         subprocess.run(["git", "-C", str(root), *words], check=True)
     monkeypatch.setattr(provenance, "__file__", str(code))
     clean = provenance.commit()
-    assert re.fullmatch("[0-9a-f]{7,}", clean)
+    assert re.fullmatch("[0-9a-f]{8}", clean)
     book.write_text("first\nsecond\n")
     (root / "untracked").touch()
     assert provenance.commit() == clean
+    new = code.with_name("untracked.py")
+    new.touch()
+    assert provenance.commit() == f"{clean}-dirty"
+    new.unlink()
     code.write_text("other\n")
     assert provenance.commit() == f"{clean}-dirty"
+    subprocess.run(["git", "-C", str(root), *who, "commit", "-qm", "second", str(book)], check=True)
+    code.write_text("first\n")
+    of_the_ledger = provenance.commit()
+    assert of_the_ledger != clean
+    assert provenance.same_code(clean, of_the_ledger)
+    code.write_text("other\n")
+    subprocess.run(["git", "-C", str(root), *who, "commit", "-qm", "third", str(code)], check=True)
+    assert not provenance.same_code(clean, provenance.commit())
+    assert not provenance.same_code("12345678", clean)
 
 
 def test_development_homes_are_not_recorded(own_ledger: Path) -> None:
@@ -71,6 +84,7 @@ def test_an_entry_has_the_homes_the_agents_the_commit_and_the_reason(own_ledger:
     assert entry.agents == ("trusting", "helios")
     assert (entry.commit, entry.why, entry.out) == ("abc", "a look at totals", "runs/a")
     assert entry.at.endswith("+00:00")
+    assert (entry.semantics, entry.noise, entry.settings) == ("noisy", None, {})
 
 
 def test_lines_are_appended_in_order(own_ledger: Path) -> None:
