@@ -29,6 +29,8 @@ SAYS = {  # what a setting decides, in a few words
     "planner.place_rule": "place: on a flat area, or above the highest point",
     "planner.gaze_aim": "aim of the head at a gaze point",
     "planner.view_contours": "contours of extra views",
+    "planner.pooled_looks": "a look at one thing counts for all things beside it",
+    "planner.most_gaze_points": "gaze points of a candidate in eq. 11 and 12, the nearest ones",
     "planner.gain_norm": "unit of the gain in eq. 10",
     "planner.goal_seen_before_pick": "a goal detected before the pick counts (`trusting`)",
     "objectmap.expected_label": "expected label Y\\* of a pixel",

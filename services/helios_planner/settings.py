@@ -50,6 +50,7 @@ OWN = (
     "hand_sides", "hand_from", "unnamed_picks", "absent_from", "rounds", "rounds_held",
     "pick_at_last", "place_at_last", "agent_seed", "place_rule", "vlfm_confidence",
     "start_receptacle_first", "confirm_from_near", "gaze_aim", "view_contours",
+    "pooled_looks", "most_gaze_points",
     "goal_seen_before_pick", "ask_also",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
@@ -252,6 +253,18 @@ class Settings(ServiceSettings):
         default="wide",
         description="contours of extra views: 0.6 to 1.8 m around the object (wide), or those of "
         "the local search, 0.6 and 0.9 m (paper)",
+    )
+    pooled_looks: bool = Field(
+        default=True,
+        description="a look at a thing uses up the gaze points of all things within 0.5 m of it; "
+        "false: of those of its class alone, as in the paper",
+    )
+    most_gaze_points: int = Field(
+        default=10,
+        ge=1,
+        le=256,
+        description="gaze points of one candidate, the nearest ones, that eq. 11 and 12 consider; "
+        "256, more than there are: all, as in the paper",
     )
 
     goal_seen_before_pick: bool = Field(

@@ -89,6 +89,8 @@ PRINTED_RULES: dict[str, Value] = {
     "planner.place_rule": "paper",
     "planner.gaze_aim": "top",
     "planner.view_contours": "paper",
+    "planner.pooled_looks": False,
+    "planner.most_gaze_points": 256,
     "planner.gain_norm": "sum",
     "planner.goal_seen_before_pick": False,
     "objectmap.expected_label": "rendered",

@@ -26,7 +26,20 @@ from helios_planner.settings import Settings
 RECEPTACLE_RULES = GazeRules(distances_m=(0.6, 0.9), spacing_m=0.8)  # local search of a receptacle
 VIEW_RULES = GazeRules(distances_m=(0.6, 0.9, 1.3, 1.8), spacing_m=0.5)  # extra views of an object
 STOP_RULES = GazeRules(distances_m=(0.5, 0.7, 0.85), spacing_m=0.5)  # object navigation: within 1 m
-MOST_GAZE_POINTS = 10  # of one candidate in one request to the object map
+
+
+@dataclass(frozen=True)
+class Look:
+    """A gaze point from which the robot looked at a candidate."""
+
+    class_name: str  # of the candidate; empty in checkpoints of earlier builds
+    middle_m: tuple[float, float]  # of the candidate
+    pose: Pose2
+
+    def is_at(self, candidate: ObjectInstance, pooled: bool) -> bool:
+        """True if it counts as a look at this candidate. pooled: any class within SAME_PLACE_M."""
+        near = math.dist(self.middle_m, candidate.center_m[:2]) < SAME_PLACE_M
+        return near and (pooled or self.class_name in ("", candidate.class_name))
 
 
 @dataclass
@@ -80,7 +93,7 @@ class ViewPlanner:
         """other_share: share of the evidence of an expected view that goes to the *other* class."""
         self.robot, self.base, self.settings = robot, base, settings
         self._other_share = other_share
-        self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's centre, viewpoint
+        self._looks: list[Look] = []
         self._views: dict[tuple, BestView | None] = {}
         self._gains: dict[tuple, Gain] = {}
 
@@ -115,10 +128,8 @@ class ViewPlanner:
         return []
 
     def _done(self, candidate: ObjectInstance) -> list[Pose2]:
-        return [
-            pose for middle, pose in self._looked
-            if math.dist(middle, candidate.center_m[:2]) < SAME_PLACE_M
-        ]  # fmt: skip
+        pooled = self.settings.pooled_looks
+        return [look.pose for look in self._looks if look.is_at(candidate, pooled)]
 
     def look_count(self, candidate: ObjectInstance) -> int:
         """Number of times that a candidate was looked at on purpose."""
@@ -126,19 +137,25 @@ class ViewPlanner:
 
     def forget(self) -> None:
         """Make every gaze point available again."""
-        self._looked.clear()
+        self._looks.clear()
 
-    def checkpoint(self) -> list[list[float]]:
-        """Centres and poses [x, y, x, y, yaw] as JSON, for `restore`."""
-        return [[*map(float, m), p.x_m, p.y_m, p.yaw_rad] for m, p in self._looked]
+    def checkpoint(self) -> list[list[float | str]]:
+        """Looks [x, y, x, y, yaw, class name] as JSON, for `restore`."""
+        return [
+            [*look.middle_m, look.pose.x_m, look.pose.y_m, look.pose.yaw_rad, look.class_name]
+            for look in self._looks
+        ]
 
-    def restore(self, checkpoint: Sequence[Sequence[float]]) -> None:
-        self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in checkpoint]
+    def restore(self, checkpoint: Sequence[Sequence[Any]]) -> None:
+        self._looks = [
+            Look(named[0] if named else "", (middle_x, middle_y), Pose2(x, y, yaw))
+            for middle_x, middle_y, x, y, yaw, *named in checkpoint
+        ]
 
     # --- expected effect of views --------------------------------------------------------------
     def information_gain(self, receptacle: ObjectInstance, class_name: str) -> Gain | None:
         """Expected gain of a local search (eq. 12); None if no gaze point can be reached."""
-        points = self.remaining_gaze_points(receptacle)[:MOST_GAZE_POINTS]
+        points = self.remaining_gaze_points(receptacle)[: self.settings.most_gaze_points]
         if not points:
             return None
         key = (
@@ -161,7 +178,7 @@ class ViewPlanner:
         """Extra view with the best Psi' (eq. 11); None if none is left."""
         if self.look_count(thing) >= self.settings.extra_views:
             return None
-        points = self.views_of(thing)[:MOST_GAZE_POINTS]
+        points = self.views_of(thing)[: self.settings.most_gaze_points]
         if not points:
             return None
         key = (thing.id, thing.views, thing.gaussians, tuple(g.pose for g in points))
@@ -208,8 +225,8 @@ class ViewPlanner:
         outcome = self.base.go_to(gaze.pose, purpose, stop)
         if outcome is Outcome.INTERRUPTED:
             return outcome
-        middle = np.asarray(candidate.center_m[:2], float)
-        self._looked.append((middle, gaze.pose))
+        middle = float(candidate.center_m[0]), float(candidate.center_m[1])
+        self._looks.append(Look(candidate.class_name, middle, gaze.pose))
         if outcome is Outcome.ARRIVED:
             pose = self.robot.pose()
             self.base.turn_to(wrap_angle(pose.yaw_rad + pose.bearing_rad(middle)))

@@ -35,7 +35,7 @@ KEPT_AND_LOST = {
     "Manipulation": ("picks falls last_reason _failed", "near surface_m placed_on"),
     "HandCheck": ("put_back returning_m unseen_m unchecked", "cannot_show refuted"),
     "BaseController": ("felt_obstacles blind_zone", "monitor _cached _turns _cleared"),
-    "ViewPlanner": ("_looked", "_other_share _views _gains"),
+    "ViewPlanner": ("_looks", "_other_share _views _gains"),
     "ObjectSearch": (
         f"{SCORED_KEPT} seen visited _searched _tried _seen_in_hand",
         f"{SCORED_LOST} start _rule _last_seen _unnamed _most_unnamed _refuted_earlier",

@@ -108,7 +108,7 @@ def test_the_first_record_of_a_receptacle_is_not_overwritten() -> None:
 
 
 # --- eq. 10 --------------------------------------------------------------------------------------
-def test_alpha_d_of_tables_6_to_8_changes_the_winner() -> None:
+def test_the_unit_of_the_gain_decides_how_much_a_metre_weighs() -> None:
     """Two candidates differ by 0.03 in value and by 6 m. Normalised per Gaussian, the weight of a
     metre decides; with the paper's plain sum over 5000 Gaussians it never does."""
     near, far = instance(1), instance(2)

@@ -16,7 +16,7 @@ from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.robot.interface import WhatIf
 from helios_planner.search.object_search import ObjectSearch
-from helios_planner.search.view_selection import MOST_GAZE_POINTS, VIEW_RULES, BestView, ViewPlanner
+from helios_planner.search.view_selection import VIEW_RULES, BestView, ViewPlanner
 from helios_planner.settings import GainNorm, Settings
 from helios_planner.task import Cause, TaskFailed
 from helios_planner.tasks.mission import Mission
@@ -46,7 +46,7 @@ def searched_counter(norm: GainNorm) -> tuple[Mission, ObjectInstance]:
 
 def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
     world, looking, thing = seen_counter()
-    n = len(looking.views_of(thing)[:MOST_GAZE_POINTS])
+    n = min(len(looking.views_of(thing)), Settings().most_gaze_points)
     scores = tuple(0.3 + 0.1 * (k == 1) for k in range(n))
     world.what_if = lambda *args, **kwargs: WhatIf(scores, ())
     best = looking.best_view(thing, "counter")

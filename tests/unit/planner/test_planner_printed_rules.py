@@ -15,6 +15,7 @@ from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.detections import Sighting, sighting_of
+from helios_planner.robot.interface import WhatIf
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.view_selection import RECEPTACLE_RULES, VIEW_RULES
 from helios_planner.settings import Settings
@@ -101,7 +102,7 @@ def test_a_found_object_is_judged_again_in_front_of_it_only_by_our_rule(
         assert "found the mug" in mission.run()
 
 
-def looking(**settings: str) -> tuple[Mission, ObjectInstance]:
+def looking(**settings: object) -> tuple[Mission, ObjectInstance]:
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
     mission = Mission(world, parse("find the counter"), Settings.model_validate(settings))
     mission.tools.base.look_around()
@@ -123,6 +124,48 @@ def test_the_printed_aim_is_the_highest_point_and_never_below_ours() -> None:
         aim = tilt_towards(theirs.pose.distance_m(middle), top_m, robot)
         assert theirs.tilt_rad == pytest.approx(aim)
         assert mine.tilt_rad >= theirs.tilt_rad  # positive looks down
+
+
+@pytest.mark.parametrize("pooled", [True, False], ids=["ours", "printed"])
+def test_a_look_at_a_receptacle_uses_up_views_of_what_lies_on_it_only_by_our_rule(
+    pooled: bool,
+) -> None:
+    mission, thing = looking(pooled_looks=pooled, view_contours="paper")
+    views = mission.tools.looking
+    on_it = replace(thing, id=7, class_name="mug")
+    other_counter = replace(thing, id=8)
+    before = views.views_of(on_it)
+    gaze = views.remaining_gaze_points(thing)[0]
+    views.go_and_look(thing, gaze, "look for the mug")
+    assert (views.look_count(thing), views.look_count(on_it)) == (1, int(pooled))
+    assert views.look_count(other_counter) == 1
+    assert (gaze.pose.xy in [g.pose.xy for g in views.views_of(on_it)]) is not pooled
+    assert gaze.pose.xy in [g.pose.xy for g in before]
+    restored, _ = looking(pooled_looks=pooled)
+    restored.tools.looking.restore(views.checkpoint())
+    assert restored.tools.looking.checkpoint() == views.checkpoint()
+    restored.tools.looking.restore([look[:5] for look in views.checkpoint()])
+    assert restored.tools.looking.look_count(on_it) == 1  # of an earlier build
+
+
+@pytest.mark.parametrize("most", [2, 256])
+def test_the_objective_asks_for_the_gain_of_as_many_gaze_points_as_set(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mission, thing = looking(most_gaze_points=most)
+    asked: list[int] = []
+
+    def what_if(_: int, __: str, poses: list[object], **___: object) -> WhatIf:
+        asked.append(len(poses))
+        return WhatIf((0.5,) * len(poses), (1.0,))
+
+    monkeypatch.setattr(mission.robot, "what_if", what_if)
+    views = mission.tools.looking
+    views.information_gain(thing, "counter")
+    views.best_view(thing, "counter")
+    points = len(views.remaining_gaze_points(thing)), len(views.views_of(thing))
+    assert min(points) > 2
+    assert asked == [min(n, most) for n in points]
 
 
 def test_the_printed_extra_views_lie_on_the_contours_of_the_local_search() -> None:
