@@ -144,7 +144,7 @@ class ObjectMap:
         projection = self._project(reading.view)
         self._beliefs.drop_rows(np.unique(store.instance[projection.rows]).tolist())
         gone = np.empty(0, np.int32)
-        if s.creation_rule != "paper":
+        if s.carving:
             projection, gone = self._carve(projection, reading, look)
         rendering = projection.render()
 
@@ -360,7 +360,7 @@ class ObjectMap:
 
     def empty_viewpoints(self) -> Viewpoints:
         """An empty `Viewpoints`."""
-        return Viewpoints()
+        return Viewpoints(all_in_full=self._settings.view_weights == "full")
 
     def add_stored(self, content: MapContent, T_here_there: Matrix) -> int:
         """Add the content of another map whose place in this frame is known. Returns the number of

@@ -11,8 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 
 class ObjectMapSettings(ServiceSettings):
-    """Settings of the object map. Defaults are those of Table 3 where it has one;
-    `creation_rule=paper` selects the paper's rule."""
+    """Settings of the object map. Defaults are those of Table 3 where it has one."""
 
     model_config = service_config("objectmap")
 
@@ -155,8 +154,17 @@ class ObjectMapSettings(ServiceSettings):
     )
     creation_rule: Literal["noise-scaled", "paper"] = Field(
         default="noise-scaled",
-        description="noise-scaled: create and carve Gaussians by depth noise; paper: its literal "
-        "rule",
+        description="create Gaussians where the depth differs by more than its noise "
+        "(noise-scaled), or by more than 1 mm (paper)",
+    )
+    carving: bool = Field(
+        default=True,
+        description="remove Gaussians that views see through; false: they stay, as in the paper",
+    )
+    view_weights: Literal["by-difference", "full"] = Field(
+        default="by-difference",
+        description="weight of a view: by its difference from earlier views, or full for each one, "
+        "as in the paper",
     )
 
     object_voxel_m: float = Field(

@@ -112,8 +112,8 @@ class StoredObjects:
         if world is None or world_from_proto(place.present) != world:
             return None
         T = place.T_present_stored
-        self._maps = {}
         added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
+        self._maps = {}
         self.untidy = True
         log.info("relocalised: %d Gaussians of the stored map are in use", added)
         return added

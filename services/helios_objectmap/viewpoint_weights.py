@@ -39,7 +39,11 @@ class ViewpointMatch:
 class Viewpoints:
     """Poses that gave evidence, and the last update at which each counted, per class."""
 
-    def __init__(self, moved_m: float = MOVED_M, turned_rad: float = TURNED_RAD) -> None:
+    def __init__(
+        self, moved_m: float = MOVED_M, turned_rad: float = TURNED_RAD, all_in_full: bool = False
+    ) -> None:
+        """all_in_full: every view has weight 1, as in the paper."""
+        self._all_in_full = all_in_full
         self._moved_m = moved_m
         self._turned_rad = turned_rad
         self._made = 0  # viewpoints so far, the dropped ones included
@@ -95,7 +99,9 @@ class Viewpoints:
         self, look: ViewpointMatch, class_names: list[str], born: NDArray[np.int64]
     ) -> NDArray[np.float32]:
         """Weight [n, classes] in [0, 1] of a view for Gaussians that update born [n] created."""
-        out = np.empty((len(born), len(class_names)), np.float32)
+        out = np.ones((len(born), len(class_names)), np.float32)
+        if self._all_in_full:
+            return out
         known: dict[bytes, int] = {}  # classes searched for in the same views share their weights
         for j, name in enumerate(class_names):
             last = self._last_of(name)[look.near]

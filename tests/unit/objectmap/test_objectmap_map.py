@@ -151,6 +151,16 @@ def test_a_moved_object_fades_over_distinct_views_and_appears_at_its_new_positio
     assert table.score > 0.6
 
 
+def test_without_carving_no_gaussian_of_a_moved_object_leaves():
+    now = (*ROOM, mug_at(1.5, 0.4))
+    for carves in (True, False):
+        objects = ObjectMap(SETTINGS.model_copy(update={"carving": carves}))
+        for o in seen_from(AROUND[:2]):
+            objects.update(o, CONTEXT)
+        later = [objects.update(o, CONTEXT) for o in seen_from(AROUND[2:], now, start=2)]
+        assert (sum(report.carved for report in later) > 0) is carves
+
+
 def test_gaussians_seen_through_by_mistake_are_restored_by_the_next_view():
     objects = built(seen_from(AROUND[:2]))
     (before,) = of_class(objects, "mug")

@@ -37,6 +37,11 @@ def test_the_first_view_and_a_view_a_step_or_turn_away_have_full_weight():
         assert weigh(points, other) == [1.0]
 
 
+def test_by_the_printed_rule_every_view_counts_in_full():
+    points = Viewpoints(moved_m=0.1, turned_rad=math.radians(5), all_in_full=True)
+    assert [weigh(points, pose()) for _ in range(3)] == [[1.0]] * 3
+
+
 def test_a_repeated_view_has_no_weight_even_with_camera_jitter():
     points = new_viewpoints()
     weigh(points, pose())
