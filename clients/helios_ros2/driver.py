@@ -11,9 +11,9 @@ import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from helios_core.errors import HeliosError, Unavailable
+from helios_core.errors import HeliosError, Internal, Unavailable
 from helios_core.geometry import invert, tilt_of, wrap_angle, yaw_of
 from helios_core.robot import (
     Action,
@@ -151,9 +151,17 @@ class Ros2Driver(RobotDriver):
         return watched(lambda: self.act(action, action_id), self.capture, hz)
 
     def stop(self, reason: str) -> None:
+        """End every kind of motion, also after another could not be ended. Then raises what came;
+        for several errors Internal with all their texts."""
         self._latch.stop(reason)
-        for halt in self._halts():
-            halt()
+        failed = _all_called(self._halts())
+        if len(failed) > 1:
+            texts = "; ".join(f"{type(error).__name__}: {error}" for error in failed)
+            raise Internal(f"{len(failed)} kinds of motion could not be ended: {texts}") from (
+                failed[0]
+            )
+        if failed:
+            raise failed[0]
 
     def clear_stop(self) -> None:
         self._latch.clear()
@@ -163,11 +171,8 @@ class Ros2Driver(RobotDriver):
         `CANCEL_WITHIN_S`."""
         self._latch.stop("the driver has ended")
         until_s = time.monotonic() + CANCEL_WITHIN_S
-        for halt in self._halts(until_s):
-            try:
-                halt()
-            except Exception as error:  # the others are halted all the same
-                log.warning("a motion could not be ended before the driver: %s", error)
+        for error in _all_called(self._halts(until_s)):
+            log.warning("a motion could not be ended before the driver: %s", error)
         self._ros.close()
 
     def _halts(self, until_s: float = 0.0) -> list[Callable[[], None]]:
@@ -250,3 +255,14 @@ class Ros2Driver(RobotDriver):
         while len(self._results) > REMEMBERED:
             self._results.popitem(last=False)
         return result
+
+
+def _all_called(calls: Iterable[Callable[[], None]]) -> list[Exception]:
+    """Make each call, also after another has raised. Returns what they raised, in their order."""
+    raised: list[Exception] = []
+    for call in calls:
+        try:
+            call()
+        except Exception as error:
+            raised.append(error)
+    return raised

@@ -198,7 +198,8 @@ def decode_color(image: Any) -> NDArray[np.uint8]:
             raise Unavailable("the robot sent a colour image that is too short; try again")
         pixels = data[: size * channels].reshape(image.rows, image.cols, channels)
         return np.ascontiguousarray(np.broadcast_to(pixels[..., :3], (*pixels.shape[:2], 3)))
-    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    as_stored = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # as depth and K
+    bgr = cv2.imdecode(data, as_stored) if data.size else None
     if bgr is None or bgr.shape[:2] != (image.rows, image.cols):
         raise Unavailable("the robot sent a broken colour image; try again")
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)

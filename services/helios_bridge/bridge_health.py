@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import get_args
 
 from helios_core.health import STOP_FAILS, Health, HealthState
 
@@ -19,8 +20,9 @@ class BridgeHealth:
         self._stop = ""  # fault of the driver's stop, "" for none
         self._faults: dict[str, str] = {}  # method of the driver -> its fault
         self._setup = ""  # what is wrong with the robot's set-up
-        self._said = health.state  # last state without regard to images and driver faults
-        self._without_image: tuple[str, str] | None = None  # state while no image comes
+        # Last state without regard to images and driver faults.
+        self._said: tuple[HealthState, str] = health.state
+        self._without_image: tuple[HealthState, str] | None = None  # state while no image comes
 
     def ready(self, note: str = "") -> None:
         self._say("ready", note)
@@ -81,7 +83,7 @@ class BridgeHealth:
     def sample(self, name: str, value: float) -> None:
         self._health.sample(name, value)
 
-    def _say(self, state: str, reason: str) -> None:
+    def _say(self, state: HealthState, reason: str) -> None:
         with self._lock:
             self._said, self._without_image = (state, reason), None
             self._tell()
@@ -92,6 +94,18 @@ class BridgeHealth:
         state, reason = ("degraded", fault) if fault else self._without_image or self._said
         if state == "ready":
             reason = "; ".join(filter(None, (reason, self._setup)))
-        {"waiting": self._health.waiting, "degraded": self._health.degraded}.get(
-            state, self._health.ready
-        )(reason)
+        match state:
+            case "ready":
+                self._health.ready(reason)
+            case "waiting":
+                self._health.waiting(reason)
+            case "degraded":
+                self._health.degraded(reason)
+            case "starting":  # no state was said yet, and a fault of the driver may be over
+                if self._health.state[0] != "starting":
+                    self._health.waiting(reason)
+            case "stopping":  # it is the last state, and stays
+                pass
+            case _:
+                known = ", ".join(get_args(HealthState))
+                raise ValueError(f"the bridge cannot be {state!r}; say one of {known}")

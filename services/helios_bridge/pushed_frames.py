@@ -200,9 +200,13 @@ def _no_depth(frame: pb.Frame) -> RawImage:
 
 def _names(classes: Sequence[str]) -> tuple[str, ...]:
     names = tuple(dict.fromkeys(" ".join(name.split()) for name in classes))
-    if len(names) > MOST_CLASSES or any(not 0 < len(name) <= LONGEST_NAME for name in names):
-        raise InvalidInput(
-            f"{len(names)} classes came; send at most {MOST_CLASSES}, with names of 1 to "
-            f"{LONGEST_NAME} letters"
-        )
+    if len(names) > MOST_CLASSES:
+        raise InvalidInput(f"{len(names)} classes came; send at most {MOST_CLASSES}")
+    for name in names:
+        if not 0 < len(name) <= LONGEST_NAME:
+            shown = f"{name[:LONGEST_NAME]}…" if name else name
+            raise InvalidInput(
+                f"one of the classes is called {shown!r}, which has {len(name)} letters; send "
+                f"names of 1 to {LONGEST_NAME}"
+            )
     return names

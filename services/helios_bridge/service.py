@@ -375,12 +375,25 @@ class BridgeService:
         return self._stop_call is not None and not self._stop_call.done()
 
     def _halt(self, why: str) -> None:
-        """End the running action, because its sender is away. It is no latched stop."""
+        """End the running action, because its sender is away. It is no latched stop. A halt that
+        failed is tried again at the next call, which comes while the action runs."""
         with self._stop_lock:
-            if not self._stopped_why and self._halt_call is None:
+            call = self._halt_call
+            if self._stopped_why or (call is not None and not _failed(call)):
+                return
+            if call is None:
                 log.warning("the running action is ended: %s", why)
                 self._health.count("halts")
-                self._halt_call = self._executor.begin("halt", lambda: self._driver.stop(why))
+            self._halt_call = self._executor.begin("halt", lambda: self._halt_driver(why))
+
+    def _halt_driver(self, why: str) -> None:
+        try:
+            self._driver.stop(why)
+        except Exception as error:
+            log.error("the running action could not be ended: %s", error)
+            self._health.stop_fails(f"the running action could not be ended: {error}")
+            raise
+        self._health.stop_works()
 
     def _end_halt(self) -> None:
         """Allow actions again after a halt, at the latest once the driver has come back from it."""
@@ -394,6 +407,10 @@ class BridgeService:
     def _clear_halt(self, call: Future[None]) -> None:
         """Clear the driver's stop, unless a stop has come meanwhile or ending the action failed."""
         with self._stop_lock:
+            again = self._halt_call
+            if again is not None and again is not call:
+                again.add_done_callback(self._clear_halt)
+                return
             self._halt_call = None
             stops, is_stopped = self._stops, bool(self._stopped_why)
         try:
@@ -401,7 +418,7 @@ class BridgeService:
             if not is_stopped:
                 self._clear_drivers_stop(stops)
         except HeliosError as error:
-            log.error("the robot stays stopped: %s", error.message)
+            log.error("the stop that ended an action is not cleared: %s", error.message)
         self._publish_state()
 
     def _clear_drivers_stop(self, stops: int) -> None:
@@ -566,6 +583,10 @@ class BridgeService:
             pass  # reported in the health until the driver's state works again
         except HeliosError as error:
             log.warning("the robot's state could not be told: %s", error.message)
+
+
+def _failed(call: Future[None]) -> bool:
+    return call.done() and call.exception() is not None
 
 
 def _with_reason(before: str, new: str) -> str:

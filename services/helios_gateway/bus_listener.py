@@ -65,6 +65,7 @@ class RobotMonitor:
         self._robot: api_models.RobotState | None = None
         self._description: api_models.RobotDescription | None = None
         self._published: dict[str, object] = {}
+        self._told_faults: set[str] = set()  # ids of those that new subscribers are told of
         self._tick_s = settings.tick_s
         self._ended = threading.Event()
         self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
@@ -224,6 +225,13 @@ class RobotMonitor:
     def _on_fault(self, fault: Fault) -> None:
         model = fault_model(fault, self.faults.recordings())
         self.events.publish("fault", model, f"fault/{fault.id}")
+        listed = {known.id for known in self.faults.faults()}
+        with self._lock:
+            self._told_faults.add(fault.id)
+            dropped = self._told_faults - listed
+            self._told_faults -= dropped
+        for id in dropped:  # the list holds a limited number
+            self.events.forget(f"fault/{id}")
 
     def _on_description(self, message: pb.RobotDescription) -> None:
         self.services.on_description(message)

@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import threading
 import uuid
+import weakref
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, replace
@@ -73,6 +74,8 @@ class EventHub:
         self._past: deque[Event] = deque(maxlen=backlog)
         self._state: dict[str, Event] = {}
         self._viewers: list[_Subscriber] = []
+        # Of all streams that `watch` gave out; one that nobody starts leaves with its stream.
+        self._slots = weakref.WeakSet[_Slot]()
         self._backlog = backlog
         self._max_viewers = max_viewers
         self._keepalive_s = keepalive_s
@@ -120,6 +123,11 @@ class EventHub:
             for viewer in self._viewers:
                 viewer.put(event)
 
+    def forget(self, state_key: str) -> None:
+        """Tell new subscribers no more of a state. Does nothing for an unknown one."""
+        with self._lock:
+            self._state.pop(state_key, None)
+
     def close(self) -> None:
         """End every stream; subscribers reconnect on their own."""
         with self._lock:
@@ -143,15 +151,17 @@ class EventHub:
         with self._lock:
             if self._closed:
                 raise Unavailable("the gateway is stopping; come back in a moment")
-            if len(self._viewers) >= self._max_viewers:
+            if len(self._slots) >= self._max_viewers:
                 raise Unavailable(
-                    f"{len(self._viewers)} event streams are open and no more are taken; "
+                    f"{len(self._slots)} event streams are open and no more are taken; "
                     "close one, or raise --max-viewers"
                 )
-        return self._stream(last_id, wanted, on_drop)
+            slot = _Slot()
+            self._slots.add(slot)
+        return self._stream(slot, last_id, wanted, on_drop)
 
     async def _stream(
-        self, last_id: str | None, wanted: EventFilter, on_drop: Callable[[], None]
+        self, slot: _Slot, last_id: str | None, wanted: EventFilter, on_drop: Callable[[], None]
     ) -> AsyncGenerator[Event | None]:
         def drop() -> None:
             with self._lock:
@@ -181,6 +191,7 @@ class EventHub:
         finally:
             with self._lock:
                 self._viewers.remove(viewer)
+                self._slots.discard(slot)
 
     def _backlog_since(self, last_id: str | None) -> list[Event]:
         boot, _, number = (last_id or "").rpartition("-")
@@ -189,6 +200,10 @@ class EventHub:
             if oldest - 1 <= last <= self._number:
                 return [e for e in self._past if e.number > last]
         return sorted(self._state.values(), key=lambda e: e.number)
+
+
+class _Slot:
+    """Place of one stream among the most that may be open."""
 
 
 class _Subscriber:

@@ -126,7 +126,9 @@ class PlaceSearch:
             except Exception:  # the maps continue without the stored one
                 log.exception("an attempt to relocalise failed")
             finally:
-                self._idle.set()
+                with self._lock:
+                    if not self._wake.is_set():  # else another attempt is due
+                        self._idle.set()
 
     def attempt(self) -> None:
         """Align the present map with the stored one once, and act on the result."""

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
-from helios_core.npz_reading import unpacked
+from helios_core.npz_reading import one_array, unpacked
 from helios_core.types import FrameId, Role, WorldId
 from numpy.typing import NDArray
 
@@ -30,6 +31,7 @@ from helios_objectmap.viewpoint_weights import NEVER, Viewpoints
 FORMAT = "helios-objectmap"
 VERSION = 1
 VOTES = "store.votes"
+HEADER_BYTES = 256 << 20  # more than the header of any map
 PACKING_LEVEL = 1  # of zlib: a seventh of the size in half a second for 100 MB
 
 
@@ -135,7 +137,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> LoadedMap:
 def world_of(data: bytes) -> WorldId | None:
     """World of a map file; None if the file names none or cannot be read (see `read`)."""
     try:
-        return _place(json.loads(unpacked(data)["header"].tobytes()))[0]
+        return _place(json.loads(one_array(data, "header", HEADER_BYTES).tobytes()))[0]
     except Exception:  # `read` gives the reason
         return None
 
@@ -211,7 +213,7 @@ def _by_band(values: list) -> NDArray[np.float64]:
 def _check(
     store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role], viewpoints: Viewpoints
 ) -> None:
-    """Check that all references resolve and all numbers are finite. Raises ValueError."""
+    """Check that all references resolve and all numbers are in their range. Raises ValueError."""
     labels = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
     if labels != set(registry.records) or max(labels, default=0) >= registry.next_label:
         raise ValueError("instances and Gaussians disagree")
@@ -227,6 +229,12 @@ def _check(
         raise ValueError("a number is not finite")
     if not all(np.isfinite(a).all() for a in (store.radius_m, store.opacity)):
         raise ValueError("a radius or an opacity is not finite")
+    if (np.abs(store.means) > FARTHEST_M).any():
+        raise ValueError(f"a Gaussian is more than {FARTHEST_M:g} m from the origin")
+    if (store.radius_m <= 0).any() or (store.opacity < 0).any() or (store.opacity > 1).any():
+        raise ValueError("a radius is not above 0, or an opacity not from 0 to 1")
+    if (store.class_evidence < 0).any() or (store.total_evidence < 0).any():
+        raise ValueError("evidence is below 0")
     through = store.seen_through_viewpoint
     if len(store) and (through.min() < NEVER or through.max() >= len(viewpoints)):
         raise ValueError("a Gaussian was seen through from a viewpoint that is not there")

@@ -22,7 +22,7 @@ from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.image_messages import ObservationMessage, apart
-from helios_core.map_autosave import AutosavedFile
+from helios_core.map_autosave import AutosavedFile, WriteOutcome
 from helios_core.service_process import until_warm
 from helios_core.topics import (
     CONTEXT,
@@ -487,7 +487,7 @@ class ObjectMapService:
             if not self._stored_added():
                 return
             self._changed()
-        if self._kept is None or self._kept.write():
+        if self._kept is None or self._kept.write() is not WriteOutcome.FAILED:
             with self._lock:
                 self._stored.tidy()
         self._say()

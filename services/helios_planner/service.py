@@ -134,9 +134,12 @@ class PlannerService:
             raise InvalidInput(
                 f"id is {request.id[:40]!r}; wanted 8 to 32 lower-case hexadecimal digits"
             )
+        if (known := self._registry.find(request.id)) is not None:
+            return known
+        drafted = self._drafted(request, request.id)
         with self._submitting:
             known = self._registry.find(request.id)
-            return self._add(self._drafted(request, request.id)) if known is None else known
+            return self._add(drafted) if known is None else known
 
     def check(self, request: pb.SubmitRequest) -> pb.Task:
         """The task that a request would add now; nothing is queued.

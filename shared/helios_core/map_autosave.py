@@ -6,10 +6,12 @@ An unreadable file is renamed.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 from helios_core.atomic_file import remove_temporaries, write_file
@@ -30,6 +32,18 @@ def of_another_world(written: str) -> str:
         "used once the robot has found its place in it: the robot restarted, or its poses jumped, "
         "and its driver names no origin (origin_id) that is still the same"
     )
+
+
+class WriteOutcome(Enum):
+    """Outcome of `AutosavedFile.write`. Only WRITTEN is true; after UNCHANGED, too, the file is as
+    new as the map."""
+
+    WRITTEN = "written"
+    UNCHANGED = "unchanged"  # there was nothing newer
+    FAILED = "failed"  # the file lacks changes
+
+    def __bool__(self) -> bool:
+        return self is WriteOutcome.WRITTEN
 
 
 @dataclass(frozen=True)
@@ -55,6 +69,7 @@ class AutosavedFile:
         self._newer, self._troubled = newer, troubled
         self._version = 0
         self._stopped = threading.Event()
+        self._wait_until_s = math.inf  # monotonic; from `close` on no write waits longer
         self._turn = threading.Lock()
         self._thread = threading.Thread(target=self._run, name=f"keep {path.name}", daemon=True)
 
@@ -82,26 +97,43 @@ class AutosavedFile:
     def start(self) -> None:
         self._thread.start()
 
-    def write(self) -> bool:
-        """Write the present version if it is newer. Returns True if it was written."""
-        with self._turn:
-            try:
-                newer = self._newer(self._version)
-                if newer is None:
-                    return False
-                self._replace(newer[1])
-            except Exception as error:  # disk or memory: the service continues without saving
-                known = isinstance(error, OSError)
-                log.error("%s cannot be written: %s", self._path, error, exc_info=not known)
-                self._troubled(
-                    f"the map cannot be kept in {self._path}: "
-                    f"{(error.strerror if known else '') or repr(error)}; "
-                    "make room there, or give another --state-dir"
-                )
-                return False
-            self._version = newer[0]
-        self._troubled("")
-        return True
+    def write(self) -> WriteOutcome:
+        """Write the present version if it is newer. Waits for a write in progress; once `close` was
+        called, only as long as that allows, and then it fails."""
+        left_s = max(0.0, self._wait_until_s - time.monotonic())
+        if not self._turn.acquire(timeout=-1 if math.isinf(left_s) else left_s):
+            log.warning(
+                "%s may lack the newest changes of the map, because an earlier write still runs; "
+                "see whether its disk hangs",
+                self._path,
+            )
+            return WriteOutcome.FAILED
+        try:
+            outcome = self._write_if_newer()
+        finally:
+            self._turn.release()
+        if outcome is WriteOutcome.WRITTEN:
+            self._troubled("")
+        return outcome
+
+    def _write_if_newer(self) -> WriteOutcome:
+        """Write the present version if it is newer. The caller holds `_turn`."""
+        try:
+            newer = self._newer(self._version)
+            if newer is None:
+                return WriteOutcome.UNCHANGED
+            self._replace(newer[1])
+        except Exception as error:  # disk or memory: the service continues without saving
+            known = isinstance(error, OSError)
+            log.error("%s cannot be written: %s", self._path, error, exc_info=not known)
+            self._troubled(
+                f"the map cannot be kept in {self._path}: "
+                f"{(error.strerror if known else '') or repr(error)}; "
+                "make room there, or give another --state-dir"
+            )
+            return WriteOutcome.FAILED
+        self._version = newer[0]
+        return WriteOutcome.WRITTEN
 
     def forget(self) -> None:
         """Remove the file, so that a map reset on request does not return at the next start."""
@@ -113,7 +145,9 @@ class AutosavedFile:
                 self._troubled(f"the kept map {self._path} cannot be removed: {error.strerror}")
 
     def close(self) -> None:
-        """Write a last time and end the thread."""
+        """Write a last time and end the thread. A write in progress delays it by at most
+        CLOSE_WITHIN_S; if it takes longer, nothing more is written."""
+        self._wait_until_s = time.monotonic() + CLOSE_WITHIN_S
         self._stopped.set()
         if self._thread.ident is not None:
             self._thread.join(CLOSE_WITHIN_S)

@@ -51,7 +51,11 @@ class MapView:
 
 
 def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
-    """MapView of a message. Raises InvalidInput if an array is corrupt or has the wrong size."""
+    """MapView of a message.
+
+    Only `explored` and `top_m` may be missing; they are then False and 0. Raises InvalidInput if
+    another array is missing, or one is corrupt or has the wrong size.
+    """
     shape = (snapshot.height, snapshot.width)
     good = math.isfinite(snapshot.cell_m) and snapshot.cell_m > 0
     if shape[0] * shape[1] > MAX_CELLS or (not good and shape[0] * shape[1] > 0):
@@ -59,21 +63,27 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
             f"the map is {shape[1]}x{shape[0]} cells of {snapshot.cell_m} m; wanted cells above "
             f"0 m and at most {MAX_CELLS // 10**6} million of them"
         )
+    if shape[0] * shape[1] and not snapshot.occupancy:
+        raise InvalidInput(
+            f"the map is {shape[1]}x{shape[0]} cells without occupancy; send it: without, no cell "
+            "is known to be free"
+        )
     if len(snapshot.trajectory_m) % 2:
         raise InvalidInput(f"the trajectory has {len(snapshot.trajectory_m)} numbers; send x, y …")
     robot = snapshot.robot
+    occupancy = inflated(snapshot.occupancy, "<i1", shape, "occupancy of the map")
     return MapView(
         version=snapshot.version,
         frame_id=FrameId(snapshot.id.robot_boot_id, snapshot.id.world_epoch, snapshot.id.seq),
         context_id=snapshot.context_id,
         cell_m=snapshot.cell_m,
         origin_m=(snapshot.origin_x_m, snapshot.origin_y_m),
-        occupancy=_unpacked(snapshot.occupancy, "<i1", shape, "occupancy").astype(np.int8),
-        explored=_unpacked(snapshot.explored, "<u1", shape, "explored") > 0,
-        top_m=_unpacked(snapshot.top_mm, "<u2", shape, "top_mm").astype(np.float32)
+        occupancy=occupancy.astype(np.int8),
+        explored=_optional(snapshot.explored, "<u1", shape, "explored") > 0,
+        top_m=_optional(snapshot.top_mm, "<u2", shape, "top_mm").astype(np.float32)
         * np.float32(0.001),
         values={
-            name: _unpacked(data, "<f2", shape, f"value layer {name}").astype(np.float32)
+            name: inflated(data, "<f2", shape, f"value layer {name} of the map").astype(np.float32)
             for name, data in snapshot.values.items()
         },
         frontiers=tuple(snapshot.frontiers),
@@ -86,8 +96,8 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
     )
 
 
-def _unpacked(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
-    """Array of the map; zeros where the message has none."""
+def _optional(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
+    """Array of the map; zeros if the message has none."""
     return inflated(data, dtype, shape, f"{what} of the map") if data else np.zeros(shape, dtype)
 
 
@@ -101,9 +111,11 @@ def inflated(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDAr
     try:
         raw = zlib.decompressobj().decompress(data, wanted + 1)
     except zlib.error as error:
-        raise InvalidInput(f"{what} is corrupt: {error}") from error
+        raise InvalidInput(f"{what} is corrupt: {error}; send it whole, packed by zlib") from error
     if len(raw) != wanted:
+        came = f"more than {wanted}" if len(raw) > wanted else str(len(raw))
         raise InvalidInput(
-            f"{what} is no {shape[1]}x{shape[0]} array: {len(raw)} bytes unpacked, {wanted} wanted"
+            f"{what} is no {shape[1]}x{shape[0]} array: {came} bytes unpacked, {wanted} wanted; "
+            f"send all rows, {np.dtype(dtype).itemsize} bytes a cell"
         )
     return np.frombuffer(raw, dtype).reshape(shape)

@@ -180,7 +180,7 @@ class MemoryBus(Bus):
             self._hub.watchers.append(entry)
             present = [a for a in self._hub.alive if a[0] == self.robot]
         for _, service, instance in present:
-            handler(service, instance, True)
+            _notify(handler, service, instance, True)
 
         def undo() -> None:
             with self._hub.lock:
@@ -196,11 +196,18 @@ class MemoryBus(Bus):
         with self._hub.lock:
             watching = [handler for robot, handler in self._hub.watchers if robot == entry[0]]
         for handler in watching:
-            handler(entry[1], entry[2], alive)
+            _notify(handler, entry[1], entry[2], alive)
 
     def _check_open(self) -> None:
         if self._closed:
             raise Unavailable("the bus is closed")
+
+
+def _notify(handler: LivelinessHandler, service: str, instance: str, alive: bool) -> None:
+    try:
+        handler(service, instance, alive)
+    except Exception:
+        log.exception("the liveliness handler failed")
 
 
 def _whole(message: Message | ImageMessage) -> Message:

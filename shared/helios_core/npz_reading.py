@@ -38,3 +38,19 @@ def unpacked(data: bytes, most_bytes: int = MOST_BYTES) -> dict[str, NDArray]:
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         return {name: file[name] for name in file.files}
+
+
+def one_array(data: bytes, name: str, most_bytes: int) -> NDArray:
+    """One array of an NPZ; the others are not unpacked.
+
+    Raises InvalidInput if it unpacks to more than `most_bytes`. A damaged file, or one without it,
+    raises the exceptions of zipfile and numpy.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as file:
+        member = file.getinfo(f"{name}.npy")
+        if member.file_size > most_bytes:
+            raise InvalidInput(
+                f"array {name} of the file unpacks to {member.file_size} bytes, wanted at most "
+                f"{most_bytes}: give a file that HELIOS saved"
+            )
+        return np.lib.format.read_array(io.BytesIO(file.read(member)), allow_pickle=False)

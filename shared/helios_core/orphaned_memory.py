@@ -39,8 +39,10 @@ class MemoryRecord:
     def close(self) -> None:
         """Remove the record. Call it when the memory has been freed."""
         with suppress(OSError):
-            self._path.unlink()
-            os.close(self._file)
+            try:
+                self._path.unlink()
+            finally:
+                os.close(self._file)
 
 
 def mapped_segments() -> set[Path]:

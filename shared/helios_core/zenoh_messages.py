@@ -50,6 +50,17 @@ def reply_of(method: Method[Req, Rep], data: bytes) -> Rep:
         ) from error
 
 
+def error_of(method: Method, data: bytes) -> HeliosError:
+    """Typed error in the bytes of an error reply; Internal for other bytes."""
+    try:
+        return error_from_proto(pb.Error.FromString(data))
+    except DecodeError:
+        return Internal(
+            f"{method.name} answered with an error of {len(data)} bytes that are no "
+            f"{pb.Error.DESCRIPTOR.full_name}; run one version of HELIOS everywhere"
+        )
+
+
 def answer(
     query: zenoh.Query, key: str, method: Method[Req, Rep], handler: Callable[[Req], Rep]
 ) -> None:
@@ -90,7 +101,7 @@ def assembled(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | No
         if reply.err is not None:
             payload = reply.err.payload.to_bytes()
             if str(reply.err.encoding) == ERROR_ENCODING:
-                raise error_from_proto(pb.Error.FromString(payload))
+                raise error_of(method, payload)
             raise TimeoutError  # the only error that Zenoh itself replies with: "Timeout"
         sample = reply.ok
         if sample is None:

@@ -53,7 +53,7 @@ class Dispatcher:
         }
         self._asked_s: dict[str, float] = {}  # last request for each begun task
         self._rests_until_s: dict[str, float] = {}  # robots that did not answer an offer
-        self._said: dict[str, str] = {}  # last logged trouble of each task
+        self._said: dict[str, str] = {}  # last logged trouble of each task and robot
         self._thread = threading.Thread(target=self._run, name="fleet", daemon=True)
 
     def start(self) -> None:
@@ -167,22 +167,27 @@ class Dispatcher:
         for robot in self.robots.values():
             robot.note_presence()
             if is_used:
-                robot.refresh()
+                self._contained(f"robot {robot.name}", robot.refresh)
         for offer in self.queue.withdrawn():
-            self._contained(offer.task_id, lambda offer=offer: self._drop_at_robot(offer))
+            what = f"task {offer.task_id}"
+            self._contained(what, lambda offer=offer: self._drop_at_robot(offer))
         for task in self.queue.open_tasks():
-            self._contained(task.id, lambda task=task: self._follow(task))
+            self._contained(f"task {task.id}", lambda task=task: self._follow(task))
         self._assign()
 
-    def _contained(self, id: str, step: Callable[[], None]) -> None:
-        """Run one step; an error is logged, and the next cycle repeats the step."""
+    def _contained(self, what: str, step: Callable[[], None]) -> None:
+        """Run one step; any error is logged, the other steps go on, and the next cycle repeats
+        this one. what: the task or robot that it concerns."""
         try:
             step()
-            self._said.pop(id, None)
-        except HeliosError as error:
-            if self._said.get(id) != error.message:
-                self._said[id] = error.message
-                log.info("task %s of the fleet: %s", id, error.message)
+            self._said.pop(what, None)
+        except Exception as error:
+            known = isinstance(error, HeliosError)
+            said = error.message if known else repr(error)
+            if self._said.get(what) != said:
+                self._said[what] = said
+                level = logging.INFO if known else logging.ERROR
+                log.log(level, "%s of the fleet: %s", what, said, exc_info=not known)
 
     def _follow(self, task: FleetTask) -> None:
         if task.stage is Stage.OFFERED:  # the offer was not confirmed, or the gateway restarted
@@ -222,7 +227,7 @@ class Dispatcher:
             for t in waiting
         ]  # fmt: skip
         for one in assignments(asked, idle):
-            self._contained(one.task_id, lambda one=one: self._offer(one))
+            self._contained(f"task {one.task_id}", lambda one=one: self._offer(one))
 
     def _offer(self, one: Assignment) -> None:
         """Offer a task to a robot on hold; if it accepts, let it start."""

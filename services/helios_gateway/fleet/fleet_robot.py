@@ -22,6 +22,7 @@ FleetRobotState = Literal["idle", "busy", "not ready", "stopped", "away"]
 
 LEAST_SCORE = 0.2  # lowest score Ψ of an object that a map knows
 REFRESH_S = 30.0  # period in which the robot's tasks are listed anew
+LIST_AGAIN_S = 5.0  # pause after a list that failed; each further failure doubles it
 REMEMBERED = 64  # newest states of tasks
 
 
@@ -42,6 +43,8 @@ class FleetRobot:
         self._lock = threading.Lock()
         self._tasks: OrderedDict[str, pb.Task] = OrderedDict()
         self._listed_s = -math.inf
+        self._list_after_s = -math.inf  # no earlier, because the planner did not answer
+        self._pause_s = LIST_AGAIN_S  # after the next list that fails
         self._away_since_s: float | None = clock()
         served.bus.subscribe(TASK, self._hear)
 
@@ -68,12 +71,16 @@ class FleetRobot:
         return next(iter((*begun, *waiting)), None)
 
     def refresh(self) -> None:
-        """List the robot's tasks anew if that is due. Does nothing while the planner is away."""
+        """List the robot's tasks anew if that is due. Does nothing while the planner is away.
+
+        One thread asks all robots, so a planner that hangs is asked ever more rarely.
+        """
         now_s = self._clock()
         if not self.planner_here:
-            self._listed_s = -math.inf
+            self._listed_s = self._list_after_s = -math.inf
+            self._pause_s = LIST_AGAIN_S
             return
-        if now_s - self._listed_s < REFRESH_S:
+        if now_s < self._list_after_s or now_s - self._listed_s < REFRESH_S:
             return
         self._listed_s = now_s
         with self._lock:
@@ -81,8 +88,10 @@ class FleetRobot:
         try:
             listed = self.served.bus.call(LIST_TASKS, pb.Empty(), self._timeout_s).tasks
         except HeliosError:
-            self._listed_s = -math.inf
+            self._listed_s, self._list_after_s = -math.inf, self._clock() + self._pause_s
+            self._pause_s = min(2 * self._pause_s, REFRESH_S)
             return
+        self._pause_s = LIST_AGAIN_S
         open_tasks = {t.id: t for t in listed if t.state not in ENDED}
         with self._lock:
             for id in known:  # a task that was heard since may be newer than the list

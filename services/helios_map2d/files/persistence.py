@@ -10,7 +10,7 @@ from pathlib import PurePosixPath
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.map_autosave import AutosavedFile, SavedMap, of_another_world
+from helios_core.map_autosave import AutosavedFile, SavedMap, WriteOutcome, of_another_world
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN
 from helios_core.printable_text import counted
 from helios_core.stored_map_file import StoredMapFile
@@ -143,9 +143,8 @@ class MapFiles:
 
     def taken_over(self) -> None:
         """Write the present map, which has taken over the stored one, and remove that one."""
-        if self._kept is not None:
-            self._kept.write()
-        self._stored.remove()
+        if self._kept is None or self._kept.write() is not WriteOutcome.FAILED:
+            self._stored.remove()
 
     def _restore(self, found: SavedMap, maps: EpochMaps) -> None:
         state, world = decode_map(found.data, maps.rules, maps.footprint_radius_m, maps.version)

@@ -155,7 +155,8 @@ class BaseController:
     def reach(self, level: int = 0) -> Reach:
         """Everything reachable now with the margin of that level (0 is the widest)."""
         ground, pose = self.robot.ground(), self.robot.pose()
-        key = (ground.identity, pose, level, len(self.felt_obstacles), len(self.blind_zone.discs))
+        discs = tuple(self.felt_obstacles), tuple(self.blind_zone.discs)
+        key = (ground.identity, pose, level, *discs)
         if key not in self._cached:
             if len(self._cached) > 8:
                 self._cached.clear()

@@ -117,7 +117,8 @@ def _connected(path: Path) -> sqlite3.Connection:
         db.execute("PRAGMA synchronous=NORMAL")
         db.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES}")
         db.execute("PRAGMA journal_size_limit=0")
-        for table in ("tasks", "journal", "refuted", "pulse"):  # detects damage at the start
+        # Detects damage at the start.
+        for table in ("tasks", "decisions", "journal", "refuted", "pulse"):
             db.execute(f"SELECT * FROM {table}").fetchall()
     except BaseException:
         db.close()

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
+from helios_core.errors import Unavailable
 from helios_core.types import WorldId
 
 from helios_planner.refuted_things import KEPT_S, RefutedThing
@@ -50,7 +51,8 @@ class Entry:
 class Store:
     """Store of the tasks. Thread-safe. Raises Unavailable if the file cannot be used at the start.
 
-    Methods that write return True if the data is stored. Of each task the newest `most_decisions`
+    Methods that write return True if the data is stored; those that read raise Unavailable if the
+    file is damaged. Of each task the newest `most_decisions`
     stay; `forget` deletes a task. `proven`: True if the previous store held all that was published.
     `said`: message about its file.
     """
@@ -111,25 +113,19 @@ class Store:
 
     def tasks(self) -> list[pb.Task]:
         """All tasks that can be read, oldest first."""
-        with self._lock:
-            rows = self._db.execute("SELECT id, message FROM tasks ORDER BY created_s").fetchall()
+        rows = self._rows("SELECT id, message FROM tasks ORDER BY created_s")
         return [task for id, row in rows if (task := _decoded(pb.Task, row, f"task {id}"))]
 
     def decisions(self, task_id: str) -> list[pb.Decision]:
         """The readable decisions of a task, in order."""
-        with self._lock:
-            rows = self._db.execute(
-                "SELECT message FROM decisions WHERE task_id = ? ORDER BY number", (task_id,)
-            ).fetchall()
+        sql = "SELECT message FROM decisions WHERE task_id = ? ORDER BY number"
+        rows = self._rows(sql, task_id)
         what = f"a decision of task {task_id}"
         return [d for row in rows if (d := _decoded(pb.Decision, row[0], what))]
 
     def last_number(self, task_id: str) -> int:
         """Number of a task's newest decision; -1 without any."""
-        with self._lock:
-            row = self._db.execute(
-                "SELECT MAX(number) FROM decisions WHERE task_id = ?", (task_id,)
-            ).fetchone()
+        (row,) = self._rows("SELECT MAX(number) FROM decisions WHERE task_id = ?", task_id)
         return -1 if row[0] is None else int(row[0])
 
     # --- the journal ---------------------------------------------------------------------------
@@ -143,16 +139,13 @@ class Store:
 
     def entry(self, task_id: str) -> Entry | None:
         """Journal of a running task. Raises ValueError if it cannot be read."""
-        with self._lock:
-            row = self._db.execute(
-                "SELECT life, request, result, memory, epoch FROM journal WHERE task_id = ?",
-                (task_id,),
-            ).fetchone()
-        if row is None:
-            return None
-        life, request, result, checkpoint, epoch = row
-        boot = json.loads(epoch)
+        sql = "SELECT life, request, result, memory, epoch FROM journal WHERE task_id = ?"
         try:
+            rows = self._rows(sql, task_id)
+            if not rows:
+                return None
+            life, request, result, checkpoint, epoch = rows[0]
+            boot = json.loads(epoch)
             return Entry(
                 life,
                 None if request is None else pb.ActionRequest.FromString(request),
@@ -160,18 +153,17 @@ class Store:
                 json.loads(checkpoint),
                 None if boot is None else (str(boot[0]), int(boot[1])),
             )
-        except DecodeError as error:
-            raise ValueError(str(error)) from error
+        except (DecodeError, LookupError, TypeError, Unavailable) as error:
+            raise ValueError(f"{type(error).__name__}: {error}") from error
 
     # --- things that looked wrong in the hand --------------------------------------------------
     def refuted(self, world: WorldId) -> list[RefutedThing]:
         """Refuted things of a world, oldest first."""
-        with self._lock:
-            rows = self._db.execute(
-                "SELECT class, x_m, y_m, z_m, probability, unnamed, at_s FROM refuted "
-                "WHERE world = ? ORDER BY at_s",
-                (_name(world),),
-            ).fetchall()
+        rows = self._rows(
+            "SELECT class, x_m, y_m, z_m, probability, unnamed, at_s FROM refuted "
+            "WHERE world = ? ORDER BY at_s",
+            _name(world),
+        )
         return [RefutedThing(c, (x, y, z), p, bool(u), at_s) for c, x, y, z, p, u, at_s in rows]
 
     def keep_refuted(self, world: WorldId, things: Iterable[RefutedThing]) -> bool:
@@ -189,9 +181,8 @@ class Store:
 
     def alive_s(self) -> float:
         """Time when a planner was last alive; 0: it was stopped, or there was none."""
-        with self._lock:
-            row = self._db.execute("SELECT at_s FROM pulse").fetchone()
-        return float(row[0]) if row else 0.0
+        rows = self._rows("SELECT at_s FROM pulse")
+        return float(rows[0][0]) if rows else 0.0
 
     def mend(
         self,
@@ -244,6 +235,16 @@ class Store:
         with self._lock:
             self._closed = True
             self._db.close()
+
+    def _rows(self, sql: str, *values: object) -> list[tuple]:
+        """Rows of a query. Raises Unavailable if the file cannot be read."""
+        with self._lock:
+            try:
+                return self._db.execute(sql, values).fetchall()
+            except sqlite3.Error as error:
+                raise Unavailable(
+                    f"{self.path} cannot be read: {error}; {remedy(error)}"
+                ) from error
 
     def _write(self, *statements: Statement, safe: bool = False) -> bool:
         """Write all statements or none. A repeated fault is logged once."""

@@ -246,10 +246,14 @@ def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Det
     if m.x + m.width > shape[1] or m.y + m.height > shape[0] or m.width * m.height == 0:
         raise InvalidInput(
             f"a mask of {m.width}x{m.height} at ({m.x}, {m.y}) does not fit the image of "
-            f"{shape[1]}x{shape[0]}"
+            f"{shape[1]}x{shape[0]}; send the part of the mask within a box that lies in the image"
         )
-    if len(m.bits) != (m.width * m.height + 7) // 8:
-        raise InvalidInput(f"a mask of {m.width}x{m.height} came with {len(m.bits)} bytes")
+    wanted = (m.width * m.height + 7) // 8
+    if len(m.bits) != wanted:
+        raise InvalidInput(
+            f"a mask of {m.width}x{m.height} came with {len(m.bits)} bytes, {wanted} wanted; send "
+            "one bit a pixel, row by row, as np.packbits packs them"
+        )
     if not 0 <= detection.score <= 1:  # also for NaN
         raise InvalidInput(
             f"a detection of {detection.class_name!r} has a score of {detection.score:g}; send a "

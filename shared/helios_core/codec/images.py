@@ -81,7 +81,11 @@ def check_color_depth(data: bytes, what: str) -> None:
 
 
 def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
-    """Pixels of a JPEG or PNG in OpenCV's channel order. Raises InvalidInput if it is corrupt."""
+    """Pixels of a JPEG or PNG in OpenCV's channel order, as they are stored.
+
+    An EXIF orientation, such as a phone writes, turns nothing: depth and K belong to the stored
+    pixels. Raises InvalidInput if the image is corrupt.
+    """
     data = bytes(image.data)
     size = encoded_size(data)
     if size is None:
@@ -91,7 +95,8 @@ def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
         )
     _check_pixels(*size, what)
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        stored = np.frombuffer(data, np.uint8)
+        pixels = cv2.imdecode(stored, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error as error:
         raise InvalidInput(f"{what} cannot be decoded ({error.err}); send a whole image") from error
     if pixels is None:

@@ -70,6 +70,31 @@ def test_a_driver_that_comes_back_late_from_a_halt_may_act_again() -> None:
     assert act(stage, "c", beats=False).succeeded
 
 
+class Unheard(LineRobot):
+    """Its first two stops for a silent sender fail, as over a radio link that is down."""
+
+    failures = 2
+
+    def stop(self, reason: str) -> None:
+        if "silent" in reason and self.failures:
+            self.failures -= 1
+            raise Unavailable("the robot does not answer")
+        super().stop(reason)
+
+
+def test_a_halt_that_fails_is_tried_again_while_the_action_runs() -> None:
+    robot = Unheard()
+    stage = Stage(robot, heartbeat_s=0.1)
+    robot.hold.clear()
+    ended = act(stage, "a", beats=True)
+    assert not ended.succeeded
+    assert robot.failures == 0
+    assert stage.health.metrics()["halts"] == 1
+    wait_until(lambda: stage.bridge._halt_call is None, 5, "the halt is over")
+    assert not robot.stopped
+    assert act(stage, "b", beats=False).succeeded
+
+
 @pytest.mark.parametrize(
     ("message", "stays"), [(f"{HALTED} for 3.9 s", False), ("a person pressed the button", True)]
 )

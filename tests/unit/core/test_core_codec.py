@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
+import struct
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -27,6 +29,7 @@ from helios_core.codec import (
 from helios_core.codec.images import encoded_size
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
+from helios_core.recording_format import join_frame, split_frame
 from helios_core.robot import Action, Forward, Observe, Pick, Place, Show, Tilt, Turn
 from helios_core.types import (
     Detection,
@@ -39,6 +42,8 @@ from helios_core.types import (
     SearchContext,
     Shown,
 )
+from helios_replay.ros_images import color_of
+from helios_spot.posed_images import decode_color
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -91,6 +96,37 @@ def test_a_compressed_frame_round_trips_within_the_error_of_jpeg() -> None:
     got = frame_from_proto(message)
     assert np.abs(got.color.astype(int) - 128).max() <= 3
     np.testing.assert_allclose(got.depth_m, frame.depth_m, atol=1e-6)
+
+
+def turned_by_exif(jpeg: bytes) -> bytes:
+    """The same JPEG with an APP1 segment that says it stands on its head (orientation 3)."""
+    entry = struct.pack("<HHIHH", 0x0112, 3, 1, 3, 0)
+    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry + bytes(4)
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", 2 + len(exif)) + exif + jpeg[2:]
+
+
+def test_the_exif_orientation_of_a_jpeg_turns_no_image_of_a_frame() -> None:
+    """Depth and K belong to the pixels as they are stored."""
+    color = np.zeros((24, 32, 3), np.uint8)
+    color[:, :16] = 255  # white on the left
+    jpeg = turned_by_exif(cv2.imencode(".jpg", color)[1].tobytes())
+    data = np.frombuffer(jpeg, np.uint8)
+    opencv = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    assert opencv is not None
+    assert opencv[:, 16:].min() > 200  # it would turn it
+    message = frame_to_proto(make_frame())
+    split = split_frame(message, 90)
+    message.compressed_color.data = jpeg
+    split.color.data = jpeg
+    ros = SimpleNamespace(data=jpeg, format="jpeg")
+    spot = SimpleNamespace(data=jpeg, format=1, FORMAT_RAW=2, rows=24, cols=32)
+    joined = frame_from_proto(join_frame(split.head, split.color, split.depth))
+    for decoded in (
+        frame_from_proto(message).color, joined.color, color_of(ros, True, "the image"),
+        decode_color(spot),
+    ):  # fmt: skip
+        assert decoded[:, :16].min() > 200
+        assert decoded[:, 16:].max() < 50
 
 
 def test_bad_depth_values_count_as_invalid() -> None:
@@ -203,7 +239,16 @@ def test_a_mask_outside_the_image_is_refused() -> None:
     message = observation_to_proto(Observation(make_frame(), "c", (), {}, "t"))
     message.detections.add(class_name="mug", score=1).mask.x = 30
     message.detections[0].mask.width = message.detections[0].mask.height = 8
-    with pytest.raises(InvalidInput, match="does not fit"):
+    with pytest.raises(InvalidInput, match=r"does not fit.*; send the part"):
+        observation_from_proto(message)
+
+
+def test_a_mask_that_does_not_fill_its_bytes_is_refused_with_the_right_number() -> None:
+    message = observation_to_proto(Observation(make_frame(), "c", (), {}, "t"))
+    mask = message.detections.add(class_name="mug", score=1).mask
+    mask.width = mask.height = 8
+    mask.bits = bytes(5)
+    with pytest.raises(InvalidInput, match="with 5 bytes, 8 wanted; send one bit a pixel"):
         observation_from_proto(message)
 
 

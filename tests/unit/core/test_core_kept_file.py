@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 
 import pytest
-from helios_core.map_autosave import AutosavedFile
+from helios_core.map_autosave import AutosavedFile, WriteOutcome
 
 from tests.full_disk import fill, small_disk
 from tests.support import wait_until
@@ -57,6 +58,15 @@ def test_a_failed_write_is_reported_and_retried_without_a_further_change(
     assert (tmp_path / "state" / "m.map").read_bytes() == b"one"
 
 
+def test_a_write_tells_nothing_newer_from_a_failure(tmp_path: Path) -> None:
+    map = Map(tmp_path / "m.map")
+    map.change(b"one")
+    assert map.kept.write() is WriteOutcome.WRITTEN
+    assert map.kept.write() is WriteOutcome.UNCHANGED
+    map.fails = OSError(28, "No space left on device")
+    assert map.kept.write() is WriteOutcome.FAILED
+
+
 def test_an_exception_while_encoding_the_map_does_not_end_the_autosave(tmp_path: Path) -> None:
     map = Map(tmp_path / "m.map", period_s=0.01)
     map.fails = MemoryError()
@@ -74,6 +84,29 @@ def test_closing_writes_pending_changes(tmp_path: Path) -> None:
     map.change(b"last")
     map.kept.close()
     assert (tmp_path / "m.map").read_bytes() == b"last"
+
+
+def test_closing_does_not_wait_for_a_write_that_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("helios_core.map_autosave.CLOSE_WITHIN_S", 0.05)
+    writing, go = threading.Event(), threading.Event()
+
+    def hangs(version: int) -> tuple[int, bytes]:
+        writing.set()
+        go.wait(30)
+        return version + 1, b"map"
+
+    kept = AutosavedFile(tmp_path / "m.map", 0.01, hangs, lambda _: None)
+    kept.start()
+    assert writing.wait(30)
+    closing = threading.Thread(target=lambda: (kept.close(), kept.write()))
+    closing.start()
+    closing.join(10)
+    assert not closing.is_alive()
+    assert "may lack the newest changes of the map" in caplog.text
+    go.set()
+    wait_until((tmp_path / "m.map").exists, 10, "the write ends after all")
 
 
 def test_files_moved_aside_never_overwrite_each_other(tmp_path: Path) -> None:

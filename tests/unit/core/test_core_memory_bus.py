@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 
+import pytest
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, GET_TASK, KEYFRAME
@@ -79,3 +80,21 @@ def test_messages_of_uncopied_topics_reach_subscribers_as_they_are() -> None:
     bus.publish(FRAME, sent)
     assert heard == [sent, sent]
     assert not any(message is sent for message in heard)
+
+
+def test_a_liveliness_handler_that_raises_harms_neither_the_service_nor_other_watchers(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    bus, seen = MemoryBus(MemoryHub()), []
+
+    def broken(service: str, instance: str, alive: bool) -> None:
+        raise ZeroDivisionError(f"{service} is {alive}")
+
+    bus.watch(broken)
+    bus.watch(lambda *entry: seen.append(entry))
+    planner = bus.announce("planner", "1")
+    bus.watch(broken)
+    planner.close()
+    assert seen == [("planner", "1", True), ("planner", "1", False)]
+    assert caplog.text.count("the liveliness handler failed") == 4
+    assert "planner is False" in caplog.text

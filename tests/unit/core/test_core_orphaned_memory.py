@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from helios_core import orphaned_memory
-from helios_core.orphaned_memory import SEGMENT, SUFFIX, free, orphans
+from helios_core.orphaned_memory import SEGMENT, SUFFIX, MemoryRecord, free, orphans
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has this folder")
 
@@ -88,3 +88,12 @@ def test_a_record_frees_only_segments_in_its_own_folder(
     assert free(record) == 0
     assert segment.read_bytes() == IMAGE
     assert not record.exists()
+
+
+def test_a_record_that_somebody_has_removed_is_closed_all_the_same(folder: Path) -> None:
+    record = MemoryRecord([])
+    (path,) = folder.iterdir()
+    path.unlink()
+    record.close()
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(record._file)

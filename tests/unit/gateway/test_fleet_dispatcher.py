@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
+from helios_core.topics import Method
 from helios_gateway.error_responses import NotFound
 from helios_gateway.fleet import dispatcher as dispatching
 from helios_gateway.fleet import fleet_robot
@@ -14,6 +16,7 @@ from helios_gateway.fleet.records import Stage
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.unit.gateway.gateway_clock import Clock
 from tests.unit.gateway.made_up_fleet import MadeUpFleet, MadeUpRobot
 
 
@@ -22,7 +25,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """No waiting between attempts."""
     for name in ("DROPPED_S", "RETRY_S", "ASK_S"):
         monkeypatch.setattr(dispatching, name, 0.0)
-    return
+    monkeypatch.setattr(fleet_robot, "LIST_AGAIN_S", 0.0)
 
 
 def fleet_of(count: int, file: Path | None = None) -> MadeUpFleet:
@@ -181,6 +184,57 @@ def test_a_task_that_is_heard_while_the_robot_lists_its_tasks_is_kept(
     robot.refresh()
     assert robot.newest("a1") is None
     assert robot.newest("b2") is not None
+    assert robot.state() == "busy"
+
+
+def test_an_unexpected_error_of_one_task_or_robot_does_not_hold_up_the_others(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    fleet = fleet_of(3)
+    original = fleet.robots["robot-1"].call
+
+    def broken(method: Method, request: Any, timeout_s: float) -> Any:
+        raise TypeError(f"no answer can be read from {method.name}")
+
+    first = fleet.add("find the mug", wanted="robot-1")
+    second = fleet.add("find the can", wanted="robot-2")
+    monkeypatch.setattr(fleet.robots["robot-1"], "call", broken)
+    fleet.cycle(3)
+    assert state(fleet, second) == ("running", "robot-2")
+    assert caplog.text.count("robot robot-1 of the fleet: TypeError") == 1
+    assert f"task {first} of the fleet: TypeError" in caplog.text
+    assert "in broken" in caplog.text  # the traceback
+    monkeypatch.setattr(fleet.robots["robot-1"], "call", original)
+    fleet.cycle(3)
+    assert state(fleet, first) == ("running", "robot-1")
+
+
+def test_a_planner_that_does_not_list_its_tasks_is_asked_ever_more_rarely(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(fleet_robot, "LIST_AGAIN_S", 5.0)
+    made_up, clock = MadeUpRobot("robot-1", reach="lost"), Clock()
+    robot = fleet_robot.FleetRobot("robot-1", made_up.served(), 1.0, lambda: None, clock)
+
+    def asked_s(seconds: int) -> list[float]:
+        """Times after now at which the robot is asked, in cycles of half a second."""
+        made_up.calls.clear()
+        began_s, times_s = clock.now, list[float]()
+        for _ in range(2 * seconds):
+            robot.refresh()
+            times_s += [clock.now - began_s] * len(made_up.calls)
+            made_up.calls.clear()
+            clock.now += 0.5
+        return times_s
+
+    assert asked_s(120) == [0, 5, 15, 35, 65, 95]
+    made_up.here = False  # its planner starts anew
+    robot.refresh()
+    made_up.here = True
+    assert asked_s(4) == [0]
+    made_up.reach = "ok"
+    made_up.tasks["a1"] = pb.Task(id="a1", state="running")
+    assert asked_s(25) == [1]
     assert robot.state() == "busy"
 
 

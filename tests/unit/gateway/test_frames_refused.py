@@ -19,6 +19,7 @@ from helios_gateway.uploaded_frames import push_request, read_meta
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.unit.bridge.bridge_push_stage import Rig, pushed
 from tests.unit.gateway.gateway_frames import (
     COLOR,
     DEEP,
@@ -136,3 +137,16 @@ def test_arbitrary_image_bytes_raise_at_most_a_typed_error(data: bytes) -> None:
                 request = push_request(meta, color, depth)
                 request.frame.T_world_base.CopyFrom(request.frame.T_world_cam)
                 frame_from_proto(request.frame)
+
+
+@pytest.mark.parametrize(
+    ("classes", "said"),
+    [
+        (("mug", "x" * 65, "cup"), f"called '{'x' * 64}…', which has 65 letters; send names of 1"),
+        (("mug", " ", "cup"), "called '', which has 0 letters; send names of 1 to 64"),
+        (tuple(f"c{k}" for k in range(65)), "65 classes came; send at most 64"),
+    ],
+)
+def test_a_refused_class_name_is_told(classes: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        Rig().push(pushed(), classes=classes)

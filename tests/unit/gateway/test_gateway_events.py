@@ -6,7 +6,7 @@ import asyncio
 import json
 import math
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 
 import pytest
 from helios_core import proto as pb
@@ -26,11 +26,11 @@ def parsed(raw: bytes) -> tuple[str, str, dict]:
     return fields["id"], fields["event"], json.loads(fields["data"])
 
 
-async def take(stream: AsyncIterator[bytes], count: int) -> list[tuple[str, str, dict]]:
+async def take(stream: AsyncGenerator[bytes], count: int) -> list[tuple[str, str, dict]]:
     return [parsed(await anext(stream)) for _ in range(count)]
 
 
-async def open_stream(hub: EventHub, last_id: str | None = None) -> AsyncIterator[bytes]:
+async def open_stream(hub: EventHub, last_id: str | None = None) -> AsyncGenerator[bytes]:
     stream = as_sse(hub.watch(last_id))
     assert await anext(stream) == b"retry: 1000\n\n"
     return stream
@@ -127,6 +127,29 @@ def test_a_silent_stream_sends_keepalives_and_the_number_of_viewers_is_limited()
         with pytest.raises(Unavailable, match="max-viewers"):
             hub.watch(None)
         await stream.aclose()
+        assert hub.viewers == 0
+
+    asyncio.run(run())
+
+
+def test_streams_that_have_not_begun_count_and_free_their_places_when_they_end() -> None:
+    hub = EventHub(backlog=5, max_viewers=2, keepalive_s=5)
+
+    async def run() -> None:
+        waiting = [hub.watch(None), hub.watch(None)]
+        with pytest.raises(Unavailable, match="2 event streams are open"):
+            hub.watch(None)
+        await waiting.pop().aclose()  # its viewer has left before the first event
+        stream = await open_stream(hub)
+        with pytest.raises(Unavailable):
+            hub.watch(None)
+        waiting.clear()  # nobody has closed it
+        other = await open_stream(hub)
+        with pytest.raises(Unavailable):
+            hub.watch(None)
+        for begun in (stream, other):
+            await begun.aclose()
+        waiting = [hub.watch(None), hub.watch(None)]
         assert hub.viewers == 0
 
     asyncio.run(run())

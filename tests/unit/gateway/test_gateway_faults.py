@@ -11,6 +11,7 @@ from helios_core import proto as pb
 from helios_core import tracing
 from helios_core.span_recording import SpanRecording
 from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.faults.life_cycle import Finding
 from helios_gateway.service_registry import ServiceRegistry
 
 from tests.gateway_backend import Backend
@@ -107,6 +108,17 @@ def test_a_change_of_a_fault_is_an_event(
     event = live.events._state["fault/robot-stopped"]
     assert event.type == "fault"
     assert '"state":"confirmed"' in event.data
+
+
+def test_a_new_subscriber_is_told_only_of_faults_in_the_list(
+    live: RobotMonitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_gateway.faults.life_cycle.MOST_FAULTS", 3)
+    for number in range(9):
+        live.faults.observe([Finding(f"service {number}", "degraded", "it fails")])
+    listed = {f"fault/{fault.id}" for fault in live.faults.faults()}
+    assert len(listed) == 3
+    assert {key for key in live.events._state if key.startswith("fault/")} == listed
 
 
 def test_a_task_that_was_not_traced_has_no_trace_and_says_what_to_do(

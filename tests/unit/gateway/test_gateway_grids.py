@@ -47,8 +47,9 @@ def test_a_snapshot_is_decoded_exactly(rows: int, columns: int, seed: int, layer
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"occupancy": b"no zlib"}, "corrupt"),
-        ({"occupancy": zlib.compress(bytes(10))}, "10 bytes unpacked"),
+        ({"occupancy": b""}, "cells without occupancy; send it"),
+        ({"occupancy": b"no zlib"}, "corrupt: .*; send it whole"),
+        ({"occupancy": zlib.compress(bytes(10))}, "10 bytes unpacked, .* wanted; send all rows"),
         ({"explored": zlib.compress(bytes(10**7))}, "explored of the map"),
         ({"width": 2**31}, "million"),
         ({"cell_m": float("nan")}, "cells above 0 m"),
@@ -65,4 +66,20 @@ def test_an_inconsistent_snapshot_is_refused(change: dict, says: str) -> None:
         else:
             setattr(message, name, value)
     with pytest.raises(InvalidInput, match=says):
+        decode_snapshot(message)
+
+
+def test_arrays_that_a_planner_does_not_ask_for_may_be_missing() -> None:
+    cells = zlib.compress(np.full((2, 3), OCCUPIED, np.int8).tobytes())
+    view = decode_snapshot(pb.MapSnapshot(cell_m=0.05, width=3, height=2, occupancy=cells))
+    assert view.occupancy.tolist() == [[OCCUPIED] * 3] * 2
+    assert not view.explored.any()
+    assert not view.top_m.any()
+    assert decode_snapshot(pb.MapSnapshot()).shape == (0, 0)
+
+
+def test_a_value_layer_without_values_is_refused() -> None:
+    message = snapshot(1, (0.0, 0.0, 0.0))
+    message.values["pick"] = b""
+    with pytest.raises(InvalidInput, match="value layer pick of the map"):
         decode_snapshot(message)

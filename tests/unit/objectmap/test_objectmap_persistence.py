@@ -205,6 +205,10 @@ def test_a_flipped_bit_in_the_zip_directory_raises_nothing_but_invalid_input(rig
         ("store.through_from", 10_000, "seen through"),
         ("store.radius_m", np.nan, "not finite"),
         ("viewpoints.positions", np.inf, "not finite"),
+        ("store.means", 3e4, "from the origin"),
+        ("store.radius_m", -0.01, "a radius is not above 0"),
+        ("store.opacity", 1.5, "opacity not from 0 to 1"),
+        ("store.positive", -1.0, "evidence is below 0"),
     ],
 )
 def test_a_complete_file_with_invalid_values_is_refused(rig, array, value, said):
@@ -370,3 +374,14 @@ def test_a_killed_service_leaves_a_complete_map_file(tmp_path, rig):
     again.bus.publish(CONTEXT, context_to_proto(SOUGHT))
     assert again.mug().id == mug
     assert again.objects()
+
+
+def test_the_world_of_a_file_is_read_without_the_rest(rig, monkeypatch):
+    data = rig.saved()
+    world = persistence.read(data, ObjectMap(SETTINGS).empty_viewpoints()).world
+    assert world is not None
+    monkeypatch.setattr(persistence, "unpacked", None)  # raises TypeError if called
+    assert persistence.world_of(data) == world
+    assert persistence.world_of(data[:-30]) is None
+    monkeypatch.setattr(persistence, "HEADER_BYTES", 10)
+    assert persistence.world_of(data) is None

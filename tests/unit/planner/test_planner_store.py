@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
+import sqlite3
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
+from helios_core.errors import Unavailable
 from helios_planner.task import State
 from helios_planner.tasks.messages import task_from_proto, task_to_proto
 from helios_planner.tasks.store import Entry, Store
@@ -188,6 +190,24 @@ def test_rows_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:
     assert [t.id for t in store.tasks()] == ["good"]
     with pytest.raises(ValueError, match="Expecting value"):
         store.entry("bad")
+
+
+@pytest.mark.parametrize("epoch", ["{}", "[]", "3", "nonsense", '["boot", null]'])
+def test_a_journal_that_cannot_be_read_is_a_value_error(tmp_path: Path, epoch: str) -> None:
+    store = Store(tmp_path)
+    store.keep("a", Entry())
+    with closing(sqlite3.connect(store.path)) as other, other:
+        other.execute("UPDATE journal SET epoch = ?", (epoch,))
+    with pytest.raises(ValueError, match=r".+"):
+        store.entry("a")
+
+
+def test_a_table_that_cannot_be_read_is_reported_with_the_file_and_a_remedy(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    with closing(sqlite3.connect(store.path)) as other, other:
+        other.execute("DROP TABLE decisions")
+    with pytest.raises(Unavailable, match=r"tasks\.sqlite cannot be read: .*; .+"):
+        store.decisions("a")
 
 
 def test_a_write_after_close_is_no_fault_and_keeps_the_proof(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import helios_ros2.driver
 import pytest
+from helios_core.errors import Internal
 from helios_ros2.action_call import RosAction
 from helios_ros2.driver import Ros2Driver
 from helios_ros2.nav2_motion import Nav2Motion
@@ -100,3 +101,23 @@ def test_closing_ends_the_node_although_ros_does_not_take_the_cancel(
     stage.driver.close()
     assert stage.graph.happened == (["cancel", "close"] if fault == "no answer" else ["close"])
     assert ("the context is invalid" in caplog.text) == (fault == "an error")
+
+
+def test_a_stop_cancels_every_motion_although_one_cannot_be_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    action = ros_action()
+    stage = Stage(monkeypatch, action, nav2=True)
+    action._goal = stage.goal(Future())
+
+    def raises(text: str) -> None:
+        raise RuntimeError(text)
+
+    monkeypatch.setattr(stage.driver._velocity, "halt", lambda: raises("no velocity"))
+    with pytest.raises(RuntimeError, match="no velocity"):
+        stage.driver.stop("a cat")
+    assert stage.graph.happened == ["cancel"]
+    monkeypatch.setattr(stage.driver._manipulation, "cancel", lambda _: raises("no hand"))
+    with pytest.raises(Internal, match="RuntimeError: no velocity; RuntimeError: no hand"):
+        stage.driver.stop("a cat")
+    assert stage.graph.happened == ["cancel", "cancel"]
