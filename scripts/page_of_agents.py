@@ -58,6 +58,10 @@ SAYS = {  # what a setting decides, in a few words
     "objectmap.size_agreement": "weight by the usual size of the class",
 }
 
+# Agents that act on each detection, and what they use of the rules when they pick and place.
+TRUSTING = ("trusting", "homerobot-heuristic", "random-frontier", "vlfm", "vlfm-unfiltered")
+THEIRS = ("rounds", "rounds_held", "place_rule", "goal_seen_before_pick")
+
 
 def tables() -> str:
     """Two tables, of rules beyond the paper and of other values, with a column for each preset."""
@@ -88,7 +92,13 @@ def _legend(presets: Mapping[str, list[str]]) -> str:
         for head, agents in presets.items()
         if len(agents) > 1
     ]
-    return "\n".join([*lines, f"- Column *{OWN}* holds for agents of other packages.\n"])
+    lines += [
+        f"- Column *{OWN}* holds for agents of other packages.",
+        f"- {', '.join(map(code, TRUSTING))} act on each detection, without a score. Of the first "
+        f"table they use {', '.join(map(code, THEIRS))} alone when they pick and place; – marks "
+        "the others.\n",
+    ]
+    return "\n".join(lines)
 
 
 def _table(names: Mapping[str, object], presets: Mapping[str, list[str]]) -> str:
@@ -97,8 +107,13 @@ def _table(names: Mapping[str, object], presets: Mapping[str, list[str]]) -> str
         service, _, field = name.partition(".")
         info = SERVICES[service].model_fields[field]
         default = info.get_default(call_default_factory=True)
-        values = [_text(settings_for(head).get(name, default)) for head in presets]
-        rows.append([SAYS[name], code(field), *map(code, [*values, _text(default)])])
+        unused = name in PRINTED_RULES and field not in THEIRS
+        values = [
+            "–" if unused and head in TRUSTING
+            else code(_text(settings_for(head).get(name, default)))
+            for head in presets
+        ]  # fmt: skip
+        rows.append([SAYS[name], code(field), *values, code(_text(default))])
     return table(("rule", "setting", *map(code, presets), OWN), rows)
 
 

@@ -204,7 +204,7 @@ def test_the_nearest_frontier_has_the_shortest_way_before_and_after_the_pick() -
 # --- the start receptacle ------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", ["helios-paper", "no-global-objective"])
 def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: AgentName) -> None:
-    """The only mug stands on the counter, not on the coffee table that the instruction names."""
+    """By our rule. The only mug is on the counter, and the instruction names the coffee table."""
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
     with pytest.raises(TaskFailed) as failure:
         run(world, agent, "Move the mug from the coffee table to the sofa", rounds=1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helios_core.agent_presets import AgentName
+from helios_core.agent_presets import AgentName, service_settings
 from helios_core.types import ObjectInstance
 from helios_planner.agents import AGENTS
 from helios_planner.decisions.decision import Do
@@ -16,10 +16,11 @@ from helios_planner.motion_planning.base_placement import tilt_towards
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.detections import Sighting, sighting_of
 from helios_planner.robot.interface import WhatIf
+from helios_planner.search.base import RevisitSearch, Search
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.view_selection import RECEPTACLE_RULES, VIEW_RULES
 from helios_planner.settings import Settings
-from helios_planner.task import TaskFailed
+from helios_planner.task import Cause, TaskFailed
 from helios_planner.tasks.mission import Mission
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Rig, instance
@@ -51,23 +52,66 @@ def test_the_printed_rule_picks_the_candidate_with_the_highest_score() -> None:
     assert rig.search.decide().chosen.id == 4
 
 
-def test_the_one_printed_threshold_accepts_no_candidate_as_the_likeliest() -> None:
-    rig = Rig(start_receptacle_first=False)
-    rig.known = [instance(coffee_table()), mug_at(*TABLE_XY, score=0.9)]
-    rig.search.accept_any_after_share(1.0)
-    assert rig.search.decide().do is Do.ACT
-    assert not rig.search.accepted_as_likeliest(rig.known[1])
+@pytest.mark.parametrize(("after", "accepts"), [(1.0, False), (0.67, True)])
+def test_the_one_printed_threshold_accepts_no_candidate_as_the_likeliest(
+    after: float, accepts: bool
+) -> None:
+    """The only candidate is below the threshold, and nothing is left to search."""
+    rig = Rig(start_receptacle_first=False, rounds=1)
+    rig.known = [instance(coffee_table()), mug_at(*TABLE_XY, score=0.3)]
+    rig.search.accept_any_after_share(after)
+    assert rig.search.decide().do is not Do.ACT
+    while rig.search.relax():
+        rig.search.decide()
+    assert (rig.search.decide().do is Do.ACT) is accepts
 
 
-def test_a_task_by_all_printed_rules_succeeds() -> None:
+def printed(agent: AgentName) -> Settings:
+    """Settings of the planner for an agent of the paper, as evaluations have them."""
+    return Settings.model_validate({"agent": agent, **service_settings("planner", agent)})
+
+
+@pytest.mark.parametrize("agent", ["helios-paper", "helios-5050", "no-global-objective"])
+def test_a_task_by_all_printed_rules_succeeds(agent: AgentName) -> None:
     world = flat([coffee_table(), counter(), mug()])
-    printed = Settings(
-        agent="helios-paper", start_receptacle_first=False, confirm_from_near=False, pick_at_last=1,
-        place_at_last=1, rounds=1, rounds_held=1, place_rule="paper", gaze_aim="top",
-        view_contours="paper", gain_norm="sum",
-    )  # fmt: skip
-    Mission(world, parse(MOVE), printed).run()
+    Mission(world, parse(MOVE), printed(agent)).run()
     assert world.released is world.things[3]
+    acts = [d for d in world.decisions if d.do is Do.ACT]
+    assert len(acts) == 2
+    assert all(d.chosen.terms["score"] >= 0.5 for d in acts)  # tau_g and tau_b of Table 3
+
+
+def test_the_printed_agent_picks_an_accepted_mug_before_it_has_searched_everything() -> None:
+    """The only mug stands on the counter, and the instruction names the coffee table."""
+    world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
+    with pytest.raises(TaskFailed) as failure:
+        Mission(
+            world, parse("Move the mug from the coffee table to the sofa"), printed("helios-paper")
+        ).run()
+    assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
+    kinds = [d.do for d in world.decisions]
+    assert Do.NOTHING_LEFT not in kinds[: kinds.index(Do.ACT)]
+
+
+def test_the_printed_agent_searches_once_and_never_acts_on_a_doubtful_mug(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The mug is detected in two views of five, so that it never passes the threshold."""
+
+    def again(_: Search) -> None:
+        raise AssertionError("a second round began")
+
+    monkeypatch.setattr(Search, "next_round", again)
+    monkeypatch.setattr(RevisitSearch, "step", again)
+    doubtful = mug()
+    doubtful.rate = 0.4
+    world = flat([coffee_table(), counter(), doubtful])
+    with pytest.raises(TaskFailed) as failure:
+        Mission(world, parse(MOVE), printed("helios-paper")).run()
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+    assert world.picks == 0
+    assert not any("remembered" in d.why for d in world.decisions)
+    assert Do.NOTHING_LEFT in [d.do for d in world.decisions]
 
 
 @pytest.mark.parametrize("score", [0.0, 0.9])
