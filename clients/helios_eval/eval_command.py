@@ -150,18 +150,21 @@ def objectnav(
     noise_correlation: Correlation = None,
     sensor: Sensor = "none",
     scorer: Scorer = None,
+    pick_rule: PickRule = DEFAULT_PICK_RULE,
     assignments: Assignments = None,
     max_steps: Steps = None,
     ray: Ray = None,
     why: Why = "",
+    absent: Absent = 0.0,
+    detector: Detector = None,
     homes: Homes = None,
     level: Level = "",
 ) -> None:
     """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
     _run(
         "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
-        noise_level, noise_correlation, sensor, scorer, DEFAULT_PICK_RULE, assignments or [],
-        max_steps, ray, why, homes=homes, home_level=level,
+        noise_level, noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps,
+        ray, why, absent, detector, None, homes, level,
     )  # fmt: skip
 
 

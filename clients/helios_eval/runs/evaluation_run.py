@@ -171,9 +171,11 @@ def finish(
     with run_folder.write_errors_as_unavailable(asked.out):
         wall_s = time.time() - began_s
         write_run_description(asked, here, began_s, wall_s, skipped, plays)
-        there = episode_record.read(asked.out) if reports else []
+        if not reports:
+            return
+        there = episode_record.read(asked.out)
+        results.write(asked.out, there, asked.picks)
         if there:
-            results.write(asked.out, there, asked.picks)
             write_report(asked.out)
 
 

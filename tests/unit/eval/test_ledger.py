@@ -163,4 +163,8 @@ def test_each_study_that_asks_for_homes_checks_them() -> None:
     asking = [f for f in folder.rglob("*.py") if re.search(r'"--seeds?0?"', f.read_text())]
     assert len(asking) >= 10
     for file in asking:
-        assert "helios_eval.studies.development_homes import" in file.read_text(), file
+        text = file.read_text()
+        imported = re.search(r"helios_eval\.studies\.development_homes import (.+)", text)
+        assert imported, file
+        for name in imported[1].split(", "):
+            assert re.search(rf"\b{name}\(|type={name}\b", text), f"{file} does not use {name}"

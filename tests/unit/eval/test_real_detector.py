@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -220,6 +221,14 @@ def test_homes_without_a_task_are_named_and_do_not_count_as_missing(
     assert "onnx:tiny.onnx@" in report
     described = json.loads((tmp_path / "out" / "run.json").read_text())
     assert list(described["without_task"].values()) == [[1, 3]]
+
+
+@pytest.mark.usefixtures("fake_pool")
+def test_a_run_of_homes_without_a_task_writes_empty_results(tmp_path: Path) -> None:
+    under = condition(f"onnx:{model(tmp_path / 'tiny.onnx')}")
+    only = replace(asked(under, tmp_path / "out"), episodes=1, seed0=1)
+    assert run(only, Console(quiet=True)) == []
+    assert json.loads((tmp_path / "out" / "results.json").read_text()) == []
 
 
 # --- classes of the tasks -------------------------------------------------------------------------
