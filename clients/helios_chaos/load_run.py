@@ -111,14 +111,14 @@ def run_load(seed: int, out: Path, say: Say) -> LoadResult:
         with running_stack(plan) as (stack, _):
             say(f"starting HELIOS, {name if name == 'loaded' else 'without load'}")
             stack.wait_ready()
-            runs.append(_play(stack, name == "loaded", out / name))
+            runs.append(_play(stack, name == "loaded"))
             say(f"{runs[-1].ended} tasks ended in {runs[-1].seconds:.0f} s")
     result = LoadResult(*runs)
     write_file(out / "load.json", json.dumps(result.as_json(), indent=1) + "\n")
     return result
 
 
-def _play(stack: Stack, loaded: bool, out: Path) -> Run:
+def _play(stack: Stack, loaded: bool) -> Run:
     run, clients = Run(), None
     if loaded:
         argv = [sys.executable, "-m", "helios_chaos.load_clients", str(stack.port)]

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import resources
 
+from helios_core.name_rules import plain
 from helios_core.types import Frame
 
 from helios_detector.backend import ScorerBackend, Seen
-from helios_detector.vocabulary_matching import accepted_names, known_names, normalised, synonyms_of
+from helios_detector.vocabulary_matching import accepted_names, known_names, synonyms_of
 
 PRIOR = 0.2  # score if no seen name is in the table, or the prompt has no known name
 FLOOR = 0.05  # score if only unrelated objects are seen
@@ -41,7 +42,7 @@ class Affinity:
 
     def relation(self, seen: str, sought: str) -> float:
         """Strength, 0 to 1, with which one seen name indicates that the sought one is near."""
-        if normalised(seen) in accepted_names(sought):
+        if plain(seen) in accepted_names(sought):
             return 1.0
         a, b = key_of(seen), key_of(sought)
         hosted = self.hosts.get(b, {}).get(a, 0.0) * HOST_WEIGHT
@@ -102,7 +103,7 @@ def household_names() -> frozenset[str]:
 @lru_cache(maxsize=PROMPTS_REMEMBERED)
 def names_in(prompt: str) -> tuple[str, ...]:
     """The known names in a prompt, longest first; each word counts for one name only."""
-    rest, out = normalised(prompt), []
+    rest, out = plain(prompt), []
     for name in sorted(household_names(), key=lambda n: (-len(n), n)):
         rest, count = re.subn(rf"\b{re.escape(name)}(?:e?s)?\b", "\n", rest)
         if count:

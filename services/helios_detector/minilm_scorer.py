@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 from helios_core.errors import Unavailable
 from helios_core.models.catalogue import MINILM_PACKAGE
+from helios_core.name_rules import plain
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
 from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.hf.model_runtime import HfModel, Placement
 from helios_detector.lexical_scorer import PRIOR, combined
-from helios_detector.vocabulary_matching import normalised
 
 SEEN_AS = "a {} is near"  # sentence that stands for a detected name
 UNRELATED, SAME = 0.05, 0.65  # cosine of a prompt with an unrelated name, and with its own name
@@ -96,7 +96,7 @@ class MiniLmScorer(ScorerBackend):
             return {}
         if not seen:
             return dict.fromkeys(prompts, PRIOR)
-        names = self._vectors([SEEN_AS.format(normalised(s.class_name)) for s in seen])
+        names = self._vectors([SEEN_AS.format(plain(s.class_name)) for s in seen])
         sought = self._vectors(list(prompts.values()))
         relations = np.clip((sought @ names.T - UNRELATED) / (SAME - UNRELATED), 0, 1)
         weights = [s.score for s in seen]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from helios_core.name_rules import plain
 from numpy.typing import NDArray
 
 from helios_detector.minilm_scorer import TextVectors
-from helios_detector.vocabulary_matching import normalised
 
 MIN_COSINE = 0.55  # cosine from which one name may substitute another
 AS = "a {}"
@@ -22,13 +22,13 @@ class NearestName:
     """
 
     def __init__(self, vocabulary: Sequence[str], threads: int = 1) -> None:
-        self._names = [normalised(n) for n in vocabulary]
+        self._names = [plain(n) for n in vocabulary]
         self._vectors = TextVectors("by_similarity", threads)
 
     def __call__(self, asked: str) -> str | None:
         """The most similar name; None if no cosine reaches `MIN_COSINE`. Raises like
         `HfModel.use`."""
-        cosines = self._known @ self._vectors([AS.format(normalised(asked))])[0]
+        cosines = self._known @ self._vectors([AS.format(plain(asked))])[0]
         best = int(np.argmax(cosines))
         return self._names[best] if cosines[best] >= MIN_COSINE else None
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from helios_core.errors import InvalidInput
+from helios_core.name_rules import plain
 
 from helios_detector.coco_classes import COCO_NAMES
-from helios_detector.vocabulary_matching import normalised
 
 KEY = "names"  # metadata key that exporters use: {0: 'person', 1: 'bicycle', …} or a list
 
@@ -49,7 +49,7 @@ def _parsed(text: str, path: Path) -> list[str]:
 
 
 def _checked(names: Sequence[str], count: int, where: str) -> tuple[str, ...]:
-    out = tuple(normalised(name) for name in names)
+    out = tuple(plain(name) for name in names)
     twice = next((name for i, name in enumerate(out) if name in out[:i]), None)
     if len(out) == count and twice is None:
         return out

@@ -31,6 +31,7 @@ from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.image_messages import FrameMessage, ImageMessage, apart, kept
+from helios_core.name_rules import plain
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Detection, Frame, Observation, SearchContext
 
@@ -41,7 +42,6 @@ from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
 from helios_detector.model_usage import ModelUsage
 from helios_detector.query_methods import QueryMethods
-from helios_detector.vocabulary_matching import normalised
 
 log = logging.getLogger(__name__)
 
@@ -157,8 +157,8 @@ class DetectorService:
                         self._asked = None
             self._tell_health()
             return False
-        lost = {normalised(name) for name in refused}  # `refused` names one spelling of each class
-        findable = tuple(c for c in context.classes if normalised(c.name) not in lost)
+        lost = {plain(name) for name in refused}  # `refused` names one spelling of each class
+        findable = tuple(c for c in context.classes if plain(c.name) not in lost)
         with self._lock:
             if self._asked is not context:  # a newer one arrived, or this one is already active
                 return True

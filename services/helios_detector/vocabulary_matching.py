@@ -17,6 +17,7 @@ from importlib import resources
 
 from helios_core.errors import InvalidInput
 from helios_core.household_names import FURNITURE
+from helios_core.name_rules import plain
 from helios_core.types import SearchClass, SearchContext
 
 from helios_detector.coco_classes import COCO_NAMES
@@ -34,12 +35,6 @@ class SearchTarget:
     is_also: bool = False  # True for one of the context's other names
 
 
-@lru_cache(maxsize=4096)
-def normalised(name: str) -> str:
-    """Lower case, single spaces, underscores and hyphens as spaces."""
-    return " ".join(name.replace("_", " ").replace("-", " ").lower().split())
-
-
 @cache
 def _tables() -> tuple[dict[str, frozenset[str]], dict[str, tuple[str, ...]]]:
     text = resources.files("helios_detector").joinpath("synonyms.toml").read_text()
@@ -50,7 +45,7 @@ def _tables() -> tuple[dict[str, frozenset[str]], dict[str, tuple[str, ...]]]:
 
 def synonyms_of(name: str) -> frozenset[str]:
     """The normalised name and its synonyms."""
-    name = normalised(name)
+    name = plain(name)
     return _tables()[0].get(name, frozenset({name}))
 
 
@@ -83,14 +78,14 @@ def neighbours(asked: str) -> frozenset[str]:
 
 def near_matches(asked: str, vocabulary: Iterable[str], count: int = 3) -> list[str]:
     """The vocabulary's names spelled most like `asked`; at most `count`."""
-    name, names = normalised(asked), list(vocabulary)
-    shared = [n for n in names if set(normalised(n).split()) & set(name.split())]
+    name, names = plain(asked), list(vocabulary)
+    shared = [n for n in names if set(plain(n).split()) & set(name.split())]
     alike = difflib.get_close_matches(name, names, count, cutoff=0.5)
     return list(dict.fromkeys([*shared, *alike]))[:count]
 
 
 def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> SearchTarget:
-    roles = {o.role for o in context.classes if normalised(o.name) == normalised(c.name)}
+    roles = {o.role for o in context.classes if plain(o.name) == plain(c.name)}
     receptacle = any(r.is_receptacle for r in roles)
     return SearchTarget(c.name, names, c.threshold, receptacle, "object" in roles)
 
@@ -98,10 +93,10 @@ def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Se
 def open_wanted(context: SearchContext) -> tuple[SearchTarget, ...]:
     """Search classes for an open vocabulary, then the context's other names. A class's own name
     matches no other class."""
-    classes = context.distinct(normalised)
-    exact = {normalised(c.name) for c in classes}
+    classes = context.distinct(plain)
+    exact = {plain(c.name) for c in classes}
     wanted = tuple(
-        _wanted(c, accepted_names(c.name, c.synonyms) - (exact - {normalised(c.name)}), context)
+        _wanted(c, accepted_names(c.name, c.synonyms) - (exact - {plain(c.name)}), context)
         for c in classes
     )
     return wanted + _also_wanted(context, wanted)
@@ -116,7 +111,7 @@ def _also_wanted(
     out: list[SearchTarget] = []
     for name in context.also:
         names = synonyms_of(name)
-        if not (taken & names or {normalised(w.name) for w in wanted} & accepted_names(name)):
+        if not (taken & names or {plain(w.name) for w in wanted} & accepted_names(name)):
             taken |= names
             large = name in FURNITURE
             out.append(SearchTarget(name, names, least, large, not large, is_also=True))
@@ -134,12 +129,12 @@ def fixed_wanted(
     Each detector name serves one search class. Exact names are served first, then synonyms and
     narrower kinds, then neighbours, then similar names.
     """
-    known = {normalised(n): n for n in vocabulary}
-    classes = context.distinct(normalised)
+    known = {plain(n): n for n in vocabulary}
+    classes = context.distinct(plain)
     taken: dict[str, str] = {}
     got: dict[str, frozenset[str]] = {}
     ways: list[Callable[[SearchClass], frozenset[str]]] = [
-        lambda c: frozenset({normalised(c.name)}),
+        lambda c: frozenset({plain(c.name)}),
         lambda c: accepted_names(c.name, c.synonyms),
         lambda c: neighbours(c.name),
     ]

@@ -9,7 +9,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.map_snapshot import MapView, decode_snapshot
-from helios_core.name_rules import closest, is_named
+from helios_core.name_rules import closest, is_named, plain
 from helios_core.topics import (
     GAUSSIANS,
     OBJECTS,
@@ -185,7 +185,7 @@ class MapCache:
         names.update(known.names)
         if known.open or any(is_named(class_name, name) for name in names):
             return
-        near = closest(" ".join(class_name.replace("_", " ").lower().split()), sorted(names))
+        near = closest(plain(class_name), sorted(names))
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise NotFound(
             f"no class is called {class_name[:80]!r}: none of it is in the map, and the detector "

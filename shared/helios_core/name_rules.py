@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 from helios_core.errors import InvalidInput
 
@@ -13,6 +14,7 @@ ANY_ROBOT = "any"  # a task for it goes to a robot that the fleet chooses
 NO_PART_OF_A_NAME = "/*$#?, \t\n"  # characters with a meaning in keys or in lists of robots
 
 
+@lru_cache(maxsize=4096)
 def plain(text: str) -> str:
     """Name in the form used for comparison: lower case, single spaces in place of _ and -."""
     return " ".join(re.sub(r"[_-]", " ", text).casefold().split())

@@ -40,6 +40,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_core.name_rules import plain
+
 EDGE_SIGMA = 0.25  # one in three of the few objects outside a range is so by over a quarter
 BOX_ERROR_M = 0.03  # per side: depth noise, and one pixel of the mask's edge at both ends
 HALF_WHOLE_VIEWS = 10.0  # v0: 0.8 m of motion or 40 degrees of turn with the object in view
@@ -67,8 +69,7 @@ def extents_of(outline_m: NDArray[np.float64], height_m: float) -> Extents:
 
 def usual_extents(class_name: str) -> UsualSize | None:
     """Usual size of a class; None if the table lacks the class."""
-    name = " ".join(class_name.replace("_", " ").replace("-", " ").lower().split())
-    return _table().get(name)
+    return _table().get(plain(class_name))
 
 
 def agreement(

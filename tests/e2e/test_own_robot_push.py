@@ -49,7 +49,7 @@ def post(up: OwnUp, folder: Path) -> httpx.Response:
 def test_the_curl_command_of_the_docs_works(up: OwnUp, tmp_path: Path) -> None:
     if shutil.which("curl") is None:
         pytest.skip("there is no curl")
-    page = (Path(__file__).parents[2] / "docs/tutorials/your-own-robot.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/how-to/push-frames.md").read_text()
     (line,) = (line for line in page.splitlines() if line.startswith("curl ") and "color=@" in line)
     write_frame(tmp_path)
     line = line.replace("http://127.0.0.1:8080", up.address)

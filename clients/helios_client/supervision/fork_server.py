@@ -57,12 +57,12 @@ def main(descriptor: int, supervisor: int) -> None:
     _import(SHARED)
     _show_as((sys.executable, "-m", NAME))
     with socket.socket(fileno=descriptor) as requests:
-        request = _serve(requests, supervisor)
+        request = _serve(requests)
     if request is not None:
         _become(request, supervisor)
 
 
-def _serve(requests: socket.socket, supervisor: int) -> Request | None:
+def _serve(requests: socket.socket) -> Request | None:
     """Fork a service per request. Returns the request in each forked process, None at the end."""
     while message := requests.recv(MESSAGE_BYTES):
         request = Request(**json.loads(message))

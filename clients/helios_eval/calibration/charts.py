@@ -81,7 +81,7 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
             claimed.set_title(f"{ROLE_NAME[role]}: claim and truth")
             error.set_title("Expected calibration error")
             area.set_title("AUROC against the truth")
-            _claims(claimed, part, known, names)
+            _claims(claimed, part, names)
             for shift, name in ((-0.09, "S"), (0.09, "Ψ")):
                 _points(error, names, known, name, shift, "ece")
                 for k, views in enumerate(names):
@@ -192,9 +192,7 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
     below.set_ylim(0, wide.count.max() * 1.32)
 
 
-def _claims(
-    axes: Axes, part: Samples, known: dict[tuple[str, str], Row], names: Sequence[str]
-) -> None:
+def _claims(axes: Axes, part: Samples, names: Sequence[str]) -> None:
     for k, views in enumerate(names):
         group = part.of_views(views)
         if len(group) < MIN_SAMPLES:

@@ -8,7 +8,8 @@ of the home and of its ordinary task.
 from __future__ import annotations
 
 import numpy as np
-from helios_detector.vocabulary_matching import accepted_names, normalised, synonyms_of
+from helios_core.name_rules import plain
+from helios_detector.vocabulary_matching import accepted_names, synonyms_of
 from helios_sim.home import Episode, Home
 from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.task_sampling import sample_absent
@@ -35,7 +36,7 @@ def absent_classes(home: Home) -> list[str]:
     there = {thing.class_name for thing in (*home.objects, *home.receptacles, *home.fixtures)}
     there |= {part for name in there for part in PARTS.get(name, ())}
     accepted = frozenset[str]().union(*map(accepted_names, there))
-    names = {normalised(name) for name in there}
+    names = {plain(name) for name in there}
     return sorted(
         name
         for name in CATALOGS[home.preset.catalog].objects

@@ -19,8 +19,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol
 
+from helios_core.name_rules import plain
 from helios_core.types import ObjectInstance
-from helios_detector.vocabulary_matching import normalised
 
 from helios_eval.episodes.episode_record import Belief
 
@@ -60,13 +60,13 @@ def judge_instances(
 
     roles: class name -> role in the task. Instances of other classes are left out.
     """
-    role_of: dict[str, Role] = {normalised(name): role for name, role in roles.items()}
+    role_of: dict[str, Role] = {plain(name): role for name, role in roles.items()}
     by_class: dict[str, list[TrueObject]] = {}
     for thing in things:
-        by_class.setdefault(normalised(thing.class_name), []).append(thing)
+        by_class.setdefault(plain(thing.class_name), []).append(thing)
     out = []
     for instance in objects:
-        name = normalised(instance.class_name)
+        name = plain(instance.class_name)
         role = role_of.get(name)
         if role is None:
             continue

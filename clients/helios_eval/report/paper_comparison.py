@@ -143,7 +143,7 @@ def _table(table: paper_figures.Table, found: dict[int, Arm | None]) -> Table:
         arm = found[id(row)]
         name = Cell(row.name, row.agent if arm else "")
         n = count(arm) if arm else number_format.NONE
-        cells = [_cell(table, row, metric, arm) for metric in table.metrics]
+        cells = [_cell(row, metric, arm) for metric in table.metrics]
         rows.add([name, *cells, n], row.group)
     return rows.table(
         f"Table {table.number}: {table.title}",
@@ -153,7 +153,7 @@ def _table(table: paper_figures.Table, found: dict[int, Arm | None]) -> Table:
     )
 
 
-def _cell(table: paper_figures.Table, row: paper_figures.Row, metric: str, arm: Arm | None) -> Cell:
+def _cell(row: paper_figures.Row, metric: str, arm: Arm | None) -> Cell:
     figure = row.figures.get(metric)
     note = f"paper {figure}" if figure else f"paper {number_format.NONE}"
     if not row.agent:  # not an agent of this project

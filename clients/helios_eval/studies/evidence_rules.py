@@ -29,8 +29,8 @@ import numpy as np
 from helios_client.usage_errors import UsageError
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
+from helios_core.name_rules import plain
 from helios_core.types import ObjectInstance, Role
-from helios_detector.vocabulary_matching import normalised
 from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.decisions.acceptance import paper, patient
 from helios_planner.search.object_search import is_on_any, place_probability
@@ -100,10 +100,10 @@ def arm_of(text: str) -> Arm:
 
 def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None:
     """True if the arm would pick an object that the task means; None if it knows no candidate."""
-    starts = [o for o in known if normalised(o.class_name) == normalised(walked.start)]
+    starts = [o for o in known if plain(o.class_name) == plain(walked.start)]
     things = [
         o for o in known
-        if normalised(o.class_name) == normalised(walked.object) and o.class_score >= arm.least
+        if plain(o.class_name) == plain(walked.object) and o.class_score >= arm.least
     ]  # fmt: skip
     if not things:
         return None

@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from helios_core.name_rules import plain
 from helios_core.types import Detection
-from helios_detector.vocabulary_matching import accepted_names, neighbours, normalised
+from helios_detector.vocabulary_matching import accepted_names, neighbours
 
 from helios_eval.studies.realism_views import Thing, View, iou
 
@@ -61,7 +62,7 @@ def names_for(class_name: str, vocabulary: Iterable[str] | None) -> frozenset[st
     """
     if vocabulary is None:
         return frozenset({class_name})
-    known = {normalised(name): name for name in vocabulary}
+    known = {plain(name): name for name in vocabulary}
     same = accepted_names(class_name) & known.keys()
     return frozenset(known[name] for name in same or (neighbours(class_name) & known.keys()))
 

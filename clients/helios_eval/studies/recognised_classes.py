@@ -12,7 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from helios_core.atomic_file import write_file
-from helios_detector.vocabulary_matching import accepted_names, normalised
+from helios_core.name_rules import plain
+from helios_detector.vocabulary_matching import accepted_names
 from helios_sim.home.catalog import Catalog
 from helios_sim.home.task_sampling import AMBIGUOUS
 
@@ -42,12 +43,12 @@ def upper_half(rates: Mapping[str, float]) -> list[str]:
 
 def has_own_name(class_name: str, names: Iterable[str]) -> bool:
     """True if the detector's names for a class are its own, its synonyms or narrower kinds."""
-    return {normalised(name) for name in names} <= accepted_names(class_name)
+    return {plain(name) for name in names} <= accepted_names(class_name)
 
 
 def word_for(class_name: str, names: Iterable[str]) -> str:
     """The detector's word for a class: its own name if the detector has it."""
-    return min(names, key=lambda name: (normalised(name) != normalised(class_name), name))
+    return min(names, key=lambda name: (plain(name) != plain(class_name), name))
 
 
 def table_text(

@@ -81,7 +81,7 @@ def draw_plan(
     """Random rooms, by decreasing area, and doorways; None if this draw gives no valid plan."""
     count = int(rng.integers(preset.rooms[0], preset.rooms[1] + 1))
     for _ in range(_TRIES):
-        rows = _draw_rows(rng, count, preset)
+        rows = _draw_rows(rng, count)
         corridor_m = round(float(rng.uniform(*preset.corridor_width_m)), 2)
         if _fits(rows, corridor_m, preset):
             rects = _rects(rng, rows, corridor_m)
@@ -91,7 +91,7 @@ def draw_plan(
     return None
 
 
-def _draw_rows(rng: np.random.Generator, count: int, preset: HomePreset) -> tuple[_Row, _Row]:
+def _draw_rows(rng: np.random.Generator, count: int) -> tuple[_Row, _Row]:
     """Deep and shallow row of equal width, for that number of rooms with the corridor."""
     depths = [round(float(rng.uniform(*depth)), 2) for depth in (_DEEP_M, _SHALLOW_M)]
     blocks: list[list[tuple[Block, list[float]]]] = [

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.name_rules import plain
 from helios_core.types import SearchContext
 from numpy.typing import NDArray
 
 from helios_detector.backend import SEEN_SCORE
-from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
+from helios_detector.vocabulary_matching import SearchTarget, open_wanted
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Phrases:
 
 def clean(name: str) -> str:
     """The name as a prompt, without full stops, which separate phrases for Grounding DINO."""
-    return " ".join(normalised(name).replace(".", " ").replace(",", " ").split())
+    return " ".join(plain(name).replace(".", " ").replace(",", " ").split())
 
 
 def phrases_of(context: SearchContext, landmarks: Sequence[str] = ()) -> Phrases:
@@ -46,15 +47,15 @@ def phrases_of(context: SearchContext, landmarks: Sequence[str] = ()) -> Phrases
     wanted = open_wanted(context)
     synonyms: dict[str, list[str]] = {}
     for c in context.classes:
-        synonyms.setdefault(normalised(c.name), []).extend(c.synonyms)
+        synonyms.setdefault(plain(c.name), []).extend(c.synonyms)
     taken: dict[str, int] = {}
     for i, want in enumerate(wanted):  # names first, so that no synonym takes another class's name
         taken.setdefault(clean(want.name), i)
     for i, want in enumerate(wanted):
-        for synonym in synonyms.get(normalised(want.name), ()):
+        for synonym in synonyms.get(plain(want.name), ()):
             taken.setdefault(clean(synonym), i)
     asked = frozenset().union(*(w.names for w in wanted)) if wanted else frozenset()
-    extra = tuple(n for n in landmarks if normalised(n) not in asked and clean(n) not in taken)
+    extra = tuple(n for n in landmarks if plain(n) not in asked and clean(n) not in taken)
     for i, name in enumerate(extra):
         taken.setdefault(clean(name), len(wanted) + i)
     taken.pop("", None)

@@ -15,6 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 from helios_core.geometry import Pinhole, lift_pixels
+from helios_core.name_rules import plain
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
@@ -23,7 +24,7 @@ from helios_detector.simulation.search import Search
 from helios_detector.simulation.view_noise import keys_of, mixed, normal_draws, uniform
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance
-from helios_detector.vocabulary_matching import SearchTarget, normalised
+from helios_detector.vocabulary_matching import SearchTarget
 
 STRIDE_PX = 8  # stride at which surfaces are sampled
 MOST_RIM_PX = 24  # largest image margin without false positives
@@ -103,7 +104,7 @@ def surface_cells(
     ids = truth.ids[half::STRIDE_PX, half::STRIDE_PX]
     hosts = {
         id: i for id, i in truth.instances.items()
-        if id and not i.graspable and normalised(i.class_name) not in f.never_on
+        if id and not i.graspable and plain(i.class_name) not in f.never_on
     }  # fmt: skip
     if not hosts:
         return None
@@ -135,7 +136,7 @@ def limits(cells: Cells, search: Search, table: ViewNoiseTable) -> NDArray[np.fl
     """Draws [cells, classes] below which a false positive appears; -inf on surfaces of the class
     itself."""
     f = table.file.false_positive
-    names = [normalised(i.class_name) for i in cells.instances]
+    names = [plain(i.class_name) for i in cells.instances]
     on_structure = np.array([name in f.structure for name in names])
     kinds = np.array(
         [[_limit(table.false(s, is_object)) for is_object in (False, True)] for s in (False, True)]

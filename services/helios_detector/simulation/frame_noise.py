@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.name_rules import plain
 from numpy.typing import NDArray
 
 from helios_detector.simulation.table_files import read_table
 from helios_detector.simulation.view_noise_table import ViewNoiseTable, view_table
-from helios_detector.vocabulary_matching import normalised
 
 _STANDARD = NormalDist()
 
@@ -147,7 +147,7 @@ def load_noise(name_or_path: str) -> NoiseTable | ViewNoiseTable:
 def _table(t: dict[str, Any], digest: str) -> NoiseTable:
     miss, score, false = t["miss"], t["score"], t["false_positive"]
     confusion = {
-        normalised(true): {str(name): float(p) for name, p in row.items()}
+        plain(true): {str(name): float(p) for name, p in row.items()}
         for true, row in t["confusion"].items()
     }
     probabilities = [t["redrawn"], false["probability"], *miss["by_pixels"], *miss["by_distance"]]
@@ -171,7 +171,7 @@ def _table(t: dict[str, Any], digest: str) -> NoiseTable:
         score_factor_by_pixels=_knots(score["pixels"], score["factor_by_pixels"], log=True),
         erode_px=int(t["mask"]["erode_px"]),
         false_positive=float(false["probability"]),
-        false_never_on=frozenset(normalised(str(name)) for name in false["never_on"]),
+        false_never_on=frozenset(plain(str(name)) for name in false["never_on"]),
         false_radius_m=float(false["radius_m"]),
         false_min_px=int(false["min_px"]),
         confusion=confusion,

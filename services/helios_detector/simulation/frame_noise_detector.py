@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from helios_core.geometry import Pinhole, lift_pixels
+from helios_core.name_rules import plain
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
@@ -16,7 +17,7 @@ from helios_detector.simulation.frame_noise import Draws, NoiseTable, hashed_vox
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
 from helios_detector.simulation.mask_errors import eroded, trimmed
 from helios_detector.simulator_truth import TruthSource, truth_of
-from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
+from helios_detector.vocabulary_matching import SearchTarget, open_wanted
 
 VOXEL_M = 0.15  # voxel within which a false positive keeps its position
 SUBSAMPLE_PX = 4
@@ -59,7 +60,7 @@ class FrameNoiseDetector(DetectorBackend):
             name, score = self._named(thing, draws)
             if score >= SEEN_SCORE and (name not in seen or seen[name].score < score):
                 seen[name] = Seen(name, score)
-            takers = [w for w in wanted if normalised(name) in w.names and score >= w.threshold]
+            takers = [w for w in wanted if plain(name) in w.names and score >= w.threshold]
             if takers:
                 erode_px = round(self._table.erode_px * self._table.level)
                 box, crop = eroded(thing.box_xyxy, thing.crop, erode_px)
@@ -80,7 +81,7 @@ class FrameNoiseDetector(DetectorBackend):
         table = self._table
         name, (mean, sd) = thing.instance.class_name, table.true_score
         u = draws.uniform("confusion")
-        for other, probability in table.confusion.get(normalised(name), {}).items():
+        for other, probability in table.confusion.get(plain(name), {}).items():
             u -= probability * table.level
             if u < 0:
                 name, (mean, sd) = other, table.confused_score
@@ -96,7 +97,7 @@ class FrameNoiseDetector(DetectorBackend):
     def _deceives(self, thing: Visible) -> bool:
         """True if the object is furniture that may carry false positives."""
         instance = thing.instance
-        never = normalised(instance.class_name) in self._table.false_never_on
+        never = plain(instance.class_name) in self._table.false_never_on
         return not instance.graspable and not never
 
     def _imagined(
@@ -105,7 +106,7 @@ class FrameNoiseDetector(DetectorBackend):
         """False positives on a piece of furniture; a hash picks one position per class."""
         out: list[Detection] = []
         for want in wanted:
-            purpose = f"false {normalised(want.name)}"
+            purpose = f"false {plain(want.name)}"
             probability = self._table.false_positive * self._table.level
             if not want.is_object or draws.uniform(purpose) >= probability:
                 continue

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.name_rules import plain
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
 from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
-from helios_detector.vocabulary_matching import normalised, open_wanted
+from helios_detector.vocabulary_matching import open_wanted
 
 MIN_VISIBLE_PX = 10
 
@@ -82,7 +83,7 @@ class GroundTruthDetector(DetectorBackend):
             name = thing.instance.class_name
             seen[name] = Seen(name, 1.0)
             for want in wanted:
-                if normalised(name) in want.names:
+                if plain(name) in want.names:
                     detections.append(
                         detection(want.name, 1.0, thing.box_xyxy, thing.crop, truth.ids.shape)
                     )

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
+from helios_core.name_rules import plain
 from numpy.typing import NDArray
 
 from helios_detector.simulation.remembered_draws import RememberedDraws
 from helios_detector.simulation.view_noise import Shares, keys_of
-from helios_detector.vocabulary_matching import SearchTarget, normalised
+from helios_detector.vocabulary_matching import SearchTarget
 
 
 class Search:
@@ -35,7 +36,7 @@ class Search:
 
     def keys(self, what: str) -> NDArray[np.uint64]:
         """Keys [p] of the draws for one purpose of each class."""
-        return keys_of([f"{what} {normalised(w.name)}" for w in self.wanted])
+        return keys_of([f"{what} {plain(w.name)}" for w in self.wanted])
 
     @cached_property
     def false(self) -> RememberedDraws:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from helios_core.name_rules import plain
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
@@ -25,7 +26,7 @@ from helios_detector.simulation.search import Search
 from helios_detector.simulation.view_noise import Views, key_of, keys_of, normal_draws, uniform
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
-from helios_detector.vocabulary_matching import SearchTarget, normalised, open_wanted
+from helios_detector.vocabulary_matching import SearchTarget, open_wanted
 
 PURPOSES: tuple[str, ...] = (
     "miss", "confuse", "confuse as", "score", "twice", "twice score", "mask", "cut", "keep",
@@ -86,7 +87,7 @@ class ViewNoiseDetector(DetectorBackend):
             masked = None
             for name, score in verdict.names:
                 see(name, score)
-                matching = (search.wanted[k] for k in search.matching(normalised(name)))
+                matching = (search.wanted[k] for k in search.matching(plain(name)))
                 takers = [w for w in matching if score >= w.threshold]
                 if takers:
                     masked = masked or self._masked(verdict, frame, truth)
@@ -159,7 +160,7 @@ def verdicts(
     if together:
         z[:, _SECOND] = joined(z[:, _SECOND], z[:, _SCORE], together)
     draws = uniform(z)
-    classes = [normalised(t.instance.class_name) for t in things]
+    classes = [plain(t.instance.class_name) for t in things]
     missed = draws[:, 0] < table.miss(classes, pixels, distance_m)
     others = [[] for _ in things]
     if search is not None and search.wanted:
@@ -213,7 +214,7 @@ def named(
     class_name: str, pixels: int, table: ViewNoiseTable, u: Mapping[str, float]
 ) -> tuple[tuple[str, float], ...]:
     """Reported classes and scores, one or two, of an object that is not missed."""
-    true = normalised(class_name)
+    true = plain(class_name)
     row = table.rows.get(true)
     if row is None:
         return ((class_name, table.score("true", u["score"], pixels)),)
@@ -238,7 +239,7 @@ def also_named(
 
     others: classes that the draws select, ascending.
     """
-    known = {normalised(name) for name, _ in names} | {normalised(thing.instance.class_name)}
+    known = {plain(name) for name, _ in names} | {plain(thing.instance.class_name)}
     same = {k for name in known for k in search.matching(name)}
     return tuple(
         (search.wanted[k].name, table.score("confused", u, thing.pixels))

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.name_rules import plain
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -28,7 +29,7 @@ from helios_detector.simulation.view_noise import (
     angles_of,
     sectors_of,
 )
-from helios_detector.vocabulary_matching import normalised, synonyms_of
+from helios_detector.vocabulary_matching import synonyms_of
 
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -44,7 +45,7 @@ Places = Annotated[tuple[Positive, ...], AfterValidator(_ascending)]
 Quantiles = Annotated[Probabilities, Field(min_length=2), AfterValidator(_ascending)]
 Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
 Kind = Literal["true", "confused", "false"]  # kind of detection that gets a score
-Name = Annotated[str, AfterValidator(normalised)]
+Name = Annotated[str, AfterValidator(plain)]
 
 
 class _Part(BaseModel):

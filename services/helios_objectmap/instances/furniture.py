@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from helios_core.name_rules import plain
 from helios_core.usual_sizes import usual_extents
 
 # Large classes that `sizes.toml` lists as not standing on the floor, or does not list.
@@ -16,7 +17,7 @@ def is_furniture(class_name: str) -> bool:
     """True for furniture, large appliances and fixtures: classes that usually stand on the floor,
     and a few more. The last words decide: a "white kitchen table" is a table, a "table lamp" is
     not."""
-    words = class_name.replace("_", " ").replace("-", " ").lower().split()
+    words = plain(class_name).split()
     return any(_is_listed(" ".join(words[k:])) for k in range(len(words)))
 
 

@@ -28,6 +28,7 @@ from helios_planner.motion_planning.costmap import (
 
 BUCKET_WIDTH = 0.1  # in units of the time to cross a cell at full speed
 SLOWEST = 0.05  # least speed of an open cell; bounds the width of the front
+LEAST_SPEED = 0.1  # of a cell that is just wide enough, as a share of full speed
 NONE = np.empty((0, 3))  # no discs
 WIDE_ENOUGH_M = 0.10  # clearance to spare from which a straight line is always taken
 
@@ -36,8 +37,9 @@ def speed_field(
     clearance_m: NDArray[np.float32], required_m: float, contact_m: float, saturation_m: float
 ) -> NDArray[np.float32]:
     """Speed [h, w] in 0 to 1: 0 where clearance is below `required_m`, else proportional to the
-    distance beyond `contact_m`, full from `saturation_m` beyond it. The border is closed."""
-    speed = np.clip((clearance_m - contact_m) / saturation_m, 0.1, 1.0).astype(np.float32)
+    distance beyond `contact_m`, full from `saturation_m` beyond it, and never below LEAST_SPEED.
+    The border is closed."""
+    speed = np.clip((clearance_m - contact_m) / saturation_m, LEAST_SPEED, 1.0).astype(np.float32)
     speed[clearance_m < required_m] = 0
     speed[[0, -1]] = 0
     speed[:, [0, -1]] = 0
@@ -193,7 +195,7 @@ def reach(
         required[near] = np.minimum(wanted, here + far_m * (wanted - here) / rules.leave_m)
     speed = speed_field(clear, 0.0, rules.footprint_m, rules.saturation_m)
     speed[clear < required] = 0
-    speed[row, column] = max(float(speed[row, column]), 0.1)
+    speed[row, column] = max(float(speed[row, column]), LEAST_SPEED)
     arrival = arrival_time(speed, np.array([[row, column]]))
     return Reach(ground, robot, clear, required, arrival)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.household_names import HOUSEHOLD_NAMES
-from helios_core.name_rules import closest
+from helios_core.name_rules import closest, plain
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_planner.instruction.lexicon import BINDING
@@ -45,7 +45,7 @@ def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> I
     place."""
     if vocabulary.open:
         return instruction
-    known = {name.replace("_", " ").lower(): name for name in vocabulary.names}
+    known = {plain(name): name for name in vocabulary.names}
     named: dict[str, str] = {}
     unused: list[str] = []
     for role in ("object", "start", "goal"):
@@ -86,7 +86,7 @@ def _known(role: str, name: str, known: dict[str, str], detector: str) -> tuple[
     negate the name or add another ("anything but the mug") may not."""
     head, of, rest = name.partition(" of ")
     for said, beside in ((name, []), (head, [f"of {rest}"] if of else [])):
-        words = said.split()
+        words = plain(said).split()
         for k in range(len(words)):
             tail = " ".join(words[k:])
             for form in (tail, tail.removesuffix("s"), tail.removesuffix("es")):

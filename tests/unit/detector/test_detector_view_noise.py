@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
+from helios_core.name_rules import plain
 from helios_detector.lexical_scorer import household_names
 from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.ground_truth_detector import Visible
@@ -22,7 +23,6 @@ from helios_detector.simulation.view_noise import (
 from helios_detector.simulation.view_noise_detector import SimulatedResult, verdicts
 from helios_detector.simulation.view_noise_table import ViewNoiseTable, view_table
 from helios_detector.simulator_truth import TruthInstance
-from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -233,9 +233,9 @@ def test_draws_are_the_same_on_every_machine():
 @pytest.mark.parametrize("catalog", sorted(CATALOGS))
 def test_every_class_of_the_homes_has_a_row_and_every_task_can_name_it(catalog):
     c = CATALOGS[catalog]
-    named = {normalised(name) for name in (*c.objects, *c.receptacles)}
+    named = {plain(name) for name in (*c.objects, *c.receptacles)}
     assert named <= household_names()
-    everything = named | {normalised(name) for name in c.fixtures}
+    everything = named | {plain(name) for name in c.fixtures}
     assert everything <= TABLE.rows.keys()
 
 
@@ -243,7 +243,7 @@ def test_look_alikes_of_the_homes_are_confused_by_the_table():
     for names in CATALOGS["ovmm"].look_alikes:
         for name in names:
             others = set(names) - {name}
-            assert others & set(TABLE.rows[normalised(name)].names), name
+            assert others & set(TABLE.rows[plain(name)].names), name
 
 
 @pytest.mark.parametrize(

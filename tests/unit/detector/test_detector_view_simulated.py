@@ -21,6 +21,7 @@ from detector_scene import (
     looking,
 )
 from helios_core.geometry import se2_to_se3
+from helios_core.name_rules import plain
 from helios_core.types import Detection, Frame, Role, SearchClass, SearchContext
 from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.lexical_scorer import PRIOR, LexicalScorer
@@ -31,7 +32,6 @@ from helios_detector.simulation.mask_errors import eroded, leaked, partial
 from helios_detector.simulation.view_noise_detector import ViewNoiseDetector
 from helios_detector.simulation.view_noise_table import ViewNoiseTable
 from helios_detector.simulator_truth import Truth, TruthInstance
-from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
 
 _loaded = load_noise("ovmm-v1")
@@ -90,7 +90,7 @@ def middle_m(d: Detection, frame: Frame) -> np.ndarray:
 
 def test_the_vocabulary_covers_every_class_of_the_homes():
     ovmm = CATALOGS["ovmm"]
-    things = {normalised(n) for n in (*ovmm.objects, *ovmm.receptacles, *ovmm.fixtures)}
+    things = {plain(n) for n in (*ovmm.objects, *ovmm.receptacles, *ovmm.fixtures)}
     assert things <= set(ViewNoiseDetector(NamedTruth(), NOISE).vocabulary())
 
 
