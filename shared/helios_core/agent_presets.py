@@ -94,6 +94,9 @@ PRINTED_RULES: dict[str, Value] = {
     "planner.gain_norm": "sum",
     "planner.goal_seen_before_pick": False,
     "objectmap.expected_label": "rendered",
+    "objectmap.object_voxel_m": 0.5,
+    "objectmap.carving": False,
+    "objectmap.view_weights": "full",
 }
 
 # HomeRobot's heuristic agent remembers receptacles, places on flat areas, and searches once.
