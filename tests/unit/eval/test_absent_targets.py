@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from eval_constructed_records import record
 from helios_client.usage_errors import UsageError
-from helios_detector.vocabulary_matching import accepted_names, normalised
+from helios_core.name_rules import plain
+from helios_detector.vocabulary_matching import accepted_names
 from helios_eval.episodes import episode_record
 from helios_eval.episodes.absent_targets import (
     PARTS,
@@ -106,14 +107,14 @@ def test_all_agents_and_a_single_replayed_home_share_the_draw() -> None:
 # --- the class ------------------------------------------------------------------------------------
 def test_the_asked_class_is_not_in_the_home_under_any_name(home: Home) -> None:
     things = (*home.objects, *home.receptacles, *home.fixtures)
-    there = {normalised(thing.class_name) for thing in things}
+    there = {plain(thing.class_name) for thing in things}
     tasks = [absent_episode_of(home, seed) for seed in range(30)]
     assert tasks == [absent_episode_of(home, seed) for seed in range(30)]
     assert len({task.object_class for task in tasks}) > 1
     hosts = {receptacle.class_name for receptacle in home.receptacles}
     for task in tasks:
         assert task.absent
-        asked = normalised(task.object_class)
+        asked = plain(task.object_class)
         assert there.isdisjoint(accepted_names(asked))
         assert all(asked not in accepted_names(name) for name in there)
         assert {task.start_receptacle_class, task.goal_receptacle_class} <= hosts

@@ -164,7 +164,8 @@ def test_a_run_that_the_ledger_lacks_is_not_called_unseen(
 
 def test_a_trial_with_other_settings_is_another_run(own_ledger: Path) -> None:
     known: dict[str, Any] = {"semantics": "noisy", "settings": {}}
-    trial = line("runs/b", SUMMER, **known | {"settings": {"planner.tau_g": 0.3}})
+    changed: dict[str, Any] = known | {"settings": {"planner.tau_g": 0.3}}
+    trial = line("runs/b", SUMMER, **changed)
     own = line("runs/b", AUTUMN, **known)
     write_ledger(own_ledger, trial, own)
     assert fact(description("runs/b", SUMMER)) == "by 1 run, first 2026-07-01, folders runs/b"
