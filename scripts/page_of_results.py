@@ -265,6 +265,12 @@ def pick_and_place() -> str:
     return means([arm for run in found for arm in arms(run.folder)])
 
 
+def object_navigation() -> str:
+    """Table of means of Table 2."""
+    run = next(run for run in RUNS if run.folder == "table-2")
+    return means(arms(run.folder)) if is_complete(run) else "Not played yet.\n"
+
+
 def our_agent() -> str:
     """Means of our own agent and of those beside it, and their differences."""
     text = _of_run(OURS)
@@ -353,6 +359,7 @@ def _blocks() -> list[Block]:
         block(RESULTS / "README.md", "paired differences", differences),
         block(RESULTS / "README.md", "relations", relations),
         block(RESULTS / "beside-the-field.md", "pick and place", pick_and_place),
+        block(RESULTS / "beside-the-field.md", "object navigation", object_navigation),
         block(RESULTS / "beside-the-field.md", "relations", relations),
     ]
 

@@ -176,13 +176,10 @@ class Ros2Driver(RobotDriver):
         self._ros.close()
 
     def _halts(self, until_s: float = 0.0) -> list[Callable[[], None]]:
-        """Calls that end each kind of motion, and wait for the answer until a monotonic time."""
-        halts: list[Callable[[], None]] = [
-            self._velocity.halt, lambda: self._manipulation.cancel(until_s)
-        ]  # fmt: skip
-        if (nav2 := self._nav2) is not None:
-            halts.append(lambda: nav2.halt(until_s))
-        return halts
+        """Calls that end each motion that may run, and wait for the answer until a monotonic
+        time."""
+        behaviours = [] if self._nav2 is None else self._nav2.cancels(until_s)
+        return [self._velocity.halt, *self._manipulation.cancels(until_s), *behaviours]
 
     # --- one action ---------------------------------------------------------------------------
     def _reason_not_done(self, action: Action) -> str:

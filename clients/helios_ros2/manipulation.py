@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from helios_ros2.action_call import RosAction, filled
@@ -89,10 +91,10 @@ class Manipulation:
             self._run("carry", self._s.carry, self._world_point(self._shown_at_m), self.held)
         self._shown_at_m = None
 
-    def cancel(self, until_s: float = 0.0) -> None:
-        """End the running action; wait for the answer until a monotonic time. From any thread."""
-        for action in self._actions.values():
-            action.cancel(until_s)
+    def cancels(self, until_s: float = 0.0) -> list[Callable[[], None]]:
+        """Calls, from any thread, of which one ends the running action. Each waits for the answer
+        until a monotonic time."""
+        return [partial(action.cancel, until_s) for action in self._actions.values()]
 
     def _do(
         self, what: str, given: UserAction | None, point_m: Point, name: str, words: str

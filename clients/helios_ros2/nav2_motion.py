@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from helios_core.errors import InvalidInput
@@ -57,11 +59,10 @@ class Nav2Motion:
         """True if the robot serves Spin and DriveOnHeading."""
         return all(self._actions[name].is_there() for name in ("spin", "drive_on_heading"))
 
-    def halt(self, until_s: float = 0.0) -> None:
-        """Cancel the running behaviour; wait for the answer until a monotonic time. From any
-        thread."""
-        for action in self._actions.values():
-            action.cancel(until_s)
+    def cancels(self, until_s: float = 0.0) -> list[Callable[[], None]]:
+        """Calls, from any thread, of which one cancels the running behaviour. Each waits for the
+        answer until a monotonic time."""
+        return [partial(action.cancel, until_s) for action in self._actions.values()]
 
     def forward(self, distance_m: float) -> None:
         """Drive straight ahead; back if negative. Raises NotDone."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -117,7 +118,8 @@ def test_a_stop_cancels_every_motion_although_one_cannot_be_ended(
     with pytest.raises(RuntimeError, match="no velocity"):
         stage.driver.stop("a cat")
     assert stage.graph.happened == ["cancel"]
-    monkeypatch.setattr(stage.driver._manipulation, "cancel", lambda _: raises("no hand"))
+    no_hand = [partial(raises, "no hand")]
+    monkeypatch.setattr(stage.driver._manipulation, "cancels", lambda _: no_hand)
     with pytest.raises(Internal, match="RuntimeError: no velocity; RuntimeError: no hand"):
         stage.driver.stop("a cat")
     assert stage.graph.happened == ["cancel", "cancel"]
