@@ -92,10 +92,13 @@ class ObjectMapService:
         self._errors = ErrorModelInUse(settings)
         settings = self._errors.settings
         self._bus, self._settings, self._health = bus, settings, health
-        # Held while the kernels are compiled, and by each message that changes the map. A thread
-        # that needs both locks takes this one first.
+        # Held while the kernels are compiled, and by contexts, robot states, observations and the
+        # taking over of a stored map, which need them. A thread that needs both locks takes this
+        # one first.
         self._compiling = threading.Lock()
-        self._lock = threading.Lock()  # guards every attribute below
+        # Guards the maps, the context and what waits or was published. Texts for the health are
+        # single values that are replaced whole, and need no lock.
+        self._lock = threading.Lock()
         stored_file = None if settings.state_dir is None else settings.state_dir / FILE_NAME
         self._stored = StoredObjects(settings, stored_file)
         self._maps = WorldMaps(settings, self._stored)
