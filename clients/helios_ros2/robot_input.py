@@ -31,7 +31,7 @@ from helios_ros2.topic_choice import (
     info_beside,
 )
 from helios_ros2.topic_reader import TopicReader
-from helios_ros2.transforms import Transforms, pose_of
+from helios_ros2.transforms import BACK_NS, Transforms, pose_of
 from helios_ros2.zenoh_node import ZenohNode
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,6 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )  # fmt: skip
 INFO = "sensor_msgs/msg/CameraInfo"
-BACK_NS = 1_000_000_000  # a clock that goes back further has begun anew
 REST_NS = 150_000_000  # span over which a base at rest does not move
 REST_M, REST_RAD = 0.004, 0.006
 HISTORY = 400  # poses

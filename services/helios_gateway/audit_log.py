@@ -32,7 +32,7 @@ from helios_gateway.dependencies import key_of
 
 log = logging.getLogger(__name__)
 
-SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")  # of HTTP requests that change nothing
 CHANGING_SOCKETS = ("/robot/teleop", "/frames/ws")
 WITH_SECRET = ("/v1/session",)  # the body is an API key
 KEPT_BYTES = 1000  # of a body, of an answer and of a path

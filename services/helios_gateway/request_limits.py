@@ -17,11 +17,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from helios_gateway.api_keys import ApiKeys
 from helios_gateway.api_keys import Scope as KeyScope
+from helios_gateway.audit_log import SAFE_METHODS
 from helios_gateway.dependencies import check, key_of
 from helios_gateway.error_responses import problem, problem_of
 from helios_gateway.request_rate import RequestRate
 
-SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 # Paths below the root of a robot.
 UNLIMITED = ("/robot/stop",)  # no limit applies; the handler reads the body itself
 LARGE = ("/frames",)  # image bodies; at most `MOST_LARGE` at a time

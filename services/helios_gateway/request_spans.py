@@ -9,9 +9,8 @@ from helios_core import tracing
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from helios_gateway.audit_log import SAFE_METHODS
 from helios_gateway.prometheus_metrics import route_pattern
-
-READS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 class RequestSpans:
@@ -25,7 +24,7 @@ class RequestSpans:
             await self._app(scope, receive, send)
             return
         parent = tracing.valid(Headers(scope=scope).get("traceparent", "").strip())
-        if scope["method"] in READS and not parent:
+        if scope["method"] in SAFE_METHODS and not parent:
             await self._app(scope, receive, send)
             return
         with tracing.span(scope["method"], parent=parent) as span:
