@@ -419,6 +419,8 @@ class BridgeService:
                 self._clear_drivers_stop(stops)
         except HeliosError as error:
             log.error("the stop that ended an action is not cleared: %s", error.message)
+        if not is_stopped:
+            self._health.stop_works()  # the action that could not be ended is over
         self._publish_state()
 
     def _clear_drivers_stop(self, stops: int) -> None:

@@ -50,8 +50,7 @@ OWN = (
     "hand_sides", "hand_from", "unnamed_picks", "absent_from", "rounds", "rounds_held",
     "pick_at_last", "place_at_last", "agent_seed", "place_rule", "vlfm_confidence",
     "start_receptacle_first", "confirm_from_near", "gaze_aim", "view_contours",
-    "pooled_looks", "most_gaze_points",
-    "goal_seen_before_pick", "ask_also",
+    "pooled_looks", "most_gaze_points", "goal_seen_before_pick", "ask_also",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
 

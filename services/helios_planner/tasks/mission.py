@@ -344,13 +344,13 @@ class Mission:
         while True:
             used = self.robot.budget_used()
             found = search.find()
-            given_up = self._unsupported(found) if search.checks_from_near else never
-            stood = self._stand(found, looking.stops_at(found), given_up)
+            stop = self._unsupported(found) if search.checks_from_near else never
+            stood = self._stand(found, looking.stops_at(found), stop)
             if stood is Outcome.UNREACHABLE:
                 x, y, _ = (float(v) for v in found.center_m)
                 if self.tools.base.clear_way((x, y), near_m):
                     continue
-                self._stand(found, looking.views_of(found), given_up)
+                self._stand(found, looking.views_of(found), stop)
             seen = self.tools.belief.from_near(found, search.name, SAME_THING_M)
             if search.may_stop(seen):
                 x, y, z = (seen or found).center_m

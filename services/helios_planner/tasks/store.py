@@ -52,9 +52,9 @@ class Store:
     """Store of the tasks. Thread-safe. Raises Unavailable if the file cannot be used at the start.
 
     Methods that write return True if the data is stored; those that read raise Unavailable if the
-    file is damaged. Of each task the newest `most_decisions`
-    stay; `forget` deletes a task. `proven`: True if the previous store held all that was published.
-    `said`: message about its file.
+    file is damaged. Of each task the newest `most_decisions` stay; `forget` deletes a task.
+    `proven`: True if the previous store held all that was published. `said`: message about its
+    file.
     """
 
     def __init__(self, directory: Path, most_decisions: int = 2000) -> None:

@@ -95,6 +95,20 @@ def test_a_halt_that_fails_is_tried_again_while_the_action_runs() -> None:
     assert act(stage, "b", beats=False).succeeded
 
 
+def test_a_halt_that_always_failed_is_no_fault_once_the_action_is_over() -> None:
+    robot = Unheard()
+    robot.failures = 10**6
+    stage = Stage(robot, heartbeat_s=0.1)
+    robot.hold.clear()
+    acting = threading.Thread(target=act, args=(stage, "a", True))
+    acting.start()
+    wait_until(lambda: stage.health.state[0] == "degraded", 10, "the halt fails")
+    robot.hold.set()
+    acting.join(10)
+    wait_until(lambda: stage.bridge._halt_call is None, 5, "the halt is over")
+    wait_until(lambda: stage.health.state[0] != "degraded", 5, "the fault is over")
+
+
 @pytest.mark.parametrize(
     ("message", "stays"), [(f"{HALTED} for 3.9 s", False), ("a person pressed the button", True)]
 )
