@@ -7,7 +7,7 @@ import os
 import re
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -82,19 +82,24 @@ class Watched:
         wait_until(is_back, 60, f"{name} is back and says {says!r}")  # loaded machines are slow
         return found[0]
 
-    def takes_more(self, name: str, frames: int) -> None:
-        """Wait until the map has integrated `frames` more frames from a robot at work.
+    def works_until(self, condition: Callable[[], object], what: str) -> None:
+        """Wait until the condition holds, with a robot at work.
 
         A task may end at any time (the planner of a slow machine gives up on a map that was away),
-        and a robot that stands still takes no keyframes.
+        and a robot that stands still takes no keyframes and sees nothing new.
         """
-        enough = len(self.taken[name]) + frames
 
-        def has_taken() -> bool:
+        def holds() -> object:
             self.works_on()
-            return len(self.taken[name]) >= enough
+            return condition()
 
-        wait_until(has_taken, 120, f"{name} takes up {frames} more frames")
+        wait_until(holds, 120, what)
+
+    def takes_more(self, name: str, frames: int) -> None:
+        """Wait until the map has integrated `frames` more frames from a robot at work."""
+        enough = len(self.taken[name]) + frames
+        what = f"{name} takes up {frames} more frames"
+        self.works_until(lambda: len(self.taken[name]) >= enough, what)
 
     def _on_ack(self, ack: pb.Ack) -> None:
         if ack.accepted and ack.part in ("objects", "occupancy"):
@@ -159,8 +164,7 @@ def test_unusable_saved_maps_are_set_aside_and_reported(watched: Watched, kind: 
         assert Path(said[1]).read_bytes() == wrong[name]
     for name in MAPS:
         watched.takes_more(name, 3)
-    watched.works_on()  # a robot that stands still may see nothing of the search context
-    wait_until(lambda: watched.objects().gaussians > 0, 120, "objects are mapped anew")
+    watched.works_until(lambda: watched.objects().gaussians > 0, "objects are mapped anew")
     assert watched.ground().explored_m2 > 1
     for name in MAPS:
         wait_until(watched.kept(name).is_file, 30, f"{name} keeps its new map")
