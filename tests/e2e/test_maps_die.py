@@ -165,7 +165,7 @@ def test_unusable_saved_maps_are_set_aside_and_reported(watched: Watched, kind: 
     for name in MAPS:
         watched.takes_more(name, 3)
     watched.works_until(lambda: watched.objects().gaussians > 0, "objects are mapped anew")
-    assert watched.ground().explored_m2 > 1
+    watched.works_until(lambda: watched.ground().explored_m2 > 1, "ground is mapped anew")
     for name in MAPS:
         wait_until(watched.kept(name).is_file, 30, f"{name} keeps its new map")
 

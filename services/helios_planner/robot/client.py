@@ -29,7 +29,7 @@ from helios_core.heartbeat import HALTED, HeartbeatSender
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, MapPart
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
-from helios_core.robot import Action, ActionResult, Observe
+from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import (
     HELD_OBJECT,
     NAMES_AT,
@@ -59,6 +59,9 @@ log = logging.getLogger(__name__)
 
 ACK_PATIENCE_S = 6.0  # then a new keyframe is taken: a service that restarted has lost it
 MOST_REFUSALS = 5  # keyframes in a row that a map refuses before the task fails
+# What gives map2d its first keyframe after a restart; while the robot shows what it holds, the maps
+# leave its images out, and it must move first
+NEW_MAP_ACTIONS = (Observe(), Turn(0.3))
 MOST_OFF_MAP_M = 50.0  # the map holds the place of every keyframe, so a right pose is on it
 ANSWERED_BY = {  # part of a keyframe's acknowledgements -> service to check when it is missing
     DETECTIONS: "detector",
@@ -382,9 +385,11 @@ class RobotClient(RobotInterface):
             return
         map_id, known = self._ground.identity if self._ground is not None else ("", 0)
         reply = self._snapshot(known, map_id)
-        if not reply.unchanged and not reply.width * reply.height:
-            # map2d has restarted and has no map yet: a new keyframe gives it one.
-            self.act(Observe())
+        for action in NEW_MAP_ACTIONS:
+            if reply.unchanged or reply.width * reply.height:
+                break
+            log.warning("map2d has no map yet: a new keyframe gives it one")
+            self.act(action)
             reply = self._snapshot()
         if not reply.unchanged or self._ground is None:
             try:

@@ -14,8 +14,8 @@ from helios_core.errors import Conflict
 from helios_core.heartbeat import HeartbeatSender
 from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import Action, ActionResult, Observe, Turn
-from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK, PLANNER_HEARTBEAT
+from helios_core.robot import Action, ActionResult, Observe, Show, Turn
+from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK, PLANNER_HEARTBEAT, SNAPSHOT
 from helios_planner.robot import client
 from helios_planner.robot.client import RobotClient, TaskListener
 from helios_planner.robot.rpc import RobotConnection
@@ -249,3 +249,28 @@ def test_a_pause_does_not_count_towards_the_time_limit_of_the_last_action(
     asked.clear()
     with pytest.raises(TaskFailed, match="ran out"):
         last_action(line, late, journal)
+
+
+@pytest.mark.parametrize(
+    ("until", "done"), [(Observe, [Observe]), (Turn, [Observe, Turn]), (None, [Observe, Turn])]
+)
+def test_a_lost_map_begins_anew_with_an_image_or_with_the_next_move(
+    until: type[Action] | None, done: list[type]
+) -> None:
+    """While the robot shows what it holds, the maps leave its images out until it moves."""
+    scene = Scene()
+    scene.robot.act(Show(0.0))
+
+    def snapshot(request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        again = until is not None and scene.done()[-1] is until
+        return scene.peers._snapshot(request) if again else pb.MapSnapshot()
+
+    scene.peers.bus.serve(SNAPSHOT, snapshot)
+    before = len(scene.done())
+    if until is None:
+        with pytest.raises(TaskFailed, match="map2d has no map") as failure:
+            scene.robot.ground()
+        assert failure.value.cause is Cause.SYSTEM_ERROR
+    else:
+        assert scene.robot.ground().top_m.size
+    assert scene.done()[before:] == done
